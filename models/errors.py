@@ -1,0 +1,111 @@
+"""The one tree of errors: what a caller can catch, and what an operator can act on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+class SkywayError(Exception):
+    """Anything skyway reports instead of an answer.
+
+    Attributes
+    ----------
+    exit_code : int
+        What a command ends with: 1 the answer is no, 2 wrong usage or input, 3 the vehicle or link failed.
+    """
+
+    exit_code = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing wrong with an input, said so that it can be put right.
+
+    Attributes
+    ----------
+    problem : str
+        What is wrong, in a few words.
+    file, line, field, value
+        Where it is and what stands there; None where it does not apply. Lines count from 1.
+    remedy : str or None
+        What would be right.
+    """
+
+    problem: str
+    file: str | None = None
+    line: int | None = None
+    field: str | None = None
+    value: object = None
+    remedy: str | None = None
+
+    def __str__(self) -> str:
+        where = self.file or ""
+        if self.line is not None:
+            where += f":{self.line}" if where else f"line {self.line}"
+        parts = [where] if where else []
+        if self.field is not None:
+            parts.append(self.field)
+        text = ": ".join([*parts, self.problem])
+        if self.value is not None:
+            shown = str(self.value)
+            text += f" (got {shown[:60] + '…' if len(shown) > 60 else shown!r})"
+        if self.remedy:
+            text += f"; {self.remedy}"
+        return text.replace("\n", " ")
+
+
+class InputError(SkywayError, ValueError):
+    """A file, option or argument is wrong; carries every fault found, not only the first.
+
+    Parameters
+    ----------
+    faults : str, Fault or sequence of Fault
+        What is wrong.
+    """
+
+    def __init__(self, faults: str | Fault | Sequence[Fault]) -> None:
+        if isinstance(faults, str):
+            faults = Fault(faults)
+        if isinstance(faults, Fault):
+            faults = (faults,)
+        self.faults: tuple[Fault, ...] = tuple(faults)
+        super().__init__("\n".join(str(fault) for fault in self.faults))
+
+
+class InfeasibleError(SkywayError):
+    """The request is well formed, and the answer is no.
+
+    Parameters
+    ----------
+    message : str
+        Why, with the figures that bind.
+    constraint : str
+        The binding constraint: ``payload``, ``energy``, ``wind``, ``disconnected``, ``no-drone``, ``time-limit``.
+    """
+
+    exit_code = 1
+
+    def __init__(self, message: str, *, constraint: str) -> None:
+        super().__init__(message)
+        self.constraint = constraint
+
+
+class NoRouteError(InfeasibleError):
+    """No composition reaches the destination."""
+
+
+class PayloadError(InfeasibleError):
+    """No drone lifts the package."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message, constraint="payload")
+
+
+class LinkError(SkywayError):
+    """The vehicle or the link to it failed."""
+
+    exit_code = 3

@@ -1,0 +1,94 @@
+"""Geodesics on the WGS-84 ellipsoid (Karney 2013, as implemented in PROJ).
+
+Source: C. F. F. Karney, "Algorithms for geodesics", J. Geodesy 87, 43-55 (2013).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from pyproj import Geod
+
+EARTH_RADIUS_M = 6_371_008.8
+"""Mean radius of the Earth (IUGG), for bounding boxes and other coarse uses only."""
+
+
+@cache
+def _wgs84() -> Geod:
+    from pyproj import Geod  # noqa: PLC0415  70 ms, not needed for --help
+
+    return Geod(ellps="WGS84")
+
+
+def inverse(
+    lat1: ArrayLike, lon1: ArrayLike, lat2: ArrayLike, lon2: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Length and initial bearing of the geodesics between points.
+
+    Parameters
+    ----------
+    lat1, lon1, lat2, lon2 : array_like, degrees
+        Start and end points; broadcast against each other.
+
+    Returns
+    -------
+    distance_m, bearing_deg : ndarray
+        Metres, and degrees clockwise from true north in [0, 360) at the start point.
+    """
+    a, b, c, d = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (lat1, lon1, lat2, lon2)))
+    azimuth, _, distance = _wgs84().inv(b.ravel(), a.ravel(), d.ravel(), c.ravel())
+    bearing = np.mod(np.asarray(azimuth), 360.0)
+    bearing[bearing >= 360.0] = 0.0
+    return np.asarray(distance).reshape(a.shape), bearing.reshape(a.shape)
+
+
+def distance_m(lat1: float, lon1: float, lat2: float, lon2: float) -> float:
+    """Length of the geodesic between two points, metres."""
+    return float(inverse(lat1, lon1, lat2, lon2)[0])
+
+
+def bearing_deg(lat1: float, lon1: float, lat2: float, lon2: float) -> float:
+    """Initial bearing of the geodesic from the first point to the second, degrees in [0, 360)."""
+    return float(inverse(lat1, lon1, lat2, lon2)[1])
+
+
+def direct(lat: float, lon: float, bearing: float, length_m: float) -> tuple[float, float]:
+    """Point reached from (lat, lon) along a geodesic; returns (lat, lon) in degrees."""
+    lon2, lat2, _ = _wgs84().fwd(lon, lat, bearing, length_m)
+    return float(lat2), float(lon2)
+
+
+def along(lat1: float, lon1: float, lat2: float, lon2: float, count: int) -> list[tuple[float, float]]:
+    """Return `count` points that divide the geodesic evenly, end points excluded, as (lat, lon)."""
+    if count < 1:
+        return []
+    return [(lat, lon) for lon, lat in _wgs84().npts(lon1, lat1, lon2, lat2, count)]
+
+
+def midpoint(
+    lat: ArrayLike, lon: ArrayLike, bearing: ArrayLike, length_m: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Half-way points of geodesics given by start, initial bearing and length; (lat, lon) in degrees."""
+    a, b, c, d = np.broadcast_arrays(
+        *(np.asarray(v, dtype=np.float64) for v in (lat, lon, bearing, length_m))
+    )
+    lon2, lat2, _ = _wgs84().fwd(b.ravel(), a.ravel(), c.ravel(), d.ravel() / 2.0)
+    return np.asarray(lat2).reshape(a.shape), np.asarray(lon2).reshape(a.shape)
+
+
+def local_offsets_m(
+    lat: ArrayLike, lon: ArrayLike, lat0: float, lon0: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(north, east) metres of points from an origin, along the geodesics from the origin.
+
+    Distances and bearings from the origin are exact; distances between two points are good to about
+    1e-5 relative within 100 km.
+    """
+    length, bearing = inverse(lat0, lon0, lat, lon)
+    angle = np.radians(bearing)
+    return length * np.cos(angle), length * np.sin(angle)
