@@ -1,0 +1,320 @@
+"""The skyway network: stations, delivery targets and the segments between them."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models import geodesy
+from models.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import networkx as nx
+    from numpy.typing import NDArray
+
+    from models.zones import NoFlyZones
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """A node of the network.
+
+    Attributes
+    ----------
+    id, name : str
+        Unique id, what people call it.
+    lat, lon : float
+        Degrees, WGS-84.
+    elevation_m : float or None
+        Ground above mean sea level; None is unknown.
+    pads : int
+        Recharging pads; 0 is a delivery target.
+    holding_spots : int
+        Drones that may stand beside the pads while they wait.
+    recharge_power_w : float or None
+        Most that one pad delivers; None limits nothing.
+    """
+
+    id: str
+    name: str
+    lat: float
+    lon: float
+    elevation_m: float | None = None
+    pads: int = 5
+    holding_spots: int = 4
+    recharge_power_w: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionRule:
+    """How segments are made where none are given.
+
+    Attributes
+    ----------
+    kind : str
+        ``max-length``, ``nearest`` or ``gabriel`` (see `models.network_builders`).
+    max_length_m : float
+        No segment is longer.
+    nearest : int
+        Neighbours of each station, for ``nearest``.
+    """
+
+    kind: str = "max-length"
+    max_length_m: float = 10_000.0
+    nearest: int = 6
+
+
+@dataclass(frozen=True)
+class Network:
+    """Stations and directed segments, as objects and as arrays.
+
+    Segments are sorted by their start, so that those leaving node ``i`` are ``first[i] : first[i + 1]``.
+
+    Attributes
+    ----------
+    stations : tuple of Station
+        Node ``i`` is ``stations[i]``.
+    tail, head : ndarray of int, shape (segments,)
+        Start and end node of each segment.
+    distance_m, bearing_deg : ndarray, shape (segments,)
+        Geodesic length and initial bearing from tail to head.
+    rule : ConnectionRule or None
+        The rule the segments were made by; None where they were given.
+    zones : NoFlyZones or None
+        Polygons that no segment crosses.
+    """
+
+    stations: tuple[Station, ...]
+    tail: NDArray[np.int64]
+    head: NDArray[np.int64]
+    distance_m: NDArray[np.float64]
+    bearing_deg: NDArray[np.float64]
+    rule: ConnectionRule | None = None
+    zones: NoFlyZones | None = None
+
+    @classmethod
+    def from_pairs(
+        cls,
+        stations: Sequence[Station],
+        pairs: NDArray[np.int64],
+        *,
+        rule: ConnectionRule | None = None,
+        zones: NoFlyZones | None = None,
+    ) -> Network:
+        """Build from directed index pairs, shape (segments, 2); pairs whose segment crosses a zone are left out.
+
+        Raises
+        ------
+        InputError
+            A segment from a station to itself, or two stations with the same id.
+        """
+        stations = tuple(stations)
+        _check_ids(stations)
+        pairs = np.unique(np.asarray(pairs, dtype=np.int64).reshape(-1, 2), axis=0)
+        if np.any(pairs[:, 0] == pairs[:, 1]):
+            index = int(pairs[pairs[:, 0] == pairs[:, 1]][0, 0])
+            raise InputError(
+                Fault("a segment leads from a station to itself", field="segment", value=stations[index].id)
+            )
+        lat = np.array([s.lat for s in stations])
+        lon = np.array([s.lon for s in stations])
+        if zones is not None and len(pairs):
+            ends = (lat[pairs[:, 0]], lon[pairs[:, 0]], lat[pairs[:, 1]], lon[pairs[:, 1]])
+            pairs = pairs[~zones.crossed_by(*ends)]
+        tail, head = pairs[:, 0].copy(), pairs[:, 1].copy()
+        distance, bearing = geodesy.inverse(lat[tail], lon[tail], lat[head], lon[head])
+        return cls(stations, tail, head, distance, bearing, rule, zones)
+
+    def __len__(self) -> int:
+        return len(self.stations)
+
+    @cached_property
+    def lat(self) -> NDArray[np.float64]:
+        """Latitudes, degrees, shape (nodes,)."""
+        return np.array([station.lat for station in self.stations], dtype=np.float64)
+
+    @cached_property
+    def lon(self) -> NDArray[np.float64]:
+        """Longitudes, degrees, shape (nodes,)."""
+        return np.array([station.lon for station in self.stations], dtype=np.float64)
+
+    @cached_property
+    def pads(self) -> NDArray[np.int64]:
+        """Pads of each station, shape (nodes,)."""
+        return np.array([station.pads for station in self.stations], dtype=np.int64)
+
+    @cached_property
+    def first(self) -> NDArray[np.int64]:
+        """Index of the first segment leaving each node, shape (nodes + 1,)."""
+        return np.searchsorted(self.tail, np.arange(len(self.stations) + 1)).astype(np.int64)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Node of each station id."""
+        return {station.id: number for number, station in enumerate(self.stations)}
+
+    @cached_property
+    def midpoints(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(lat, lon) half-way along each segment, degrees, shape (segments,) each."""
+        return geodesy.midpoint(self.lat[self.tail], self.lon[self.tail], self.bearing_deg, self.distance_m)
+
+    @cached_property
+    def graph(self) -> nx.DiGraph:
+        """The same as a networkx graph: station ids with their attributes, edges with distance and bearing."""
+        import networkx  # noqa: PLC0415  imported late: 90 ms
+
+        graph = networkx.DiGraph()
+        for station in self.stations:
+            graph.add_node(
+                station.id,
+                name=station.name,
+                lat=station.lat,
+                lon=station.lon,
+                elevation_m=station.elevation_m,
+                pads=station.pads,
+            )
+        ids = [station.id for station in self.stations]
+        for tail, head, distance, bearing in zip(
+            self.tail.tolist(),
+            self.head.tolist(),
+            self.distance_m.tolist(),
+            self.bearing_deg.tolist(),
+            strict=True,
+        ):
+            graph.add_edge(ids[tail], ids[head], distance_m=distance, bearing_deg=bearing)
+        return graph
+
+    def parts(self) -> list[tuple[str, ...]]:
+        """Weakly connected parts, largest first, as station ids."""
+        parent = np.arange(len(self.stations))
+
+        def root(node: int) -> int:
+            while parent[node] != node:
+                parent[node] = parent[parent[node]]
+                node = int(parent[node])
+            return node
+
+        for tail, head in zip(self.tail.tolist(), self.head.tolist(), strict=True):
+            parent[root(tail)] = root(head)
+        groups: dict[int, list[str]] = {}
+        for number, station in enumerate(self.stations):
+            groups.setdefault(root(number), []).append(station.id)
+        return sorted((tuple(group) for group in groups.values()), key=len, reverse=True)
+
+    def find(self, text: str) -> int:
+        """Node of a station by id, else by an unambiguous part of its id or name, capitals ignored.
+
+        Raises
+        ------
+        InputError
+            Nothing matches (with the nearest names), or several do.
+        """
+        if text in self.index:
+            return self.index[text]
+        wanted = text.strip().casefold()
+        exact = [i for i, s in enumerate(self.stations) if wanted in (s.id.casefold(), s.name.casefold())]
+        if len(exact) == 1:
+            return exact[0]
+        hits = [
+            i
+            for i, s in enumerate(self.stations)
+            if wanted and (wanted in s.name.casefold() or wanted in s.id.casefold())
+        ]
+        if len(hits) == 1:
+            return hits[0]
+        if hits:
+            names = ", ".join(self.stations[i].id for i in hits[:6]) + (", …" if len(hits) > 6 else "")
+            raise InputError(
+                Fault("fits several stations", field="station", value=text, remedy=f"choose one of {names}")
+            )
+        raise InputError(Fault("no such station", field="station", value=text, remedy=self._suggest(wanted)))
+
+    def _suggest(self, wanted: str) -> str:
+        names = {s.id.casefold(): s.id for s in self.stations}
+        for station in self.stations:
+            for word in (station.name, *station.name.split()):
+                names.setdefault(word.casefold(), station.id)
+        close = difflib.get_close_matches(wanted, names, n=6, cutoff=0.5)
+        ids = list(dict.fromkeys(names[name] for name in close))[:3]
+        if ids:
+            return "did you mean " + " or ".join(ids) + "?"
+        return "skyway network lists the stations"
+
+    def with_target(self, lat: float, lon: float, *, id: str = "target") -> Network:  # noqa: A002
+        """Add a delivery target without pads, joined to the stations by the network's rule.
+
+        Where segments were given rather than made by a rule, the target is joined to every station within the
+        length of the longest given segment. A station within 10 m is used as it is.
+
+        Raises
+        ------
+        InputError
+            The position is out of range or inside a no-fly zone.
+        """
+        faults = coordinate_faults(lat, lon)
+        if faults:
+            raise InputError(faults)
+        if self.zones is not None and self.zones.contains(lat, lon) is not None:
+            inside = self.zones.contains(lat, lon)
+            raise InputError(Fault(f"lies in the no-fly zone {inside}", field="target", value=f"{lat},{lon}"))
+        reach, _ = geodesy.inverse(lat, lon, self.lat, self.lon)
+        if self.rule is None:
+            limit = float(self.distance_m.max()) if len(self.distance_m) else 0.0
+        else:
+            limit = self.rule.max_length_m
+        near = np.flatnonzero(reach <= limit)
+        if self.rule is not None and self.rule.kind == "nearest":
+            near = near[np.argsort(reach[near], kind="stable")[: self.rule.nearest]]
+        new = len(self.stations)
+        pairs = np.column_stack((self.tail, self.head))
+        joined = np.concatenate(
+            (
+                pairs,
+                np.column_stack((near, np.full(len(near), new))),
+                np.column_stack((np.full(len(near), new), near)),
+            )
+        )
+        unique_id = id
+        while unique_id in self.index:
+            unique_id += "-new"
+        target = Station(unique_id, f"delivery target {lat:.5f},{lon:.5f}", lat, lon, None, 0, 0)
+        return Network.from_pairs((*self.stations, target), joined, rule=self.rule, zones=self.zones)
+
+    def with_pads(self, pads: int) -> Network:
+        """Return the same network with that many pads at every station that has any."""
+        stations = tuple(replace(s, pads=pads) if s.pads else s for s in self.stations)
+        return replace(self, stations=stations)
+
+
+def coordinate_faults(
+    lat: float, lon: float, *, file: str | None = None, line: int | None = None
+) -> list[Fault]:
+    """Return what is wrong with a position in degrees: out of range, or not a number."""
+    faults = []
+    if not -90.0 <= lat <= 90.0:
+        hint = (
+            "lat and lon may be swapped"
+            if abs(lat) <= 180.0 and abs(lon) <= 90.0
+            else "degrees from -90 to 90"
+        )
+        faults.append(Fault("latitude out of range", file, line, "lat", lat, hint))
+    if not -180.0 <= lon <= 180.0:
+        faults.append(Fault("longitude out of range", file, line, "lon", lon, "degrees from -180 to 180"))
+    return faults
+
+
+def _check_ids(stations: tuple[Station, ...]) -> None:
+    seen: set[str] = set()
+    faults = []
+    for station in stations:
+        if station.id in seen:
+            faults.append(Fault("two stations have the same id", field="id", value=station.id))
+        seen.add(station.id)
+    if faults:
+        raise InputError(faults)

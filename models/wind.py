@@ -1,0 +1,116 @@
+"""Wind and flight through it: the wind triangle (paper, equations 1-6) and the height profile.
+
+With bearing theta and wind FROM theta_w: delta = theta - theta_w, A = W cos(180 - delta) along the course (positive is
+a tailwind), C = W sin(180 - delta) across it, B = sqrt(S^2 - C^2), ground speed A + B.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+MIN_GROUND_SPEED_MPS = 1.0
+"""Nobody flies a leg that would be slower than this."""
+
+
+def vector(speed_mps: ArrayLike, from_deg: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(north, east) velocity of the air, where it moves TOWARDS, of winds given as people say them."""
+    angle = np.radians(np.asarray(from_deg, dtype=np.float64))
+    speed = np.asarray(speed_mps, dtype=np.float64)
+    return -speed * np.cos(angle), -speed * np.sin(angle)
+
+
+def speed_from(north_mps: ArrayLike, east_mps: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Speed and FROM direction in [0, 360) of wind vectors; calm has direction 0."""
+    north = np.asarray(north_mps, dtype=np.float64)
+    east = np.asarray(east_mps, dtype=np.float64)
+    speed = np.hypot(north, east)
+    direction = np.mod(np.degrees(np.arctan2(-east, -north)), 360.0)
+    direction = np.where((speed == 0.0) | (direction >= 360.0), 0.0, direction)
+    return speed, direction
+
+
+def height_factor(height_m: float, measured_at_m: float, exponent: float) -> float:
+    """Ratio of the wind at a height to the wind where it was measured: (h / h0) ** exponent."""
+    return float((height_m / measured_at_m) ** exponent)
+
+
+@dataclass(frozen=True, slots=True)
+class WindTriangle:
+    """What the wind does to a flight on one course.
+
+    Attributes
+    ----------
+    tailwind_mps : float
+        A: along the course, negative is a headwind.
+    crosswind_mps : float
+        C: across the course, positive pushes to the right of it when the wind comes from its left.
+    ground_speed_mps : float
+        Speed over the ground, capped; 0 where the leg cannot be flown.
+    """
+
+    tailwind_mps: float
+    crosswind_mps: float
+    ground_speed_mps: float
+
+    @property
+    def flyable(self) -> bool:
+        """False where crosswind, headwind or the wind limit forbid the leg."""
+        return self.ground_speed_mps > 0.0
+
+
+def wind_triangle(
+    airspeed_mps: float,
+    wind_mps: float,
+    wind_from_deg: float,
+    bearing_deg: float,
+    *,
+    wind_limit_mps: float = math.inf,
+    max_ground_speed_mps: float = math.inf,
+) -> WindTriangle:
+    """Solve the wind triangle for one leg (equations 1-6).
+
+    Parameters
+    ----------
+    airspeed_mps : float
+        Speed through the air, S.
+    wind_mps, wind_from_deg : float
+        Wind, and where it blows FROM.
+    bearing_deg : float
+        Course over the ground.
+    wind_limit_mps : float
+        Above this wind nobody flies.
+    max_ground_speed_mps : float
+        The vehicle is not commanded faster than this.
+
+    Returns
+    -------
+    WindTriangle
+        With ground speed 0 where |C| >= S, A + B < 1 m/s or the wind is above the limit; never NaN.
+    """
+    angle = math.radians(180.0 - (bearing_deg - wind_from_deg))
+    along = wind_mps * math.cos(angle)
+    across = wind_mps * math.sin(angle)
+    speed = float(ground_speed(airspeed_mps, along, across, wind_limit_mps, max_ground_speed_mps))
+    return WindTriangle(along, across, speed)
+
+
+def ground_speed(
+    airspeed_mps: ArrayLike,
+    tailwind_mps: ArrayLike,
+    crosswind_mps: ArrayLike,
+    wind_limit_mps: ArrayLike = math.inf,
+    max_ground_speed_mps: ArrayLike = math.inf,
+) -> NDArray[np.float64]:
+    """Ground speed of many legs, broadcast; 0 where a leg cannot be flown, never NaN."""
+    s, a, c = (np.asarray(v, dtype=np.float64) for v in (airspeed_mps, tailwind_mps, crosswind_mps))
+    square = s * s - c * c
+    speed = a + np.sqrt(np.maximum(square, 0.0))
+    flyable = (square > 0.0) & (speed >= MIN_GROUND_SPEED_MPS) & (np.hypot(a, c) <= wind_limit_mps)
+    return np.where(flyable, np.minimum(speed, max_ground_speed_mps), 0.0)
