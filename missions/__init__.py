@@ -1,0 +1,1 @@
+"""Missions: what a vehicle flies, and the files operators keep it in."""

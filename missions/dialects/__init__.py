@@ -1,0 +1,30 @@
+"""Dialects: one file per autopilot, each quirk at home in its own."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from missions.dialects.ardupilot import ARDUPILOT
+from missions.dialects.px4 import PX4
+from models.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from missions.dialects.dialect import Dialect
+
+DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (PX4, ARDUPILOT)}
+
+
+def dialect(name: str) -> Dialect:
+    """Return the dialect of an autopilot by its name; an `InputError` for another name."""
+    try:
+        return DIALECTS[name]
+    except KeyError:
+        choices = " or ".join(DIALECTS)
+        raise InputError(
+            Fault("is no autopilot that we know", None, None, "autopilot", name, choices)
+        ) from None
+
+
+def dialect_of_firmware(firmware: int | None) -> Dialect | None:
+    """Return the dialect of a MAV_AUTOPILOT number, or None where we have none."""
+    return next((known for known in DIALECTS.values() if known.firmware == firmware), None)

@@ -1,0 +1,133 @@
+"""Items on the wire: the fields of MISSION_ITEM_INT, and how ours become them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from missions.commands import LOCATED_COMMANDS, command_of, frame_of
+from missions.coordinates import E7
+from missions.fence_items import from_fence, from_rally, to_fence, to_rally
+from missions.mission import MissionItem
+from models.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from missions.geofence import Geofence
+    from missions.rally import RallyPoints
+
+MISSION_TYPE_MISSION = 0
+MISSION_TYPE_FENCE = 1
+MISSION_TYPE_RALLY = 2
+_INT32_MAX = 2**31 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class WireItem:
+    """The fields of a MISSION_ITEM_INT message, addresses aside.
+
+    Attributes
+    ----------
+    seq : int
+        The autopilot's own number.
+    frame, command, current, autocontinue : int
+        As in the message.
+    param1, param2, param3, param4, z : float
+        As in the message.
+    x, y : int
+        1e-7 degree for a place, the plain value otherwise.
+    mission_type : int
+        0 mission, 1 fence, 2 rally points.
+    """
+
+    seq: int
+    frame: int
+    command: int
+    current: int
+    autocontinue: int
+    param1: float
+    param2: float
+    param3: float
+    param4: float
+    x: int
+    y: int
+    z: float
+    mission_type: int = MISSION_TYPE_MISSION
+
+
+def to_wire(item: MissionItem, seq: int, *, current: int = 0, mission_type: int = 0) -> WireItem:
+    """Put one item on the wire; a place that is not given becomes 0, 0: "here" for take-off, landing, loiter.
+
+    Raises
+    ------
+    InputError
+        A located item without an altitude, or a plain value that 32 bits do not hold.
+    """
+    located = item.command in LOCATED_COMMANDS
+    if located and math.isnan(item.z):
+        raise InputError(
+            Fault("has no altitude", field=f"item {seq}", remedy="give each position an altitude")
+        )
+    return WireItem(
+        seq,
+        int(item.frame),
+        int(item.command),
+        current,
+        int(item.autocontinue),
+        *item.params,
+        _integer(item.x, located, seq),
+        _integer(item.y, located, seq),
+        0.0 if math.isnan(item.z) else item.z,
+        mission_type,
+    )
+
+
+def _integer(value: int | None, located: bool, seq: int) -> int:  # noqa: FBT001  two units, one wire field
+    if value is None:
+        return 0
+    plain = value if located else round(value / E7)
+    if abs(plain) > _INT32_MAX:
+        raise InputError(Fault("is too large for the wire", field=f"item {seq}", value=value))
+    return plain
+
+
+def from_wire(wire: WireItem) -> MissionItem:
+    """Take one item from the wire."""
+    command = command_of(wire.command)
+    located = command in LOCATED_COMMANDS
+    return MissionItem(
+        command,
+        frame_of(wire.frame),
+        wire.param1,
+        wire.param2,
+        wire.param3,
+        wire.param4,
+        wire.x if located else wire.x * E7,
+        wire.y if located else wire.y * E7,
+        wire.z,
+        bool(wire.autocontinue),
+    )
+
+
+def fence_to_wire(fence: Geofence) -> tuple[WireItem, ...]:
+    """Put a fence on the wire; the same for both autopilots."""
+    items = enumerate(from_fence(fence))
+    return tuple(to_wire(item, seq, mission_type=MISSION_TYPE_FENCE) for seq, item in items)
+
+
+def fence_from_wire(items: Sequence[WireItem]) -> Geofence:
+    """Take a fence from the wire."""
+    return to_fence([from_wire(item) for item in items])
+
+
+def rally_to_wire(rally: RallyPoints) -> tuple[WireItem, ...]:
+    """Put rally points on the wire; the same for both autopilots."""
+    items = enumerate(from_rally(rally))
+    return tuple(to_wire(item, seq, mission_type=MISSION_TYPE_RALLY) for seq, item in items)
+
+
+def rally_from_wire(items: Sequence[WireItem]) -> RallyPoints:
+    """Take rally points from the wire."""
+    return to_rally([from_wire(item) for item in items])

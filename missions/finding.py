@@ -1,0 +1,38 @@
+"""Findings: what a check has to say about a mission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Severity = Literal["error", "warning", "info"]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing found, said so that it can be put right.
+
+    Attributes
+    ----------
+    severity : str
+        ``error``: it will not fly, or not safely; ``warning``: look at it; ``info``: worth knowing.
+    item : int or None
+        Number of the item, home not counted; None concerns the whole mission.
+    code : str
+        Stable name, for machines.
+    message : str
+        What.
+    remedy : str or None
+        What would be right.
+    """
+
+    severity: Severity
+    item: int | None
+    code: str
+    message: str
+    remedy: str | None = None
+
+    def __str__(self) -> str:
+        where = "mission" if self.item is None else f"item {self.item}"
+        text = f"{self.severity}: {where}: {self.message} [{self.code}]"
+        return f"{text}; {self.remedy}" if self.remedy else text
