@@ -1,0 +1,187 @@
+"""Compositions become missions, leg by leg or whole."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from models.errors import Fault, InputError
+
+from missions.commands import Command, Frame
+from missions.document import MissionDocument
+from missions.leg_builder import LegBuilder
+from missions.mission import MissionItem
+from missions.mission_options import MissionOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from models.services import Composition
+
+    from missions.dialects.dialect import Dialect
+    from missions.parameters import Parameter
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """Missions with everything that must be known to fly them.
+
+    Attributes
+    ----------
+    documents : tuple of MissionDocument
+        In flying order; more than one where each leg is a mission of its own.
+    parameters : tuple of Parameter
+        What the vehicle must be set to.
+    warnings : tuple of str
+        What the operator must know.
+    """
+
+    documents: tuple[MissionDocument, ...]
+    parameters: tuple[Parameter, ...]
+    warnings: tuple[str, ...] = ()
+
+
+def leg_mission(
+    composition: Composition, number: int, dialect: Dialect, options: MissionOptions | None = None
+) -> Export:
+    """Return the mission of one leg: what `fly` uploads before each take-off.
+
+    TAKEOFF, climb, speed item, waypoints, approach, LAND; the last leg releases the package and disarms. Heights
+    are above the ground that the leg leaves, since home moves there at arming.
+
+    Parameters
+    ----------
+    composition : Composition
+        The plan.
+    number : int
+        Which leg, from 0.
+    dialect : Dialect
+        For which autopilot.
+    options : MissionOptions, optional
+        How.
+
+    Raises
+    ------
+    InputError
+        No such leg, or a ground height that is needed is unknown.
+    """
+    legs = len(composition.services)
+    if not 0 <= number < legs:
+        remedy = f"the plan has legs 0 to {legs - 1}"
+        raise InputError(Fault("no such leg", field="leg", value=number, remedy=remedy))
+    build = LegBuilder(composition, dialect, options or MissionOptions())
+    service = composition.services[number]
+    build.check_elevations((service,))
+    ground = build.ground_m(service.origin)
+    items = [*build.departure(service.origin, ground), *build.way(service, ground)]
+    if number == legs - 1:
+        items += build.delivery()
+    document = MissionDocument(
+        build.mission(items, build.home(service.origin)),
+        build.fence((service,)),
+        build.rally((service,), ground),
+    )
+    parameters = dialect.parameters(build.needs((service,), document))
+    return Export((document,), parameters, build.warnings((service,)))
+
+
+def whole_mission(
+    composition: Composition, dialect: Dialect, options: MissionOptions | None = None
+) -> Export:
+    """Return all legs for a plain ground station, disarmed on every pad.
+
+    Where the autopilot stays in its mission after a landing that disarms (PX4), that is one mission: LAND, disarm,
+    and a WAYPOINT straight above that arming resumes. Where it does not (ArduPilot), it is one mission per leg.
+    Heights are above the home of each leg, since home moves at each arming.
+
+    Raises
+    ------
+    InputError
+        A ground height that is needed is unknown.
+    """
+    if not dialect.stays_in_mission_after_landing:
+        return _mission_per_leg(composition, dialect, options)
+    build = LegBuilder(composition, dialect, options or MissionOptions())
+    services = composition.services
+    build.check_elevations(services)
+    items = build.departure(services[0].origin, build.ground_m(services[0].origin))
+    for number, service in enumerate(services):
+        ground = build.ground_m(service.origin)
+        if number > 0:
+            items += [*dialect.disarm(), build.above(service.origin, ground)]
+        items += build.way(service, ground)
+    items += build.delivery()
+    return _one_document(build, items, min(build.ground_m(service.origin) for service in services))
+
+
+def armed_mission(
+    composition: Composition, dialect: Dialect, options: MissionOptions | None = None
+) -> Export:
+    """Return all legs in one mission that stays armed on the pads and leaves by the clock.
+
+    LAND, NAV_DELAY of wait and recharge, and away; heights are above the first home throughout.
+
+    Raises
+    ------
+    InputError
+        A ground height that is needed is unknown.
+    """
+    build = LegBuilder(composition, dialect, options or MissionOptions())
+    services = composition.services
+    build.check_elevations(services)
+    ground = build.ground_m(services[0].origin)
+    items = build.departure(services[0].origin, ground)
+    for number, service in enumerate(services):
+        if number > 0:
+            hold = MissionItem(
+                Command.NAV_DELAY, Frame.MISSION, float(math.ceil(_hold_s(composition, number)))
+            )
+            items += [hold, *dialect.leave_armed_hold(build.above(service.origin, ground))]
+        items += build.way(service, ground)
+    items += build.delivery()
+    export = _one_document(build, items, ground)
+    pads = ", ".join(service.destination for service in services[:-1])
+    if not pads:
+        return export
+    warning = (
+        f"the vehicle stays ARMED at {pads}, propellers turning beside people for the whole hold, and leaves by the"
+        " clock whatever its state of charge"
+    )
+    return replace(export, warnings=(warning, *export.warnings))
+
+
+def _one_document(build: LegBuilder, items: Sequence[MissionItem], lowest_home_m: float) -> Export:
+    services = build.composition.services
+    document = MissionDocument(
+        build.mission(items, build.home(services[0].origin)),
+        build.fence(services),
+        build.rally(services, lowest_home_m),
+    )
+    parameters = build.dialect.parameters(build.needs(services, document))
+    return Export((document,), parameters, build.warnings(services))
+
+
+def _mission_per_leg(composition: Composition, dialect: Dialect, options: MissionOptions | None) -> Export:
+    exports = [
+        leg_mission(composition, number, dialect, options) for number in range(len(composition.services))
+    ]
+    strictest: dict[str, Parameter] = {}
+    for parameter in (parameter for export in exports for parameter in export.parameters):
+        known = strictest.get(parameter.name)
+        if known is None or (parameter.value or 0.0) > (known.value or 0.0):
+            strictest[parameter.name] = parameter
+    return Export(
+        tuple(document for export in exports for document in export.documents),
+        tuple(strictest.values()),
+        tuple(dict.fromkeys(warning for export in exports for warning in export.warnings)),
+    )
+
+
+def _hold_s(composition: Composition, number: int) -> float:
+    """Seconds on the pad before a leg: wait, recharge and hold of the stop between it and the leg before."""
+    service, before = composition.services[number], composition.services[number - 1]
+    for stop in composition.stops:
+        if stop.station == service.origin and before.arrive <= stop.arrive < service.depart:
+            return stop.wait_s + stop.recharge_s + stop.hold_s
+    return max(0.0, (service.depart - before.arrive).total_seconds())

@@ -1,0 +1,234 @@
+"""The items, fence and rally points of the legs of one composition, for one autopilot.
+
+Height model: the vehicle climbs to the cruise height above the ground it leaves, passes each station at the cruise
+height above that station's ground, changes height linearly between them, and lands at the destination's ground.
+Heights in items count from home: the site of the last arming.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from models.errors import Fault, InputError
+
+from missions.commands import Command, Frame
+from missions.coordinates import Point
+from missions.corridor import corridor
+from missions.course import pieces
+from missions.geofence import Geofence
+from missions.mission import Home, Mission, MissionItem
+from missions.mission_options import MAX_GROUND_SPEED_MPS
+from missions.parameters import FlightNeeds
+from missions.rally import RallyPoint, RallyPoints
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from models.services import Composition, DroneService, Place
+
+    from missions.dialects.dialect import Dialect
+    from missions.document import MissionDocument
+    from missions.mission_options import MissionOptions
+
+MAV_TYPE_QUADROTOR = 2
+GROUND_SPEED = 1.0
+"""Speed type of DO_CHANGE_SPEED; multirotors hold ground speed whatever it says."""
+NO_THROTTLE_CHANGE = -1.0
+GRIPPER_RELEASE = 0.0
+
+
+class LegBuilder:
+    """Makes the parts of missions from one composition.
+
+    Parameters
+    ----------
+    composition : Composition
+        The plan; only read.
+    dialect : Dialect
+        For which autopilot.
+    options : MissionOptions
+        How.
+    """
+
+    def __init__(self, composition: Composition, dialect: Dialect, options: MissionOptions) -> None:
+        self.composition = composition
+        self.dialect = dialect
+        self.options = options
+        self.cruise_height_m = options.cruise_height_m or composition.cruise_height_m
+        self.climb_rate_mps = options.climb_rate_mps or composition.climb_rate_mps
+        self.descent_rate_mps = options.descent_rate_mps or composition.descent_rate_mps
+        self.max_speed_mps = min(
+            options.max_ground_speed_mps or math.inf, composition.max_ground_speed_mps, MAX_GROUND_SPEED_MPS
+        )
+
+    def place(self, station: str) -> Place:
+        return self.composition.stations[station]
+
+    def ground_m(self, station: str) -> float:
+        """Ground height of a station; refuses to guess."""
+        known = self.options.elevation_m.get(station, self.place(station).elevation_m)
+        if known is None:
+            raise InputError(
+                Fault(
+                    "the height of the ground is unknown, so heights above it cannot be given",
+                    field=f"stations[{station}].elevation_m",
+                    remedy=f"add elevation_m to the station, or give --elevation {station}=METRES",
+                )
+            )
+        return known
+
+    def speed_mps(self, service: DroneService) -> float:
+        return min(service.ground_speed_mps, self.max_speed_mps)
+
+    def check_elevations(self, services: Sequence[DroneService]) -> None:
+        """Refuse with every station whose ground height is missing, not only the first."""
+        named = dict.fromkeys(
+            station for s in services for station in (s.origin, *s.via, s.destination, *s.diverts)
+        )
+        faults: list[Fault] = []
+        for station in named:
+            try:
+                self.ground_m(station)
+            except InputError as error:
+                faults += error.faults
+        if faults:
+            raise InputError(faults)
+
+    def position(self, command: Command, station: str, height_m: float) -> MissionItem:
+        """An item at a station, with yaw left to the vehicle."""
+        place = self.place(station)
+        return _positioned(command, place.lat, place.lon, height_m)
+
+    def above(self, station: str, home_ground_m: float) -> MissionItem:
+        """The waypoint at cruise height straight above a station."""
+        height = self.ground_m(station) + self.cruise_height_m - home_ground_m
+        return self.position(Command.NAV_WAYPOINT, station, height)
+
+    def way(self, service: DroneService, home_ground_m: float) -> list[MissionItem]:
+        """Speed item, overflown stations and approach, then LAND."""
+        items = [
+            MissionItem(
+                Command.DO_CHANGE_SPEED,
+                Frame.MISSION,
+                GROUND_SPEED,
+                round(self.speed_mps(service), 2),
+                NO_THROTTLE_CHANGE,
+            )
+        ]
+        for before, after in pairwise((service.origin, *service.via, service.destination)):
+            items += self._segment(before, after, home_ground_m)
+        land_height = self.ground_m(service.destination) - home_ground_m
+        items.append(self.position(Command.NAV_LAND, service.destination, land_height))
+        return items
+
+    def _segment(self, before: str, after: str, home_ground_m: float) -> list[MissionItem]:
+        start, end = self.place(before), self.place(after)
+        low = self.ground_m(before) + self.cruise_height_m - home_ground_m
+        high = self.ground_m(after) + self.cruise_height_m - home_ground_m
+        return [
+            _positioned(Command.NAV_WAYPOINT, lat, lon, low + fraction * (high - low))
+            for lat, lon, fraction in pieces(start.lat, start.lon, end.lat, end.lon)
+        ]
+
+    def departure(self, station: str, home_ground_m: float) -> list[MissionItem]:
+        """TAKEOFF and the end of the climb."""
+        above = self.above(station, home_ground_m)
+        return [replace(above, command=Command.NAV_TAKEOFF), above]
+
+    def delivery(self) -> list[MissionItem]:
+        """What follows the last landing: release and disarm."""
+        if self.options.release == "operator":  # people come near: disarm before, not after
+            return [*self.dialect.disarm()]
+        gripper = MissionItem(Command.DO_GRIPPER, Frame.MISSION, float(self.options.gripper), GRIPPER_RELEASE)
+        return [gripper, *self.dialect.disarm()]
+
+    def fence(self, services: Sequence[DroneService]) -> Geofence:
+        if self.options.corridor_width_m is None:
+            return Geofence()
+        route: list[tuple[float, float]] = []
+        diverts: list[tuple[list[tuple[float, float]], tuple[float, float]]] = []
+        for service in services:
+            part = self._course(service)
+            route += part
+            for station in service.diverts:
+                place = self.place(station)
+                diverts.append((part, (place.lat, place.lon)))
+        return Geofence((corridor(route, diverts, width_m=self.options.corridor_width_m),))
+
+    def _course(self, service: DroneService) -> list[tuple[float, float]]:
+        origin = self.place(service.origin)
+        points = [(origin.lat, origin.lon)]
+        for before, after in pairwise((service.origin, *service.via, service.destination)):
+            a, b = self.place(before), self.place(after)
+            points += [(lat, lon) for lat, lon, _ in pieces(a.lat, a.lon, b.lat, b.lon)]
+        return points
+
+    def rally(self, services: Sequence[DroneService], lowest_home_m: float) -> RallyPoints:
+        """Divert stations at cruise height above their ground, from the lowest home that the mission has."""
+        points = []
+        for station in dict.fromkeys(station for s in services for station in s.diverts):
+            place = self.place(station)
+            height = self.ground_m(station) + self.cruise_height_m - lowest_home_m
+            points.append(RallyPoint(Point.of_degrees(place.lat, place.lon), round(max(height, 1.0), 2)))
+        return RallyPoints(tuple(points))
+
+    def home(self, station: str) -> Home:
+        place = self.place(station)
+        return Home(Point.of_degrees(place.lat, place.lon), self.ground_m(station))
+
+    def mission(self, items: Sequence[MissionItem], home: Home) -> Mission:
+        speed = max(self.speed_mps(service) for service in self.composition.services)
+        return Mission(
+            tuple(items),
+            home,
+            round(speed, 2),
+            round(speed, 2),
+            self.dialect.firmware,
+            MAV_TYPE_QUADROTOR,
+        )
+
+    def needs(self, services: Sequence[DroneService], document: MissionDocument) -> FlightNeeds:
+        grounds = [
+            self.ground_m(station)
+            for s in services
+            for station in (s.origin, *s.via, s.destination, *s.diverts)
+        ]
+        commands = [item.command for item in document.mission.items]
+        landing = commands.index(Command.NAV_LAND) if Command.NAV_LAND in commands else len(commands)
+        return FlightNeeds(
+            ground_speed_mps=max(self.speed_mps(service) for service in services),
+            climb_rate_mps=self.climb_rate_mps,
+            descent_rate_mps=self.descent_rate_mps,
+            return_height_m=math.ceil(max(grounds) - min(grounds) + self.cruise_height_m),
+            fenced=bool(document.fence),
+            has_rally_points=len(document.rally) > 0,
+            continues_after_landing=landing < len(commands) - 1,
+            stays_armed=Command.NAV_DELAY in commands,
+            uses_gripper=Command.DO_GRIPPER in commands,
+        )
+
+    def warnings(self, services: Sequence[DroneService]) -> tuple[str, ...]:
+        found = [
+            f"leg {service.origin} to {service.destination} is planned at {service.ground_speed_mps:.1f} m/s and"
+            f" commanded at {self.speed_mps(service):.1f} m/s: it takes longer than planned"
+            for service in services
+            if service.ground_speed_mps > self.speed_mps(service) + 0.01
+        ]
+        if self.options.release == "operator":
+            found.append("the package is released by a person after the last landing: confirm it in skyway")
+        return tuple(found)
+
+
+def _positioned(command: Command, lat: float, lon: float, height_m: float) -> MissionItem:
+    point = Point.of_degrees(lat, lon)
+    return MissionItem(
+        command,
+        Frame.GLOBAL_RELATIVE_ALT,
+        param4=math.nan,
+        x=point.lat_e7,
+        y=point.lon_e7,
+        z=round(height_m, 2),
+    )
