@@ -1,0 +1,325 @@
+"""One sampled realisation of the other drones at a station, for a whole horizon.
+
+Given the others, our drone joins the same line and is served first come, first served: when it arrives after
+the first k of them it gets the pad that is free after k assignments. A path keeps these times for every k, so
+that any time of arrival finds its answer and nobody overtakes. (Independent draws per arrival would let a
+later arrival start earlier.) The others are what `models.queues` computes with: Poisson arrivals, a charging
+drone leaves at a rate 1 / mean charging time, both by the hour. They do not notice our drone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from models.compiled import compiled
+from models.errors import Fault, InputError
+from models.queues import TAIL_H, WARM_UP_H, PadQueue
+from models.units import S_PER_H
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from models.load import PadLoad
+
+    Floats: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class QueuePath:
+    """What a drone of ours meets at one station, whenever it arrives.
+
+    Attributes
+    ----------
+    arrival_s : ndarray, shape (k,)
+        When the others arrive, POSIX seconds, ascending.
+    pad_s : ndarray, shape (k + 1,)
+        Earliest time a pad is free for a drone behind the first 0, 1, … of them; nondecreasing, -inf is
+        always.
+    land_s : ndarray, shape (k + 1,)
+        Earliest time it can touch down, on a pad or a holding spot; nondecreasing and never after `pad_s`.
+    """
+
+    arrival_s: NDArray[np.float64]
+    pad_s: NDArray[np.float64]
+    land_s: NDArray[np.float64]
+
+    def pad_time(self, arrival_s: ArrayLike) -> NDArray[np.float64]:
+        """When our drone gets a pad if it arrives at POSIX seconds `arrival_s`; nondecreasing in it.
+
+        An arrival at the very time of another drone's stands behind it. Before the start of the path the
+        answer is that of a drone behind all who are there at the start.
+        """
+        return self._at(self.pad_s, arrival_s)
+
+    def land_time(self, arrival_s: ArrayLike) -> NDArray[np.float64]:
+        """When it can touch down if it arrives at POSIX seconds `arrival_s`; never after `pad_time`."""
+        return self._at(self.land_s, arrival_s)
+
+    def _at(self, ready_s: NDArray[np.float64], arrival_s: ArrayLike) -> NDArray[np.float64]:
+        arrival = np.asarray(arrival_s, dtype=np.float64)
+        return np.maximum(arrival, ready_s[np.searchsorted(self.arrival_s, arrival, side="right")])
+
+
+def no_queue() -> QueuePath:
+    """Return a path on which a pad is always free, as at a delivery target, where nobody recharges."""
+    return QueuePath(np.empty(0), np.array([-math.inf]), np.array([-math.inf]))
+
+
+def sample_path(
+    pads: int,
+    holding_spots: int,
+    arrivals_per_s: ArrayLike,
+    mean_charging_s: ArrayLike,
+    *,
+    first_s: float,
+    start_s: float,
+    hours: float,
+    rng: np.random.Generator | int,
+    busy: int | None = None,
+    remaining_s: Sequence[float] | None = None,
+) -> QueuePath:
+    """Sample the other drones at one station from `start_s` over a horizon; nobody arrives after it.
+
+    Parameters
+    ----------
+    pads : int
+        0 gives `no_queue`.
+    holding_spots : int
+        Drones that may stand beside the pads; with 0 a drone lands only on a free pad.
+    arrivals_per_s, mean_charging_s : array_like, shape (hours of rates,)
+        Rates hour after hour; after the last hour its rates go on.
+    first_s : float
+        When the first hour of the rates begins, POSIX seconds.
+    start_s, hours : float
+        The horizon, POSIX seconds and hours.
+    rng : Generator or int
+        Source of randomness, or a seed.
+    busy : int or None
+        Drones present at `start_s`, those beyond the pads in the line. None: nobody looked, so the station
+        is empty at `first_s` and lives through the hours until `start_s` (unless `remaining_s` tells who is
+        there).
+    remaining_s : sequence of float, optional
+        Seconds after `start_s` until busy pads become free, used as they are; busy pads without one get a
+        sampled time.
+
+    Returns
+    -------
+    QueuePath
+
+    Raises
+    ------
+    InputError
+        Rates or numbers out of range, or more remaining times than busy pads.
+    """
+    if pads == 0:
+        return no_queue()
+    arrivals = np.ascontiguousarray(arrivals_per_s, dtype=np.float64)
+    charging = np.ascontiguousarray(mean_charging_s, dtype=np.float64)
+    known = np.array([] if remaining_s is None else remaining_s, dtype=np.float64)
+    if busy is None and remaining_s is not None:
+        busy = len(known)
+    PadQueue(pads, start_s, first_s, arrivals, charging, busy)  # says what is wrong with them
+    _check(holding_spots, hours, known, min(busy or 0, pads))
+    generator = rng if isinstance(rng, np.random.Generator) else np.random.default_rng(rng)
+    times = (first_s, start_s, start_s + hours * S_PER_H)
+    present = -1 if busy is None else busy
+    return _path(generator, pads, holding_spots, (arrivals, 1.0 / charging), times, present, known)
+
+
+def sample_paths(
+    load: PadLoad,
+    pads: ArrayLike,
+    holding_spots: ArrayLike,
+    stations: Sequence[int],
+    start_s: float,
+    hours: float,
+    seed: int | Sequence[int],
+    busy: Mapping[int, int] | None = None,
+    remaining_s: Mapping[int, Sequence[float]] | None = None,
+) -> dict[int, QueuePath]:
+    """Sample one path for each of several stations.
+
+    Each station draws from a stream of its own, made from the seed and its index, so that it gets the same
+    path whichever other stations are asked for. Where the pads were not seen, the path begins with an empty
+    station `models.queues.WARM_UP_H` hours before the hour of the start.
+
+    Parameters
+    ----------
+    load : PadLoad
+        Other drones.
+    pads, holding_spots : array_like of int, shape (nodes,)
+        Of each station.
+    stations : sequence of int
+        Which nodes.
+    start_s, hours : float
+        The horizon, POSIX seconds and hours.
+    seed : int or sequence of int
+        For example (seed, member).
+    busy : mapping of int to int, optional
+        Drones present at `start_s`, by node.
+    remaining_s : mapping of int to sequence of float, optional
+        Known times until pads become free, by node.
+
+    Returns
+    -------
+    dict of int to QueuePath
+        By node.
+
+    Raises
+    ------
+    InputError
+        As `sample_path`.
+    """
+    seen, times = busy or {}, remaining_s or {}
+    counts = np.broadcast_to(np.asarray(pads, dtype=np.int64), (len(load),))
+    spots = np.broadcast_to(np.asarray(holding_spots, dtype=np.int64), (len(load),))
+    hour_s = math.floor(start_s / S_PER_H) * S_PER_H
+    result = {}
+    for station in stations:
+        stream = np.random.SeedSequence(seed, spawn_key=(station,))
+        warm_up = 0 if station in seen or station in times else WARM_UP_H
+        first_s = hour_s - warm_up * S_PER_H
+        arrivals, charging = load.hourly(station, first_s, warm_up + math.ceil(hours) + 1 + TAIL_H)
+        result[station] = sample_path(
+            int(counts[station]),
+            int(spots[station]),
+            arrivals,
+            charging,
+            first_s=first_s,
+            start_s=start_s,
+            hours=hours,
+            rng=np.random.Generator(np.random.PCG64(stream)),
+            busy=seen.get(station),
+            remaining_s=times.get(station),
+        )
+    return result
+
+
+def pack(
+    paths: Sequence[QueuePath],
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Lay paths end to end for kernels.
+
+    Returns
+    -------
+    offset : ndarray of int, shape (paths + 1,)
+        Entries of path i are ``offset[i] : offset[i + 1]``, at least one.
+    arrival_s, pad_s, land_s : ndarray, shape (entries,)
+        An entry's times hold for our arrivals from its `arrival_s` (-inf in the first entry of a path)
+        until before the next one's.
+    """
+    offset = np.zeros(len(paths) + 1, dtype=np.int64)
+    np.cumsum([len(path.pad_s) for path in paths], out=offset[1:])
+    arrival, pad, land = (np.empty(offset[-1]) for _ in range(3))
+    for i, path in enumerate(paths):
+        low, high = offset[i], offset[i + 1]
+        arrival[low] = -math.inf
+        arrival[low + 1 : high] = path.arrival_s
+        pad[low:high] = path.pad_s
+        land[low:high] = path.land_s
+    return offset, arrival, pad, land
+
+
+def _check(holding_spots: int, hours: float, remaining_s: NDArray[np.float64], busy_pads: int) -> None:
+    faults = []
+    if holding_spots < 0:
+        faults.append(Fault("a negative number of holding spots", field="holding_spots", value=holding_spots))
+    if not (math.isfinite(hours) and hours > 0.0):
+        faults.append(Fault("a horizon has a length", field="hours", value=hours))
+    if not np.all((remaining_s >= 0.0) & np.isfinite(remaining_s)):
+        faults.append(Fault("not all remaining times are seconds from 0 up", field="remaining_s"))
+    if len(remaining_s) > busy_pads:
+        problem = f"more remaining times than the {busy_pads} busy pads"
+        faults.append(Fault(problem, field="remaining_s", value=len(remaining_s)))
+    if faults:
+        raise InputError(faults)
+
+
+def _path(
+    rng: np.random.Generator,
+    pads: int,
+    spots: int,
+    rates: tuple[NDArray[np.float64], NDArray[np.float64]],
+    times: tuple[float, float, float],
+    present: int,
+    known: NDArray[np.float64],
+) -> QueuePath:
+    first_s, start_s, end_s = times
+    arrivals, services = rates
+    free = np.full(pads, -math.inf)
+    begin_s, waiting = first_s, 0
+    if present >= 0:
+        begin_s, waiting = start_s, max(present - pads, 0)
+        free[: len(known)] = start_s + known
+        for pad in range(len(known), min(present, pads)):
+            free[pad] = _after(start_s, rng.standard_exponential(), services, first_s)
+    guess = waiting + 16 + int(1.2 * arrivals.max() * (end_s - begin_s))
+    came, began, ready = _serve(rng, (*rates, first_s), begin_s, end_s, free, waiting, guess)
+    gone = waiting + int(np.searchsorted(came[waiting:], start_s, side="right"))
+    pad_s = ready[gone:]
+    # It may stand on a holding spot once the drone that is `spots` places ahead in the line has its pad.
+    held = np.concatenate((np.full(spots, -math.inf), began)) if spots else ready
+    return QueuePath(came[gone:].copy(), pad_s.copy(), np.minimum(held[gone : len(ready)], pad_s))
+
+
+@compiled
+def _after(t: float, amount: float, rates: Floats, first_s: float) -> float:
+    """Find when a rate, constant within hours, has added up to an amount since `t`; inf if it never does."""
+    last = len(rates) - 1
+    slot = min(max(int((t - first_s) / 3600.0), 0), last)
+    while slot < last:
+        ends = first_s + (slot + 1) * 3600.0
+        inside = rates[slot] * (ends - t)
+        if inside >= amount and rates[slot] > 0.0:
+            break
+        amount -= max(inside, 0.0)
+        t = max(t, ends)
+        slot += 1
+    if rates[slot] <= 0.0:
+        return np.inf
+    done: float = t + amount / rates[slot]
+    return done
+
+
+@compiled
+def _serve(
+    rng: np.random.Generator,
+    rates: tuple[Floats, Floats, float],
+    begin_s: float,
+    end_s: float,
+    free: Floats,
+    waiting: int,
+    size: int,
+) -> tuple[Floats, Floats, Floats]:
+    """Serve those in the line at `begin_s` and all who arrive until `end_s`, first come, first served.
+
+    Returns their arrivals and starts, shape (drones,), and the earliest free pad behind each number of them,
+    shape (drones + 1,).
+    """
+    arrivals, services, first_s = rates
+    came, began, free_s = np.empty(size), np.empty(size), np.empty(size + 1)
+    count = 0
+    now = begin_s
+    while True:
+        pad = np.argmin(free)
+        free_s[count] = free[pad]
+        if count >= waiting:
+            now = _after(now, rng.standard_exponential(), arrivals, first_s)
+            if now > end_s:
+                break
+        if count == size:
+            size *= 2
+            came = np.concatenate((came, np.empty(count)))
+            began = np.concatenate((began, np.empty(count)))
+            free_s = np.concatenate((free_s, np.empty(count)))
+        came[count] = now
+        began[count] = max(now, free[pad])
+        free[pad] = _after(began[count], rng.standard_exponential(), services, first_s)
+        count += 1
+    return came[:count], began[:count], free_s[: count + 1]
