@@ -1,0 +1,1 @@
+"""Checks of missions: one file per concern, put together in `missions.checks.report`."""

@@ -1,0 +1,192 @@
+"""Whether the route stays in its fence and out of no-fly zones.
+
+Autopilots test fences in the plane of latitude and longitude, and so does this.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from missions.fence_items import CLAIMED_COUNT
+from missions.finding import Finding
+from missions.geofence import FencePolygon
+from models import geodesy
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import shapely
+    from numpy.typing import NDArray
+
+    from missions.checks.route import Route
+    from missions.document import MissionDocument
+    from missions.geofence import FenceCircle, Geofence
+    from models.zones import NoFlyZones
+
+MAX_FINDINGS = 20
+_CIRCLE_CORNERS = 128
+_M_PER_DEG = math.pi * geodesy.EARTH_RADIUS_M / 180.0
+
+
+def check_fence(document: MissionDocument, route: Route, autopilot: str | None) -> Iterator[Finding]:
+    """Check the fence itself, and that route, rally points and the ways to them lie in it.
+
+    With several inclusion areas ArduPilot means all of them and PX4 any; without an autopilot it is any.
+    """
+    import shapely  # noqa: PLC0415  60 ms
+
+    fence = document.fence
+    if not fence.areas:
+        return
+    broken = list(_broken_areas(fence))
+    yield from broken
+    if any(finding.severity == "error" for finding in broken):
+        return
+    inside = [_shape(area) for area in fence.areas if area.inclusion]
+    outside = [_shape(area) for area in fence.areas if not area.inclusion]
+    allowed = None
+    if inside:
+        allowed = shapely.intersection_all(inside) if autopilot == "ardupilot" else shapely.union_all(inside)
+    forbidden = shapely.union_all(outside) if outside else None
+    ends, items = _segments(route)
+    which = "all inclusion areas at once" if autopilot == "ardupilot" else "any inclusion area"
+    breaches = _outside(_lines(ends), allowed)
+    message = (
+        f"the way to this item leaves {which}" if len(inside) > 1 else "the way to this item leaves the fence"
+    )
+    yield from _breaches(items, breaches, "outside-fence", message, "move the item, or widen the fence")
+    crossings = _crossing(_lines(ends), forbidden)
+    message = "the way to this item enters an exclusion area of the fence"
+    yield from _breaches(items, crossings, "in-exclusion-area", message, "go around it")
+    yield from _check_rally(document, route, allowed, forbidden)
+
+
+def check_zones(route: Route, zones: NoFlyZones) -> Iterator[Finding]:
+    """Check the route against no-fly zones."""
+    ends, items = _segments(route)
+    if not items:
+        return
+    crossed = zones.crossed_by(ends[:, 0, 1], ends[:, 0, 0], ends[:, 1, 1], ends[:, 1, 0])
+    message = "the way to this item crosses a no-fly zone"
+    yield from _breaches(items, crossed, "no-fly-zone", message, "go around it")
+
+
+def _broken_areas(fence: Geofence) -> Iterator[Finding]:
+    for number, area in enumerate(fence.areas):
+        if not isinstance(area, FencePolygon):
+            continue
+        claimed = area.extra.get(CLAIMED_COUNT)
+        if claimed is not None:
+            yield Finding(
+                "error",
+                None,
+                "fence-vertex-count",
+                f"fence polygon {number} says {claimed:g} vertices and has {len(area.vertices)}: vehicles"
+                " acknowledge such a fence and have none afterwards",
+                "add the missing vertex, or correct the count",
+            )
+        elif not _shape(area).is_valid:
+            message = f"the outline of fence polygon {number} crosses itself"
+            yield Finding("error", None, "fence-crosses-itself", message, "put its vertices in order")
+
+
+def _shape(area: FencePolygon | FenceCircle) -> shapely.Polygon:
+    import shapely  # noqa: PLC0415
+
+    if isinstance(area, FencePolygon):
+        return shapely.Polygon([(vertex.lon, vertex.lat) for vertex in area.vertices])
+    angle = np.linspace(0.0, 2.0 * np.pi, _CIRCLE_CORNERS, endpoint=False)
+    # corners of a polygon of the same area, so that it lies within 0.02 % of the radius of the circle
+    radius = area.radius_m * math.sqrt(2 * np.pi / _CIRCLE_CORNERS / math.sin(2 * np.pi / _CIRCLE_CORNERS))
+    north = radius * np.cos(angle) / _M_PER_DEG
+    east = radius * np.sin(angle) / _M_PER_DEG / max(math.cos(math.radians(area.center.lat)), 1e-6)
+    return shapely.Polygon(np.column_stack((area.center.lon + east, area.center.lat + north)))
+
+
+def _segments(route: Route) -> tuple[NDArray[np.float64], list[int]]:
+    """Ends of every segment as (lon, lat), shape (segments, 2, 2), and the item each leads to."""
+    ends: list[tuple[tuple[float, float], tuple[float, float]]] = []
+    items: list[int] = []
+    for leg in route.legs:
+        before = leg.start
+        for step in leg.steps:
+            here = (step.point.lon, step.point.lat)
+            ends.append(((before.lon, before.lat) if before else here, here))
+            items.append(step.item)
+            before = step.point
+    return np.array(ends, dtype=np.float64).reshape(-1, 2, 2), items
+
+
+def _lines(ends: NDArray[np.float64]) -> NDArray[np.object_]:
+    import shapely  # noqa: PLC0415
+
+    return np.asarray(shapely.linestrings(ends), dtype=object) if len(ends) else np.empty(0, dtype=object)
+
+
+def _outside(lines: NDArray[np.object_], allowed: shapely.Geometry | None) -> NDArray[np.bool_]:
+    import shapely  # noqa: PLC0415
+
+    if allowed is None or not len(lines):
+        return np.zeros(len(lines), dtype=bool)
+    shapely.prepare(allowed)
+    return ~np.asarray(shapely.covers(allowed, lines), dtype=bool)
+
+
+def _crossing(lines: NDArray[np.object_], forbidden: shapely.Geometry | None) -> NDArray[np.bool_]:
+    import shapely  # noqa: PLC0415
+
+    if forbidden is None or not len(lines):
+        return np.zeros(len(lines), dtype=bool)
+    shapely.prepare(forbidden)
+    return np.asarray(shapely.intersects(forbidden, lines), dtype=bool)
+
+
+def _breaches(
+    items: Sequence[int], breached: NDArray[np.bool_], code: str, message: str, remedy: str
+) -> Iterator[Finding]:
+    found = list(dict.fromkeys(items[int(index)] for index in np.flatnonzero(breached)))
+    for item in found[:MAX_FINDINGS]:
+        yield Finding("error", item, code, message, remedy)
+    if len(found) > MAX_FINDINGS:
+        yield Finding("error", None, code, f"{message}: so do {len(found) - MAX_FINDINGS} more items", remedy)
+
+
+def _check_rally(
+    document: MissionDocument,
+    route: Route,
+    allowed: shapely.Geometry | None,
+    forbidden: shapely.Geometry | None,
+) -> Iterator[Finding]:
+    """Rally points must lie in the fence, and so must the straight way to the nearest from everywhere."""
+    import shapely  # noqa: PLC0415
+
+    rally = document.rally.points
+    if not rally:
+        return
+    at = np.array([(p.point.lon, p.point.lat) for p in rally])
+    spots = np.asarray(shapely.points(at), dtype=object)
+    bad = _outside(spots, allowed) | _crossing(spots, forbidden)
+    for number in np.flatnonzero(bad)[:MAX_FINDINGS]:
+        message = f"rally point {number} lies outside the fence: going there is a breach"
+        yield Finding("error", None, "rally-outside-fence", message, "move it, or widen the fence")
+    if bad.any() or not route.steps:
+        return
+    steps = route.steps
+    here = np.array([(step.point.lon, step.point.lat) for step in steps])
+    scale = math.cos(math.radians(float(here[0, 1])))
+    gaps = (here[:, None, :] - at[None, :, :]) * (scale, 1.0)
+    nearest = at[np.argmin((gaps**2).sum(axis=2), axis=1)]
+    ways = _lines(np.stack((here, nearest), axis=1))
+    leaving = _outside(ways, allowed) | _crossing(ways, forbidden)
+    found = list(dict.fromkeys(steps[int(index)].item for index in np.flatnonzero(leaving)))
+    if found:
+        yield Finding(
+            "warning",
+            found[0],
+            "divert-outside-fence",
+            f"the straight way to the nearest rally point leaves the fence from {len(found)} items",
+            "widen the fence: a diverting vehicle would breach it",
+        )

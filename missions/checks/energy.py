@@ -1,0 +1,292 @@
+"""Time, energy and state of charge of every flight of a mission, in the wind.
+
+The vehicle holds the commanded ground speed as long as its airspeed |ground - wind| allows, and flies slower where it
+does not. The energy error of the vehicle is uniform within 5 %.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from missions.checks.weather import SteadyWind, Weather
+from missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
+from models import geodesy
+from models.wind import ground_speed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from missions.checks.route import Route, RouteLeg
+    from missions.mission import Mission
+    from models.drone import Drone
+    from models.energy import Phase
+    from models.network import Station
+
+ENERGY_ERROR = 0.05
+"""Energies of one vehicle differ from the model by up to this fraction, evenly."""
+NEAR_STATION_M = 150.0
+
+
+@dataclass(frozen=True, slots=True)
+class FlightConditions:
+    """What a mission is flown with, and in.
+
+    Attributes
+    ----------
+    drone : Drone
+        The vehicle.
+    payload_kg : float
+        Package carried until it is released.
+    soc_start : float
+        State of charge at the first take-off.
+    reserve_soc : float
+        No landing below it.
+    climb_rate_mps, descent_rate_mps : float
+        Vertical speeds.
+    weather : Weather
+        At flying height.
+    stations : tuple of Station
+        Where there are pads; empty where nothing is known of pads, then any hold on the ground charges.
+    """
+
+    drone: Drone
+    payload_kg: float = 0.0
+    soc_start: float = 1.0
+    reserve_soc: float = 0.2
+    climb_rate_mps: float = 5.0
+    descent_rate_mps: float = 3.0
+    weather: Weather = field(default_factory=SteadyWind)
+    stations: tuple[Station, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LegEnergy:
+    """One flight of a mission.
+
+    Attributes
+    ----------
+    item_from, item_to : int
+        First and last item.
+    distance_m : float
+        Along the route.
+    time_s, energy_j, soc_end : float or None
+        Mean over the winds that let it fly; None where none does, or the flight has no end.
+    p_reserve : float or None
+        Probability that the landing keeps the reserve.
+    soc_start : float
+        State of charge at take-off.
+    p_flyable : float
+        Probability that the wind lets it fly.
+    least_airspeed_margin_mps : float
+        How much airspeed is left at the worst place; negative: the commanded ground speed is not held.
+    worst_item : int
+        Where that is.
+    pad : str or None
+        Station that the leg ends at.
+    """
+
+    item_from: int
+    item_to: int
+    distance_m: float
+    time_s: float | None
+    energy_j: float | None
+    soc_end: float | None
+    p_reserve: float | None
+    soc_start: float
+    p_flyable: float
+    least_airspeed_margin_mps: float
+    worst_item: int
+    pad: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Flown:
+    """Arrays over members: time and energy of one leg, and whether the wind lets it fly."""
+
+    distance_m: float
+    time_s: NDArray[np.float64]
+    energy_j: NDArray[np.float64]
+    flyable: NDArray[np.bool_]
+    margin_mps: float
+    worst_item: int
+
+
+def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -> tuple[LegEnergy, ...]:
+    """Work out every flight of a route, with charging on the ground between them."""
+    battery_j = conditions.drone.battery_j
+    weight = conditions.weather.probability
+    soc = conditions.soc_start
+    spent_j = np.zeros(len(weight))  # since the state of charge was last known
+    clock_s = np.zeros(len(weight))
+    height_m, released = 0.0, False
+    legs: list[LegEnergy] = []
+    for leg in route.legs:
+        mass = conditions.drone.mass_kg + (0.0 if released else conditions.payload_kg)
+        flown = _fly(mission, leg, conditions, mass, clock_s, height_m)
+        spent_j = spent_j + flown.energy_j
+        pad = _pad_at(leg, conditions)
+        legs.append(_leg_energy(leg, flown, conditions, soc, spent_j, pad.name if pad else None))
+        released = released or leg.released
+        clock_s = clock_s + flown.time_s + (leg.ground_hold_s or 0.0)
+        end = legs[-1].soc_end
+        height_m = _height_after(leg)
+        if leg.ground_hold_s != 0.0 and (pad is not None or not conditions.stations):
+            power_w = pad.recharge_power_w if pad else None
+            soc = charged(conditions.drone, end or 0.0, leg.ground_hold_s, power_w)
+            spent_j = np.zeros(len(weight))
+    return tuple(legs)
+
+
+def charged(drone: Drone, soc: float, hold_s: float | None, pad_power_w: float | None = None) -> float:
+    """State of charge after a hold on a pad; a hold that a person ends is taken to end with a full battery."""
+    if hold_s is None:
+        return 1.0
+    curve = drone.charging_curve(pad_power_w)
+    return float(curve.soc(float(curve.time_from_empty_s(max(soc, 0.0))) + hold_s))
+
+
+def _height_after(leg: RouteLeg) -> float:
+    """Height of the ground where the leg ended; home moves there where the vehicle was disarmed."""
+    if leg.ground_hold_s is None or not leg.steps or leg.landing != "land":
+        return 0.0
+    height = leg.steps[-1].height_m
+    return 0.0 if math.isnan(height) else height
+
+
+def _pad_at(leg: RouteLeg, conditions: FlightConditions) -> Station | None:
+    if not leg.steps or leg.landing == "none":
+        return None
+    point = leg.steps[-1].point
+    for station in conditions.stations:
+        close = abs(station.lat - point.lat) < 0.01
+        if station.pads and close:
+            gap = geodesy.distance_m(station.lat, station.lon, point.lat, point.lon)
+            if gap <= NEAR_STATION_M:
+                return station
+    return None
+
+
+def _leg_energy(
+    leg: RouteLeg,
+    flown: _Flown,
+    conditions: FlightConditions,
+    soc: float,
+    spent_j: NDArray[np.float64],
+    pad: str | None,
+) -> LegEnergy:
+    weight = np.where(flown.flyable, conditions.weather.probability, 0.0)
+    p_flyable = float(weight.sum())
+    time_s = energy_j = soc_end = p_reserve = None
+    if p_flyable > 0.0 and np.isfinite(flown.time_s[flown.flyable]).all():
+        weight = weight / p_flyable
+        usable = np.where(flown.flyable, spent_j, 0.0)
+        time_s = float(weight @ np.where(flown.flyable, flown.time_s, 0.0))
+        energy_j = float(weight @ np.where(flown.flyable, flown.energy_j, 0.0))
+        soc_end = soc - float(weight @ usable) / conditions.drone.battery_j
+        p_reserve = float(
+            weight @ _p_within(usable, (soc - conditions.reserve_soc) * conditions.drone.battery_j)
+        )
+    return LegEnergy(
+        leg.item_from,
+        leg.item_to,
+        flown.distance_m,
+        time_s,
+        energy_j,
+        soc_end,
+        None if p_reserve is None else min(p_reserve, 1.0),
+        soc,
+        min(p_flyable, 1.0),
+        flown.margin_mps,
+        flown.worst_item,
+        pad,
+    )
+
+
+def _p_within(energy_j: NDArray[np.float64], budget_j: float) -> NDArray[np.float64]:
+    """Probability that an energy with its even error stays within a budget."""
+    with np.errstate(divide="ignore"):
+        ratio = np.where(
+            energy_j > 0.0, budget_j / np.maximum(energy_j, 1e-9), math.inf if budget_j >= 0 else -1
+        )
+    return np.asarray(np.clip((ratio - (1.0 - ENERGY_ERROR)) / (2.0 * ENERGY_ERROR), 0.0, 1.0))
+
+
+def _fly(
+    mission: Mission,
+    leg: RouteLeg,
+    conditions: FlightConditions,
+    mass_kg: float,
+    clock_s: NDArray[np.float64],
+    height_m: float,
+) -> _Flown:
+    """Fly one leg in every wind; the slots of a forecast depend on times, so it is done twice."""
+    members = len(conditions.weather.probability)
+    start = leg.start
+    if not leg.steps or start is None:
+        none = np.zeros(members)
+        return _Flown(0.0, none, none, np.ones(members, dtype=bool), math.inf, leg.item_to)
+    places = [start, *(step.point for step in leg.steps)]
+    lat, lon = np.array([p.lat for p in places]), np.array([p.lon for p in places])
+    length, bearing = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])
+    mid_lat, mid_lon = geodesy.midpoint(lat[:-1], lon[:-1], bearing, length)
+    commanded = np.array([max(step.speed_mps, 0.1) for step in leg.steps])
+    hold = np.array([step.hold_s for step in leg.steps])
+    climb_s, descent_s, apart = _vertical_times(mission, leg, conditions, height_m)
+    angle = np.radians(bearing)
+    drone = conditions.drone
+    elapsed = np.broadcast_to(clock_s[:, None], (members, len(length)))
+    for _ in range(2):
+        north, east = conditions.weather.at(mid_lat, mid_lon, elapsed)
+        along = north * np.cos(angle) + east * np.sin(angle)
+        across = east * np.cos(angle) - north * np.sin(angle)
+        possible = ground_speed(drone.max_airspeed_mps, along, across, drone.wind_limit_mps)
+        speed = np.minimum(possible, commanded)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            level_s = np.where(length > 0.5, length / speed, 0.0)
+        vertical_s = climb_s + descent_s
+        step_s = np.where(apart, level_s + vertical_s, np.maximum(level_s, vertical_s)) + hold
+        elapsed = clock_s[:, None] + np.cumsum(step_s, axis=1) - step_s
+    needed = np.hypot(commanded - along, across)
+    margin = np.where(length > 0.5, drone.max_airspeed_mps - needed, math.inf).min(axis=0)
+    worst = int(np.argmin(margin))
+    flyable = np.all((possible > 0.0) | (length <= 0.5), axis=1)
+
+    def power(phase: Phase) -> float:
+        return drone.energy_model.power_w(mass_kg, phase)
+
+    energy = (
+        power("climb") * climb_s.sum()
+        + power("descent") * descent_s.sum()
+        + power("cruise") * (step_s - vertical_s).sum(axis=1)
+    )
+    return _Flown(
+        float(length.sum()),
+        step_s.sum(axis=1),
+        energy,
+        flyable,
+        float(margin[worst]),
+        leg.steps[worst].item,
+    )
+
+
+def _vertical_times(
+    mission: Mission, leg: RouteLeg, conditions: FlightConditions, height_m: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Climb and descent of each step, and whether it comes before or after the way instead of on it."""
+    climb, descent, apart = [], [], []
+    for index, step in enumerate(leg.steps):
+        height = height_m if math.isnan(step.height_m) else step.height_m
+        command = mission.items[step.item].command
+        change = height - height_m
+        returns = index == len(leg.steps) - 1 and leg.landing == "return"
+        if returns:
+            change = -height_m
+        climb.append(max(change, 0.0) / conditions.climb_rate_mps)
+        descent.append(max(-change, 0.0) / conditions.descent_rate_mps)
+        apart.append(command in TAKEOFF_COMMANDS or command in LAND_COMMANDS or returns)
+        height_m = height
+    return np.array(climb), np.array(descent), np.array(apart)

@@ -1,0 +1,125 @@
+"""What the energies of a mission mean: reserve, wind limits, and holds against the charging curve."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from missions.finding import Finding
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from missions.checks.energy import FlightConditions, LegEnergy
+    from missions.checks.route import Route, RouteLeg
+
+EPSILON = 0.001
+"""Probability of landing below the reserve that is accepted."""
+
+
+def check_energy(
+    route: Route, legs: Sequence[LegEnergy], conditions: FlightConditions, *, assumed: str | None = None
+) -> Iterator[Finding]:
+    """Judge the energies of a mission.
+
+    Parameters
+    ----------
+    route, legs, conditions
+        What was flown, what it cost, and under which conditions.
+    assumed : str, optional
+        Name of the vehicle where nobody named one: its shortfalls are warnings then, not errors.
+    """
+    for finding in _judged(route, legs, conditions):
+        if assumed is not None and finding.severity == "error":
+            message = f"{finding.message} (vehicle assumed: {assumed})"
+            yield replace(finding, severity="warning", message=message)
+        else:
+            yield finding
+
+
+def _judged(route: Route, legs: Sequence[LegEnergy], conditions: FlightConditions) -> Iterator[Finding]:
+    drone = conditions.drone
+    if conditions.payload_kg > drone.max_payload_kg:
+        message = f"a package of {conditions.payload_kg:g} kg, and the {drone.name} lifts {drone.max_payload_kg:g} kg"
+        yield Finding("error", None, "payload", message, "fly another vehicle")
+    for leg in legs:
+        yield from _wind(leg, conditions)
+        yield from _reserve(leg, conditions)
+    for (flown, route_leg), (following, _) in pairwise(zip(legs, route.legs, strict=True)):
+        yield from _hold(flown, route_leg, following, conditions)
+
+
+def _wind(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
+    drone = conditions.drone
+    if leg.p_flyable == 0.0:
+        yield Finding(
+            "error",
+            leg.worst_item,
+            "wind-too-strong",
+            f"the wind lets nobody fly here: above {drone.wind_limit_mps:g} m/s, or too strong across or against the"
+            " course",
+            "wait for less wind",
+        )
+    elif leg.p_flyable < 1.0 - EPSILON:
+        message = f"the wind forbids this flight with probability {1.0 - leg.p_flyable:.2f}"
+        yield Finding("warning", leg.worst_item, "wind-may-forbid", message, "be ready to hold on the ground")
+    if leg.p_flyable > 0.0 and leg.least_airspeed_margin_mps < 0.0:
+        yield Finding(
+            "warning",
+            leg.worst_item,
+            "speed-not-held",
+            f"the commanded ground speed needs {-leg.least_airspeed_margin_mps:.1f} m/s more airspeed than the"
+            f" {drone.max_airspeed_mps:g} m/s of the {drone.name}: it will fly slower",
+            "order a lower ground speed",
+        )
+
+
+def _reserve(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
+    if leg.soc_end is None or leg.p_reserve is None:
+        return
+    reserve = conditions.reserve_soc
+    if leg.soc_end <= 0.0:
+        message = f"the battery is empty before item {leg.item_to}: {-100 * leg.soc_end:.0f} % are missing"
+        yield Finding("error", leg.item_to, "battery-empty", message, "land and recharge on the way")
+    elif leg.soc_end < reserve:
+        message = f"ends at {100 * leg.soc_end:.0f} % charge, below the reserve of {100 * reserve:.0f} %"
+        yield Finding("error", leg.item_to, "below-reserve", message, "recharge before, or fly a shorter way")
+    elif leg.p_reserve < 1.0 - EPSILON:
+        message = f"keeps the reserve of {100 * reserve:.0f} % with probability {leg.p_reserve:.3f} only"
+        yield Finding("warning", leg.item_to, "reserve-unsure", message, "recharge more before")
+
+
+def _hold(
+    flown: LegEnergy, leg: RouteLeg, following: LegEnergy, conditions: FlightConditions
+) -> Iterator[Finding]:
+    hold_s = leg.ground_hold_s
+    if hold_s is None:
+        message = "the mission does not say how long it charges here: a full battery is assumed"
+        yield Finding("info", flown.item_to, "hold-open", message, "arm only when it is charged")
+        return
+    if hold_s == 0.0 or flown.soc_end is None or following.energy_j is None:
+        return
+    if conditions.stations and flown.pad is None:
+        message = f"a hold of {hold_s:.0f} s where no station has a pad: nothing is charged"
+        yield Finding("warning", flown.item_to, "hold-without-pad", message, "hold at a station")
+        return
+    power_w = next((s.recharge_power_w for s in conditions.stations if s.name == flown.pad), None)
+    curve = conditions.drone.charging_curve(power_w)
+    arrived = max(flown.soc_end, 0.0)
+    full_s = float(curve.duration_s(arrived, 1.0))
+    wanted = conditions.reserve_soc + following.energy_j / conditions.drone.battery_j
+    if following.soc_end is not None and following.soc_end < conditions.reserve_soc and wanted <= 1.0:
+        needed_s = math.ceil(float(curve.duration_s(arrived, wanted)))
+        yield Finding(
+            "error",
+            flown.item_to,
+            "hold-too-short",
+            f"a hold of {hold_s:.0f} s charges to {100 * following.soc_start:.0f} %, and the next flight needs"
+            f" {100 * wanted:.0f} %",
+            f"hold {needed_s} s",
+        )
+    elif hold_s > full_s + 60.0:
+        message = f"a hold of {hold_s:.0f} s, and the battery is full after {full_s:.0f} s"
+        yield Finding("info", flown.item_to, "hold-longer-than-charge", message)

@@ -1,0 +1,118 @@
+"""Speeds, distances and heights against what vehicles do."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from missions.finding import Finding
+from models import geodesy
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from missions.checks.route import Route
+    from missions.mission import Mission
+    from models.drone import Drone
+
+AUTOPILOT_MAX_SPEED_MPS = 20.0
+FAR_FROM_HOME_M = 10_000.0
+"""PX4 refuses a first position farther away (MIS_DIST_1WP)."""
+USUAL_CEILING_M = 120.0
+"""Height above ground that most countries allow without a permit."""
+LOW_TAKEOFF_M = 3.0
+"""PX4 wants a take-off height of its acceptance radius (2 m) and 1 m more."""
+_TERRAIN = (Frame.GLOBAL_TERRAIN_ALT, Frame.GLOBAL_TERRAIN_ALT_INT)
+
+
+def check_speeds(mission: Mission, drone: Drone) -> Iterator[Finding]:
+    """Check every speed item against the vehicle and what autopilots accept."""
+    limit = min(AUTOPILOT_MAX_SPEED_MPS, drone.max_ground_speed_mps)
+    for number, item in enumerate(mission.items):
+        if item.command != Command.DO_CHANGE_SPEED or item.param1 not in (0.0, 1.0):
+            continue
+        if item.param2 > limit:
+            yield Finding(
+                "error",
+                number,
+                "speed-limit",
+                f"orders {item.param2:g} m/s, and the vehicle flies at most {limit:g} m/s over ground",
+                f"order at most {limit:g} m/s",
+            )
+        elif math.isnan(item.param2) or item.param2 == 0:
+            yield Finding("warning", number, "speed-missing", "orders no speed", "give a speed in m/s")
+
+
+def check_distances(mission: Mission, route: Route, drone: Drone) -> Iterator[Finding]:
+    """Check the way to the first position, and segments that no battery lasts for."""
+    steps = route.steps
+    if not steps:
+        return
+    home = mission.home
+    if home is not None:
+        first = steps[0]
+        away = geodesy.distance_m(home.point.lat, home.point.lon, first.point.lat, first.point.lon)
+        if away > FAR_FROM_HOME_M:
+            yield Finding(
+                "error",
+                first.item,
+                "far-from-home",
+                f"the first position is {away / 1000:.1f} km from the planned home",
+                "correct the home, or the position",
+            )
+    lat = np.array([step.point.lat for step in steps])
+    lon = np.array([step.point.lon for step in steps])
+    length, _ = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])
+    reach = drone.endurance_empty_s * drone.max_airspeed_mps
+    for index in np.flatnonzero(length > reach)[:20]:
+        yield Finding(
+            "error",
+            steps[index + 1].item,
+            "too-far",
+            f"is {length[index] / 1000:.1f} km from the position before, beyond the range of the vehicle"
+            f" ({reach / 1000:.0f} km)",
+            "correct the coordinates, or land and recharge between",
+        )
+
+
+def check_heights(mission: Mission, route: Route) -> Iterator[Finding]:
+    """Check heights above home, take-off heights, and references that cannot be resolved."""
+    known_ground = mission.home is not None and mission.home.altitude_m is not None
+    lands = {number for number, item in enumerate(mission.items) if item.command in LAND_COMMANDS}
+    seen: set[int] = set()
+    absolute: list[int] = []
+    for step in route.steps:
+        if step.item in seen:
+            continue
+        seen.add(step.item)
+        item = mission.items[step.item]
+        if math.isnan(step.height_m):
+            if not known_ground and not math.isnan(item.z):
+                absolute.append(step.item)
+        elif item.command in TAKEOFF_COMMANDS and step.height_m < LOW_TAKEOFF_M:
+            message = f"takes off to {step.height_m:g} m: PX4 refuses less than {LOW_TAKEOFF_M:g} m"
+            yield Finding("error", step.item, "takeoff-too-low", message, "climb higher")
+        elif step.height_m <= 0 and step.item not in lands and item.command != Command.NAV_RETURN_TO_LAUNCH:
+            yield Finding(
+                "warning",
+                step.item,
+                "not-above-home",
+                f"{item.name} at {step.height_m:g} m is not above the height of home",
+                "right only where the ground is lower there",
+            )
+        elif step.height_m > USUAL_CEILING_M and item.frame not in _TERRAIN:
+            message = f"{step.height_m:.0f} m above home: most countries allow {USUAL_CEILING_M:.0f} m"
+            yield Finding(
+                "info", step.item, "high", message, "needs a permit, unless the ground is higher there"
+            )
+    if absolute:
+        yield Finding(
+            "info",
+            absolute[0],
+            "height-reference",
+            f"{len(absolute)} heights are above sea level and the height of home is unknown: they were not checked",
+            "give the altitude of the planned home",
+        )

@@ -1,0 +1,258 @@
+"""The route a mission flies: its items in the order they act, with jumps followed and holds counted.
+
+Endless jumps are followed once and reported; the number of steps is bounded, whatever a file says.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+
+if TYPE_CHECKING:
+    from missions.coordinates import Point
+    from missions.mission import Mission, MissionItem
+
+MAX_STEPS = 100_000
+DEFAULT_SPEED_MPS = 5.0
+"""Where neither the mission nor its file gives a speed: PX4's default; ArduPilot's is 10."""
+_RELATIVE = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
+_TERRAIN = frozenset({Frame.GLOBAL_TERRAIN_ALT, Frame.GLOBAL_TERRAIN_ALT_INT})
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A place the vehicle goes to.
+
+    Attributes
+    ----------
+    item : int
+        Number of the item that orders it.
+    point : Point
+        Where.
+    height_m : float
+        Above home; NaN where the file does not let us know.
+    speed_mps : float
+        Commanded ground speed on the way there.
+    hold_s : float
+        Time spent in the air on arrival; infinite for a loiter without end.
+    """
+
+    item: int
+    point: Point
+    height_m: float
+    speed_mps: float
+    hold_s: float = 0.0
+
+
+@dataclass(slots=True)
+class RouteLeg:
+    """One flight, from the ground to the next landing (or to where the mission ends).
+
+    Attributes
+    ----------
+    item_from, item_to : int
+        Numbers of the first and last item.
+    start : Point or None
+        Where it begins; None is unknown.
+    steps : list of Step
+        In order.
+    landing : str
+        ``land``, ``return`` (to launch) or ``none``.
+    released : bool
+        Whether the package is released after this leg.
+    ground_hold_s : float or None
+        Time on the ground afterwards; None where a person or arming ends it; 0 where the next leg follows at once.
+    """
+
+    item_from: int
+    item_to: int
+    start: Point | None
+    steps: list[Step] = field(default_factory=list)
+    landing: str = "none"
+    released: bool = False
+    ground_hold_s: float | None = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """What a mission flies.
+
+    Attributes
+    ----------
+    legs : tuple of RouteLeg
+        In flying order.
+    endless_jumps : tuple of int
+        Items that jump back for ever.
+    is_cut : bool
+        True where jumps repeat so often that the rest was left out.
+    """
+
+    legs: tuple[RouteLeg, ...]
+    endless_jumps: tuple[int, ...]
+    is_cut: bool
+
+    @property
+    def steps(self) -> list[Step]:
+        """All places in order."""
+        return [step for leg in self.legs for step in leg.steps]
+
+
+def fly(mission: Mission, *, default_speed_mps: float = DEFAULT_SPEED_MPS) -> Route:
+    """Follow a mission from its first item to its end."""
+    return _Walk(mission, default_speed_mps).run()
+
+
+class _Walk:
+    """One pass through a mission."""
+
+    def __init__(self, mission: Mission, default_speed_mps: float) -> None:
+        self.mission = mission
+        self.home = mission.home
+        self.speed_mps = self.default_speed_mps = mission.hover_speed_mps or default_speed_mps
+        self.at: Point | None = mission.home.point if mission.home else None
+        self.height_m = 0.0
+        self.legs: list[RouteLeg] = []
+        self.leg: RouteLeg | None = None
+        self.repeats: dict[int, int] = {}
+        self.endless: dict[int, None] = {}
+        self.tags = {
+            int(item.param1): number
+            for number, item in enumerate(mission.items)
+            if item.command == Command.JUMP_TAG and math.isfinite(item.param1)
+        }
+
+    def run(self) -> Route:
+        items = self.mission.items
+        number, count = 0, 0
+        while 0 <= number < len(items) and count < MAX_STEPS:
+            count += 1
+            item = items[number]
+            target = self._jump(number, item)
+            if target is None:
+                if self._act(number, item):
+                    break
+                target = number + 1
+            elif target < 0:
+                break
+            number = target
+        if self.leg is not None:
+            self.legs.append(self.leg)
+        return Route(tuple(self.legs), tuple(self.endless), count >= MAX_STEPS)
+
+    def _jump(self, number: int, item: MissionItem) -> int | None:
+        """Return where a jump leads, -1 where a loop closes for ever, None where the mission goes straight on."""
+        if item.command == Command.DO_JUMP:
+            target = item.jump_target
+        elif item.command == Command.DO_JUMP_TAG and math.isfinite(item.param1):
+            target = self.tags.get(int(item.param1))
+        else:
+            return None
+        if target is None or not 0 <= target < len(self.mission.items) or not math.isfinite(item.param2):
+            return None
+        done = self.repeats.get(number, 0)
+        if item.param2 < 0:
+            if done:
+                self.endless[number] = None
+                return -1
+        elif done >= item.param2:
+            self.repeats[number] = 0
+            return None
+        self.repeats[number] = done + 1
+        return target
+
+    def _act(self, number: int, item: MissionItem) -> bool:
+        """Take one item; return True where the mission ends with it."""
+        command = item.command
+        if command == Command.DO_CHANGE_SPEED:
+            self._change_speed(item)
+        elif command == Command.NAV_RETURN_TO_LAUNCH:
+            self._return(number)
+            return True
+        elif command == Command.NAV_DELAY:
+            self._delay(item)
+        elif command == Command.DO_GRIPPER and item.param2 == 0:
+            self._last_leg_released()
+        elif command == Command.COMPONENT_ARM_DISARM and item.param1 == 0:
+            if self.leg is None and self.legs:
+                self.legs[-1].ground_hold_s = None
+        elif item.is_flown_to:
+            self._go(number, item)
+            return command == Command.NAV_LOITER_UNLIM
+        return False
+
+    def _change_speed(self, item: MissionItem) -> None:
+        if item.param1 in (0.0, 1.0) and item.param2 > 0:
+            self.speed_mps = item.param2
+        elif item.param2 == -2.0:
+            self.speed_mps = self.default_speed_mps
+
+    def _last_leg_released(self) -> None:
+        leg = self.leg or (self.legs[-1] if self.legs else None)
+        if leg is not None:
+            leg.released = True
+
+    def _delay(self, item: MissionItem) -> None:
+        seconds = item.param1 if item.param1 > 0 else 0.0
+        if self.leg is None:
+            if self.legs and self.legs[-1].ground_hold_s is not None:
+                self.legs[-1].ground_hold_s += seconds
+        elif self.leg.steps:
+            last = self.leg.steps[-1]
+            self.leg.steps[-1] = Step(
+                last.item, last.point, last.height_m, last.speed_mps, last.hold_s + seconds
+            )
+
+    def _return(self, number: int) -> None:
+        leg = self._open(number)
+        leg.item_to = number
+        leg.landing = "return"
+        if self.home is not None:
+            leg.steps.append(Step(number, self.home.point, self.height_m, self.speed_mps))
+        self._close(leg)
+
+    def _go(self, number: int, item: MissionItem) -> None:
+        leg = self._open(number)
+        leg.item_to = number
+        point = item.point or self.at
+        if point is None:
+            return
+        if leg.start is None:
+            leg.start = point
+        self.height_m = self._height(item)
+        leg.steps.append(Step(number, point, self.height_m, self.speed_mps, self._hold_s(item)))
+        self.at = point
+        if item.command in LAND_COMMANDS:
+            leg.landing = "land"
+            self._close(leg)
+
+    def _open(self, number: int) -> RouteLeg:
+        if self.leg is None:
+            self.leg = RouteLeg(number, number, self.at)
+        return self.leg
+
+    def _close(self, leg: RouteLeg) -> None:
+        self.legs.append(leg)
+        self.leg = None
+
+    def _height(self, item: MissionItem) -> float:
+        if item.frame in _RELATIVE or item.frame in _TERRAIN:
+            return item.z
+        if self.home is None or self.home.altitude_m is None:
+            return math.nan
+        return item.z - self.home.altitude_m
+
+    def _hold_s(self, item: MissionItem) -> float:
+        if item.command in TAKEOFF_COMMANDS or item.command in LAND_COMMANDS:
+            return 0.0
+        if item.command == Command.NAV_LOITER_UNLIM:
+            return math.inf
+        if item.command == Command.NAV_LOITER_TURNS:
+            radius = abs(item.param3) if math.isfinite(item.param3) else 0.0
+            turns = item.param1 if item.param1 > 0 else 0.0
+            return turns * 2.0 * math.pi * radius / max(self.speed_mps, 0.1)
+        if item.command in (Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_TIME):
+            return item.param1 if item.param1 > 0 else 0.0
+        return 0.0
