@@ -15,7 +15,7 @@ import numpy as np
 
 from models.errors import Fault, InputError
 from models.units import SPEED_UNITS_MPS
-from models.wind_table import FaultCollector, Problem, parse_direction, parse_number, read_table
+from models.wind_table import FaultCollector, Problem, check_year, parse_direction, parse_number, read_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -206,24 +206,22 @@ class _RowReader:
         zone, file = self._columns.time_zone, self.faults.file
         said = []
         if self.absurd:
-            limit = f"above {self._columns.max_speed_mps:g} m/s"
-            said.append(
-                f"{file}: {self.absurd:,} rows with a speed {limit} dropped, first {self._first_absurd}"
-            )
+            limit = f"a speed above {self._columns.max_speed_mps:g} m/s"
+            said.append(f"{file}: rows dropped for {limit}: {self.absurd:,}, first {self._first_absurd}")
         if self._zero_with_speed:
             said.append(
-                f"{file}: {self._zero_with_speed:,} rows have direction 0 and a speed, read as variable; "
+                f"{file}: rows with direction 0 and a speed, read as variable: {self._zero_with_speed:,}; "
                 'if 0 is north in this file, say calm = "speed-0"'
             )
         if self._repeated_rows:
             said.append(
-                f"{file}: {self._repeated_rows:,} rows lie in an hour that the clock repeats in {zone}; the "
+                f"{file}: rows in an hour that the clock repeats in {zone}: {self._repeated_rows:,}; the "
                 "first of a time is taken as summer time, the second as standard time"
             )
         if self._skipped_rows:
             said.append(
-                f"{file}: {self._skipped_rows:,} rows lie in an hour that the clock skips in {zone}, taken "
-                "as the hour after; does the record keep standard time all year?"
+                f"{file}: rows in an hour that the clock skips in {zone}: {self._skipped_rows:,}, taken as "
+                "the hour after; does the record keep standard time all year?"
             )
         return tuple(said)
 
@@ -252,21 +250,20 @@ class _RowReader:
             if pattern is None:
                 return Problem("not an ISO 8601 time", "such as 2013-07-10T18:00Z, or give time_format")
             return Problem("the time does not fit time_format", f"written like {pattern}")
-        try:
-            if stamp.tzinfo is not None:
-                return stamp.timestamp()
-            if zone is None:
-                remedy = 'give time_zone = "UTC", or the zone of the clock such as "America/New_York"'
-                return Problem("the time has no UTC offset", remedy)
-            first, second = stamp.replace(tzinfo=zone), stamp.replace(tzinfo=zone, fold=1)
-            ahead = (first.utcoffset() or _ZERO) - (second.utcoffset() or _ZERO)
-            if ahead > _ZERO:
-                self._repeated[text] = second.timestamp()
-            elif ahead < _ZERO:
-                self._skipped.add(text)
-            return first.timestamp()
-        except OverflowError:
-            return Problem("the time is out of range", "a year of this age")
+        if problem := check_year(stamp):
+            return problem
+        if stamp.tzinfo is not None:
+            return stamp.timestamp()
+        if zone is None:
+            remedy = 'give time_zone = "UTC", or the zone of the clock such as "America/New_York"'
+            return Problem("the time has no UTC offset", remedy)
+        first, second = stamp.replace(tzinfo=zone), stamp.replace(tzinfo=zone, fold=1)
+        ahead = (first.utcoffset() or _ZERO) - (second.utcoffset() or _ZERO)
+        if ahead > _ZERO:
+            self._repeated[text] = second.timestamp()
+        elif ahead < _ZERO:
+            self._skipped.add(text)
+        return first.timestamp()
 
     def _settle_clock_changes(
         self, texts: list[str], site: NDArray[np.float64], time_s: NDArray[np.float64]

@@ -79,9 +79,10 @@ def analogue_ensemble(
         middle = date(2013, 1, 1) + timedelta(days=int(today))
         begin, end = (middle + timedelta(days=sign * min(season_days, 182)) for sign in (-1, 1))
         wanted = f"{begin:%d %B} to {end:%d %B}"
-        found = (
-            f"{int(season.sum())} days in that season, {int((season & days.complete).sum())} without a gap"
-        )
+        whole = season & days.complete
+        found = f"{season.sum()} days in that season, {whole.sum()} without a gap, all of them left out"
+        if not whole.any():
+            found = f"{season.sum()} days in that season, none without a gap"
         problem = f"no analogue day for the season {wanted}"
         remedy = f"the record covers {history.covers} ({found}); widen the season or give another record"
         raise InputError(Fault(problem, history.source or None, remedy=remedy))

@@ -12,7 +12,15 @@ from models.errors import InputError
 from models.units import from_posix, iso, parse_instant
 from models.wind import vector
 from models.wind_columns import MAX_SPEED_MPS
-from models.wind_table import FaultCollector, Problem, parse_direction, parse_number, read_table
+from models.wind_table import (
+    LISTED_FAULTS,
+    FaultCollector,
+    Problem,
+    check_year,
+    parse_direction,
+    parse_number,
+    read_table,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -89,7 +97,9 @@ def _step(times_s: NDArray[np.float64], faults: FaultCollector) -> float:
     if not len(steps):
         return 3600.0
     usual = float(np.median(steps))
-    for number in np.flatnonzero(np.abs(steps - usual) > 1e-3):
+    uneven = np.flatnonzero(np.abs(steps - usual) > 1e-3)
+    faults.count(max(0, len(uneven) - LISTED_FAULTS))
+    for number in uneven[:LISTED_FAULTS]:
         begin, end = (iso(from_posix(times_s[place])) for place in (number, number + 1))
         problem = f"from {begin} to {end} the step is {steps[number] / 3600.0:g} h"
         remedy = f"the same step everywhere, here {usual / 3600.0:g} h"
@@ -146,7 +156,9 @@ class _Reader:
         """Note each member, time and site that has no row or several."""
         sites, members = list(self._sites), list(self.members)
         rows = np.bincount(cell, minlength=len(members) * len(times_s) * len(sites))
-        for number in np.flatnonzero(rows != 1):
+        wrong = np.flatnonzero(rows != 1)
+        self.faults.count(max(0, len(wrong) - LISTED_FAULTS))
+        for number in wrong[:LISTED_FAULTS]:
             rest, site = divmod(int(number), len(sites))
             member, slot = divmod(rest, len(times_s))
             which = f"member {members[member]}, site {sites[site]}, {iso(from_posix(times_s[slot]))}"
@@ -165,7 +177,9 @@ class _Reader:
             return np.full(len(self.members), 1.0 / len(self.members))
         _, first = np.unique(member, return_index=True)
         probability = given[first]
-        for row in np.flatnonzero(given != probability[member]):
+        changed = np.flatnonzero(given != probability[member])
+        self.faults.count(max(0, len(changed) - LISTED_FAULTS))
+        for row in changed[:LISTED_FAULTS]:
             problem = "the probability of a member changes"
             remedy = f"as in line {int(line[first[member[row]]])}"
             where = int(line[row])
@@ -182,9 +196,10 @@ class _Reader:
 
 def _parse_time(text: str) -> float | Problem:
     try:
-        return parse_instant(text).timestamp()
+        instant = parse_instant(text)
     except InputError as error:
         return Problem(error.faults[0].problem, error.faults[0].remedy or "")
+    return check_year(instant) or instant.timestamp()
 
 
 def _parse_speed(text: str) -> float | Problem:

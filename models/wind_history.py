@@ -338,5 +338,5 @@ def _warnings(
     if silent:
         said.append(f"{file}: no row of {', '.join(silent)}; their wind is taken from the other sites")
     if counts.hours_empty:
-        said.append(f"{file}: {counts.hours_empty:,} hours of a site have no wind and stay empty")
+        said.append(f"{file}: hours of a site that stay without wind: {counts.hours_empty:,}")
     return tuple(said)

@@ -21,6 +21,7 @@ from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+    from datetime import datetime
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -28,7 +29,9 @@ if TYPE_CHECKING:
 MAX_BYTES = 64_000_000
 MAX_ROWS = 5_000_000
 _CHUNK_ROWS = 5_000
-_LISTED_FAULTS = 20
+LISTED_FAULTS = 20
+HOPELESS_FAULTS = 100_000
+FIRST_YEAR, LAST_YEAR = 1800, 2200
 
 
 class Problem(NamedTuple):
@@ -54,7 +57,7 @@ class FaultCollector:
 
     def add(self, problem: str, remedy: str, *, line: int | None, field: str | None, value: object) -> None:
         """Note a fault; beyond a few times twenty only their number is kept."""
-        if len(self._found) < 10 * _LISTED_FAULTS:
+        if len(self._found) < 10 * LISTED_FAULTS:
             self._found.append(Fault(problem, self.file, line, field, value, remedy))
         else:
             self._unlisted += 1
@@ -63,14 +66,19 @@ class FaultCollector:
         """Note that many more faults without telling them."""
         self._unlisted += more
 
-    def raise_if_any(self) -> None:
-        """Raise what was found, in the order of the lines."""
+    def raise_if_hopeless(self) -> None:
+        """Raise what was found so far, if it is so much that the rest of the file need not be read."""
+        if len(self._found) + self._unlisted > HOPELESS_FAULTS:
+            self.raise_if_any(after=" in the lines read so far")
+
+    def raise_if_any(self, *, after: str = "") -> None:
+        """Raise what was found, in the order of the lines; `after` follows the number of those not told."""
         if not self._found:
             return
         found = sorted(self._found, key=lambda fault: fault.line or 0)
-        more = len(found) + self._unlisted - _LISTED_FAULTS
+        more = len(found) + self._unlisted - LISTED_FAULTS
         if more > 0:
-            found = [*found[:_LISTED_FAULTS], Fault(f"and {more:,} more faults", self.file)]
+            found = [*found[:LISTED_FAULTS], Fault(f"and {more:,} more faults{after}", self.file)]
         raise InputError(found)
 
 
@@ -112,10 +120,10 @@ class Chunk:
             rows = [row for row, text in enumerate(texts) if text in problems]
             if each_text_once:
                 rows = sorted({texts[row]: row for row in reversed(rows)}.values())
-            for row in rows[:_LISTED_FAULTS]:
+            for row in rows[:LISTED_FAULTS]:
                 problem, remedy = problems[texts[row]]
                 faults.add(problem, remedy, line=self.lines[row], field=name, value=texts[row])
-            faults.count(max(0, len(rows) - _LISTED_FAULTS))
+            faults.count(max(0, len(rows) - LISTED_FAULTS))
         return np.fromiter(map(values.__getitem__, texts), np.float64, len(texts))
 
 
@@ -141,13 +149,10 @@ def read_table(
                     problem = f"has {len(row)} cells where the header has {len(header or ())}"
                     faults.add(problem, "one cell for each column", line=line, field=None, value=None)
             count += len(whole)
-            if count > MAX_ROWS:
-                raise InputError(
-                    Fault(f"has more than {MAX_ROWS:,} rows", faults.file, remedy="cut it to what is needed")
-                )
             if whole:
                 columns = {name: [row[place] for _, row in whole] for name, place in places.items()}
                 yield Chunk([line for line, _ in whole], columns)
+            faults.raise_if_hopeless()
     except csv.Error as error:
         raise InputError(Fault(f"is not CSV: {error}", faults.file, reader.line_num)) from None
     if not count:
@@ -163,7 +168,11 @@ def _text(path: Path) -> str:
     if too_large:
         remedy = "cut it to the part that is needed"
         raise InputError(Fault(f"is larger than {MAX_BYTES / 1e6:.0f} MB", str(path), remedy=remedy))
-    return files.read_text(path, max_bytes=MAX_BYTES)
+    text = files.read_text(path, max_bytes=MAX_BYTES)
+    if text.count("\n") > MAX_ROWS + 1:
+        remedy = "cut it to the part that is needed"
+        raise InputError(Fault(f"has more than {MAX_ROWS:,} rows", str(path), remedy=remedy))
+    return text
 
 
 def _places(
@@ -183,6 +192,13 @@ def _places(
             faults.add("the column appears twice", "name it once", line=1, field=name, value=None)
     faults.raise_if_any()
     return {name: names.index(name) for name in (*required, *optional) if name in names}
+
+
+def check_year(stamp: datetime) -> Problem | None:
+    """Return what is wrong with a time that no record of wind can have."""
+    if FIRST_YEAR <= stamp.year <= LAST_YEAR:
+        return None
+    return Problem("the time is out of range", f"a year from {FIRST_YEAR} to {LAST_YEAR}")
 
 
 def parse_number(text: str) -> float | Problem:
