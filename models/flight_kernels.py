@@ -1,0 +1,129 @@
+"""Compiled kernels of flights through slotted wind. See `models.flight` for the rules and `Air` for the arrays."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.compiled import compiled
+from models.wind import MIN_GROUND_SPEED_MPS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from models.flight import Air
+
+NEVER = math.inf
+_SLOT_EDGE_S = 1e-6  # a time this close below a boundary counts as beyond it, so that no step has length zero
+
+
+@compiled
+def slot_of(air: Air, time_s: float) -> int:
+    """Slot that holds a time; times outside the series use its first or last slot."""
+    slot = int(math.floor((time_s + _SLOT_EDGE_S - air.start_s) / air.slot_s))
+    return min(max(slot, 0), air.north.shape[1] - 1)
+
+
+@compiled
+def slot_end(air: Air, slot: int) -> float:
+    """POSIX seconds at which a slot ends; the last one never does."""
+    if slot >= air.north.shape[1] - 1:
+        return NEVER
+    return air.start_s + (slot + 1) * air.slot_s
+
+
+@compiled
+def wind_on(air: Air, member: int, slot: int, segment: int) -> tuple[float, float]:
+    """Wind (north, east) over a segment in one slot of one member."""
+    north = 0.0
+    east = 0.0
+    for site in range(air.weight.shape[1]):
+        north += air.weight[segment, site] * air.north[member, slot, site]
+        east += air.weight[segment, site] * air.east[member, slot, site]
+    return north, east
+
+
+@compiled
+def segment_speed(air: Air, member: int, slot: int, segment: int) -> float:
+    """Ground speed over a segment in one slot (equations 1-5); 0 where it cannot be flown."""
+    north, east = wind_on(air, member, slot, segment)
+    along = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
+    across = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
+    square = air.airspeed_mps * air.airspeed_mps - across * across
+    if square <= 0.0 or north * north + east * east > air.wind_limit_mps * air.wind_limit_mps:
+        return 0.0
+    speed = along + math.sqrt(square)
+    if speed < MIN_GROUND_SPEED_MPS:
+        return 0.0
+    return min(speed, air.max_ground_speed_mps)
+
+
+@compiled
+def cruise(air: Air, member: int, segment: int, time_s: float) -> float:
+    """Time at which a segment entered at `time_s` is left again; never where a slot on the way forbids it."""
+    left = air.distance_m[segment]
+    now = time_s
+    slot = slot_of(air, now)
+    while True:
+        speed = segment_speed(air, member, slot, segment)
+        if speed <= 0.0:
+            return NEVER
+        end = slot_end(air, slot)
+        if now + left / speed <= end:
+            return now + left / speed
+        left -= speed * (end - now)
+        now = end
+        slot += 1
+
+
+@compiled
+def land(air: Air, member: int, segments: NDArray[np.int64], depart_s: float) -> float:
+    """Touch-down of a flight over segments that takes off at `depart_s`; never where it is not flyable."""
+    now = depart_s + air.climb_s
+    for segment in segments:
+        now = cruise(air, member, segment, now)
+        if now == NEVER:
+            return NEVER
+    now += air.descent_s
+    first = slot_of(air, depart_s)
+    last = slot_of(air, now - 2.0 * _SLOT_EDGE_S)
+    if len(segments) == 1 and last == first:
+        return now
+    for slot in range(first, last + 1):
+        for segment in segments:
+            if segment_speed(air, member, slot, segment) <= 0.0:
+                return NEVER
+    return now
+
+
+@compiled
+def next_opening(air: Air, member: int, segments: NDArray[np.int64], time_s: float) -> float:
+    """First time from `time_s` on at which a take-off makes a flyable flight; never where the wind stays over limits."""
+    now = time_s
+    while True:
+        if land(air, member, segments, now) < NEVER:
+            return now
+        end = slot_end(air, slot_of(air, now))
+        if end == NEVER:
+            return NEVER
+        now = end
+
+
+@compiled
+def leg(air: Air, member: int, segment: int, time_s: float) -> tuple[float, float]:
+    """Take-off and touch-down of a one-segment flight that leaves at `time_s` or, held by the wind, when it first can."""
+    now = time_s
+    while True:
+        over = cruise(air, member, segment, now + air.climb_s)
+        if over < NEVER:
+            down = over + air.descent_s
+            first = slot_of(air, now)
+            last = slot_of(air, down - 2.0 * _SLOT_EDGE_S)
+            if segment_speed(air, member, first, segment) > 0.0 and segment_speed(air, member, last, segment) > 0.0:
+                return now, down
+        end = slot_end(air, slot_of(air, now))
+        if end == NEVER:
+            return NEVER, NEVER
+        now = end

@@ -1,0 +1,87 @@
+"""A scenario: everything a planner knows of a region before it gets a request."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from models.errors import Fault, InputError
+from models.wind_forecast import analogue_ensemble, truth_series
+
+if TYPE_CHECKING:
+    from datetime import date, datetime
+
+    from models.drone import Drone
+    from models.flight import FlightRules
+    from models.load import PadLoad
+    from models.network import Network
+    from models.wind_forecast import WindEnsemble
+    from models.wind_history import WindHistory
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Network, fleet, flight rules, wind record and pad load of a region.
+
+    Attributes
+    ----------
+    name : str
+        What people call it.
+    network : Network
+        Stations and segments.
+    drones : tuple of Drone
+        The fleet.
+    rules : FlightRules
+        How every flight is flown.
+    load : PadLoad
+        Other drones at the stations, in the order of the network's stations.
+    history : WindHistory or None
+        Wind record that ensembles are drawn from.
+    timezone : str
+        IANA name of local time.
+    season_days : int
+        Days of the record within this many days of the departure's date are analogues.
+    path, sha256 : str or None
+        Where it was read from, and the digest of all its files.
+    warnings : tuple of str
+        What a person should know of the input.
+    """
+
+    name: str
+    network: Network
+    drones: tuple[Drone, ...]
+    rules: FlightRules
+    load: PadLoad
+    history: WindHistory | None = None
+    timezone: str = "UTC"
+    season_days: int = 30
+    path: str | None = None
+    sha256: str | None = None
+    warnings: tuple[str, ...] = ()
+
+    def drone(self, identity: str) -> Drone:
+        """Return a drone of the fleet by id, or raise an `InputError` that names the fleet."""
+        for drone in self.drones:
+            if drone.id == identity:
+                return drone
+        fleet = ", ".join(drone.id for drone in self.drones)
+        raise InputError(Fault("no such drone", field="drone", value=identity, remedy=f"the fleet has {fleet}"))
+
+    def forecast(self, depart: datetime, hours: int, *, truth: date | None = None) -> WindEnsemble:
+        """Ensemble of analogue days for a departure; the days about `truth` are left out."""
+        exclude = () if truth is None else (truth,)
+        return analogue_ensemble(self._record(), depart, hours, season_days=self.season_days, exclude=exclude)
+
+    def truth(self, day: date, depart: datetime, hours: int) -> WindEnsemble:
+        """What the record measured from that day on, laid onto the departure, as an ensemble of one."""
+        return truth_series(self._record(), day, depart, hours)
+
+    def with_target(self, lat: float, lon: float) -> Scenario:
+        """Add a delivery target without pads to the network."""
+        return replace(self, network=self.network.with_target(lat, lon), load=self.load.extended(1))
+
+    def _record(self) -> WindHistory:
+        if self.history is None:
+            remedy = "give [wind] history in scenario.toml, or --wind 8@270, or --forecast FILE"
+            raise InputError(Fault("the scenario has no wind record", self.path, field="wind.history", remedy=remedy))
+        return self.history

@@ -1,0 +1,265 @@
+"""Scenarios as an operator writes them: a folder with ``scenario.toml`` and the files it names.
+
+Every part is read even when another is wrong, so that all faults are reported at once.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+from models.drone import M200_V2, Drone
+from models.errors import Fault, InputError
+from models.fields import Table, read_toml
+from models.fleet import read_fleet
+from models.flight import FlightRules
+from models.load import PadLoad, read_load, read_occupancy
+from models.network import ConnectionRule, Network, Station
+from models.network_builders import RULES, build_network
+from models.network_files import STATION_FIELDS, read_segments, read_stations
+from models.scenario import Scenario
+from models.units import SPEED_UNITS_MPS
+from models.wind_columns import WindColumns
+from models.wind_history import WindHistory, WindSite, read_history
+from models.zones import NoFlyZones, read_zones
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+SCHEMA = "skyway.scenario/1"
+FILE = "scenario.toml"
+FAR_M = 1_000_000.0
+"""A station farther than this from the middle of the others, but near it with lat and lon swapped, is a fault."""
+
+T = TypeVar("T")
+
+
+def read_scenario(path: Path) -> Scenario:
+    """Read the scenario in a folder (or named by its ``scenario.toml``).
+
+    Raises
+    ------
+    InputError
+        With every fault in every file.
+    """
+    file = path / FILE if path.is_dir() or path.suffix != ".toml" else path
+    if not file.is_file():
+        remedy = "skyway scenario init DIR writes one to start from"
+        problem = "no such folder" if not path.exists() else f"the folder holds no {FILE}"
+        raise InputError(Fault(problem, str(path), remedy=remedy))
+    return _Reader(file).read()
+
+
+class _Reader:
+    """Reads one scenario, collecting faults, warnings and the digest of its files."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self.folder = file.parent
+        self.faults: list[Fault] = []
+        self.warnings: list[str] = []
+        self.digest = hashlib.sha256()
+        self.top = Table(read_toml(file), str(file), "", self.faults)
+        self._add_to_digest(file)
+
+    def read(self) -> Scenario:
+        self.top.text("schema", SCHEMA, choices=(SCHEMA,))
+        name = self.top.text("name", self.folder.name or "scenario")
+        timezone = self._timezone()
+        network = self._network(self.top.table("network"))
+        drones = self._drones(self.top.table("drones"))
+        rules = self._rules(self.top.table("flight"))
+        history, season_days = self._wind(self.top.table("wind"))
+        load = self._load(self.top.table("load"), network, timezone)
+        self.top.finish()
+        if self.faults or network is None:
+            raise InputError(self.faults)
+        self._warn_of_parts(network)
+        return Scenario(
+            name=name,
+            network=network,
+            drones=drones,
+            rules=rules,
+            load=load if load is not None else PadLoad.none(len(network), timezone),
+            history=history,
+            timezone=timezone,
+            season_days=season_days,
+            path=str(self.file),
+            sha256=self.digest.hexdigest(),
+            warnings=tuple(self.warnings),
+        )
+
+    def _timezone(self) -> str:
+        name = self.top.text("timezone", "UTC")
+        try:
+            ZoneInfo(name)
+        except (ZoneInfoNotFoundError, ValueError, OSError):
+            self.top.fault("timezone", "is no time zone", name, "an IANA name such as Europe/Berlin")
+            return "UTC"
+        return name
+
+    def _network(self, table: Table) -> Network | None:
+        stations_file = self._path(table, "stations", required=True)
+        segments_file = self._path(table, "segments")
+        zones_file = self._path(table, "zones")
+        rule = ConnectionRule(
+            kind=table.text("rule", "max-length", choices=RULES),
+            max_length_m=table.number("max_length_m", 10_000.0, above=0, high=2e7),
+            nearest=table.whole("nearest", 6, low=1, high=1000),
+        )
+        columns_table = table.table("columns")
+        columns = {field: columns_table.text(field) for field in STATION_FIELDS if field in columns_table}
+        columns_table.finish()
+        pads = table.whole("pads", 5, low=0, high=10_000)
+        spots = table.whole("holding_spots", 4, low=0, high=10_000)
+        table.finish()
+        stations = self._try(lambda f: read_stations(f, columns=columns, pads=pads, holding_spots=spots), stations_file)
+        zones = self._try(read_zones, zones_file)
+        if stations is None:
+            return None
+        self._check_positions(stations, zones, stations_file)
+        if segments_file is None:
+            return self._try(lambda _: build_network(stations, rule, zones=zones), self.file)
+        pairs = self._try(lambda f: read_segments(f, stations), segments_file)
+        if pairs is None:
+            return None
+        import numpy as np  # noqa: PLC0415
+
+        network = Network.from_pairs(stations, np.array(pairs, dtype=np.int64).reshape(-1, 2), zones=zones)
+        removed = len(set(pairs)) - len(network.tail)
+        if removed:
+            self.warnings.append(f"{removed} given segments cross a no-fly zone and are left out")
+        return network
+
+    def _check_positions(self, stations: tuple[Station, ...], zones: NoFlyZones | None, file: Path | None) -> None:
+        import numpy as np  # noqa: PLC0415
+
+        from models import geodesy  # noqa: PLC0415
+
+        lat, lon = np.array([s.lat for s in stations]), np.array([s.lon for s in stations])
+        middle = float(np.median(lat)), float(np.median(lon))
+        far, _ = geodesy.inverse(middle[0], middle[1], lat, lon)
+        for number in np.flatnonzero(far > FAR_M):
+            station = stations[number]
+            if abs(station.lon) <= 90 and geodesy.distance_m(*middle, station.lon, station.lat) < FAR_M:
+                where = f"{station.lat},{station.lon}"
+                fault = Fault("lat and lon look swapped", str(file), None, f"station {station.id}", where)
+                self.faults.append(fault)
+            else:
+                self.warnings.append(f"station {station.id} lies {far[number] / 1000:.0f} km from the others")
+        for station in stations:
+            zone = zones.contains(station.lat, station.lon) if zones is not None else None
+            if zone is not None:
+                self.faults.append(Fault(f"lies in the no-fly zone {zone}", str(file), None, f"station {station.id}"))
+
+    def _drones(self, table: Table) -> tuple[Drone, ...]:
+        file = self._path(table, "fleet")
+        table.finish()
+        return self._try(read_fleet, file) or (M200_V2,)
+
+    def _rules(self, table: Table) -> FlightRules:
+        default = FlightRules()
+        rules = FlightRules(
+            cruise_height_m=table.number("cruise_height_m", default.cruise_height_m, low=5, high=1000),
+            climb_rate_mps=table.number("climb_rate_mps", default.climb_rate_mps, low=0.1, high=30),
+            descent_rate_mps=table.number("descent_rate_mps", default.descent_rate_mps, low=0.1, high=30),
+            wind_profile_exponent=table.number("wind_profile_exponent", default.wind_profile_exponent, low=0, high=1),
+        )
+        table.finish()
+        return rules
+
+    def _wind(self, table: Table) -> tuple[WindHistory | None, int]:
+        ensemble = table.table("ensemble")
+        season_days = ensemble.whole("season_days", 30, low=0, high=183)
+        ensemble.finish()
+        file = self._path(table, "history")
+        sites = [
+            WindSite(t.text("id"), t.number("lat", low=-90, high=90), t.number("lon", low=-180, high=180))
+            for t in table.tables("sites")
+        ]
+        measured_at = table.number("measured_at_m", 10.0, above=0, high=1000)
+        columns = WindColumns(
+            time=table.text("time", "time"),
+            site=table.text("site") if "site" in table else None,
+            speed=table.text("speed", "speed_mps"),
+            from_=table.text("from", "from_deg"),
+            speed_unit=table.text("speed_unit", "m/s", choices=tuple(SPEED_UNITS_MPS)),
+            time_zone=table.text("time_zone") if "time_zone" in table else None,
+            missing=table.texts("missing", ("", "NA", "NaN")),
+            calm=table.text("calm", "speed-0", choices=("direction-0", "speed-0")),
+            variable=table.texts("variable", ("VRB",)),
+            time_format=table.text("time_format") if "time_format" in table else None,
+            default_site=sites[0].id if len(sites) == 1 else None,
+        )
+        table.finish()
+        if file is None:
+            return None, season_days
+        if not sites:
+            table.fault("sites", "is missing", remedy="say where the wind was measured: [[wind.sites]] id, lat, lon")
+            return None, season_days
+        history = self._try(lambda f: read_history(f, columns, sites, measured_at), file)
+        if history is not None:
+            self.warnings += history.warnings
+        return history, season_days
+
+    def _load(self, table: Table, network: Network | None, timezone: str) -> PadLoad | None:
+        file = self._path(table, "file")
+        occupancy = self._path(table, "occupancy")
+        mean_charging_min = table.number("mean_charging_min", 60.0, above=0, high=10_000)
+        table.finish()
+        if file is not None and occupancy is not None:
+            table.fault("occupancy", "file and occupancy are both given", remedy="keep one of them")
+        if network is None:
+            return None
+        ids = [station.id for station in network.stations]
+        if file is not None:
+            found = self._try(lambda f: read_load(f, ids, timezone), file)
+        elif occupancy is not None:
+            pads = network.pads
+            found = self._try(lambda f: read_occupancy(f, ids, timezone, pads, mean_charging_min), occupancy)
+        else:
+            self.warnings.append("no [load]: the pads are taken to be free of other drones")
+            return None
+        if found is None:
+            return None
+        load, warnings = found
+        self.warnings += warnings
+        return load
+
+    def _warn_of_parts(self, network: Network) -> None:
+        parts = network.parts()
+        if len(parts) > 1:
+            alone = ", ".join(part[0] for part in parts[1:5]) + (", …" if len(parts) > 5 else "")
+            self.warnings.append(f"the network falls into {len(parts)} parts that no segment joins (apart: {alone})")
+
+    def _path(self, table: Table, key: str, *, required: bool = False) -> Path | None:
+        if not required and key not in table:
+            return None
+        text = table.text(key)
+        if not text:
+            return None
+        path = self.folder / text
+        if not path.is_file():
+            table.fault(key, "no such file", text)
+            return None
+        self._add_to_digest(path)
+        return path
+
+    def _add_to_digest(self, path: Path) -> None:
+        try:
+            with path.open("rb") as stream:
+                self.digest.update(hashlib.file_digest(stream, "sha256").digest())
+        except OSError as error:
+            self.faults.append(Fault(f"cannot be read: {error.strerror}", str(path)))
+
+    def _try(self, read: Callable[[Path], T], path: Path | None) -> T | None:
+        """Read a part; its faults join the others."""
+        if path is None:
+            return None
+        try:
+            return read(path)
+        except InputError as error:
+            self.faults += error.faults
+            return None

@@ -1,0 +1,1 @@
+"""Planners: from a scenario and a request to a composition."""

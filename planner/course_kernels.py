@@ -1,0 +1,171 @@
+"""Compiled flying of a fixed itinerary through many winds and queues."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from models.compiled import compiled
+from models.flight_kernels import NEVER, land, next_opening, segment_speed, slot_end, slot_of
+from planner.profile_kernels import interpolate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from models.flight import Air
+
+PAD, TAKE_OFF, TOUCH_DOWN, SOC_OFF, SOC_DOWN, READY = range(6)
+"""Columns of what `fly` returns: pad reached (the arrival where no pad is used), take-off, touch-down, charge at both,
+and when the drone would have left but for the wind."""
+
+
+class Hops(NamedTuple):
+    """Flights of an itinerary and the stop before each, for `fly`.
+
+    Attributes
+    ----------
+    offset, segments : ndarray of int
+        Segments of hop i are ``segments[offset[i] : offset[i + 1]]``.
+    charge_to, not_before_s : ndarray, shape (hops,)
+        At the stop before: charge to this SoC (NaN: use no pad) and stay until this time (-inf: do not).
+    curve_s, curve_soc : ndarray, shape (hops, points)
+        Charging curve at the stop before; rows padded by repeating the last point.
+    """
+
+    offset: NDArray[np.int64]
+    segments: NDArray[np.int64]
+    charge_to: NDArray[np.float64]
+    not_before_s: NDArray[np.float64]
+    curve_s: NDArray[np.float64]
+    curve_soc: NDArray[np.float64]
+
+
+class Queues(NamedTuple):
+    """Queue paths of each run at the stop before each hop, packed by `models.queue_paths.pack` in order (run, hop)."""
+
+    offset: NDArray[np.int64]
+    arrival_s: NDArray[np.float64]
+    pad_s: NDArray[np.float64]
+    land_s: NDArray[np.float64]
+
+
+class Waits(NamedTuple):
+    """Expected waits at the stop before each hop, shape (hops, times)."""
+
+    start_s: float
+    step_s: float
+    wait_s: NDArray[np.float64]
+
+
+@compiled
+def _expected_pad(waits: Waits, hop: int, time_s: float) -> float:
+    x = (time_s - waits.start_s) / waits.step_s
+    last = waits.wait_s.shape[1] - 1
+    if x <= 0.0:
+        return time_s + waits.wait_s[hop, 0]
+    if x >= last:
+        return time_s + waits.wait_s[hop, last]
+    k = int(x)
+    return time_s + waits.wait_s[hop, k] + (x - k) * (waits.wait_s[hop, k + 1] - waits.wait_s[hop, k])
+
+
+@compiled
+def _sampled(ready_s: NDArray[np.float64], queues: Queues, entry: int, time_s: float) -> float:
+    low, high = queues.offset[entry], queues.offset[entry + 1]
+    k = low + np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1
+    return max(time_s, ready_s[max(k, low)])
+
+
+@compiled
+def fly(
+    air: Air,
+    members: NDArray[np.int64],
+    hops: Hops,
+    queues: Queues,
+    waits: Waits,
+    start: tuple[float, float],
+    cost: tuple[float, float],
+) -> NDArray[np.float64]:
+    """Fly an itinerary in several runs.
+
+    Parameters
+    ----------
+    air : Air
+        The wind.
+    members : ndarray of int, shape (runs,)
+        Member of the ensemble that each run flies in.
+    hops : Hops
+        The itinerary.
+    queues : Queues
+        One sampled path per run and hop; with no entries, the expected waits are used instead.
+    waits : Waits
+        Expected waits.
+    start : (time_s, soc)
+        When and with which charge the delivery starts.
+    cost : (soc_per_s, soc_fixed)
+        Of a flight.
+
+    Returns
+    -------
+    ndarray, shape (runs, hops, 6)
+        See the column names of this module; infinite from the hop on that the wind never opens for.
+    """
+    count = len(hops.charge_to)
+    out = np.full((len(members), count, 6), NEVER)
+    sampled = len(queues.offset) > 1
+    for run in range(len(members)):
+        now, soc = start
+        for hop in range(count):
+            segments = hops.segments[hops.offset[hop] : hops.offset[hop + 1]]
+            entry = run * count + hop
+            if hop > 0 and sampled:
+                spot = _sampled(queues.land_s, queues, entry, now)
+                soc -= cost[0] * (spot - now)
+                out[run, hop - 1, TOUCH_DOWN], out[run, hop - 1, SOC_DOWN] = spot, soc
+                now = spot
+            pad = now
+            ready = now
+            charges = not math.isnan(hops.charge_to[hop]) and hops.charge_to[hop] > soc
+            u = 0.0
+            if charges:
+                pad = _sampled(queues.pad_s, queues, entry, now) if sampled else _expected_pad(waits, hop, now)
+                u = interpolate(soc, hops.curve_soc[hop], hops.curve_s[hop])
+                ready = pad + interpolate(hops.charge_to[hop], hops.curve_soc[hop], hops.curve_s[hop]) - u
+            ready = max(ready, hops.not_before_s[hop])
+            off = next_opening(air, members[run], segments, ready)
+            if off == NEVER:
+                break
+            if charges:
+                soc = interpolate(u + off - pad, hops.curve_s[hop], hops.curve_soc[hop])
+            out[run, hop, PAD], out[run, hop, READY], out[run, hop, TAKE_OFF], out[run, hop, SOC_OFF] = pad, ready, off, soc
+            now = land(air, members[run], segments, off)
+            soc -= cost[1] + cost[0] * (now - off)
+            out[run, hop, TOUCH_DOWN], out[run, hop, SOC_DOWN] = now, soc
+    return out
+
+
+@compiled
+def flight_parts(air: Air, member: int, segments: NDArray[np.int64], depart_s: float) -> NDArray[np.float64]:
+    """Cruise of a flight cut where segment or slot changes, shape (parts, 4): segment, slot, seconds, ground speed."""
+    out = np.empty((len(segments) * (air.north.shape[1] + 1), 4))
+    size = 0
+    now = depart_s + air.climb_s
+    for segment in segments:
+        left = air.distance_m[segment]
+        slot = slot_of(air, now)
+        while True:
+            speed = segment_speed(air, member, slot, segment)
+            if speed <= 0.0:
+                return out[:size].copy()
+            end = slot_end(air, slot)
+            spent = min(left / speed, end - now)
+            out[size, 0], out[size, 1], out[size, 2], out[size, 3] = segment, slot, spent, speed
+            size += 1
+            left -= spent * speed
+            now += spent
+            if now < end or left <= 1e-9:
+                break
+            slot += 1
+    return out[:size].copy()

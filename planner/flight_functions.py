@@ -1,0 +1,304 @@
+"""Arrival functions of flights: for each take-off time, the earliest touch-down at every station.
+
+Between take-off and landing a drone may overfly stations. For take-offs within one time slot the earliest arrival over
+all walks is a continuous, never-decreasing, piecewise-linear function of the take-off time; it is found for all
+stations at once by label correction on whole functions (profile search; Dean, "Shortest paths in FIFO time-dependent
+networks", 2004). The rule that no segment of a flight may be over the limits in any slot the flight touches
+(`models.flight`) is met by one search for each last slot, on the segments that are open in all slots up to it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.compiled import compiled
+from models.flight_kernels import NEVER, segment_speed, slot_end, slot_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from models.flight import Air
+
+_EPS_S = 1e-7
+_POINTS = 16  # points of a function at first; grows as needed
+
+
+@compiled
+def _cruise(air: Air, member: int, segment: int, time_s: float, last_slot: int) -> float:
+    """Leave a segment entered at a time; the wind of `last_slot` is held on after it."""
+    left = air.distance_m[segment]
+    now = time_s
+    slot = min(slot_of(air, now), last_slot)
+    while True:
+        speed = segment_speed(air, member, slot, segment)
+        if speed <= 0.0:
+            return NEVER
+        end = slot_end(air, slot) if slot < last_slot else NEVER
+        if now + left / speed <= end:
+            return now + left / speed
+        left -= speed * (end - now)
+        now = end
+        slot += 1
+
+
+@compiled
+def _link(
+    air: Air, member: int, segment: int, last_slot: int, t: NDArray[np.float64], a: NDArray[np.float64], n: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Append a segment to an arrival function of n points."""
+    slots = last_slot - slot_of(air, a[0]) + 2
+    out_t = np.empty(n + 2 * max(slots, 1) * n + 4)
+    out_a = np.empty(len(out_t))
+    size = 0
+    for k in range(n):
+        out_t[size], out_a[size] = t[k], _cruise(air, member, segment, a[k], last_slot)
+        size += 1
+        if k == n - 1 or a[k + 1] <= a[k]:
+            continue
+        slot = slot_of(air, a[k])
+        while slot < last_slot:  # break points of the segment's own arrival function within (a[k], a[k + 1])
+            end = slot_end(air, slot)
+            speed = segment_speed(air, member, slot, segment)
+            leave = end - air.distance_m[segment] / speed if speed > 0.0 else end
+            for x in (leave, end):
+                if a[k] + _EPS_S < x < a[k + 1] - _EPS_S:
+                    part = (x - a[k]) / (a[k + 1] - a[k])
+                    where = t[k] + part * (t[k + 1] - t[k])
+                    if where > out_t[size - 1]:
+                        out_t[size], out_a[size] = where, _cruise(air, member, segment, x, last_slot)
+                        size += 1
+            if end >= a[k + 1]:
+                break
+            slot += 1
+    return out_t, out_a, size
+
+
+@compiled
+def _at(t: NDArray[np.float64], a: NDArray[np.float64], n: int, x: float) -> float:
+    """Value of a function of n points at x within its domain."""
+    low, high = 0, n - 1
+    if x <= t[0]:
+        return a[0]
+    if x >= t[high]:
+        return a[high]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if t[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    if t[high] <= t[low]:
+        return a[high]
+    return a[low] + (a[high] - a[low]) * (x - t[low]) / (t[high] - t[low])
+
+
+@compiled
+def _lower(
+    t0: NDArray[np.float64],
+    a0: NDArray[np.float64],
+    n0: int,
+    t1: NDArray[np.float64],
+    a1: NDArray[np.float64],
+    n1: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int, bool]:
+    """Lower envelope of two functions on the same domain; the flag tells whether the second is anywhere lower."""
+    better = False
+    for k in range(n1):
+        if a1[k] < _at(t0, a0, n0, t1[k]) - _EPS_S:
+            better = True
+            break
+    if not better:
+        for k in range(n0):
+            if _at(t1, a1, n1, t0[k]) < a0[k] - _EPS_S:
+                better = True
+                break
+    if not better:
+        return t0, a0, n0, False
+    xs = np.sort(np.concatenate((t0[:n0], t1[:n1])))
+    out_t = np.empty(2 * len(xs))
+    out_a = np.empty(2 * len(xs))
+    size = 0
+    for k in range(len(xs)):
+        x = xs[k]
+        u, v = _at(t0, a0, n0, x), _at(t1, a1, n1, x)
+        if k > 0:
+            w = xs[k - 1]
+            p, q = _at(t0, a0, n0, w), _at(t1, a1, n1, w)
+            if (p - q) * (u - v) < 0.0 and x > w:
+                part = (p - q) / ((p - q) - (u - v))
+                where = w + part * (x - w)
+                if out_t[size - 1] + _EPS_S < where < x - _EPS_S:
+                    out_t[size], out_a[size] = where, p + part * (u - p)
+                    size += 1
+        if size > 0 and x <= out_t[size - 1] + _EPS_S and k < len(xs) - 1:
+            continue
+        out_t[size], out_a[size] = x, min(u, v)
+        size += 1
+    return out_t, out_a, _straighten(out_t, out_a, size), True
+
+
+@compiled
+def _straighten(t: NDArray[np.float64], a: NDArray[np.float64], n: int) -> int:
+    """Drop, in place, points that lie on the line through their neighbours; returns how many are left."""
+    size = min(n, 1)
+    for k in range(1, n):
+        if k < n - 1 and t[k + 1] > t[size - 1]:
+            part = (t[k] - t[size - 1]) / (t[k + 1] - t[size - 1])
+            if abs(a[size - 1] + part * (a[k + 1] - a[size - 1]) - a[k]) < _EPS_S:
+                continue
+        t[size], a[size] = t[k], a[k]
+        size += 1
+    return size
+
+
+@compiled
+def _search(
+    air: Air,
+    member: int,
+    first: NDArray[np.int64],
+    head: NDArray[np.int64],
+    source: int,
+    slots: tuple[int, int],
+    limit_s: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Arrival over every node (before descent) for take-offs in slot ``slots[0]``, on segments open up to ``slots[1]``."""
+    s0, s1 = slots
+    nodes = len(first) - 1
+    t = np.empty((nodes, _POINTS))
+    a = np.empty((nodes, _POINTS))
+    n = np.zeros(nodes, dtype=np.int64)
+    begin = air.start_s + s0 * air.slot_s
+    end = begin + air.slot_s
+    t[source, 0], t[source, 1] = begin, end
+    a[source, 0], a[source, 1] = begin + air.climb_s, end + air.climb_s
+    n[source] = 2
+    queue = np.empty(nodes + 1, dtype=np.int64)
+    queued = np.zeros(nodes, dtype=np.bool_)
+    queue[0], queued[source] = source, True
+    read, write = 0, 1
+    while read != write:
+        node = queue[read]
+        read = (read + 1) % (nodes + 1)
+        queued[node] = False
+        for segment in range(first[node], first[node + 1]):
+            other = head[segment]
+            closed = False
+            for slot in range(s0, s1 + 1):
+                closed = closed or segment_speed(air, member, slot, segment) <= 0.0
+            if closed or other == source:
+                continue
+            lt, la, ln = _link(air, member, segment, s1, t[node], a[node], n[node])
+            shortest = NEVER
+            for k in range(ln):
+                shortest = min(shortest, la[k] - lt[k])
+            if shortest + air.descent_s > limit_s:
+                continue
+            if n[other] > 0:
+                lt, la, ln, better = _lower(t[other], a[other], n[other], lt, la, ln)
+                if not better:
+                    continue
+            if ln > t.shape[1]:
+                wider_t, wider_a = np.empty((nodes, 2 * ln)), np.empty((nodes, 2 * ln))
+                wider_t[:, : t.shape[1]], wider_a[:, : a.shape[1]] = t, a
+                t, a = wider_t, wider_a
+            t[other, :ln], a[other, :ln], n[other] = lt[:ln], la[:ln], ln
+            if not queued[other]:
+                queue[write] = other
+                write = (write + 1) % (nodes + 1)
+                queued[other] = True
+    return t, a, n
+
+
+@compiled
+def arrival_functions(
+    air: Air,
+    member: int,
+    first: NDArray[np.int64],
+    head: NDArray[np.int64],
+    source: int,
+    slot: int,
+    limit_s: float,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Earliest touch-down at every node for take-offs at `source` within one slot.
+
+    Parameters
+    ----------
+    air, member
+        Segments, and the member of the ensemble flown in.
+    first, head : ndarray
+        Of the network.
+    source, slot : int
+        Take-off node and slot.
+    limit_s : float
+        Longest flight the battery allows.
+
+    Returns
+    -------
+    offset : ndarray, shape (nodes + 1,)
+        Pieces of node j are ``offset[j] : offset[j + 1]``.
+    pieces : ndarray, shape (pieces, 4)
+        (t0, a0, t1, a1): take-off and touch-down, linear between; sorted, gaps are not flyable.
+    """
+    nodes = len(first) - 1
+    slots = air.north.shape[1]
+    reach = min(slot + int(math.ceil(limit_s / air.slot_s)), slots - 1)
+    pieces = [np.empty((0, 4))]
+    owner = [np.empty(0, dtype=np.int64)]
+    taken = np.full(nodes, air.start_s + slot * air.slot_s)  # up to here earlier last slots have answered
+    for last in range(slot, reach + 1):
+        if last < reach:
+            same = True
+            for segment in range(len(head)):
+                if segment_speed(air, member, last + 1, segment) <= 0.0 and segment_speed(air, member, last, segment) > 0.0:
+                    same = False
+                    break
+            if same:
+                continue  # the next last slot has the same segments and reaches farther
+        t, a, n = _search(air, member, first, head, source, (slot, last), limit_s)
+        bound = NEVER if last == slots - 1 else air.start_s + (last + 1) * air.slot_s
+        for node in range(nodes):
+            if node == source or n[node] == 0:
+                continue
+            found = np.empty((n[node], 4))
+            size = 0
+            for k in range(n[node] - 1):
+                t0, a0 = t[node, k], a[node, k] + air.descent_s
+                t1, a1 = t[node, k + 1], a[node, k + 1] + air.descent_s
+                if t1 <= taken[node] or t1 <= t0 or a0 > bound:
+                    continue
+                slope = (a1 - a0) / (t1 - t0)
+                if t0 < taken[node]:
+                    t0, a0 = taken[node], a0 + slope * (taken[node] - t0)
+                if a1 > bound:
+                    t1, a1 = t1 - (a1 - bound) / slope, bound
+                if t1 > t0 and a0 <= bound:
+                    found[size, 0], found[size, 1], found[size, 2], found[size, 3] = t0, a0, t1, a1
+                    size += 1
+            if size > 0:
+                taken[node] = found[size - 1, 2]
+                pieces.append(found[:size])
+                owner.append(np.full(size, node))
+    return _pack(nodes, pieces, owner)
+
+
+@compiled
+def _pack(
+    nodes: int, pieces: list[NDArray[np.float64]], owner: list[NDArray[np.int64]]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Sort pieces by node, keeping their order."""
+    offset = np.zeros(nodes + 1, dtype=np.int64)
+    for block in owner:
+        for node in block:
+            offset[node + 1] += 1
+    offset = np.cumsum(offset)
+    place = offset[:-1].copy()
+    out = np.empty((offset[-1], 4))
+    for number in range(len(pieces)):
+        for k in range(len(pieces[number])):
+            node = owner[number][k]
+            out[place[node]] = pieces[number][k]
+            place[node] += 1
+    return offset, out

@@ -1,0 +1,144 @@
+"""Probabilistic forward search: the paper's Algorithm 1, repaired.
+
+At each station the reachable ones are ranked by expected flight, wait and recharge, and by the best that lies beyond
+them; the best is flown to. Repaired: no station is visited twice, a dead end is left backwards, the charge is part of
+the state, and where no station is in reach now the drone holds for wind that brings one into reach. A dead end is
+remembered with its time: whoever arrives there later finds it dead too, for leaving later never arrives earlier and
+every stop can charge to full.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from planner.itinerary import Hop
+from planner.no_route import no_route
+from planner.outlook import Outlook
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from planner.itinerary import Itinerary
+    from planner.outlook import Reachable
+    from planner.problem import Problem
+
+
+_LAST_RESORT_S = 1e12
+"""Rank of a station beyond which nothing is in reach at the moment: after all others, but not left out."""
+
+
+def charging_time_per_flight_s(problem: Problem) -> float:
+    """Seconds on a pad that a second of flight costs, at the constant rate of charging."""
+    return problem.soc_per_s / problem.drone.charging_curve().rate_per_s
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """A station on the path searched: when the drone arrives, where it can go, and the hop that led here."""
+
+    node: int
+    arrive_s: float
+    candidates: Iterator[Reachable]
+    hop: Hop | None
+
+
+class ForwardSearch:
+    """One search; `solve` returns what to fly.
+
+    Parameters
+    ----------
+    problem : Problem
+        What to solve.
+    charge_aware : bool
+        Judge the rest of the way by flight and charging time, not by flight time alone.
+    """
+
+    def __init__(self, problem: Problem, *, charge_aware: bool = False) -> None:
+        self.problem = problem
+        self.full = problem.request.recharge == "full"
+        self.factor = 1.0 + charging_time_per_flight_s(problem) if charge_aware else 1.0
+        self.outlook = Outlook(problem)
+        self._dead: dict[int, float] = {}
+        self._soc: dict[int, float] = {}
+
+    @property
+    def looked_at(self) -> int:
+        """Flights evaluated."""
+        return self.outlook.looked_at
+
+    def solve(self) -> Itinerary:
+        """Search depth first, best first.
+
+        Raises
+        ------
+        NoRouteError
+            Naming what binds.
+        """
+        p = self.problem
+        frames = [_Frame(p.origin, p.depart_s, self._candidates(p.origin, p.depart_s, p.soc, -1), None)]
+        while frames:
+            frame = frames[-1]
+            choice = next(frame.candidates, None)
+            if choice is None:
+                self._dead[frame.node] = min(self._dead.get(frame.node, math.inf), frame.arrive_s)
+                frames.pop()
+                continue
+            arrive = choice.leave_s + choice.mean_s
+            visited = any(choice.node == earlier.node for earlier in frames)
+            if visited or arrive >= self._dead.get(choice.node, math.inf):
+                continue
+            hop = Hop((choice.segment,), choice.charge_to, choice.leave_s if choice.held else -math.inf)
+            following = self._candidates(choice.node, arrive, self._soc_on_arrival(frame, choice), frame.node)
+            frames.append(_Frame(choice.node, arrive, following, hop))
+            if choice.node == p.destination:
+                return tuple(frame.hop for frame in frames if frame.hop is not None)
+        raise no_route(p, self.outlook)
+
+    def _candidates(self, node: int, time_s: float, soc: float, came_from: int) -> Iterator[Reachable]:
+        """Stations to go on to, best first; those that need waiting for wind come last."""
+        p = self.problem
+        at_origin = came_from < 0
+        frame_soc = soc
+        pad = time_s + p.waits.at(node, time_s)[0] if p.has_pads(node) and not (at_origin and p.in_flight) else None
+        self._soc[node] = frame_soc
+        found: list[Reachable] = []
+        if at_origin and self.full:
+            found = self.outlook.reachable(node, time_s, soc, full=False, pad_s=None, hold=False)
+        if not found:
+            found = self.outlook.reachable(node, time_s, soc, full=self.full, pad_s=pad, hold=False)
+        yield from self._ranked(found, node, time_s, soc)
+        if at_origin and p.in_flight:
+            return
+        seen = {one.node for one in found}
+        held = self.outlook.reachable(node, time_s, soc, full=self.full, pad_s=pad, hold=True)
+        yield from self._ranked([one for one in held if one.node not in seen], node, time_s, soc)
+
+    def _ranked(self, found: list[Reachable], node: int, time_s: float, soc: float) -> list[Reachable]:
+        """Sort by expected time to the destination; the destination itself comes first."""
+        keyed = [(self._rank(one, node, time_s, soc), one) for one in found]
+        return [one for rank, one in sorted(keyed, key=lambda pair: pair[0]) if math.isfinite(rank)]
+
+    def _rank(self, one: Reachable, node: int, time_s: float, soc: float) -> float:
+        """Time of Algorithm 1, line 12: to the station, there, and beyond it."""
+        p = self.problem
+        if one.node == p.destination:
+            return -1.0
+        if not p.has_pads(one.node):
+            return math.inf
+        arrive = one.leave_s + one.mean_s
+        wait, _ = p.waits.at(one.node, arrive)
+        landed = (soc if one.charge_to is None else one.charge_to) - p.soc_fixed - p.soc_per_s * one.mean_s
+        leave = arrive + wait + (p.charge_time_s(one.node, landed, 1.0) if self.full else 0.0)
+        ahead, charge = self.outlook.beyond(one.node, node, leave, self.factor)
+        if not math.isfinite(ahead):
+            return _LAST_RESORT_S + leave
+        if not self.full:
+            leave += p.charge_time_s(one.node, landed, charge + p.reserve)
+        return leave + ahead - time_s
+
+    def _soc_on_arrival(self, frame: _Frame, choice: Reachable) -> float:
+        p = self.problem
+        leaving = self._soc[frame.node] if choice.charge_to is None else choice.charge_to
+        return max(leaving - p.soc_fixed - p.soc_per_s * choice.mean_s, 0.0)

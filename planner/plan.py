@@ -1,0 +1,201 @@
+"""One entry to all planners: `plan`."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from models.errors import Fault, InfeasibleError, InputError
+from models.units import S_PER_MIN
+from planner.ies import ExhaustiveSearch
+from planner.itinerary import compose, fly_sampled, fly_true, outcome, typical_member
+from planner.pfs import ForwardSearch
+from planner.pfs_strict import StrictForwardSearch
+from planner.problem import HORIZON_H, Problem
+from planner.result import Comparison, PlanResult
+from planner.shortest import ShortestFlight
+from planner.skyline import skyline
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from models.drone import Drone
+    from models.scenario import Scenario
+    from models.wind_forecast import WindEnsemble
+    from planner.itinerary import Itinerary
+    from planner.request import Request
+
+
+class Search(Protocol):
+    """A planner at work on one problem."""
+
+    @property
+    def looked_at(self) -> int:
+        """How much it evaluated."""
+
+    def solve(self) -> Itinerary:
+        """Return what to fly, or raise `NoRouteError`."""
+
+
+FORECAST_PLANNERS: Mapping[str, Callable[[Problem], Search]] = {
+    "shortest": ShortestFlight,
+    "pfs": ForwardSearch,
+    "pfs-strict": StrictForwardSearch,
+    "pfs-charge-aware": lambda problem: ForwardSearch(problem, charge_aware=True),
+}
+"""Planners that know the forecast only."""
+CLAIRVOYANT_PLANNERS = ("ies",)
+"""Planners that are told the truth."""
+PLANNERS = (*FORECAST_PLANNERS, *CLAIRVOYANT_PLANNERS)
+
+
+def plan(
+    scenario: Scenario,
+    request: Request,
+    *,
+    planner: str = "pfs",
+    forecast: WindEnsemble | None = None,
+    truth: WindEnsemble | None = None,
+    time_limit_s: float = math.inf,
+    progress: Callable[[int, float], None] | None = None,
+) -> PlanResult:
+    """Compose a delivery.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The region.
+    request : Request
+        What is asked.
+    planner : str
+        One of `PLANNERS`.
+    forecast : WindEnsemble, optional
+        What is known of the wind; the scenario's analogue days by default.
+    truth : WindEnsemble, optional
+        One member, the wind as it will be: needed by `CLAIRVOYANT_PLANNERS`, unless the forecast has one member.
+    time_limit_s, progress
+        Of clairvoyant planners, see `ExhaustiveSearch`.
+
+    Returns
+    -------
+    PlanResult
+        The composition and how it was found.
+
+    Raises
+    ------
+    InputError
+        The request does not fit the scenario.
+    InfeasibleError
+        There is no composition; the error names the binding constraint.
+    """
+    if planner not in PLANNERS:
+        raise InputError(Fault("no such planner", field="planner", value=planner, remedy="one of " + ", ".join(PLANNERS)))
+    forecast = forecast if forecast is not None else scenario.forecast(request.state.time, HORIZON_H)
+    wind = forecast
+    if planner in CLAIRVOYANT_PLANNERS:
+        wind = _truth(forecast, truth, planner)
+    answers: list[PlanResult] = []
+    rejected: dict[str, str] = {}
+    errors: list[InfeasibleError] = []
+    for drone in candidates(scenario, request, rejected):
+        try:
+            answers.append(_compose_for(drone, scenario, request, planner, wind, time_limit_s, progress))
+        except InfeasibleError as error:
+            errors.append(error)
+            rejected[drone.id] = str(error)
+    if not answers:
+        raise errors[0]
+    best = min(answers, key=lambda answer: answer.outcome.mean_s)
+    for answer in answers:
+        if answer is not best:
+            later = (answer.outcome.mean_s - best.outcome.mean_s) / S_PER_MIN
+            rejected[answer.composition.drone] = f"arrives {later:.1f} min later in the mean"
+    return replace(
+        best,
+        rejected=rejected,
+        looked_at=sum(answer.looked_at for answer in answers),
+        planning_time_s=sum(answer.planning_time_s for answer in answers),
+    )
+
+
+def compare(
+    scenario: Scenario,
+    request: Request,
+    planners: Sequence[str],
+    *,
+    forecast: WindEnsemble | None = None,
+    truth: WindEnsemble | None = None,
+    time_limit_s: float = math.inf,
+) -> list[Comparison]:
+    """Put the same request to several planners; a planner without an answer says why."""
+    answers = []
+    for name in planners:
+        try:
+            result = plan(scenario, request, planner=name, forecast=forecast, truth=truth, time_limit_s=time_limit_s)
+            answers.append(Comparison(name, result, None))
+        except InfeasibleError as error:
+            answers.append(Comparison(name, None, error))
+    return answers
+
+
+def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -> list[Drone]:
+    """Drones to compose for: the one named, or the skyline; says in `rejected` why not the others."""
+    if request.drone is not None:
+        drone = scenario.drone(request.drone)
+        skyline([drone], request.payload_kg)
+        return [drone]
+    chosen = skyline(scenario.drones, request.payload_kg)
+    for drone in scenario.drones:
+        if drone.max_payload_kg < request.payload_kg:
+            rejected[drone.id] = f"lifts {drone.max_payload_kg:g} kg at most"
+        elif drone not in chosen:
+            rejected[drone.id] = "another drone is at least as good in everything (skyline)"
+    return chosen
+
+
+def _truth(forecast: WindEnsemble, truth: WindEnsemble | None, planner: str) -> WindEnsemble:
+    if truth is None and len(forecast.probability) == 1:
+        return forecast
+    if truth is None:
+        remedy = "name a day of the record with --truth 2013-07-10, or give one wind with --wind 8@270"
+        raise InputError(Fault(f"{planner} must be told the truth", field="truth", remedy=remedy))
+    if len(truth.probability) != 1:
+        raise InputError(Fault("the truth has more than one member", field="truth", value=len(truth.probability)))
+    return truth
+
+
+def _compose_for(
+    drone: Drone,
+    scenario: Scenario,
+    request: Request,
+    planner: str,
+    wind: WindEnsemble,
+    time_limit_s: float,
+    progress: Callable[[int, float], None] | None,
+) -> PlanResult:
+    problem = Problem(scenario, request, drone, wind)
+    if problem.origin == problem.destination:
+        raise InputError(Fault("start and destination are the same", field="destination", value=request.destination))
+    if planner in FORECAST_PLANNERS:
+        search = FORECAST_PLANNERS[planner](problem)
+        started = time.perf_counter()
+        itinerary = search.solve()
+        spent = time.perf_counter() - started
+        member, course = typical_member(problem, itinerary)
+        summary = outcome(problem, *fly_sampled(problem, itinerary))
+        composition = compose(problem, itinerary, course, member, summary, planner=planner, planning_time_s=spent)
+        return PlanResult(composition, itinerary, problem, summary, spent, search.looked_at, {})
+    queues = problem.queue_paths(range(len(problem.network)), 0)
+    exhaustive = ExhaustiveSearch(problem, queues, time_limit_s=time_limit_s, progress=progress)
+    started = time.perf_counter()
+    itinerary = exhaustive.solve()
+    spent = time.perf_counter() - started
+    course = fly_true(problem, itinerary, queues)
+    summary = outcome(problem, course, np.ones(1))
+    notes = () if exhaustive.complete else (f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is",)
+    composition = compose(problem, itinerary, course[0], 0, summary, planner=planner, planning_time_s=spent, notes=notes)
+    return PlanResult(composition, itinerary, problem, summary, spent, exhaustive.looked_at, {}, exhaustive.complete)

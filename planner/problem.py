@@ -1,0 +1,243 @@
+"""One drone's view of a request: the arrays that every planner works on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models import geodesy
+from models.errors import Fault, InputError
+from models.flight import Air, air_over
+from models.queue_paths import QueuePath, no_queue, sample_paths
+from models.queues import forecast_waits
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from models.drone import Drone
+    from models.network import Network
+    from models.scenario import Scenario
+    from models.wind_forecast import WindEnsemble
+    from planner.request import Request
+
+HORIZON_H = 48
+"""Hours of wind and queues that are looked at; a delivery takes less."""
+IN_FLIGHT = "in-flight"
+"""Id of the node that stands for a drone in the air."""
+
+
+class Problem:
+    """A scenario, a request, a drone and a wind ensemble, made ready for planning.
+
+    Attributes
+    ----------
+    network : Network
+        With the position of a drone in flight added as a node.
+    origin, destination : int
+        Nodes.
+    depart_s, soc : float
+        When the delivery starts (POSIX seconds), and with which charge. For a drone in flight both are set back by a
+        climb that it does not need any more.
+    in_flight : bool
+        The drone cannot wait, hold or charge at the origin.
+    air : Air
+        Segments and wind for kernels; ``probability``, shape (members,), goes with it.
+    soc_per_s, soc_fixed : float
+        A flight from take-off to touch-down of T seconds costs ``soc_fixed + soc_per_s * T``.
+    longest_flight_s : float
+        On a full battery, keeping the reserve.
+    """
+
+    def __init__(self, scenario: Scenario, request: Request, drone: Drone, ensemble: WindEnsemble) -> None:
+        self.scenario = scenario
+        self.request = request
+        self.drone = drone
+        self.ensemble = ensemble
+        self.rules = scenario.rules
+        self.reserve = request.reserve_soc
+        self.epsilon = request.epsilon
+        state = request.state
+        self.in_flight = state.position is not None
+        self.depart_s = state.time.timestamp()
+        self.soc = state.soc
+        self.network: Network = scenario.network
+        self.load = scenario.load
+        if state.position is not None:
+            self.network = self.network.with_target(*state.position, id=IN_FLIGHT)
+            self.load = self.load.extended(1)
+            self.origin = len(self.network) - 1
+        else:
+            self.origin = self._node(state.station or "", "state.station")
+        self.destination = self._node(request.destination, "destination")
+        self.air: Air = air_over(self.network, ensemble, drone, self.rules, airspeed_mps=request.airspeed_mps)
+        self.probability = ensemble.probability
+        self.soc_per_s, self.soc_fixed = self._flight_cost(request.payload_kg)
+        self.longest_flight_s = (1.0 - self.reserve - self.soc_fixed) / self.soc_per_s
+        if self.in_flight:
+            climb = drone.energy_model.power_w(drone.mass_kg + request.payload_kg, "climb") / drone.battery_j
+            self.depart_s -= self.rules.climb_s
+            self.soc += climb * self.rules.climb_s
+
+    def _node(self, identity: str, field: str) -> int:
+        if identity not in self.network.index:
+            raise InputError(Fault("no such station", field=field, value=identity))
+        return self.network.index[identity]
+
+    def _flight_cost(self, payload_kg: float) -> tuple[float, float]:
+        """SoC per second of flight, and what climb and descent cost beyond that rate."""
+        model, mass = self.drone.energy_model, self.drone.mass_kg + payload_kg
+        cruise = model.power_w(mass, "cruise")
+        extra = (model.power_w(mass, "climb") - cruise) * self.rules.climb_s
+        extra += (model.power_w(mass, "descent") - cruise) * self.rules.descent_s
+        return cruise / self.drone.battery_j, extra / self.drone.battery_j
+
+    @cached_property
+    def empty_cost(self) -> tuple[float, float]:
+        """`soc_per_s` and `soc_fixed` once the package is delivered."""
+        return self._flight_cost(0.0)
+
+    @cached_property
+    def curves(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Charging curve from empty (seconds, SoC) of each kind of pad in the network."""
+        powers = self._pad_powers
+        return [self.drone.charging_curve(power).piecewise() for power in dict.fromkeys(powers)]
+
+    @cached_property
+    def _pad_powers(self) -> list[float | None]:
+        return [station.recharge_power_w for station in self.network.stations]
+
+    @cached_property
+    def curve_of(self) -> NDArray[np.int64]:
+        """Index into `curves` of each station, shape (nodes,)."""
+        kinds = {power: number for number, power in enumerate(dict.fromkeys(self._pad_powers))}
+        return np.array([kinds[power] for power in self._pad_powers], dtype=np.int64)
+
+    def curve(self, node: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Charging curve of a station."""
+        return self.curves[self.curve_of[node]]
+
+    def charge_time_s(self, node: int, soc_from: float, soc_to: float) -> float:
+        """Time on a pad of the station from one charge to a higher one; 0 where none is needed."""
+        if soc_to <= soc_from:
+            return 0.0
+        time, soc = self.curve(node)
+        return float(np.interp(min(soc_to, 1.0), soc, time) - np.interp(max(soc_from, 0.0), soc, time))
+
+    def has_pads(self, node: int) -> bool:
+        """Tell whether a drone can recharge there."""
+        return self.network.stations[node].pads > 0
+
+    @cached_property
+    def busy(self) -> dict[int, int]:
+        """Busy pads seen now, by node."""
+        seen = self.request.state.busy_pads
+        return {self.network.index[key]: count for key, count in seen.items() if key in self.network.index}
+
+    @cached_property
+    def waits(self) -> ExpectedWaits:
+        """Expected waits, computed for a station when it is first asked for."""
+        return ExpectedWaits(self)
+
+    def queue_paths(self, nodes: Iterable[int], sample: int) -> dict[int, QueuePath]:
+        """One sampled realisation of the other drones at each of some stations."""
+        with_pads = [node for node in nodes if self.has_pads(node)]
+        stations = self.network.stations
+        spots = [s.holding_spots for s in stations]
+        hours = float(HORIZON_H)
+        seed = (self.request.seed, sample)
+        paths = sample_paths(self.load, self.network.pads, spots, with_pads, self.depart_s, hours, seed, self.busy)
+        return {node: paths.get(node) or no_queue() for node in nodes}
+
+    @cached_property
+    def direct_air(self) -> Air:
+        """The wind over straight flights from every node to the destination, one "segment" per node."""
+        lat, lon = self.network.lat, self.network.lon
+        d = self.destination
+        distance, bearing = geodesy.inverse(lat, lon, lat[d], lon[d])
+        middle = geodesy.midpoint(lat, lon, bearing, distance)
+        wind = self.ensemble
+        weight = wind.idw_weights(*middle, wind.site_lat, wind.site_lon)
+        angle = np.radians(bearing)
+        return self.air._replace(
+            weight=np.ascontiguousarray(weight), cos_bearing=np.cos(angle), sin_bearing=np.sin(angle), distance_m=distance
+        )
+
+    @cached_property
+    def escapes(self) -> NDArray[np.int64]:
+        """Segments by which the drone leaves a destination without pads, towards stations that have some."""
+        d = self.destination
+        if self.has_pads(d) or not self.request.escape:
+            return np.empty(0, dtype=np.int64)
+        out = np.arange(self.network.first[d], self.network.first[d + 1])
+        return out[self.network.pads[self.network.head[out]] > 0]
+
+    @property
+    def needs_escape(self) -> bool:
+        """Whether the drone must be able to fly on from the destination."""
+        return self.request.escape and not self.has_pads(self.destination)
+
+    @cached_property
+    def lifted_by_fleet(self) -> bool:
+        """Whether this drone lifts the package."""
+        return self.request.payload_kg <= self.drone.max_payload_kg
+
+    def with_ensemble(self, ensemble: WindEnsemble) -> Problem:
+        """Return the same problem in another wind."""
+        return Problem(self.scenario, self.request, self.drone, ensemble)
+
+    def with_reserve(self, reserve_soc: float) -> Problem:
+        """Return the same problem with another reserve."""
+        return Problem(self.scenario, replace(self.request, reserve_soc=reserve_soc), self.drone, self.ensemble)
+
+
+class ExpectedWaits:
+    """Expected wait and chance of a free pad at every station over the horizon.
+
+    Rows are filled when first asked for; kernels read the arrays.
+
+    Attributes
+    ----------
+    start_s, step_s : float
+        The grid of arrival times.
+    wait_s, p_free : ndarray, shape (nodes, times)
+        Linear between grid points. Only rows of nodes passed to `need` are filled.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self.start_s = problem.depart_s
+        self.step_s = 600.0
+        points = round(HORIZON_H * 3600.0 / self.step_s) + 1
+        self.wait_s = np.zeros((len(problem.network), points))
+        self.p_free = np.ones((len(problem.network), points))
+        self._known = np.zeros(len(problem.network), dtype=bool)
+
+    def need(self, nodes: NDArray[np.int64] | list[int]) -> None:
+        """Fill the rows of some nodes."""
+        wanted = np.unique(np.asarray(nodes, dtype=np.int64))
+        wanted = wanted[~self._known[wanted]]
+        if not len(wanted):
+            return
+        p = self._problem
+        found = forecast_waits(
+            p.load, p.network.pads, wanted.tolist(), self.start_s, HORIZON_H, p.busy, step_s=self.step_s
+        )
+        for node, forecast in found.items():
+            count = min(self.wait_s.shape[1], len(forecast.wait_s))
+            self.wait_s[node, :count] = forecast.wait_s[:count]
+            self.wait_s[node, count:] = forecast.wait_s[-1]
+            self.p_free[node, :count] = forecast.p_free[:count]
+            self.p_free[node, count:] = forecast.p_free[-1]
+        self._known[wanted] = True
+
+    def at(self, node: int, time_s: float) -> tuple[float, float]:
+        """(expected wait, P(pad free)) of an arrival."""
+        self.need([node])
+        x = (time_s - self.start_s) / self.step_s
+        grid = np.arange(self.wait_s.shape[1])
+        return float(np.interp(x, grid, self.wait_s[node])), float(np.interp(x, grid, self.p_free[node]))

@@ -1,0 +1,425 @@
+"""Charging profiles along a route, exactly: what charge a drone can have at a stop, as a function of time.
+
+The profile of a stop is two functions of time, both piecewise linear and never decreasing:
+
+- ``z(t)``: the best charging potential reached on a pad by time t. A drone that comes onto a pad at time p with
+  charge s has potential z = F'(s) - p, where F is the charging curve from empty and F' its inverse; as long as it
+  stays, its charge is F(t + z). Charging keeps z, so all charging choices are one line.
+- ``h(t)``: the best charge with which it can have landed by time t without using a pad.
+
+The charge it can leave with at t is g(t) = max(F(t + z(t)), h(t)). A flight that leaves at t and lands at a costs
+k + c (a - t); it is taken through the landing, the queue and the inverse charging curve piece by piece, each piece
+linear in t, so that the profile of the next stop is exact for the piecewise-linear curve. The method is that of
+charging-function propagation (Baum et al., "Shortest feasible paths with charging stops for battery electric
+vehicles", Transportation Science 53, 2019), with time-dependent flights and queues added.
+
+A profile is an array of shape (points, 3): time, value, and the time at which the flight that reaches it left the
+stop before (for tracing back). It is linear between points, constant after the last, undefined before the first; two
+points at the same time are a jump.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.compiled import compiled
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+TIME_TOLERANCE_S = 1e-6
+SOC_TOLERANCE = 1e-12
+_NONE = -math.inf
+
+
+@compiled
+def interpolate(x: float, xs: NDArray[np.float64], ys: NDArray[np.float64]) -> float:
+    """Piecewise-linear function through increasing points, constant outside them."""
+    if x <= xs[0]:
+        return ys[0]
+    last = len(xs) - 1
+    if x >= xs[last]:
+        return ys[last]
+    k = np.searchsorted(xs, x, side="right") - 1
+    return ys[k] + (ys[k + 1] - ys[k]) * (x - xs[k]) / (xs[k + 1] - xs[k])
+
+
+@compiled
+def profile_at(profile: NDArray[np.float64], time_s: float) -> tuple[float, float]:
+    """Value of a profile and the departure that reaches it; (-inf, nan) before it begins."""
+    points = len(profile)
+    if points == 0 or time_s < profile[0, 0] - TIME_TOLERANCE_S:
+        return _NONE, math.nan
+    k = points - 1
+    while k > 0 and profile[k, 0] > time_s:
+        k -= 1
+    if k == points - 1 or time_s <= profile[k, 0]:
+        return profile[k, 1], profile[k, 2]
+    part = (time_s - profile[k, 0]) / (profile[k + 1, 0] - profile[k, 0])
+    value = profile[k, 1] + part * (profile[k + 1, 1] - profile[k, 1])
+    if profile[k + 1, 1] <= profile[k, 1]:
+        return value, profile[k, 2]
+    return value, profile[k, 2] + part * (profile[k + 1, 2] - profile[k, 2])
+
+
+@compiled
+def running_max(pieces: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Least never-decreasing profile above pieces (x0, y0, d0, x1, y1, d1) that come sorted by x."""
+    out = np.empty((3 * count + 1, 3))
+    size = 0
+    best = _NONE
+    for i in range(count):
+        x0, y0, d0, x1, y1, d1 = pieces[i]
+        if max(y0, y1) <= best + SOC_TOLERANCE:
+            continue
+        if y0 > best:
+            if size > 0 and out[size - 1, 0] < x0:
+                out[size, 0], out[size, 1], out[size, 2] = x0, best, out[size - 1, 2]
+                size += 1
+            out[size, 0], out[size, 1], out[size, 2] = x0, y0, d0
+            size += 1
+            best = y0
+        elif x1 > x0:
+            part = (best - y0) / (y1 - y0)
+            out[size, 0], out[size, 1] = x0 + part * (x1 - x0), best
+            out[size, 2] = d0 + part * (d1 - d0)
+            size += 1
+        if y1 > best:
+            out[size, 0], out[size, 1], out[size, 2] = x1, y1, d1
+            size += 1
+            best = y1
+    return out[:size].copy()
+
+
+@compiled
+def departure_profile(
+    z: NDArray[np.float64],
+    h: NDArray[np.float64],
+    curve_s: NDArray[np.float64],
+    curve_soc: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Charge g(t) a drone can leave a stop with, shape (points, 2): time, SoC; linear between, constant after the last."""
+    knots = len(curve_s)
+    out = np.empty(((len(z) + 1) * (knots + 2) + 2 * len(h) + 4, 2))
+    size = 0
+    full = curve_s[knots - 1]
+    for i in range(len(z)):
+        t0, z0 = z[i, 0], z[i, 1]
+        last = i == len(z) - 1
+        t1 = math.inf if last else z[i + 1, 0]
+        z1 = z0 if last else z[i + 1, 1]
+        out[size, 0], out[size, 1] = t0, interpolate(t0 + z0, curve_s, curve_soc)
+        size += 1
+        if t1 <= t0 or t0 + z0 >= full:
+            continue
+        slope = 1.0 if last else 1.0 + (z1 - z0) / (t1 - t0)
+        for k in range(knots):
+            t = t0 + (curve_s[k] - t0 - z0) / slope
+            if t0 + TIME_TOLERANCE_S < t < t1 - TIME_TOLERANCE_S:
+                out[size, 0], out[size, 1] = t, curve_soc[k]
+                size += 1
+    if len(h) == 0:
+        return out[:size].copy()
+    return _upper(out[:size], h)
+
+
+@compiled
+def _value(profile: NDArray[np.float64], x: float, after: bool) -> float:  # noqa: FBT001
+    """Value of a profile at x, or just after / just before a jump there."""
+    points = len(profile)
+    k = -1
+    for i in range(points):
+        if profile[i, 0] < x or (after and profile[i, 0] <= x):
+            k = i
+        else:
+            break
+    if k < 0:
+        return _NONE
+    if k == points - 1:
+        return profile[k, 1]
+    if profile[k + 1, 0] <= profile[k, 0]:
+        return profile[k, 1]
+    part = (x - profile[k, 0]) / (profile[k + 1, 0] - profile[k, 0])
+    return profile[k, 1] + part * (profile[k + 1, 1] - profile[k, 1])
+
+
+@compiled
+def _upper(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Upper envelope of two never-decreasing profiles, shape (points, 2)."""
+    xs = np.unique(np.concatenate((a[:, 0], b[:, 0])))
+    out = np.empty((4 * len(xs) + 4, 2))
+    size = 0
+    for i in range(len(xs)):
+        x = xs[i]
+        if i > 0:
+            before = xs[i - 1]
+            a0, b0 = _value(a, before, True), _value(b, before, True)
+            a1, b1 = _value(a, x, False), _value(b, x, False)
+            if (a0 - b0) * (a1 - b1) < 0.0 and a0 > _NONE and b0 > _NONE:
+                part = (a0 - b0) / ((a0 - b0) - (a1 - b1))
+                out[size, 0], out[size, 1] = before + part * (x - before), a0 + part * (a1 - a0)
+                size += 1
+            value = max(a1, b1)
+            out[size, 0], out[size, 1] = x, value
+            size += 1
+        value = max(_value(a, x, True), _value(b, x, True))
+        if size == 0 or value > out[size - 1, 1] or out[size - 1, 0] < x:
+            out[size, 0], out[size, 1] = x, value
+            size += 1
+    return out[:size].copy()
+
+
+@compiled
+def fly_profile(
+    g: NDArray[np.float64],
+    flights: NDArray[np.float64],
+    soc_per_s: float,
+    soc_fixed: float,
+    needed: NDArray[np.float64],
+    until_s: float,
+) -> tuple[NDArray[np.float64], int]:
+    """Take a departure profile through a flight.
+
+    Parameters
+    ----------
+    g : ndarray, shape (points, 2)
+        Departure profile.
+    flights : ndarray, shape (pieces, 4)
+        Pieces (t0, a0, t1, a1) of the arrival function, sorted; gaps are times nobody takes off at.
+    soc_per_s, soc_fixed : float
+        A flight costs ``soc_fixed + soc_per_s * (arrival - departure)``.
+    needed : ndarray, shape (points, 2)
+        Least charge on touch-down by arrival time, piecewise linear.
+    until_s : float
+        Departures and arrivals after this do not matter.
+
+    Returns
+    -------
+    pieces : ndarray, shape (capacity, 6)
+        (a0, s0, t0, a1, s1, t1): charge on touch-down, linear, sorted by arrival.
+    count : int
+        How many of them.
+    """
+    capacity = (len(g) + 2) * 2 + 2 * len(flights) + len(needed) * (len(flights) + 1) + 8
+    out = np.empty((4 * capacity, 6))
+    count = 0
+    k = 0
+    for i in range(len(flights)):
+        t0, a0, t1, a1 = flights[i]
+        if t1 < g[0, 0] or t0 > until_s or a0 > until_s:
+            continue
+        slope = (a1 - a0) / (t1 - t0) if t1 > t0 else 1.0
+        now = max(t0, g[0, 0])
+        while k + 1 < len(g) and g[k + 1, 0] <= now:
+            k += 1
+        j = k
+        while True:
+            end = t1
+            if j + 1 < len(g) and g[j + 1, 0] < t1:
+                end = g[j + 1, 0]
+            rate = 0.0
+            if j + 1 < len(g) and g[j + 1, 0] > g[j, 0]:
+                rate = (g[j + 1, 1] - g[j, 1]) / (g[j + 1, 0] - g[j, 0])
+            b0 = a0 + slope * (now - t0)
+            b1 = a0 + slope * (end - t0)
+            s0 = g[j, 1] + rate * (now - g[j, 0]) - soc_fixed - soc_per_s * (b0 - now)
+            s1 = g[j, 1] + rate * (end - g[j, 0]) - soc_fixed - soc_per_s * (b1 - end)
+            count = _keep(out, count, b0, s0, now, b1, s1, end, needed)
+            if end >= t1:
+                break
+            now = end
+            j += 1
+            while j + 1 < len(g) and g[j + 1, 0] <= now:
+                j += 1
+        if count > 4 * capacity - 8 * (len(needed) + 2):
+            grown = np.empty((2 * len(out), 6))
+            grown[:count] = out[:count]
+            out = grown
+            capacity *= 2
+    return out, count
+
+
+@compiled
+def _keep(
+    out: NDArray[np.float64],
+    count: int,
+    a0: float,
+    s0: float,
+    t0: float,
+    a1: float,
+    s1: float,
+    t1: float,
+    needed: NDArray[np.float64],
+) -> int:
+    """Add the part of a linear piece that lands with at least the needed charge; returns the new count."""
+    if len(needed) == 1:
+        return _clip(out, count, a0, s0, t0, a1, s1, t1, needed[0, 1], needed[0, 1])
+    last = len(needed) - 1
+    for k in range(-1, last + 1):
+        low = needed[k, 0] if k >= 0 else -math.inf
+        high = needed[k + 1, 0] if k < last else math.inf
+        if a1 < low or a0 > high or (a1 > a0 and (a1 <= low or a0 >= high)):
+            continue
+        b0, b1 = max(a0, low), min(a1, high)
+        p0 = (b0 - a0) / (a1 - a0) if a1 > a0 else 0.0
+        p1 = (b1 - a0) / (a1 - a0) if a1 > a0 else 1.0
+        n0 = interpolate(b0, needed[:, 0], needed[:, 1])
+        n1 = interpolate(b1, needed[:, 0], needed[:, 1])
+        count = _clip(
+            out, count, b0, s0 + p0 * (s1 - s0), t0 + p0 * (t1 - t0), b1, s0 + p1 * (s1 - s0), t0 + p1 * (t1 - t0), n0, n1
+        )
+        if a1 <= a0:
+            break
+    return count
+
+
+@compiled
+def _clip(
+    out: NDArray[np.float64],
+    count: int,
+    a0: float,
+    s0: float,
+    t0: float,
+    a1: float,
+    s1: float,
+    t1: float,
+    n0: float,
+    n1: float,
+) -> int:
+    """Add the part of a linear piece on which s >= n."""
+    d0, d1 = s0 - n0 + SOC_TOLERANCE, s1 - n1 + SOC_TOLERANCE
+    if d0 < 0.0 and d1 < 0.0:
+        return count
+    p0, p1 = 0.0, 1.0
+    if d0 < 0.0:
+        p0 = d0 / (d0 - d1)
+    elif d1 < 0.0:
+        p1 = d0 / (d0 - d1)
+    out[count, 0], out[count, 1], out[count, 2] = a0 + p0 * (a1 - a0), s0 + p0 * (s1 - s0), t0 + p0 * (t1 - t0)
+    out[count, 3], out[count, 4], out[count, 5] = a0 + p1 * (a1 - a0), s0 + p1 * (s1 - s0), t0 + p1 * (t1 - t0)
+    return count + 1
+
+
+@compiled
+def stop_profile(
+    pieces: NDArray[np.float64],
+    count: int,
+    soc_per_s: float,
+    reserve_soc: float,
+    others_s: NDArray[np.float64],
+    pad_s: NDArray[np.float64],
+    land_s: NDArray[np.float64],
+    curve_s: NDArray[np.float64],
+    curve_soc: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Land pieces at a station with a queue and put them on its pads.
+
+    Parameters
+    ----------
+    pieces, count
+        Of `fly_profile`.
+    soc_per_s : float
+        Of hovering while every holding spot is taken.
+    reserve_soc : float
+        Least charge on touch-down.
+    others_s, pad_s, land_s : ndarray
+        The queue path, see `models.queue_paths.QueuePath`.
+    curve_s, curve_soc : ndarray
+        Charging curve from empty.
+
+    Returns
+    -------
+    z, h : ndarray, shape (points, 3)
+        Profiles of charging potential and of landed charge.
+    """
+    capacity = 4 * count * (len(curve_s) + 2) + 4 * len(others_s) + 16
+    on_pad = np.empty((capacity, 6))
+    landed = np.empty((4 * count + 3 * len(others_s) + 16, 6))
+    pads = 0
+    lands = 0
+    for i in range(count):
+        a0, s0, t0, a1, s1, t1 = pieces[i]
+        k = np.searchsorted(others_s, a0, side="right")
+        now = a0
+        while True:
+            end = a1
+            if k < len(others_s) and others_s[k] < end:
+                end = others_s[k]
+            if land_s[k] > now and land_s[k] < end:
+                end = land_s[k]
+            if pad_s[k] > now and pad_s[k] < end:
+                end = pad_s[k]
+            p0 = (now - a0) / (a1 - a0) if a1 > a0 else 0.0
+            p1 = (end - a0) / (a1 - a0) if a1 > a0 else 1.0
+            b0, b1 = max(now, land_s[k]), max(end, land_s[k])
+            if end > now and land_s[k] >= end:
+                b0 = b1 = land_s[k]
+            e0 = s0 + p0 * (s1 - s0) - soc_per_s * (b0 - now)
+            e1 = s0 + p1 * (s1 - s0) - soc_per_s * (b1 - end)
+            d0, d1 = t0 + p0 * (t1 - t0), t0 + p1 * (t1 - t0)
+            if e0 >= reserve_soc - SOC_TOLERANCE or e1 >= reserve_soc - SOC_TOLERANCE:
+                q0 = q1 = 0.0
+                if e0 < reserve_soc - SOC_TOLERANCE:
+                    q0 = (reserve_soc - e0) / (e1 - e0)
+                    b0, e0, d0 = b0 + q0 * (b1 - b0), reserve_soc, d0 + q0 * (d1 - d0)
+                elif e1 < reserve_soc - SOC_TOLERANCE:
+                    q1 = (e0 - reserve_soc) / (e0 - e1)
+                    b1, e1, d1 = b0 + q1 * (b1 - b0), reserve_soc, d0 + q1 * (d1 - d0)
+                if lands >= len(landed) - 2:
+                    landed = np.concatenate((landed, np.empty_like(landed)))
+                landed[lands, 0], landed[lands, 1], landed[lands, 2] = b0, e0, d0
+                landed[lands, 3], landed[lands, 4], landed[lands, 5] = b1, e1, d1
+                lands += 1
+                if pads >= len(on_pad) - len(curve_s) - 4:
+                    on_pad = np.concatenate((on_pad, np.empty_like(on_pad)))
+                pads = _onto_pad(on_pad, pads, b0, e0, d0, b1, e1, d1, pad_s[k], curve_s, curve_soc)
+            if end >= a1:
+                break
+            now = end
+            while k < len(others_s) and others_s[k] <= now:
+                k += 1
+    return running_max(on_pad, pads), running_max(landed, lands)
+
+
+@compiled
+def _onto_pad(
+    out: NDArray[np.float64],
+    count: int,
+    b0: float,
+    s0: float,
+    t0: float,
+    b1: float,
+    s1: float,
+    t1: float,
+    free_s: float,
+    curve_s: NDArray[np.float64],
+    curve_soc: NDArray[np.float64],
+) -> int:
+    """Turn a landed piece into pieces of charging potential, split where charge meets a knot of the curve."""
+    last = 0.0
+    rising = s1 > s0
+    knots = len(curve_soc)
+    for step in range(knots + 1):
+        part = 1.0
+        if step < knots and s0 != s1:
+            knot = curve_soc[step] if rising else curve_soc[knots - 1 - step]
+            part = (knot - s0) / (s1 - s0)
+            if part <= last:
+                continue
+            part = min(part, 1.0)
+        elif step < knots:
+            continue
+        x0, x1 = b0 + last * (b1 - b0), b0 + part * (b1 - b0)
+        u0 = interpolate(s0 + last * (s1 - s0), curve_soc, curve_s)
+        u1 = interpolate(s0 + part * (s1 - s0), curve_soc, curve_s)
+        p0, p1 = max(x0, free_s), max(x1, free_s)
+        out[count, 0], out[count, 1], out[count, 2] = p0, u0 - p0, t0 + last * (t1 - t0)
+        out[count, 3], out[count, 4], out[count, 5] = p1, u1 - p1, t0 + part * (t1 - t0)
+        count += 1
+        if part >= 1.0:
+            break
+        last = part
+    return count

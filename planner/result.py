@@ -1,0 +1,55 @@
+"""What a planner answers, beside the composition itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from models.errors import InfeasibleError
+    from models.services import Composition
+    from planner.itinerary import Itinerary, Outcome
+    from planner.problem import Problem
+
+
+@dataclass(frozen=True)
+class PlanResult:
+    """A composition and how it was found.
+
+    Attributes
+    ----------
+    composition : Composition
+        The answer.
+    itinerary : Itinerary
+        The decisions behind it.
+    problem : Problem
+        What was solved.
+    outcome : Outcome
+        What the forecast makes of the itinerary.
+    planning_time_s : float
+        Wall time of the search.
+    looked_at : int
+        Flights or sequences evaluated, see the planner.
+    rejected : dict of str to str
+        Drones not chosen, and why.
+    complete : bool
+        False where a time limit cut the search off: the answer may not be the best.
+    """
+
+    composition: Composition
+    itinerary: Itinerary
+    problem: Problem
+    outcome: Outcome
+    planning_time_s: float
+    looked_at: int
+    rejected: dict[str, str] = field(default_factory=dict)
+    complete: bool = True
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One planner's answer, or why it has none."""
+
+    planner: str
+    result: PlanResult | None
+    error: InfeasibleError | None
