@@ -148,6 +148,18 @@ class Command(IntEnum):
 _COMMANDS = {int(command): command for command in Command}
 _FRAMES = {int(frame): frame for frame in Frame}
 
+_FRAME_NAMES: dict[int, str] = {
+    Frame.GLOBAL: "sea level",
+    Frame.LOCAL_NED: "local",
+    Frame.MISSION: "-",
+    Frame.GLOBAL_RELATIVE_ALT: "home",
+    Frame.LOCAL_ENU: "local",
+    Frame.GLOBAL_INT: "sea level",
+    Frame.GLOBAL_RELATIVE_ALT_INT: "home",
+    Frame.GLOBAL_TERRAIN_ALT: "terrain",
+    Frame.GLOBAL_TERRAIN_ALT_INT: "terrain",
+}
+
 LOCATED_COMMANDS = frozenset(
     {
         Command.NAV_WAYPOINT,
@@ -257,3 +269,8 @@ def command_name(number: int) -> str:
     """What people call a command: ``NAV_LAND``, or ``MAV_CMD 43003`` where we have no name."""
     command = _COMMANDS.get(number)
     return f"MAV_CMD {number}" if command is None else command.name
+
+
+def frame_name(number: int) -> str:
+    """Return what an altitude counts from, in a word or two."""
+    return _FRAME_NAMES.get(number, f"frame {number}")

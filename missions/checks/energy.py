@@ -51,6 +51,8 @@ class FlightConditions:
         At flying height.
     stations : tuple of Station
         Where there are pads; empty where nothing is known of pads, then any hold on the ground charges.
+    drone_is_assumed : bool
+        Nobody named the vehicle: what it cannot do is a warning, not an error.
     """
 
     drone: Drone
@@ -61,6 +63,7 @@ class FlightConditions:
     descent_rate_mps: float = 3.0
     weather: Weather = field(default_factory=SteadyWind)
     stations: tuple[Station, ...] = ()
+    drone_is_assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,21 +19,14 @@ EPSILON = 0.001
 """Probability of landing below the reserve that is accepted."""
 
 
-def check_energy(
-    route: Route, legs: Sequence[LegEnergy], conditions: FlightConditions, *, assumed: str | None = None
-) -> Iterator[Finding]:
-    """Judge the energies of a mission.
+def check_energy(route: Route, legs: Sequence[LegEnergy], conditions: FlightConditions) -> Iterator[Finding]:
+    """Judge the energies of a mission: payload, wind, reserve, holds.
 
-    Parameters
-    ----------
-    route, legs, conditions
-        What was flown, what it cost, and under which conditions.
-    assumed : str, optional
-        Name of the vehicle where nobody named one: its shortfalls are warnings then, not errors.
+    Where the vehicle is only assumed its shortfalls are warnings.
     """
     for finding in _judged(route, legs, conditions):
-        if assumed is not None and finding.severity == "error":
-            message = f"{finding.message} (vehicle assumed: {assumed})"
+        if conditions.drone_is_assumed and finding.severity == "error":
+            message = f"{finding.message} (vehicle assumed: {conditions.drone.name})"
             yield replace(finding, severity="warning", message=message)
         else:
             yield finding

@@ -14,8 +14,8 @@ from models import geodesy
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from missions.checks.route import Route
-    from missions.mission import Mission
+    from missions.checks.route import Route, RouteLeg, Step
+    from missions.mission import Mission, MissionItem
     from models.drone import Drone
 
 AUTOPILOT_MAX_SPEED_MPS = 20.0
@@ -81,33 +81,18 @@ def check_distances(mission: Mission, route: Route, drone: Drone) -> Iterator[Fi
 def check_heights(mission: Mission, route: Route) -> Iterator[Finding]:
     """Check heights above home, take-off heights, and references that cannot be resolved."""
     known_ground = mission.home is not None and mission.home.altitude_m is not None
-    lands = {number for number, item in enumerate(mission.items) if item.command in LAND_COMMANDS}
     seen: set[int] = set()
     absolute: list[int] = []
-    for step in route.steps:
-        if step.item in seen:
-            continue
-        seen.add(step.item)
-        item = mission.items[step.item]
-        if math.isnan(step.height_m):
-            if not known_ground and not math.isnan(item.z):
+    for leg in route.legs:
+        lowest_m = _lowest_ground_m(leg)
+        for step in leg.steps:
+            if step.item in seen:
+                continue
+            seen.add(step.item)
+            if not math.isnan(step.height_m):
+                yield from _height(step, mission.items[step.item], lowest_m)
+            elif not known_ground and not math.isnan(mission.items[step.item].z):
                 absolute.append(step.item)
-        elif item.command in TAKEOFF_COMMANDS and step.height_m < LOW_TAKEOFF_M:
-            message = f"takes off to {step.height_m:g} m: PX4 refuses less than {LOW_TAKEOFF_M:g} m"
-            yield Finding("error", step.item, "takeoff-too-low", message, "climb higher")
-        elif step.height_m <= 0 and step.item not in lands and item.command != Command.NAV_RETURN_TO_LAUNCH:
-            yield Finding(
-                "warning",
-                step.item,
-                "not-above-home",
-                f"{item.name} at {step.height_m:g} m is not above the height of home",
-                "right only where the ground is lower there",
-            )
-        elif step.height_m > USUAL_CEILING_M and item.frame not in _TERRAIN:
-            message = f"{step.height_m:.0f} m above home: most countries allow {USUAL_CEILING_M:.0f} m"
-            yield Finding(
-                "info", step.item, "high", message, "needs a permit, unless the ground is higher there"
-            )
     if absolute:
         yield Finding(
             "info",
@@ -116,3 +101,27 @@ def check_heights(mission: Mission, route: Route) -> Iterator[Finding]:
             f"{len(absolute)} heights are above sea level and the height of home is unknown: they were not checked",
             "give the altitude of the planned home",
         )
+
+
+def _lowest_ground_m(leg: RouteLeg) -> float:
+    """Height above home of the lower end of a flight: 0, or where it lands."""
+    end = leg.steps[-1].height_m if leg.steps and leg.landing == "land" else 0.0
+    return min(0.0, end) if math.isfinite(end) else 0.0
+
+
+def _height(step: Step, item: MissionItem, lowest_m: float) -> Iterator[Finding]:
+    flies_on = item.command not in LAND_COMMANDS and item.command != Command.NAV_RETURN_TO_LAUNCH
+    if item.command in TAKEOFF_COMMANDS and step.height_m < lowest_m + LOW_TAKEOFF_M:
+        message = f"takes off to {step.height_m:g} m: PX4 refuses less than {LOW_TAKEOFF_M:g} m"
+        yield Finding("error", step.item, "takeoff-too-low", message, "climb higher")
+    elif flies_on and step.height_m <= lowest_m:
+        yield Finding(
+            "warning",
+            step.item,
+            "not-above-ground",
+            f"{item.name} at {step.height_m:g} m above home is not above the ground of either end of the flight",
+            "right only where the ground is lower there",
+        )
+    elif step.height_m > USUAL_CEILING_M and item.frame not in _TERRAIN:
+        message = f"{step.height_m:.0f} m above home: most countries allow {USUAL_CEILING_M:.0f} m"
+        yield Finding("info", step.item, "high", message, "needs a permit, unless the ground is higher there")

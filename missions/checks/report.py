@@ -104,7 +104,7 @@ def check(
     if isinstance(document, Mission):
         document = MissionDocument(document)
     mission = document.mission
-    flown_by = conditions or FlightConditions(M200_V2)
+    flown_by = conditions or FlightConditions(M200_V2, drone_is_assumed=True)
     autopilot = dialect or dialect_of_firmware(mission.firmware)
     route = fly(mission)
     legs = leg_energies(mission, route, flown_by)
@@ -114,7 +114,7 @@ def check(
         *check_distances(mission, route, flown_by.drone),
         *check_heights(mission, route),
         *check_fence(document, route, autopilot.name if autopilot else None),
-        *check_energy(route, legs, flown_by, assumed=None if conditions else flown_by.drone.name),
+        *check_energy(route, legs, flown_by),
     ]
     if autopilot is not None:
         findings += autopilot.cannot_fly(document)

@@ -1,0 +1,120 @@
+"""Draw a mission: map with fence and rally points, and height profile."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from missions.checks.route import fly
+from missions.geofence import FencePolygon
+from models import geodesy
+from models.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from missions.checks.route import Route
+    from missions.document import MissionDocument
+
+FORMATS = (".png", ".svg", ".pdf")
+MAX_LABELS = 60
+
+
+def plot(document: MissionDocument, path: Path, *, title: str = "", force: bool = False) -> None:
+    """Draw a mission into a file; its suffix is the format.
+
+    Raises
+    ------
+    InputError
+        Another suffix, a file that exists (without `force`), nothing to draw, or matplotlib is not installed.
+    """
+    if path.suffix not in FORMATS:
+        raise InputError(
+            Fault("is no picture format that we draw", str(path), remedy="name it .png, .svg or .pdf")
+        )
+    if path.exists() and not force:
+        raise InputError(
+            Fault("exists already", str(path), remedy="give another name, or --force to overwrite it")
+        )
+    try:
+        from matplotlib.figure import Figure  # noqa: PLC0415  an extra, and slow
+    except ImportError:
+        raise InputError(
+            Fault("drawing needs matplotlib", str(path), remedy="install skyway[plot]")
+        ) from None
+    route = fly(document.mission)
+    if not (route.steps or document.fence.areas or document.rally.points):
+        raise InputError(Fault("there is nothing to draw", str(path)))
+    figure = Figure(figsize=(9, 10), layout="constrained")
+    top, bottom = figure.subplots(2, 1, height_ratios=(3, 1))
+    _map(top, document, route)
+    _profile(bottom, route)
+    figure.suptitle(title)
+    try:
+        figure.savefig(path, dpi=120)
+    except OSError as error:
+        raise InputError(Fault(f"cannot be written: {error.strerror or error}", str(path))) from None
+
+
+def _map(axes: Any, document: MissionDocument, route: Route) -> None:
+    for area in document.fence.areas:
+        colour = "tab:green" if area.inclusion else "tab:red"
+        if isinstance(area, FencePolygon):
+            outline = [(vertex.lon, vertex.lat) for vertex in (*area.vertices, area.vertices[0])]
+        else:
+            turns = np.linspace(0.0, 360.0, 73)
+            ring = [geodesy.direct(area.center.lat, area.center.lon, t, area.radius_m) for t in turns]
+            outline = [(lon, lat) for lat, lon in ring]
+        lon, lat = zip(*outline, strict=True)
+        axes.fill(lon, lat, facecolor=colour, alpha=0.08)
+        axes.plot(lon, lat, color=colour, linewidth=1.0, linestyle="--")
+    for number, leg in enumerate(route.legs):
+        points = [step.point for step in leg.steps]
+        points = [leg.start, *points] if leg.start else points
+        colour = f"C{number % 10}"
+        axes.plot([p.lon for p in points], [p.lat for p in points], color=colour, marker=".", linewidth=1.5)
+    for step in route.steps[:MAX_LABELS]:
+        axes.annotate(
+            str(step.item),
+            (step.point.lon, step.point.lat),
+            textcoords="offset points",
+            xytext=(4, 4),
+            fontsize=7,
+        )
+    home = document.mission.home
+    if home is not None:
+        axes.plot([home.point.lon], [home.point.lat], "k^", label="home")
+    if document.rally.points:
+        axes.plot(
+            [p.point.lon for p in document.rally.points],
+            [p.point.lat for p in document.rally.points],
+            "b*",
+            label="rally points",
+        )
+    low, high = axes.get_ylim()
+    axes.set_aspect(1.0 / max(math.cos(math.radians((low + high) / 2.0)), 0.01), adjustable="datalim")
+    axes.ticklabel_format(useOffset=False)
+    axes.set_xlabel("longitude, degrees")
+    axes.set_ylabel("latitude, degrees")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="best", fontsize=8)
+
+
+def _profile(axes: Any, route: Route) -> None:
+    along_m = 0.0
+    for number, leg in enumerate(route.legs):
+        distance: list[float] = []
+        height: list[float] = []
+        before = leg.start
+        for step in leg.steps:
+            if before is not None:
+                along_m += geodesy.distance_m(before.lat, before.lon, step.point.lat, step.point.lon)
+            before = step.point
+            distance.append(along_m / 1000.0)
+            height.append(step.height_m)
+        axes.plot(distance, height, color=f"C{number % 10}", marker=".")
+    axes.set_xlabel("way, km")
+    axes.set_ylabel("height above home, m")
+    axes.grid(alpha=0.3)
