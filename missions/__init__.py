@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from missions.comparison import Difference, diff
     from missions.coordinates import Point
     from missions.dialects import dialect
-    from missions.dialects.dialect import Dialect
+    from missions.dialects.protocol import Dialect
     from missions.dialects.wire import WireItem
     from missions.document import MissionDocument
     from missions.finding import Finding
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "CheckReport": "checks.report",
     "Command": "commands",
-    "Dialect": "dialects.dialect",
+    "Dialect": "dialects.protocol",
     "Difference": "comparison",
     "Export": "from_composition",
     "FenceCircle": "geofence",

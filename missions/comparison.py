@@ -18,7 +18,7 @@ from missions.rally import RallyPoints
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from missions.dialects.dialect import Dialect, Meaning
+    from missions.dialects.protocol import Dialect, Meaning
     from missions.geofence import FenceCircle
 
 TOLERANCE_E7 = 2

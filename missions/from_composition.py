@@ -6,21 +6,19 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from models.errors import Fault, InputError
-
 from missions.commands import Command, Frame
 from missions.document import MissionDocument
 from missions.leg_builder import LegBuilder
 from missions.mission import MissionItem
 from missions.mission_options import MissionOptions
+from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from models.services import Composition
-
-    from missions.dialects.dialect import Dialect
+    from missions.dialects.protocol import Dialect
     from missions.parameters import Parameter
+    from models.services import Composition
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,6 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from models.errors import Fault, InputError
-
 from missions.commands import Command, Frame
 from missions.coordinates import Point
 from missions.corridor import corridor
@@ -23,15 +21,15 @@ from missions.mission import Home, Mission, MissionItem
 from missions.mission_options import MAX_GROUND_SPEED_MPS
 from missions.parameters import FlightNeeds
 from missions.rally import RallyPoint, RallyPoints
+from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from models.services import Composition, DroneService, Place
-
-    from missions.dialects.dialect import Dialect
+    from missions.dialects.protocol import Dialect
     from missions.document import MissionDocument
     from missions.mission_options import MissionOptions
+    from models.services import Composition, DroneService, Place
 
 MAV_TYPE_QUADROTOR = 2
 GROUND_SPEED = 1.0

@@ -22,7 +22,7 @@ from models.units import J_PER_WH
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from missions.dialects.dialect import Dialect
+    from missions.dialects.protocol import Dialect
     from models.zones import NoFlyZones
 
 SCHEMA = "skyway.check/1"

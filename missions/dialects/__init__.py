@@ -9,7 +9,7 @@ from missions.dialects.px4 import PX4
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from missions.dialects.dialect import Dialect
+    from missions.dialects.protocol import Dialect
 
 DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (PX4, ARDUPILOT)}
 

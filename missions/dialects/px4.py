@@ -19,7 +19,7 @@ from missions.parameters import FlightNeeds, Parameter
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from missions.dialects.dialect import Meaning
+    from missions.dialects.protocol import Meaning
     from missions.dialects.wire import WireItem
     from missions.document import MissionDocument
 
