@@ -107,9 +107,7 @@ class PadLoad:
         offered = self.arrivals_per_s * self.mean_charging_s
         return np.where(count > 0.0, offered / np.maximum(count, 1.0), 0.0)
 
-    def hourly(
-        self, station: int, start_s: float, hours: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def hourly(self, station: int, start_s: float, hours: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Rates in consecutive hours of UTC, from the one that holds an instant.
 
         Where local time changes, an hour of the week comes twice or not at all, as on the clock. In zones
@@ -143,9 +141,7 @@ class PadLoad:
             The utilisation is negative, or so high that the arrivals leave their range.
         """
         if not (math.isfinite(utilisation) and utilisation >= 0.0):
-            raise InputError(
-                Fault("utilisation is a number from 0 up", field="utilisation", value=utilisation)
-            )
+            raise InputError(Fault("utilisation is a number from 0 up", field="utilisation", value=utilisation))
         count = np.broadcast_to(np.asarray(pads, dtype=np.float64), (len(self),))[:, None]
         offered = self.arrivals_per_s * self.mean_charging_s
         idle = ~np.any(offered > 0.0, axis=1, keepdims=True)
@@ -170,9 +166,7 @@ def zone(timezone: str) -> ZoneInfo:
         return ZoneInfo(timezone)
     except (LookupError, ValueError, OSError, TypeError):
         remedy = "an IANA name such as America/New_York"
-        raise InputError(
-            Fault("unknown time zone", field="timezone", value=timezone, remedy=remedy)
-        ) from None
+        raise InputError(Fault("unknown time zone", field="timezone", value=timezone, remedy=remedy)) from None
 
 
 def hours_of_week(timezone: str, start_s: float, hours: int) -> NDArray[np.int64]:
@@ -251,9 +245,7 @@ def read_load(
     values = np.full((2, default + 1, WEEK_H), np.nan)
     seen: dict[tuple[int, int], int] = {}
     for line, row in table.rows(faults):
-        _read_load_row(
-            dict(zip(table.header, row, strict=True)), known, values, seen, (table.file, line, faults)
-        )
+        _read_load_row(dict(zip(table.header, row, strict=True)), known, values, seen, (table.file, line, faults))
     arrivals, charging = np.where(np.isnan(values[:, :default]), values[:, default:], values[:, :default])
     count = None if pads is None else np.broadcast_to(np.asarray(pads, dtype=np.int64), (default,))
     if count is not None:
@@ -402,9 +394,7 @@ def _read_load_row(
     arrivals_per_s = _number(cells["arrivals_per_h"]) / S_PER_H
     if not 0.0 <= arrivals_per_s <= MAX_ARRIVALS_PER_S:
         remedy = "a number from 0 to 3600"
-        faults.append(
-            Fault("not a rate per hour", file, line, "arrivals_per_h", cells["arrivals_per_h"], remedy)
-        )
+        faults.append(Fault("not a rate per hour", file, line, "arrivals_per_h", cells["arrivals_per_h"], remedy))
     charging_s = _number(cells["mean_charging_min"]) * S_PER_MIN
     if charging_s == 0.0 and arrivals_per_s == 0.0:
         charging_s = IDLE_CHARGING_S
@@ -432,9 +422,7 @@ def _missing_hours(file: str, station_ids: Sequence[str], missing: NDArray[np.bo
     return faults
 
 
-def _overload_warnings(
-    load: PadLoad, station_ids: Sequence[str], pads: NDArray[np.int64] | None
-) -> list[str]:
+def _overload_warnings(load: PadLoad, station_ids: Sequence[str], pads: NDArray[np.int64] | None) -> list[str]:
     if pads is None:
         return []
     mean = load.utilisation(pads).mean(axis=1)
@@ -477,9 +465,7 @@ def _sum_by_hour(
     return total, count, gaps
 
 
-def _occupancy_warnings(
-    table: _Table, station_ids: Sequence[str], full: NDArray[np.bool_], gaps: int
-) -> list[str]:
+def _occupancy_warnings(table: _Table, station_ids: Sequence[str], full: NDArray[np.bool_], gaps: int) -> list[str]:
     warnings = []
     without = [name for name in station_ids if name not in table.header[1:]]
     if without:

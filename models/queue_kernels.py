@@ -146,9 +146,7 @@ def transient_distributions(
             pieces = math.ceil(jumps / MAX_JUMPS)
             count = _poisson_weights(jumps / max(pieces, 1), weight)
             for _ in range(pieces):
-                state, tail = _spread(
-                    state, pads, (arrivals[slot] / rate, services[slot] / rate), weight[:count], cut
-                )
+                state, tail = _spread(state, pads, (arrivals[slot] / rate, services[slot] / rate), weight[:count], cut)
                 lost += tail
                 if state[3] > MAX_STATES:
                     return out, -1.0
@@ -192,9 +190,7 @@ def _earlier(means: Floats, pads: int, service: float, duration: float, weight: 
 
 
 @compiled
-def expected_waits(
-    distribution: Floats, pads: int, services: Floats, slot_s: float, times_s: Floats
-) -> Floats:
+def expected_waits(distribution: Floats, pads: int, services: Floats, slot_s: float, times_s: Floats) -> Floats:
     """Compute the mean wait of an arrival at each of `times_s`; after the last slot its rate goes on.
 
     Backwards in time: the mean time until the k-th departure from pads that are all busy, weighted with the

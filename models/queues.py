@@ -108,9 +108,7 @@ def stationary(pads: int, offered_load: float, states: int) -> NDArray[np.float6
     """
     waits = erlang_c(pads, offered_load)
     if offered_load >= pads:
-        raise InputError(
-            Fault(f"{pads} pads never catch up with it", field="offered_load", value=offered_load)
-        )
+        raise InputError(Fault(f"{pads} pads never catch up with it", field="offered_load", value=offered_load))
     ratio = offered_load / pads
     number = np.arange(states)
     tail = waits * (1.0 - ratio) * ratio ** np.maximum(number - pads, 0.0)
@@ -317,8 +315,8 @@ class WaitForecast:
         ahead = self.distribution[point, queue.pads :]  # [k]: k + 1 pads must become free first
         if 1.0 - ahead.sum() >= q:
             return 0.0
-        from scipy.optimize import brentq  # noqa: PLC0415  imported late: only quantiles need it
-        from scipy.special import gammaincc  # noqa: PLC0415
+        from scipy.optimize import brentq  # imported late: only quantiles need it
+        from scipy.special import gammaincc
 
         order = np.arange(1.0, len(ahead) + 1.0)
 
@@ -422,9 +420,7 @@ def _check_offered(offered_load: float) -> None:
         raise InputError(Fault("not a number from 0 up", field="offered_load", value=offered_load))
 
 
-def _rates(
-    arrivals_per_s: ArrayLike, mean_charging_s: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _rates(arrivals_per_s: ArrayLike, mean_charging_s: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     arrivals = np.ascontiguousarray(arrivals_per_s, dtype=np.float64)
     charging = np.ascontiguousarray(mean_charging_s, dtype=np.float64)
     if arrivals.ndim != 1 or arrivals.shape != charging.shape or not len(arrivals):
@@ -462,9 +458,7 @@ def _run(
     jumps = (arrivals.max() + pads / charging.min()) * (times_s[-1] - begin_s)
     steps = jumps / MAX_JUMPS + len(times_s) + (times_s[-1] - begin_s) / slot_s + 2.0
     cut = 0.5 * LOST_MASS / steps
-    distribution, lost = transient_distributions(
-        initial, pads, arrivals, 1.0 / charging, slot_s, begin_s, times_s, cut
-    )
+    distribution, lost = transient_distributions(initial, pads, arrivals, 1.0 / charging, slot_s, begin_s, times_s, cut)
     if lost < 0.0:
         remedy = "check the arrivals and the charging times"
         raise InputError(Fault(f"the line grows beyond {MAX_STATES} drones", field="load", remedy=remedy))

@@ -14,9 +14,7 @@ NEW_YORK = "America/New_York"
 HEADER = "station,hour_of_week,arrivals_per_h,mean_charging_min"
 
 
-def week(
-    station: str, arrivals: float = 3.0, charging: float = 60.0, skip: tuple[int, ...] = ()
-) -> list[str]:
+def week(station: str, arrivals: float = 3.0, charging: float = 60.0, skip: tuple[int, ...] = ()) -> list[str]:
     return [f"{station},{hour},{arrivals},{charging}" for hour in range(168) if hour not in skip]
 
 
@@ -235,9 +233,7 @@ def test_stations_without_a_column_get_no_load_and_a_warning(tmp_path):
 
 
 def test_a_clock_change_in_the_record_breaks_nothing(tmp_path):
-    fall = [
-        t for t in local_hours(14, "2013-10-28T00:00") for _ in range(2 if t == "2013-11-03 01:00" else 1)
-    ]
+    fall = [t for t in local_hours(14, "2013-10-28T00:00") for _ in range(2 if t == "2013-11-03 01:00" else 1)]
     spring = [t for t in local_hours(14, "2013-03-04T00:00") if t != "2013-03-10 02:00"]
     for name, times in (("fall.csv", fall), ("spring.csv", spring)):
         path = occupancy(tmp_path / name, ["a"], [(t, 1.5) for t in times])
@@ -272,9 +268,7 @@ def test_every_wrong_cell_of_a_record_is_said_at_once(tmp_path):
 
 def test_a_record_of_less_than_a_week_is_refused(tmp_path):
     path = occupancy(tmp_path / "o.csv", ["a"], [(t, 1.0) for t in local_hours(6)])
-    assert (
-        "no value for 24 of the 168" in faults_of(lambda: read_occupancy(path, ["a"], NEW_YORK, 5, 60.0))[0]
-    )
+    assert "no value for 24 of the 168" in faults_of(lambda: read_occupancy(path, ["a"], NEW_YORK, 5, 60.0))[0]
 
 
 @pytest.mark.parametrize("minutes", [0.0, -5.0, float("nan"), 1e6])

@@ -32,9 +32,7 @@ def sampled(pads=3, spots=2, seed=1, utilisation=0.9, busy=None, remaining=None,
     )  # fmt: skip
 
 
-def brute_force(
-    pads: int, spots: int, others: list[tuple[float, float]], ours_s: float
-) -> tuple[float, float]:
+def brute_force(pads: int, spots: int, others: list[tuple[float, float]], ours_s: float) -> tuple[float, float]:
     """(landing, pad) times of our drone among others with (arrival, charging time): event by event.
 
     In the line the first `spots` drones stand, the others hover; a drone lands when it is among the first.
@@ -123,9 +121,7 @@ def test_known_remaining_times_are_used_as_they_are():
 def test_drones_in_the_line_go_before_us():
     start = 8 * HOUR
     path = sampled(1, 1, utilisation=0.0, busy=3, remaining=[600.0])
-    assert (
-        path.land_time(start) > start + 600.0
-    )  # the spot holds the second in the line, who hovers until then
+    assert path.land_time(start) > start + 600.0  # the spot holds the second in the line, who hovers until then
     assert path.pad_time(start) > path.land_time(start)
     assert sampled(1, 2, utilisation=0.0, busy=3, remaining=[600.0]).land_time(start) == start + 600.0
 
@@ -174,9 +170,7 @@ def test_others_arrive_at_the_rate_of_each_hour():
     rates = np.array([6.0, 0.0, 30.0, 1.0])
     counts = np.zeros(4)
     for seed in range(300):
-        path = sample_path(
-            5, 4, rates / HOUR, np.full(4, 600.0), first_s=0.0, start_s=0.0, hours=4, rng=seed, busy=0
-        )
+        path = sample_path(5, 4, rates / HOUR, np.full(4, 600.0), first_s=0.0, start_s=0.0, hours=4, rng=seed, busy=0)
         counts += np.histogram(path.arrival_s, bins=np.arange(5) * HOUR)[0]
     assert (np.abs(counts - 300 * rates) <= 4.0 * np.sqrt(300 * rates)).all()
 

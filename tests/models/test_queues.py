@@ -51,9 +51,7 @@ def generator(pads: int, arrival: float, service: float, states: int) -> np.ndar
     return rates
 
 
-def simulate_wait(
-    rng: random.Random, pads: int, arrivals: list, charging: list, present: int, at_s: float
-) -> float:
+def simulate_wait(rng: random.Random, pads: int, arrivals: list, charging: list, present: int, at_s: float) -> float:
     """Wait of one drone that arrives at `at_s`, from one event simulation that begins at 0."""
     now, ahead = 0.0, None
     while True:
@@ -199,9 +197,7 @@ def test_in_the_long_run_the_forecast_is_erlangs():
 
 def test_at_high_load_the_start_matters_for_days():
     load = steady_load(0.9)
-    empty, full, unseen = (
-        forecast_waits(load, 5, [0], START, 48, busy)[0] for busy in ({0: 0}, {0: 15}, None)
-    )
+    empty, full, unseen = (forecast_waits(load, 5, [0], START, 48, busy)[0] for busy in ({0: 0}, {0: 15}, None))
     assert empty.expected_wait_s(START) == 0.0
     assert full.expected_wait_s(START) == pytest.approx(11 * HOUR / 5)
     for hours in (1, 6, 24):
