@@ -28,7 +28,7 @@ TOLERANCE_M = 0.011
 RELATIVE_TOLERANCE = 1e-6
 """Parameters are floats of 32 bits on the wire."""
 
-_UNITS = {"x": TOLERANCE_E7, "y": TOLERANCE_E7, "z": TOLERANCE_M}
+_TOLERANCES: dict[str, float] = {"x": TOLERANCE_E7, "y": TOLERANCE_E7, "z": TOLERANCE_M}
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ def _same(name: str, ours: float | str | None, theirs: float | str | None) -> bo
         return theirs is None or theirs == 0
     if theirs is None or isinstance(ours, str) or isinstance(theirs, str):
         return ours == theirs
-    return abs(ours - theirs) <= max(_UNITS.get(name, 0.0), RELATIVE_TOLERANCE * abs(ours))
+    return abs(ours - theirs) <= _TOLERANCES.get(name, RELATIVE_TOLERANCE * abs(ours))
 
 
 def _fences(sent: Geofence, read_back: Geofence) -> Iterator[Difference]:
