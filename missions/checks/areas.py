@@ -54,9 +54,7 @@ def check_fence(document: MissionDocument, route: Route, autopilot: str | None) 
     ends, items = _segments(route)
     which = "all inclusion areas at once" if autopilot == "ardupilot" else "any inclusion area"
     breaches = _outside(_lines(ends), allowed)
-    message = (
-        f"the way to this item leaves {which}" if len(inside) > 1 else "the way to this item leaves the fence"
-    )
+    message = f"the way to this item leaves {which}" if len(inside) > 1 else "the way to this item leaves the fence"
     yield from _breaches(items, breaches, "outside-fence", message, "move the item, or widen the fence")
     crossings = _crossing(_lines(ends), forbidden)
     message = "the way to this item enters an exclusion area of the fence"

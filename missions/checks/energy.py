@@ -117,6 +117,23 @@ class _Flown:
     margin_mps: float
     worst_item: int
 
+    def energy_j_or_typical(self, weight: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Energy per member; on days that forbid flying one waits, and then flies as on the other days."""
+        return _or_typical(self.energy_j, self.flyable, weight)
+
+    def time_s_or_typical(self, weight: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Time per member, likewise."""
+        return _or_typical(self.time_s, self.flyable, weight)
+
+
+def _or_typical(
+    values: NDArray[np.float64], flyable: NDArray[np.bool_], weight: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    share = np.where(flyable, weight, 0.0)
+    total = float(share.sum())
+    typical = float(share @ np.where(flyable, values, 0.0)) / total if total > 0.0 else 0.0
+    return np.where(flyable, values, typical)
+
 
 def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -> tuple[LegEnergy, ...]:
     """Work out every flight of a route, with charging on the ground between them."""
@@ -130,11 +147,11 @@ def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -
     for leg in route.legs:
         mass = conditions.drone.mass_kg + (0.0 if released else conditions.payload_kg)
         flown = _fly(mission, leg, conditions, mass, clock_s, height_m)
-        spent_j = spent_j + flown.energy_j
+        spent_j = spent_j + flown.energy_j_or_typical(weight)
         pad = _pad_at(leg, conditions)
         legs.append(_leg_energy(leg, flown, conditions, soc, spent_j, pad.name if pad else None))
         released = released or leg.released
-        clock_s = clock_s + flown.time_s + (leg.ground_hold_s or 0.0)
+        clock_s = clock_s + flown.time_s_or_typical(weight) + (leg.ground_hold_s or 0.0)
         end = legs[-1].soc_end
         height_m = _height_after(leg)
         if leg.ground_hold_s != 0.0 and (pad is not None or not conditions.stations):
@@ -186,13 +203,10 @@ def _leg_energy(
     time_s = energy_j = soc_end = p_reserve = None
     if p_flyable > 0.0 and np.isfinite(flown.time_s[flown.flyable]).all():
         weight = weight / p_flyable
-        usable = np.where(flown.flyable, spent_j, 0.0)
         time_s = float(weight @ np.where(flown.flyable, flown.time_s, 0.0))
         energy_j = float(weight @ np.where(flown.flyable, flown.energy_j, 0.0))
-        soc_end = soc - float(weight @ usable) / conditions.drone.battery_j
-        p_reserve = float(
-            weight @ _p_within(usable, (soc - conditions.reserve_soc) * conditions.drone.battery_j)
-        )
+        soc_end = soc - float(weight @ spent_j) / conditions.drone.battery_j
+        p_reserve = float(weight @ _p_within(spent_j, (soc - conditions.reserve_soc) * conditions.drone.battery_j))
     return LegEnergy(
         leg.item_from,
         leg.item_to,
@@ -212,9 +226,7 @@ def _leg_energy(
 def _p_within(energy_j: NDArray[np.float64], budget_j: float) -> NDArray[np.float64]:
     """Probability that an energy with its even error stays within a budget."""
     with np.errstate(divide="ignore"):
-        ratio = np.where(
-            energy_j > 0.0, budget_j / np.maximum(energy_j, 1e-9), math.inf if budget_j >= 0 else -1
-        )
+        ratio = np.where(energy_j > 0.0, budget_j / np.maximum(energy_j, 1e-9), math.inf if budget_j >= 0 else -1)
     return np.asarray(np.clip((ratio - (1.0 - ENERGY_ERROR)) / (2.0 * ENERGY_ERROR), 0.0, 1.0))
 
 
@@ -252,11 +264,12 @@ def _fly(
             level_s = np.where(length > 0.5, length / speed, 0.0)
         vertical_s = climb_s + descent_s
         step_s = np.where(apart, level_s + vertical_s, np.maximum(level_s, vertical_s)) + hold
-        elapsed = clock_s[:, None] + np.cumsum(step_s, axis=1) - step_s
+        elapsed = clock_s[:, None] + np.cumsum(np.insert(step_s[:, :-1], 0, 0.0, axis=1), axis=1)
     needed = np.hypot(commanded - along, across)
-    margin = np.where(length > 0.5, drone.max_airspeed_mps - needed, math.inf).min(axis=0)
-    worst = int(np.argmin(margin))
     flyable = np.all((possible > 0.0) | (length <= 0.5), axis=1)
+    margins = np.where(length > 0.5, drone.max_airspeed_mps - needed, math.inf)
+    margin = (margins[flyable] if flyable.any() else margins).min(axis=0)
+    worst = int(np.argmin(margin))
 
     def power(phase: Phase) -> float:
         return drone.energy_model.power_w(mass_kg, phase)

@@ -84,9 +84,7 @@ def _reserve(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
         yield Finding("warning", leg.item_to, "reserve-unsure", message, "recharge more before")
 
 
-def _hold(
-    flown: LegEnergy, leg: RouteLeg, following: LegEnergy, conditions: FlightConditions
-) -> Iterator[Finding]:
+def _hold(flown: LegEnergy, leg: RouteLeg, following: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
     hold_s = leg.ground_hold_s
     if hold_s is None:
         message = "the mission does not say how long it charges here: a full battery is assumed"

@@ -201,9 +201,7 @@ class _Walk:
                 self.legs[-1].ground_hold_s += seconds
         elif self.leg.steps:
             last = self.leg.steps[-1]
-            self.leg.steps[-1] = Step(
-                last.item, last.point, last.height_m, last.speed_mps, last.hold_s + seconds
-            )
+            self.leg.steps[-1] = Step(last.item, last.point, last.height_m, last.speed_mps, last.hold_s + seconds)
 
     def _return(self, number: int) -> None:
         leg = self._open(number)

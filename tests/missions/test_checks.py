@@ -1,0 +1,211 @@
+"""Checks of any mission: what is wrong, where, and what would be right."""
+
+import math
+
+import pytest
+
+from missions import check, dialect
+from missions.checks.route import MAX_STEPS, fly
+from missions.commands import Command, Frame
+from missions.coordinates import Point
+from missions.document import MissionDocument
+from missions.geofence import FenceCircle, FencePolygon, Geofence
+from missions.mission import Home, Mission, MissionItem
+from missions.rally import RallyPoint, RallyPoints
+
+HOME = Home(Point.of_degrees(47.0, 8.0), 400.0)
+
+
+def at(command, lat=47.0, lon=8.0, z=60.0, frame=Frame.GLOBAL_RELATIVE_ALT, **fields):
+    point = Point.of_degrees(lat, lon)
+    return MissionItem(command, frame, x=point.lat_e7, y=point.lon_e7, z=z, **fields)
+
+
+TAKEOFF = at(Command.NAV_TAKEOFF)
+AWAY = at(Command.NAV_WAYPOINT, 47.02)
+LAND = at(Command.NAV_LAND, 47.02, z=0.0)
+RETURN = MissionItem(Command.NAV_RETURN_TO_LAUNCH)
+
+
+def jump(target, repeats):
+    return MissionItem(Command.DO_JUMP, Frame.MISSION, float(target), float(repeats))
+
+
+def speed(mps):
+    return MissionItem(Command.DO_CHANGE_SPEED, Frame.MISSION, 1.0, mps, -1.0)
+
+
+def found(*items, home=HOME, fence=None, rally=(), **options):
+    document = MissionDocument(Mission(items, home), fence or Geofence(), RallyPoints(tuple(rally)))
+    return {(f.severity, f.code, f.item) for f in check(document, **options).findings}
+
+
+def square(lat, lon, size, inclusion=True):
+    corners = [(lat - size, lon - size), (lat - size, lon + size), (lat + size, lon + size), (lat + size, lon - size)]
+    return FencePolygon(tuple(Point.of_degrees(a, b) for a, b in corners), inclusion)
+
+
+def test_a_sound_mission_has_no_findings():
+    assert found(TAKEOFF, speed(12.0), AWAY, LAND) == set()
+    assert found(TAKEOFF, AWAY, RETURN) == set()
+
+
+def test_take_off_comes_first():
+    assert ("error", "takeoff-not-first", 1) in found(AWAY, TAKEOFF, LAND)
+    assert ("warning", "no-takeoff", 0) in found(AWAY, LAND)
+
+
+def test_a_mission_ends_on_the_ground():
+    assert found(TAKEOFF, AWAY) == {("error", "no-landing", 1)}
+    loiter = at(Command.NAV_LOITER_UNLIM, 47.01)
+    assert ("error", "never-lands", 2) in found(TAKEOFF, AWAY, loiter, LAND)
+
+
+def test_nothing_to_fly_is_said_so():
+    assert found() == {("info", "no-mission", None)}
+    assert ("warning", "no-positions", None) in found(speed(3.0))
+
+
+@pytest.mark.parametrize("target", [-1, 4, 99])
+def test_jumps_lead_to_items_that_exist(target):
+    assert ("error", "jump-target", 2) in found(TAKEOFF, AWAY, jump(target, 1), LAND)
+
+
+def test_a_jump_to_itself_or_to_no_number_is_an_error():
+    assert ("error", "jump-target", 2) in found(TAKEOFF, AWAY, jump(2, 1), LAND)
+    assert ("error", "jump-target", 2) in found(TAKEOFF, AWAY, MissionItem(177, 2, math.nan), LAND)
+    tag = MissionItem(Command.DO_JUMP_TAG, Frame.MISSION, 7.0, 1.0)
+    assert ("error", "jump-target", 2) in found(TAKEOFF, AWAY, tag, LAND)
+
+
+def test_an_endless_jump_is_followed_once_and_said_so():
+    assert ("warning", "endless-jump", 2) in found(TAKEOFF, AWAY, jump(0, -1), LAND)
+    assert fly(Mission((TAKEOFF, AWAY, jump(1, -1), LAND))).endless_jumps == (2,)
+
+
+def test_jumps_are_followed_as_often_as_they_say():
+    route = fly(Mission((TAKEOFF, AWAY, at(Command.NAV_WAYPOINT), jump(1, 2), LAND)))
+    assert [step.item for step in route.steps] == [0, 1, 2, 1, 2, 1, 2, 4]
+    tagged = MissionItem(Command.JUMP_TAG, Frame.MISSION, 7.0)
+    back = MissionItem(Command.DO_JUMP_TAG, Frame.MISSION, 7.0, 1.0)
+    assert [s.item for s in fly(Mission((TAKEOFF, tagged, AWAY, back, LAND))).steps] == [0, 2, 2, 4]
+
+
+def test_jumps_within_jumps_end_even_where_they_would_take_years():
+    nested = (TAKEOFF, AWAY, *(jump(1, 30_000) for _ in range(10)), LAND)
+    route = fly(Mission(nested))
+    assert route.is_cut
+    assert len(route.steps) <= MAX_STEPS
+    assert ("warning", "too-many-repeats", None) in found(*nested)
+
+
+def test_speeds_stay_within_what_the_vehicle_flies():
+    assert ("error", "speed-limit", 1) in found(TAKEOFF, speed(25.0), AWAY, LAND)
+    assert ("warning", "speed-missing", 1) in found(TAKEOFF, speed(0.0), AWAY, LAND)
+
+
+def test_distances_stay_within_reach():
+    assert ("error", "far-from-home", 0) in found(at(Command.NAV_TAKEOFF, 47.5), at(Command.NAV_LAND, 47.5, z=0.0))
+    far = found(TAKEOFF, at(Command.NAV_WAYPOINT, 48.0), at(Command.NAV_WAYPOINT, 40.0), LAND)
+    assert ("error", "too-far", 2) in far
+
+
+def test_heights_are_above_the_ground():
+    assert ("error", "takeoff-too-low", 0) in found(at(Command.NAV_TAKEOFF, z=1.0), AWAY, LAND)
+    assert ("warning", "not-above-ground", 1) in found(TAKEOFF, at(Command.NAV_WAYPOINT, 47.01, z=-5.0), LAND)
+    downhill = (TAKEOFF, at(Command.NAV_WAYPOINT, 47.02, z=-40.0), at(Command.NAV_LAND, 47.02, z=-100.0))
+    assert found(*downhill) == set()
+    assert ("info", "high", 1) in found(TAKEOFF, at(Command.NAV_WAYPOINT, 47.01, z=300.0), LAND)
+    assert ("error", "no-altitude", 1) in found(TAKEOFF, at(Command.NAV_WAYPOINT, 47.01, z=math.nan), LAND)
+
+
+def test_heights_above_sea_level_need_the_height_of_home():
+    absolute = at(Command.NAV_WAYPOINT, 47.01, z=380.0, frame=Frame.GLOBAL)
+    assert ("warning", "not-above-ground", 1) in found(TAKEOFF, absolute, LAND)
+    assert ("info", "height-reference", 1) in found(TAKEOFF, absolute, LAND, home=Home(HOME.point, None))
+
+
+def test_parameters_left_open_where_the_command_does_not_allow_it_are_told():
+    assert ("info", "parameter-not-given", 1) in found(TAKEOFF, MissionItem(93, 2, 5.0, math.nan), AWAY, LAND)
+    assert found(TAKEOFF, at(Command.NAV_WAYPOINT, 47.01, param4=math.nan), LAND) == set()
+
+
+def test_the_route_stays_in_the_fence():
+    inside, small = Geofence((square(47.0, 8.0, 0.05),)), Geofence((square(47.0, 8.0, 0.01),))
+    assert found(TAKEOFF, AWAY, LAND, fence=inside) == set()
+    assert ("error", "outside-fence", 1) in found(TAKEOFF, AWAY, LAND, fence=small)
+
+
+def test_the_way_between_two_positions_inside_may_still_leave_the_fence():
+    corners = [(46.9, 7.9), (46.9, 8.1), (47.1, 8.1), (47.1, 8.05), (46.95, 8.0), (47.1, 7.95), (47.1, 7.9)]
+    bay = Geofence((FencePolygon(tuple(Point.of_degrees(*c) for c in corners)),))
+    west, east = at(Command.NAV_TAKEOFF, 47.05, 7.92), at(Command.NAV_WAYPOINT, 47.05, 8.08)
+    result = found(west, east, at(Command.NAV_LAND, 47.05, 8.08, z=0.0), fence=bay, home=None)
+    assert ("error", "outside-fence", 1) in result
+
+
+def test_exclusion_areas_are_kept_out_of():
+    pond = Geofence((square(47.01, 8.0, 0.002, False),), (FenceCircle(Point.of_degrees(47.3, 8.3), 100.0, False),))
+    assert found(TAKEOFF, AWAY, LAND, fence=pond) == {("error", "in-exclusion-area", 1)}
+    dome = Geofence((), (FenceCircle(Point.of_degrees(47.0, 8.0), 3000.0),))
+    assert found(TAKEOFF, AWAY, LAND, fence=dome) == set()
+
+
+def test_two_inclusion_areas_mean_any_to_px4_and_all_to_ardupilot():
+    two = Geofence((square(47.01, 8.0, 0.02), square(48.0, 9.0, 0.02)))
+    assert found(TAKEOFF, AWAY, LAND, fence=two, dialect=dialect("px4")) == set()
+    codes = {code for _, code, _ in found(TAKEOFF, AWAY, LAND, fence=two, dialect=dialect("ardupilot"))}
+    assert codes == {"outside-fence", "ardupilot-inclusion-areas"}
+
+
+def test_a_fence_that_is_broken_is_an_error_of_its_own():
+    bow_tie = FencePolygon(tuple(Point.of_degrees(*c) for c in [(47, 8), (47.1, 8.1), (47.1, 8), (47, 8.1)]))
+    assert ("error", "fence-crosses-itself", None) in found(TAKEOFF, AWAY, LAND, fence=Geofence((bow_tie,)))
+
+
+def test_rally_points_and_the_ways_there_stay_in_the_fence():
+    fence = Geofence((square(47.01, 8.0, 0.02),))
+    outside = RallyPoint(Point.of_degrees(47.5, 8.0), 60.0)
+    assert ("error", "rally-outside-fence", None) in found(TAKEOFF, AWAY, LAND, fence=fence, rally=[outside])
+    ring = [(46.9, 7.9), (46.9, 8.1), (47.1, 8.1), (47.1, 8.05), (46.95, 8.0), (47.1, 7.95), (47.1, 7.9)]
+    bay = Geofence((FencePolygon(tuple(Point.of_degrees(*c) for c in ring)),))
+    across = RallyPoint(Point.of_degrees(47.05, 8.08), 60.0)
+    west = at(Command.NAV_TAKEOFF, 47.05, 7.92)
+    result = found(west, at(Command.NAV_LAND, 47.05, 7.92, z=0.0), fence=bay, rally=[across], home=None)
+    assert ("warning", "divert-outside-fence", 0) in result
+
+
+def test_no_fly_zones_are_not_crossed():
+    import shapely
+
+    from models.zones import NoFlyZones
+
+    zone = NoFlyZones(("airport",), (shapely.box(7.99, 47.005, 8.01, 47.01),))
+    assert found(TAKEOFF, AWAY, LAND, zones=zone) == {("error", "no-fly-zone", 1)}
+
+
+def test_what_the_named_autopilot_cannot_fly_is_found_without_asking():
+    mission = Mission((TAKEOFF, AWAY, LAND, at(Command.NAV_TAKEOFF, 47.02), AWAY, LAND), HOME, firmware=12)
+    assert "px4-takeoff-not-first" in {finding.code for finding in check(mission).findings}
+
+
+def test_floods_of_one_kind_are_counted_instead_of_repeated():
+    low = [at(Command.NAV_WAYPOINT, 47.0 + i * 1e-5, z=-1.0) for i in range(100)]
+    report = check(Mission((TAKEOFF, *low, at(Command.NAV_LAND, z=0.0)), HOME))
+    told = [finding for finding in report.findings if finding.code == "not-above-ground"]
+    assert len(told) == 21
+    assert told[-1].message.startswith("80 more items")
+
+
+def test_errors_come_first_and_a_report_is_plain_json():
+    import json
+
+    report = check(Mission((AWAY, TAKEOFF, speed(25.0)), HOME))
+    order = [finding.severity for finding in report.findings]
+    assert order == sorted(order, key=["error", "warning", "info"].index)
+    raw = json.loads(json.dumps(report.to_json(), allow_nan=False))
+    assert raw["schema"] == "skyway.check/1"
+    assert raw["ok"] is False
+    assert set(raw["findings"][0]) == {"severity", "item", "code", "message", "remedy"}
+    keys = {"item_from", "item_to", "distance_m", "time_s", "energy_wh", "soc_end", "p_reserve"}
+    assert set(raw["legs"][0]) == keys
