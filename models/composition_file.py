@@ -238,13 +238,9 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
     try:
         raw = msgspec.json.decode(data, type=_Composition)
     except (msgspec.ValidationError, msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise InputError(
-            Fault(f"not a {SCHEMA} file: {error}", file, remedy="write one with skyway plan -o")
-        ) from None
+        raise InputError(Fault(f"not a {SCHEMA} file: {error}", file, remedy="write one with skyway plan -o")) from None
     if raw.schema != SCHEMA:
-        raise InputError(
-            Fault("unknown schema", file, field="schema", value=raw.schema, remedy=f"expected {SCHEMA}")
-        )
+        raise InputError(Fault("unknown schema", file, field="schema", value=raw.schema, remedy=f"expected {SCHEMA}"))
     _check_references(raw, file)
     services = tuple(
         DroneService(
@@ -335,11 +331,7 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
 def _check_references(raw: _Composition, file: str) -> None:
     if not raw.legs:
         raise InputError(Fault("has no legs", file, field="legs"))
-    named = [
-        (f"legs[{i}]", key)
-        for i, leg in enumerate(raw.legs)
-        for key in (leg.origin, *leg.via, leg.destination)
-    ]
+    named = [(f"legs[{i}]", key) for i, leg in enumerate(raw.legs) for key in (leg.origin, *leg.via, leg.destination)]
     named += [(f"stops[{i}].station", stop.station) for i, stop in enumerate(raw.stops)]
     faults = [
         Fault("names a station that is not in stations", file, field=where, value=key)
@@ -347,9 +339,7 @@ def _check_references(raw: _Composition, file: str) -> None:
         if key not in raw.stations
     ]
     faults += [
-        Fault(
-            "does not start where the last leg ended", file, field=f"legs[{i + 1}].from", value=after.origin
-        )
+        Fault("does not start where the last leg ended", file, field=f"legs[{i + 1}].from", value=after.origin)
         for i, (before, after) in enumerate(pairwise(raw.legs))
         if before.destination != after.origin
     ]

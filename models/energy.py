@@ -100,4 +100,4 @@ class MomentumEnergy:
     def power_w(self, mass_kg: float, phase: Phase = "cruise") -> float:
         """Electrical power in watts."""
         slope, offset = self.coefficients[phase]
-        return slope * mass_kg**1.5 / math.sqrt(self.air_density_kg_m3) + offset
+        return float(slope * mass_kg**1.5 / math.sqrt(self.air_density_kg_m3) + offset)

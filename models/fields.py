@@ -131,9 +131,7 @@ class Table:
     def table(self, key: str) -> Table:
         """Read a table; an absent one is empty."""
         self._read.add(key)
-        return Table(
-            self._values.get(key, {}), self.file, f"{self.path}.{key}" if self.path else key, self.faults
-        )
+        return Table(self._values.get(key, {}), self.file, f"{self.path}.{key}" if self.path else key, self.faults)
 
     def tables(self, key: str) -> list[Table]:
         """Read a list of tables; an absent one is empty."""
@@ -143,9 +141,7 @@ class Table:
         if not isinstance(values, list):
             self.fault(key, "must be a list of tables", values)
             return []
-        return [
-            Table(value, self.file, f"{path}[{number}]", self.faults) for number, value in enumerate(values)
-        ]
+        return [Table(value, self.file, f"{path}[{number}]", self.faults) for number, value in enumerate(values)]
 
     def finish(self) -> None:
         """Report every field that nobody read: a misspelt name must not pass for a default."""

@@ -60,9 +60,7 @@ def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -
         The file exists and `force` is false, or it cannot be written.
     """
     if path.exists() and not force:
-        raise InputError(
-            Fault("exists already", str(path), remedy="give another name, or --force to overwrite it")
-        )
+        raise InputError(Fault("exists already", str(path), remedy="give another name, or --force to overwrite it"))
     data = content.encode() if isinstance(content, str) else content
     try:
         descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")

@@ -114,16 +114,35 @@ def next_opening(air: Air, member: int, segments: NDArray[np.int64], time_s: flo
 @compiled
 def leg(air: Air, member: int, segment: int, time_s: float) -> tuple[float, float]:
     """Take-off and touch-down of a one-segment flight that leaves at `time_s` or, held by the wind, when it first can."""
-    now = time_s
+    off = time_s
+    first = slot_of(air, off)
     while True:
-        over = cruise(air, member, segment, now + air.climb_s)
-        if over < NEVER:
-            down = over + air.descent_s
-            first = slot_of(air, now)
-            last = slot_of(air, down - 2.0 * _SLOT_EDGE_S)
-            if segment_speed(air, member, first, segment) > 0.0 and segment_speed(air, member, last, segment) > 0.0:
-                return now, down
-        end = slot_end(air, slot_of(air, now))
-        if end == NEVER:
+        slot = first
+        end = slot_end(air, slot)
+        flyable = True
+        now = off + air.climb_s
+        if now >= end - _SLOT_EDGE_S:  # the climb reaches into the next slot: this one counts too
+            flyable = segment_speed(air, member, slot, segment) > 0.0
+            slot += 1
+            end = slot_end(air, slot)
+        left = air.distance_m[segment]
+        while flyable:
+            speed = segment_speed(air, member, slot, segment)
+            if speed <= 0.0:
+                flyable = False
+            elif now + left / speed <= end:
+                now += left / speed
+                break
+            else:
+                left -= speed * (end - now)
+                now = end
+                slot += 1
+                end = slot_end(air, slot)
+        if flyable:
+            down = now + air.descent_s
+            if down <= end + _SLOT_EDGE_S or segment_speed(air, member, slot + 1, segment) > 0.0:
+                return off, down
+        first += 1
+        if first >= air.north.shape[1]:
             return NEVER, NEVER
-        now = end
+        off = slot_end(air, first - 1)

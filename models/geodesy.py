@@ -20,7 +20,7 @@ EARTH_RADIUS_M = 6_371_008.8
 
 @cache
 def _wgs84() -> Geod:
-    from pyproj import Geod  # noqa: PLC0415  70 ms, not needed for --help
+    from pyproj import Geod
 
     return Geod(ellps="WGS84")
 
@@ -74,9 +74,7 @@ def midpoint(
     lat: ArrayLike, lon: ArrayLike, bearing: ArrayLike, length_m: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Half-way points of geodesics given by start, initial bearing and length; (lat, lon) in degrees."""
-    a, b, c, d = np.broadcast_arrays(
-        *(np.asarray(v, dtype=np.float64) for v in (lat, lon, bearing, length_m))
-    )
+    a, b, c, d = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (lat, lon, bearing, length_m)))
     lon2, lat2, _ = _wgs84().fwd(b.ravel(), a.ravel(), c.ravel(), d.ravel() / 2.0)
     return np.asarray(lat2).reshape(a.shape), np.asarray(lon2).reshape(a.shape)
 

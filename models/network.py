@@ -167,7 +167,7 @@ class Network:
     @cached_property
     def graph(self) -> nx.DiGraph:
         """The same as a networkx graph: station ids with their attributes, edges with distance and bearing."""
-        import networkx  # noqa: PLC0415  imported late: 90 ms
+        import networkx  # imported late: 90 ms
 
         graph = networkx.DiGraph()
         for station in self.stations:
@@ -292,17 +292,11 @@ class Network:
         return replace(self, stations=stations)
 
 
-def coordinate_faults(
-    lat: float, lon: float, *, file: str | None = None, line: int | None = None
-) -> list[Fault]:
+def coordinate_faults(lat: float, lon: float, *, file: str | None = None, line: int | None = None) -> list[Fault]:
     """Return what is wrong with a position in degrees: out of range, or not a number."""
     faults = []
     if not -90.0 <= lat <= 90.0:
-        hint = (
-            "lat and lon may be swapped"
-            if abs(lat) <= 180.0 and abs(lon) <= 90.0
-            else "degrees from -90 to 90"
-        )
+        hint = "lat and lon may be swapped" if abs(lat) <= 180.0 and abs(lon) <= 90.0 else "degrees from -90 to 90"
         faults.append(Fault("latitude out of range", file, line, "lat", lat, hint))
     if not -180.0 <= lon <= 180.0:
         faults.append(Fault("longitude out of range", file, line, "lon", lon, "degrees from -180 to 180"))

@@ -22,9 +22,7 @@ RULES = ("max-length", "nearest", "gabriel")
 MAX_PAIRS = 20_000_000
 
 
-def build_network(
-    stations: Sequence[Station], rule: ConnectionRule, *, zones: NoFlyZones | None = None
-) -> Network:
+def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: NoFlyZones | None = None) -> Network:
     """Join stations by a rule; every segment is flown both ways, none is longer than ``rule.max_length_m``.
 
     ``max-length`` joins all pairs, ``nearest`` each station to its ``rule.nearest`` nearest, ``gabriel`` two
@@ -54,30 +52,22 @@ def build_network(
 
 def _tree(stations: Sequence[Station]) -> tuple[cKDTree, NDArray[np.float64]]:
     """KD-tree of the stations as points on a sphere of the Earth's mean radius, metres."""
-    from scipy.spatial import cKDTree  # noqa: PLC0415  imported late: 100 ms
+    from scipy.spatial import cKDTree  # imported late: 100 ms
 
     lat = np.radians([s.lat for s in stations])
     lon = np.radians([s.lon for s in stations])
-    xyz = geodesy.EARTH_RADIUS_M * np.column_stack(
-        (np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat))
-    )
+    xyz = geodesy.EARTH_RADIUS_M * np.column_stack((np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)))
     return cKDTree(xyz), xyz
 
 
 def _within(stations: Sequence[Station], rule: ConnectionRule) -> NDArray[np.int64]:
     tree, _ = _tree(stations)
-    reach = min(
-        rule.max_length_m * 1.006, 2.0 * geodesy.EARTH_RADIUS_M
-    )  # sphere against ellipsoid: within 0.6 %
+    reach = min(rule.max_length_m * 1.006, 2.0 * geodesy.EARTH_RADIUS_M)  # sphere against ellipsoid: within 0.6 %
     count = (int(tree.count_neighbors(tree, reach)) - len(stations)) // 2
     if count > MAX_PAIRS:
-        remedy = (
-            f"shorten network.max_length_m or use rule nearest: {count} segments are more than {MAX_PAIRS}"
-        )
+        remedy = f"shorten network.max_length_m or use rule nearest: {count} segments are more than {MAX_PAIRS}"
         raise InputError(
-            Fault(
-                "joins too many pairs", field="network.max_length_m", value=rule.max_length_m, remedy=remedy
-            )
+            Fault("joins too many pairs", field="network.max_length_m", value=rule.max_length_m, remedy=remedy)
         )
     return np.asarray(tree.query_pairs(reach, output_type="ndarray"), dtype=np.int64).reshape(-1, 2)
 
@@ -106,7 +96,7 @@ def _gabriel(stations: Sequence[Station], rule: ConnectionRule) -> NDArray[np.in
 
 def _delaunay_edges(stations: Sequence[Station]) -> NDArray[np.int64] | None:
     """Edges of the Delaunay triangulation, which holds the Gabriel graph; None for fewer than 4 or collinear points."""
-    from scipy.spatial import Delaunay, QhullError  # noqa: PLC0415
+    from scipy.spatial import Delaunay, QhullError
 
     lat = np.array([s.lat for s in stations])
     lon = np.array([s.lon for s in stations])

@@ -52,9 +52,7 @@ def read_stations(
         station = _station(_Row(row, names, str(path), line, faults), pads, holding_spots)
         if station.id in first_line:
             remedy = f"it stands on line {first_line[station.id]} already"
-            faults.append(
-                Fault("two stations have the same id", str(path), line, names["id"], station.id, remedy)
-            )
+            faults.append(Fault("two stations have the same id", str(path), line, names["id"], station.id, remedy))
         first_line.setdefault(station.id, line)
         if len(faults) == found:
             stations.append(station)
@@ -145,9 +143,7 @@ def _csv_rows(path: Path, names: Mapping[str, str]) -> Iterable[tuple[int, Mappi
 
 def open_csv(path: Path) -> csv.DictReader[str]:
     """Open a CSV file of at most 64 MB with a header line."""
-    return csv.DictReader(
-        io.StringIO(read_text(path, max_bytes=MAX_BYTES), newline=""), restkey="", restval=""
-    )
+    return csv.DictReader(io.StringIO(read_text(path, max_bytes=MAX_BYTES), newline=""), restkey="", restval="")
 
 
 def _numbered(reader: csv.DictReader[str], path: Path) -> Iterable[tuple[int, Mapping[str, Any]]]:
@@ -212,11 +208,7 @@ def _segment_rows(path: Path) -> Iterable[tuple[int, Mapping[str, Any]]]:
     if path.suffix in (".geojson", ".json"):
         for number, feature in enumerate(features(read_geojson(path)), start=1):
             geometry, properties = feature.get("geometry"), feature.get("properties")
-            if (
-                isinstance(geometry, dict)
-                and geometry.get("type") == "LineString"
-                and isinstance(properties, dict)
-            ):
+            if isinstance(geometry, dict) and geometry.get("type") == "LineString" and isinstance(properties, dict):
                 yield number, properties
         return
     reader = open_csv(path)

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
 
 from models.errors import Fault, InputError
-from models.wind_forecast import analogue_ensemble, truth_series
+from models.wind_forecast import analogue_ensemble, read_forecast, truth_series
 
 if TYPE_CHECKING:
     from datetime import date, datetime
+    from pathlib import Path
 
     from models.drone import Drone
     from models.flight import FlightRules
     from models.load import PadLoad
     from models.network import Network
     from models.wind_forecast import WindEnsemble
-    from models.wind_history import WindHistory
+    from models.wind_history import WindHistory, WindSite
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,12 @@ class Scenario:
         Other drones at the stations, in the order of the network's stations.
     history : WindHistory or None
         Wind record that ensembles are drawn from.
+    wind_sites : tuple of WindSite
+        Where the wind is measured or forecast.
+    measured_at_m : float
+        Height of those winds above ground.
+    forecast_file : Path or None
+        Forecast that is used instead of analogue days.
     timezone : str
         IANA name of local time.
     season_days : int
@@ -53,6 +61,9 @@ class Scenario:
     rules: FlightRules
     load: PadLoad
     history: WindHistory | None = None
+    wind_sites: tuple[WindSite, ...] = ()
+    measured_at_m: float = 10.0
+    forecast_file: Path | None = None
     timezone: str = "UTC"
     season_days: int = 30
     path: str | None = None
@@ -68,13 +79,19 @@ class Scenario:
         raise InputError(Fault("no such drone", field="drone", value=identity, remedy=f"the fleet has {fleet}"))
 
     def forecast(self, depart: datetime, hours: int, *, truth: date | None = None) -> WindEnsemble:
-        """Ensemble of analogue days for a departure; the days about `truth` are left out."""
+        """Ensemble for a departure: the scenario's forecast file, else analogue days of its record.
+
+        The days about `truth` (a local date) are left out.
+        """
+        if self.forecast_file is not None:
+            return read_forecast(self.forecast_file, self.wind_sites, depart, hours, self.measured_at_m)
         exclude = () if truth is None else (truth,)
-        return analogue_ensemble(self._record(), depart, hours, season_days=self.season_days, exclude=exclude)
+        local = depart.astimezone(ZoneInfo(self.timezone))
+        return analogue_ensemble(self._record(), local, hours, season_days=self.season_days, exclude=exclude)
 
     def truth(self, day: date, depart: datetime, hours: int) -> WindEnsemble:
-        """What the record measured from that day on, laid onto the departure, as an ensemble of one."""
-        return truth_series(self._record(), day, depart, hours)
+        """What the record measured from that local date on, laid onto the departure, as an ensemble of one."""
+        return truth_series(self._record(), day, depart.astimezone(ZoneInfo(self.timezone)), hours)
 
     def with_target(self, lat: float, lon: float) -> Scenario:
         """Add a delivery target without pads to the network."""

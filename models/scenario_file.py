@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from models.drone import M200_V2, Drone
@@ -22,7 +22,7 @@ from models.network_files import STATION_FIELDS, read_segments, read_stations
 from models.scenario import Scenario
 from models.units import SPEED_UNITS_MPS
 from models.wind_columns import WindColumns
-from models.wind_history import WindHistory, WindSite, read_history
+from models.wind_history import WindSite, read_history
 from models.zones import NoFlyZones, read_zones
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class _Reader:
         network = self._network(self.top.table("network"))
         drones = self._drones(self.top.table("drones"))
         rules = self._rules(self.top.table("flight"))
-        history, season_days = self._wind(self.top.table("wind"))
+        wind = self._wind(self.top.table("wind"))
         load = self._load(self.top.table("load"), network, timezone)
         self.top.finish()
         if self.faults or network is None:
@@ -83,9 +83,8 @@ class _Reader:
             drones=drones,
             rules=rules,
             load=load if load is not None else PadLoad.none(len(network), timezone),
-            history=history,
             timezone=timezone,
-            season_days=season_days,
+            **wind,
             path=str(self.file),
             sha256=self.digest.hexdigest(),
             warnings=tuple(self.warnings),
@@ -125,7 +124,7 @@ class _Reader:
         pairs = self._try(lambda f: read_segments(f, stations), segments_file)
         if pairs is None:
             return None
-        import numpy as np  # noqa: PLC0415
+        import numpy as np
 
         network = Network.from_pairs(stations, np.array(pairs, dtype=np.int64).reshape(-1, 2), zones=zones)
         removed = len(set(pairs)) - len(network.tail)
@@ -134,9 +133,9 @@ class _Reader:
         return network
 
     def _check_positions(self, stations: tuple[Station, ...], zones: NoFlyZones | None, file: Path | None) -> None:
-        import numpy as np  # noqa: PLC0415
+        import numpy as np
 
-        from models import geodesy  # noqa: PLC0415
+        from models import geodesy
 
         lat, lon = np.array([s.lat for s in stations]), np.array([s.lon for s in stations])
         middle = float(np.median(lat)), float(np.median(lon))
@@ -170,11 +169,12 @@ class _Reader:
         table.finish()
         return rules
 
-    def _wind(self, table: Table) -> tuple[WindHistory | None, int]:
+    def _wind(self, table: Table) -> dict[str, Any]:
         ensemble = table.table("ensemble")
         season_days = ensemble.whole("season_days", 30, low=0, high=183)
         ensemble.finish()
         file = self._path(table, "history")
+        forecast_file = self._path(table, "forecast")
         sites = [
             WindSite(t.text("id"), t.number("lat", low=-90, high=90), t.number("lon", low=-180, high=180))
             for t in table.tables("sites")
@@ -194,15 +194,20 @@ class _Reader:
             default_site=sites[0].id if len(sites) == 1 else None,
         )
         table.finish()
-        if file is None:
-            return None, season_days
-        if not sites:
+        parts: dict[str, Any] = {
+            "season_days": season_days,
+            "wind_sites": tuple(sites),
+            "measured_at_m": measured_at,
+            "forecast_file": forecast_file,
+            "history": None,
+        }
+        if not sites and (file is not None or forecast_file is not None):
             table.fault("sites", "is missing", remedy="say where the wind was measured: [[wind.sites]] id, lat, lon")
-            return None, season_days
-        history = self._try(lambda f: read_history(f, columns, sites, measured_at), file)
-        if history is not None:
-            self.warnings += history.warnings
-        return history, season_days
+        elif file is not None:
+            history = self._try(lambda f: read_history(f, columns, sites, measured_at), file)
+            self.warnings += history.warnings if history is not None else ()
+            parts["history"] = history
+        return parts
 
     def _load(self, table: Table, network: Network | None, timezone: str) -> PadLoad | None:
         file = self._path(table, "file")

@@ -281,7 +281,9 @@ class Composition:
         return tuple(path)
 
     def __str__(self) -> str:
-        return f"{self.planner}: {' > '.join(self.route)} in {self.delivery_time_s / 60:.1f} min from {iso(self.depart)}"
+        return (
+            f"{self.planner}: {' > '.join(self.route)} in {self.delivery_time_s / 60:.1f} min from {iso(self.depart)}"
+        )
 
 
 @dataclass(frozen=True, slots=True)

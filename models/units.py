@@ -39,9 +39,7 @@ SPEED_UNITS_MPS = {
 """Metres per second in one of each unit that an input may name."""
 
 
-def parse_instant(
-    text: str, *, field: str = "time", file: str | None = None, line: int | None = None
-) -> datetime:
+def parse_instant(text: str, *, field: str = "time", file: str | None = None, line: int | None = None) -> datetime:
     """Read an ISO 8601 instant that says its offset.
 
     Parameters
@@ -89,7 +87,5 @@ def from_posix(posix_s: float) -> datetime:
 def iso(instant: datetime) -> str:
     """ISO 8601 in UTC with a ``Z``, with as many digits of the second as it has (0, 3 or 6)."""
     stamp = utc(instant)
-    digits = (
-        "seconds" if not stamp.microsecond else "microseconds" if stamp.microsecond % 1000 else "milliseconds"
-    )
+    digits = "seconds" if not stamp.microsecond else "microseconds" if stamp.microsecond % 1000 else "milliseconds"
     return stamp.isoformat(timespec=digits).replace("+00:00", "Z")

@@ -87,9 +87,7 @@ class WindColumns:
             names = " or ".join(CALM_CONVENTIONS)
             faults.append(_setting("calm", self.calm, "unknown convention for calm", names))
         if not (math.isfinite(self.max_speed_mps) and self.max_speed_mps > 0.0):
-            faults.append(
-                _setting("max_speed_mps", self.max_speed_mps, "not a limit of speed", "above 0, in m/s")
-            )
+            faults.append(_setting("max_speed_mps", self.max_speed_mps, "not a limit of speed", "above 0, in m/s"))
         try:
             self.zone  # noqa: B018  looked up here so that a wrong name is found at once
         except (KeyError, ValueError, OSError):
@@ -265,9 +263,7 @@ class _RowReader:
             self._skipped.add(text)
         return first.timestamp()
 
-    def _settle_clock_changes(
-        self, texts: list[str], site: NDArray[np.float64], time_s: NDArray[np.float64]
-    ) -> None:
+    def _settle_clock_changes(self, texts: list[str], site: NDArray[np.float64], time_s: NDArray[np.float64]) -> None:
         for row, raw in enumerate(texts):
             text = raw.strip()
             if text in self._repeated:

@@ -88,9 +88,7 @@ class WindEnsemble:
 
     def mean(self) -> WindEnsemble:
         """Return the mean wind vector of all members as one certain member; it is calmer than any of them."""
-        north, east = (
-            np.einsum("m,mts->ts", self.probability, values)[None] for values in (self.north, self.east)
-        )
+        north, east = (np.einsum("m,mts->ts", self.probability, values)[None] for values in (self.north, self.east))
         return replace(self, north=north, east=east, probability=np.ones(1), labels=("mean",))
 
     def weighted(self, weights: ArrayLike) -> WindEnsemble:
@@ -103,11 +101,7 @@ class WindEnsemble:
         """
         product = self.probability * np.asarray(weights, dtype=np.float64)
         total = float(product.sum())
-        if (
-            product.shape != self.probability.shape
-            or not np.all(product >= 0.0)
-            or not 0.0 < total < math.inf
-        ):
+        if product.shape != self.probability.shape or not np.all(product >= 0.0) or not 0.0 < total < math.inf:
             raise InputError("the weights of a wind ensemble must be 0 or more and leave a member")
         return replace(self, probability=product / total)
 
@@ -133,9 +127,7 @@ class WindEnsemble:
         )
 
     @staticmethod
-    def idw_weights(
-        lat: ArrayLike, lon: ArrayLike, site_lat: ArrayLike, site_lon: ArrayLike
-    ) -> NDArray[np.float64]:
+    def idw_weights(lat: ArrayLike, lon: ArrayLike, site_lat: ArrayLike, site_lon: ArrayLike) -> NDArray[np.float64]:
         """Weights of the sites at points, by the inverse square of the distance.
 
         Parameters

@@ -113,7 +113,7 @@ def truth_series(history: WindHistory, day: date, depart: datetime, hours: int) 
     raise InputError(Fault(problem, history.source or None, None, "truth", day.isoformat(), remedy))
 
 
-def constant_wind(  # noqa: PLR0917  a wind, a time and a place
+def constant_wind(
     speed_mps: float, from_deg: float, depart: datetime, hours: int, lat: float, lon: float, height_m: float
 ) -> WindEnsemble:
     """Return the same wind always and everywhere, as an ensemble of one.

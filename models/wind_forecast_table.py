@@ -150,9 +150,7 @@ class _Reader:
             numbers.append(self.members.setdefault(name, float(len(self.members))))
         return np.array(numbers)
 
-    def check_complete(
-        self, cell: NDArray[np.int64], line: NDArray[np.float64], times_s: NDArray[np.float64]
-    ) -> None:
+    def check_complete(self, cell: NDArray[np.int64], line: NDArray[np.float64], times_s: NDArray[np.float64]) -> None:
         """Note each member, time and site that has no row or several."""
         sites, members = list(self._sites), list(self.members)
         rows = np.bincount(cell, minlength=len(members) * len(times_s) * len(sites))

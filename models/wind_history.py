@@ -137,9 +137,7 @@ class WindHistory:
         return np.asarray(np.isfinite(self.north).all(axis=1))
 
 
-def read_history(
-    path: Path, columns: WindColumns, sites: Sequence[WindSite], measured_at_m: float
-) -> WindHistory:
+def read_history(path: Path, columns: WindColumns, sites: Sequence[WindSite], measured_at_m: float) -> WindHistory:
     """Read a record of wind into hourly slots and fill its gaps.
 
     Several rows of a site within an hour are averaged as vectors. Where only the direction is missing, it is
@@ -328,9 +326,7 @@ def _from_sites(
     return means[0], means[1]
 
 
-def _warnings(
-    rows: WindRows, counts: RowCounts, silent: list[str], file: str, speed_unit: str
-) -> tuple[str, ...]:
+def _warnings(rows: WindRows, counts: RowCounts, silent: list[str], file: str, speed_unit: str) -> tuple[str, ...]:
     said = []
     median = float(np.nanmedian(rows.speed_mps))
     if median > SUSPECT_MEDIAN_MPS:

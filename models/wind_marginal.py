@@ -171,9 +171,7 @@ def _block(
     used = mass > 0.0
     width = int(used.sum(axis=1).max(initial=0))
     order = np.argsort(~used, axis=1, kind="stable")[:, :width]
-    mass, north_sum, east_sum = (
-        np.take_along_axis(part, order, axis=1) for part in (mass, north_sum, east_sum)
-    )
+    mass, north_sum, east_sum = (np.take_along_axis(part, order, axis=1) for part in (mass, north_sum, east_sum))
     divisor = np.where(mass > 0.0, mass, 1.0)
     return np.stack((mass, north_sum / divisor, east_sum / divisor))
 

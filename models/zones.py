@@ -49,7 +49,7 @@ class NoFlyZones:
         lon2: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
         """Tell which geodesics touch any zone; shape (segments,)."""
-        import shapely  # noqa: PLC0415  imported late: 60 ms
+        import shapely  # imported late: 60 ms
 
         length, _ = geodesy.inverse(lat1, lon1, lat2, lon2)
         crossed = np.zeros(len(length), dtype=bool)
@@ -69,7 +69,7 @@ class NoFlyZones:
 
     def contains(self, lat: float, lon: float) -> str | None:
         """Name of a zone that holds the point, or None."""
-        import shapely  # noqa: PLC0415
+        import shapely
 
         point = shapely.Point(lon, lat)
         for name, polygon in zip(self.names, self.polygons, strict=True):
@@ -86,8 +86,8 @@ def read_zones(path: Path) -> NoFlyZones:
     InputError
         Not GeoJSON, or with geometries that are no valid polygons; every fault is listed.
     """
-    import shapely  # noqa: PLC0415
-    from shapely.geometry import shape  # noqa: PLC0415
+    import shapely
+    from shapely.geometry import shape
 
     file = str(path)
     document = read_geojson(path)
@@ -101,9 +101,7 @@ def read_zones(path: Path) -> NoFlyZones:
         name = str(properties.get("name") or properties.get("id") or f"zone {number + 1}")
         if not isinstance(geometry, dict) or geometry.get("type") not in ("Polygon", "MultiPolygon"):
             kind = geometry.get("type") if isinstance(geometry, dict) else geometry
-            faults.append(
-                Fault("is not a polygon", file, None, field, kind, "zones are Polygon or MultiPolygon")
-            )
+            faults.append(Fault("is not a polygon", file, None, field, kind, "zones are Polygon or MultiPolygon"))
             continue
         try:
             polygon = shape(geometry)

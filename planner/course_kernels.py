@@ -139,7 +139,12 @@ def fly(
                 break
             if charges:
                 soc = interpolate(u + off - pad, hops.curve_s[hop], hops.curve_soc[hop])
-            out[run, hop, PAD], out[run, hop, READY], out[run, hop, TAKE_OFF], out[run, hop, SOC_OFF] = pad, ready, off, soc
+            out[run, hop, PAD], out[run, hop, READY], out[run, hop, TAKE_OFF], out[run, hop, SOC_OFF] = (
+                pad,
+                ready,
+                off,
+                soc,
+            )
             now = land(air, members[run], segments, off)
             soc -= cost[1] + cost[0] * (now - off)
             out[run, hop, TOUCH_DOWN], out[run, hop, SOC_DOWN] = now, soc

@@ -252,7 +252,10 @@ def arrival_functions(
         if last < reach:
             same = True
             for segment in range(len(head)):
-                if segment_speed(air, member, last + 1, segment) <= 0.0 and segment_speed(air, member, last, segment) > 0.0:
+                if (
+                    segment_speed(air, member, last + 1, segment) <= 0.0
+                    and segment_speed(air, member, last, segment) > 0.0
+                ):
                     same = False
                     break
             if same:

@@ -33,13 +33,12 @@ from planner.profile_kernels import departure_profile, fly_profile, profile_at, 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from models.queue_paths import QueuePath
     from numpy.typing import NDArray
 
+    from models.queue_paths import QueuePath
     from planner.itinerary import Itinerary
     from planner.problem import Problem
 
-Profile = "NDArray[np.float64]"
 _GAIN_S = 1e-6
 
 
@@ -227,7 +226,9 @@ class ExhaustiveSearch:
 
         return pieces
 
-    def _fly(self, stay: _Stay, pieces: NDArray[np.float64], needed: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+    def _fly(
+        self, stay: _Stay, pieces: NDArray[np.float64], needed: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], int]:
         p = self.problem
         if not len(pieces):
             return np.empty((0, 6)), 0
@@ -280,7 +281,8 @@ class ExhaustiveSearch:
         """Segments of the earliest flight between two stations at a take-off (time-dependent Dijkstra)."""
         p = self.problem
         network, air = p.network, p.air
-        best_land, best_walk = math.inf, ()
+        best_land = math.inf
+        best_walk: tuple[int, ...] = ()
         first = int(slot_of(air, leave_s))
         last_possible = int(slot_of(air, leave_s + p.longest_flight_s))
         for last in range(first, last_possible + 1):

@@ -30,14 +30,16 @@ from planner.course_kernels import (
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from models.drone import Drone
-    from models.queue_paths import QueuePath
     from numpy.typing import NDArray
 
+    from models.drone import Drone
+    from models.queue_paths import QueuePath
     from planner.problem import Problem
 
 SAMPLES_PER_MEMBER = 8
 """Sampled queues that each member of the forecast is flown with."""
+TYPICAL_SLOTS = 8
+"""Slots of the forecast in which the winds of members are compared for the nominal course."""
 DIVERTS = 3
 """Most divert stations that a service names."""
 
@@ -182,14 +184,23 @@ def outcome(problem: Problem, runs: NDArray[np.float64], weight: NDArray[np.floa
 
 
 def typical_member(problem: Problem, itinerary: Itinerary) -> tuple[int, NDArray[np.float64]]:
-    """Member whose arrival is the median one, with expected waits, and its course, shape (hops, 6)."""
+    """Member for the nominal course, and that course with expected waits, shape (hops, 6).
+
+    Of the tenth of the members whose arrival is nearest to the median arrival, the one whose wind is nearest to that
+    of all the others (least mean vector distance over the first hours).
+    """
     runs = fly_expected(problem, itinerary)
     arrival = runs[:, -1, TOUCH_DOWN]
     arrives = np.flatnonzero(np.isfinite(arrival))
     if not len(arrives):
         return 0, runs[0]
     middle = weighted_quantile(arrival[arrives], problem.probability[arrives], 0.5)
-    member = int(arrives[np.argmin(np.abs(arrival[arrives] - middle))])
+    off = np.abs(arrival[arrives] - middle)
+    near = arrives[off <= np.sort(off)[max(1, len(arrives) // 10) - 1] + 1.0]
+    air = problem.air
+    wind = (air.north + 1j * air.east)[:, :TYPICAL_SLOTS].reshape(len(air.north), -1)
+    distance = [float(problem.probability @ np.abs(wind - wind[member]).mean(axis=1)) for member in near]
+    member = int(near[int(np.argmin(distance))])
     return member, runs[member]
 
 
@@ -214,7 +225,8 @@ def compose(
             named |= {int(network.tail[segment]), int(network.head[segment])}
     named |= {network.index[key] for service in services for key in service.diverts}
     stations = {
-        s.id: Place(s.lat, s.lon, s.elevation_m, s.name, s.pads) for s in (network.stations[node] for node in sorted(named))
+        s.id: Place(s.lat, s.lon, s.elevation_m, s.name, s.pads)
+        for s in (network.stations[node] for node in sorted(named))
     }
     return Composition(
         id=f"{planner}-{network.stations[problem.origin].id}-{network.stations[problem.destination].id}",
@@ -247,7 +259,9 @@ def compose(
 def _distribution(result: Outcome) -> ArrivalDistribution:
     if not len(result.weight):
         return ArrivalDistribution(None, None, None)
-    return ArrivalDistribution(*(_instant(value) for value in (result.mean_s, result.quantile_s(0.5), result.quantile_s(0.95))))
+    return ArrivalDistribution(
+        *(_instant(value) for value in (result.mean_s, result.quantile_s(0.5), result.quantile_s(0.95)))
+    )
 
 
 def _instant(posix_s: float) -> datetime:

@@ -87,7 +87,9 @@ class Outlook:
         """(mean time, charge taken, P(hold)) of a flight, see `flight_outlook`."""
         self.looked_at += 1
         node = int(self.problem.network.head[segment])
-        mean, charge, p_hold = flight_outlook(self.problem.air, self.problem.probability, self.need, segment, node, time_s)
+        mean, charge, p_hold = flight_outlook(
+            self.problem.air, self.problem.probability, self.need, segment, node, time_s
+        )
         return float(mean), float(charge), float(p_hold)
 
     def reachable(
@@ -109,12 +111,18 @@ class Outlook:
         network = self.problem.network
         found = []
         for segment in range(int(network.first[node]), int(network.first[node + 1])):
-            one = self._held(segment, node, time_s, soc, pad_s) if hold else self._now(segment, node, time_s, soc, pad_s, full=full)
+            one = (
+                self._held(segment, node, time_s, soc, pad_s)
+                if hold
+                else self._now(segment, node, time_s, soc, pad_s, full=full)
+            )
             if one is not None:
                 found.append(one)
         return found
 
-    def _now(self, segment: int, node: int, time_s: float, soc: float, pad_s: float | None, *, full: bool) -> Reachable | None:
+    def _now(
+        self, segment: int, node: int, time_s: float, soc: float, pad_s: float | None, *, full: bool
+    ) -> Reachable | None:
         p = self.problem
         target = int(p.network.head[segment])
         if full and pad_s is not None:
@@ -161,7 +169,9 @@ class Outlook:
             else:
                 before = middle
         mean, charge, _ = self.flight(segment, leave)
-        return Reachable(segment, int(p.network.head[segment]), leave, charge, mean, None if pad_s is None else 1.0, held=True)
+        return Reachable(
+            segment, int(p.network.head[segment]), leave, charge, mean, None if pad_s is None else 1.0, held=True
+        )
 
     def beyond(self, node: int, came_from: int, time_s: float, factor: float) -> tuple[float, float]:
         """Look ahead from `node`, see `outlook_kernels.beyond`."""

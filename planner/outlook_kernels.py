@@ -96,16 +96,28 @@ def flight_outlook(
         return NEVER, NEVER, 1.0
     mean = now_sum / now_mass if now_mass > 0.0 else held_sum / held_mass
     flown = now_mass + held_mass
-    order = np.argsort(charge)
+    return mean, _quantile(charge, probability, flown * (1.0 - need.epsilon) - 1e-12), 1.0 - now_mass / flown
+
+
+@compiled
+def _quantile(values: NDArray[np.float64], probability: NDArray[np.float64], mass: float) -> float:
+    """Least value at or below which at least `mass` lies; infinite values carry none."""
+    greatest = -NEVER
+    total = 0.0
+    lightest = NEVER
+    for k in range(len(values)):
+        if values[k] < NEVER:
+            greatest = max(greatest, values[k])
+            total += probability[k]
+            lightest = min(lightest, probability[k])
+    if total - lightest < mass:  # the usual case: not even the lightest member can be left out
+        return greatest
     share = 0.0
-    quantile = NEVER
-    for rank in range(members):
-        member = order[rank]
-        share += probability[member]
-        if share >= flown * (1.0 - need.epsilon) - 1e-12:
-            quantile = charge[member]
-            break
-    return mean, quantile, 1.0 - now_mass / flown
+    for k in np.argsort(values):
+        share += probability[k]
+        if share >= mass:
+            return values[k]
+    return greatest
 
 
 @compiled

@@ -129,7 +129,7 @@ class ForwardSearch:
             return math.inf
         arrive = one.leave_s + one.mean_s
         wait, _ = p.waits.at(one.node, arrive)
-        landed = (soc if one.charge_to is None else one.charge_to) - p.soc_fixed - p.soc_per_s * one.mean_s
+        landed = (soc if one.charge_to is None else one.charge_to) - one.charge
         leave = arrive + wait + (p.charge_time_s(one.node, landed, 1.0) if self.full else 0.0)
         ahead, charge = self.outlook.beyond(one.node, node, leave, self.factor)
         if not math.isfinite(ahead):
@@ -139,6 +139,6 @@ class ForwardSearch:
         return leave + ahead - time_s
 
     def _soc_on_arrival(self, frame: _Frame, choice: Reachable) -> float:
-        p = self.problem
+        """Charge that is there on landing in all but a share epsilon of the members: the next flight must not hope for more."""
         leaving = self._soc[frame.node] if choice.charge_to is None else choice.charge_to
-        return max(leaving - p.soc_fixed - p.soc_per_s * choice.mean_s, 0.0)
+        return max(leaving - choice.charge, 0.0)

@@ -67,7 +67,9 @@ class StrictForwardSearch:
             flight, _ = self._segment(segment, leave)
             here, now = int(p.network.head[segment]), leave + flight
             soc = max(ready - p.soc_fixed - p.soc_per_s * flight, 0.0)
-        message = f"Algorithm 1 as printed cycles: no end after {STEPS_PER_STATION * len(p.network)} steps; try planner pfs"
+        message = (
+            f"Algorithm 1 as printed cycles: no end after {STEPS_PER_STATION * len(p.network)} steps; try planner pfs"
+        )
         raise NoRouteError(message, constraint="step-limit")
 
     def _segment(self, segment: int, time_s: float) -> tuple[float, float]:
@@ -79,7 +81,12 @@ class StrictForwardSearch:
             self.looked_at += 1
             lat, lon = (float(values[segment]) for values in self.problem.network.midpoints)
             self._memory[key] = self._over_marginal(
-                slot, lat, lon, float(air.distance_m[segment]), float(air.cos_bearing[segment]), float(air.sin_bearing[segment])
+                slot,
+                lat,
+                lon,
+                float(air.distance_m[segment]),
+                float(air.cos_bearing[segment]),
+                float(air.sin_bearing[segment]),
             )
         return self._memory[key]
 

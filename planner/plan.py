@@ -93,7 +93,9 @@ def plan(
         There is no composition; the error names the binding constraint.
     """
     if planner not in PLANNERS:
-        raise InputError(Fault("no such planner", field="planner", value=planner, remedy="one of " + ", ".join(PLANNERS)))
+        raise InputError(
+            Fault("no such planner", field="planner", value=planner, remedy="one of " + ", ".join(PLANNERS))
+        )
     forecast = forecast if forecast is not None else scenario.forecast(request.state.time, HORIZON_H)
     wind = forecast
     if planner in CLAIRVOYANT_PLANNERS:
@@ -196,6 +198,12 @@ def _compose_for(
     spent = time.perf_counter() - started
     course = fly_true(problem, itinerary, queues)
     summary = outcome(problem, course, np.ones(1))
-    notes = () if exhaustive.complete else (f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is",)
-    composition = compose(problem, itinerary, course[0], 0, summary, planner=planner, planning_time_s=spent, notes=notes)
+    notes = (
+        ()
+        if exhaustive.complete
+        else (f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is",)
+    )
+    composition = compose(
+        problem, itinerary, course[0], 0, summary, planner=planner, planning_time_s=spent, notes=notes
+    )
     return PlanResult(composition, itinerary, problem, summary, spent, exhaustive.looked_at, {}, exhaustive.complete)

@@ -119,7 +119,7 @@ class Problem:
 
     def curve(self, node: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Charging curve of a station."""
-        return self.curves[self.curve_of[node]]
+        return self.curves[int(self.curve_of[node])]
 
     def charge_time_s(self, node: int, soc_from: float, soc_to: float) -> float:
         """Time on a pad of the station from one charge to a higher one; 0 where none is needed."""
@@ -164,7 +164,10 @@ class Problem:
         weight = wind.idw_weights(*middle, wind.site_lat, wind.site_lon)
         angle = np.radians(bearing)
         return self.air._replace(
-            weight=np.ascontiguousarray(weight), cos_bearing=np.cos(angle), sin_bearing=np.sin(angle), distance_m=distance
+            weight=np.ascontiguousarray(weight),
+            cos_bearing=np.cos(angle),
+            sin_bearing=np.sin(angle),
+            distance_m=distance,
         )
 
     @cached_property

@@ -269,7 +269,16 @@ def _keep(
         n0 = interpolate(b0, needed[:, 0], needed[:, 1])
         n1 = interpolate(b1, needed[:, 0], needed[:, 1])
         count = _clip(
-            out, count, b0, s0 + p0 * (s1 - s0), t0 + p0 * (t1 - t0), b1, s0 + p1 * (s1 - s0), t0 + p1 * (t1 - t0), n0, n1
+            out,
+            count,
+            b0,
+            s0 + p0 * (s1 - s0),
+            t0 + p0 * (t1 - t0),
+            b1,
+            s0 + p1 * (s1 - s0),
+            t0 + p1 * (t1 - t0),
+            n0,
+            n1,
         )
         if a1 <= a0:
             break

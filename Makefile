@@ -1,0 +1,44 @@
+# make setup | demo | test | check | bench | docs
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: setup demo test slow check bench docs clean
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml
+	$(PYTHON) -c "import sys; sys.exit('skyway needs Python 3.11 or newer: make setup PYTHON=python3.11') if sys.version_info < (3, 11) else None"
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	@touch $(STAMP)
+
+demo: setup
+	@mkdir -p out
+	$(BIN)/skyway plan --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00 \
+	  -o out/plan.json --plot out/plan.png --force
+	$(BIN)/skyway compare --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00 --drone m200
+	@echo "planned: see out/plan.png and out/plan.json"
+
+test: setup
+	$(BIN)/python -m pytest -q
+
+slow: setup
+	$(BIN)/python -m pytest -q -m slow
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+bench: setup
+	$(BIN)/python -m benchmarks
+
+docs: setup
+	$(BIN)/mkdocs build --strict --quiet
+
+clean:
+	rm -rf $(VENV) build dist site out

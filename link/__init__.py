@@ -1,0 +1,1 @@
+"""The link to vehicles: connections, verified upload, telemetry, recording, supervision."""

@@ -1,0 +1,5 @@
+"""``python -m skyway``."""
+
+from skyway.cli.main import run
+
+run()

@@ -1,0 +1,129 @@
+"""What a person types, turned into what the code means; shared by all commands."""
+
+from __future__ import annotations
+
+import math
+import re
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from models.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from models.scenario import Scenario
+    from models.wind_forecast import WindEnsemble
+    from models.wind_history import WindSite
+
+WIND = re.compile(r"^\s*([0-9]+(?:\.[0-9]*)?)\s*@\s*([0-9]+(?:\.[0-9]*)?)\s*$")
+POSITION = re.compile(r"^\s*(-?[0-9]+(?:\.[0-9]*)?)\s*,\s*(-?[0-9]+(?:\.[0-9]*)?)\s*$")
+
+
+def percent(value: float, option: str, *, high: float = 100.0) -> float:
+    """Turn percent, as typed, into a fraction; an `InputError` names the option."""
+    if not 0.0 <= value <= high or math.isnan(value):
+        raise InputError(Fault("out of range", field=option, value=value, remedy=f"percent from 0 to {high:g}"))
+    return value / 100.0
+
+
+def parse_wind(text: str) -> tuple[float, float]:
+    """Read ``SPEED@FROM``, for example ``8@270``: 8 m/s from the west, at cruise height."""
+    match = WIND.match(text)
+    if match is None:
+        raise InputError(
+            Fault("not a wind", field="--wind", value=text, remedy="write m/s@degrees FROM, such as 8@270")
+        )
+    speed, direction = float(match[1]), float(match[2])
+    if speed > 75.0 or direction > 360.0:
+        remedy = "speed up to 75 m/s, direction from 0 to 360 degrees"
+        raise InputError(Fault("out of range", field="--wind", value=text, remedy=remedy))
+    return speed, direction % 360.0
+
+
+def parse_position(text: str) -> tuple[float, float] | None:
+    """Read ``lat,lon``; None where the text is something else."""
+    match = POSITION.match(text)
+    return (float(match[1]), float(match[2])) if match else None
+
+
+def load_scenario(path: Path | None) -> Scenario:
+    """Read the scenario named, or the built-in one."""
+    from missions.examples import NEW_YORK
+    from models.scenario_file import read_scenario
+
+    return read_scenario(path if path is not None else NEW_YORK)
+
+
+def place(scenario: Scenario, text: str, option: str) -> tuple[Scenario, str]:
+    """Find a station by id or part of its name; ``lat,lon`` adds a delivery target. Returns (scenario, station id)."""
+    position = parse_position(text)
+    if position is not None:
+        scenario = scenario.with_target(*position)
+        return scenario, scenario.network.stations[-1].id
+    try:
+        return scenario, scenario.network.stations[scenario.network.find(text)].id
+    except InputError as error:
+        raise InputError([Fault(f.problem, None, None, option, f.value, f.remedy) for f in error.faults]) from None
+
+
+def parse_depart(text: str | None) -> datetime:
+    """Departure as typed; without one, now (to the minute)."""
+    from models.units import parse_instant
+
+    if text is None:
+        return datetime.now(UTC).replace(second=0, microsecond=0)
+    return parse_instant(text, field="--depart")
+
+
+def wind_forecast(
+    scenario: Scenario,
+    depart: datetime,
+    wind: str | None,
+    forecast: Path | None,
+    truth: WindEnsemble | None,
+    day: date | None,
+) -> WindEnsemble:
+    """Wind that the planner knows: constant, from a file, or the scenario's analogue days (without the true one)."""
+    from models.wind_forecast import constant_wind, read_forecast
+    from planner.problem import HORIZON_H
+
+    if wind is not None and forecast is not None:
+        raise InputError(Fault("--wind and --forecast exclude each other", remedy="give one of them"))
+    if wind is not None:
+        speed, direction = parse_wind(wind)
+        lat, lon = float(scenario.network.lat.mean()), float(scenario.network.lon.mean())
+        return constant_wind(speed, direction, depart, HORIZON_H, lat, lon, scenario.rules.cruise_height_m)
+    if forecast is not None:
+        sites, height = _sites(scenario)
+        return read_forecast(forecast, sites, depart, HORIZON_H, height)
+    if scenario.history is None and scenario.forecast_file is None and truth is not None:
+        return truth
+    return scenario.forecast(depart, HORIZON_H, truth=day)
+
+
+def true_wind(scenario: Scenario, depart: datetime, text: str | None) -> tuple[WindEnsemble | None, date | None]:
+    """Wind as it will be: a day of the record (``2013-07-10``) or a forecast file with one member."""
+    from models.wind_forecast import read_forecast
+    from planner.problem import HORIZON_H
+
+    if text is None:
+        return None, None
+    try:
+        day = date.fromisoformat(text)
+    except ValueError:
+        path = Path(text)
+        if not path.is_file():
+            remedy = "a day of the record such as 2013-07-10, or a forecast file with one member"
+            raise InputError(Fault("neither a date nor a file", field="--truth", value=text, remedy=remedy)) from None
+        sites, height = _sites(scenario)
+        return read_forecast(path, sites, depart, HORIZON_H, height), None
+    return scenario.truth(day, depart, HORIZON_H), day
+
+
+def _sites(scenario: Scenario) -> tuple[tuple[WindSite, ...], float]:
+    """Wind sites of the scenario and their height; one site amid the stations where it has none."""
+    from models.wind_history import WindSite
+
+    if scenario.wind_sites:
+        return scenario.wind_sites, scenario.measured_at_m
+    return (WindSite("site", float(scenario.network.lat.mean()), float(scenario.network.lon.mean())),), 10.0

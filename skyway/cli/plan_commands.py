@@ -1,0 +1,320 @@
+"""Commands that plan: ``plan`` and ``compare``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from models.errors import Fault, InputError
+from skyway.cli import options
+
+if TYPE_CHECKING:
+    from models.scenario import Scenario
+    from planner.request import Request
+    from planner.result import PlanResult
+
+ScenarioArgument = Annotated[
+    Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.", show_default=False)
+]
+From = Annotated[
+    str, typer.Option("--from", help="Start: station id, part of its name, or lat,lon.", show_default=False)
+]
+To = Annotated[
+    str, typer.Option("--to", help="Destination: station id, part of its name, or lat,lon.", show_default=False)
+]
+Payload = Annotated[float, typer.Option("--payload", help="Mass of the package, kg.", show_default=False)]
+Depart = Annotated[
+    str | None,
+    typer.Option(
+        "--depart", help="Departure with UTC offset, 2013-07-10T14:00-04:00. Without it: now.", show_default=False
+    ),
+]
+Truth = Annotated[
+    str | None,
+    typer.Option(
+        "--truth",
+        help="The wind as it will be: a day of the record (2013-07-10) or a forecast file with one member.",
+        show_default=False,
+    ),
+]
+Drone = Annotated[
+    str | None, typer.Option("--drone", help="Drone id. Without it the planner chooses.", show_default=False)
+]
+Reserve = Annotated[float, typer.Option("--reserve", help="No landing below this charge, percent.")]
+Soc = Annotated[float, typer.Option("--soc", help="Charge at the start, percent.")]
+Airspeed = Annotated[
+    float | None, typer.Option("--airspeed", help="Planned airspeed, m/s. Without it: the drone's.", show_default=False)
+]
+WindOption = Annotated[
+    str | None,
+    typer.Option("--wind", help="One constant wind at cruise height, m/s@degrees FROM: 8@270.", show_default=False),
+]
+Forecast = Annotated[
+    Path | None,
+    typer.Option("--forecast", help="Forecast file: time, site, member, speed_mps, from_deg.", show_default=False),
+]
+Recharge = Annotated[
+    str, typer.Option("--recharge", help="At each stop charge to 100 % (full) or what the next flight needs (enough).")
+]
+Seed = Annotated[int, typer.Option("--seed", help="Of all sampling.")]
+TimeLimit = Annotated[float, typer.Option("--time-limit", help="Seconds after which an exhaustive search stops.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
+
+PLAN_HELP = """Plan a delivery that recharges on the way, under real wind and pad queues.
+
+Examples:
+
+  skyway plan --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00
+
+  skyway plan --from edison --to "Syosset" --payload 2 --wind 8@270 --json
+
+  skyway plan my-scenario --from depot --to 40.75,-73.98 --payload 0.5 -o plan.json --plot plan.png
+"""
+COMPARE_HELP = """Put the same request to several planners, side by side.
+
+Example:
+
+  skyway compare --planners pfs,shortest,ies --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command("plan", help=PLAN_HELP)(plan)
+    app.command("compare", help=COMPARE_HELP)(compare)
+
+
+def plan(
+    start: From,
+    to: To,
+    payload: Payload,
+    scenario: ScenarioArgument = None,
+    depart: Depart = None,
+    planner: Annotated[
+        str, typer.Option("--planner", help="pfs, pfs-charge-aware, pfs-strict, shortest or ies.")
+    ] = "pfs-charge-aware",
+    truth: Truth = None,
+    drone: Drone = None,
+    reserve: Reserve = 20.0,
+    soc: Soc = 100.0,
+    airspeed: Airspeed = None,
+    wind: WindOption = None,
+    forecast: Forecast = None,
+    recharge: Recharge = "enough",
+    seed: Seed = 0,
+    time_limit: TimeLimit = 60.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the composition as JSON.")] = False,
+    geojson: Annotated[
+        Path | None, typer.Option("--geojson", help="Write the route as GeoJSON.", show_default=False)
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Draw the route: FILE.png or FILE.svg.", show_default=False)
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the composition to a file.", show_default=False)
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Plan one delivery."""
+    from models.composition_file import save, to_json
+
+    for path in (geojson, plot, output):
+        _refuse_overwriting(path, force=force)
+    _check_picture(plot)
+    world = options.load_scenario(scenario)
+    asked = _ask(world, start, to, payload, depart, drone, reserve, soc, airspeed, recharge, seed)
+    result = _solve(*asked, planner, wind, forecast, truth, time_limit, quiet=as_json)
+    composition = result.composition
+    if output is not None:
+        save(composition, output, force=force)
+    if geojson is not None:
+        from skyway.route_geojson import route_geojson
+
+        _write(geojson, json.dumps(route_geojson(composition), indent=1) + "\n", force=force)
+    if plot is not None:
+        from skyway.plot_map import plot_composition
+
+        plot_composition(composition, result.problem.scenario, plot)
+    if as_json:
+        typer.echo(json.dumps(to_json(composition), indent=1, allow_nan=False))
+        return
+    from skyway.cli.tables import print_plan
+
+    print_plan(result)
+
+
+def compare(
+    start: From,
+    to: To,
+    payload: Payload,
+    scenario: ScenarioArgument = None,
+    planners: Annotated[
+        str, typer.Option("--planners", help="Names, separated by commas.")
+    ] = "pfs,pfs-charge-aware,shortest,ies",
+    depart: Depart = None,
+    truth: Truth = None,
+    drone: Drone = None,
+    reserve: Reserve = 20.0,
+    soc: Soc = 100.0,
+    airspeed: Airspeed = None,
+    wind: WindOption = None,
+    forecast: Forecast = None,
+    recharge: Recharge = "enough",
+    seed: Seed = 0,
+    time_limit: TimeLimit = 60.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+) -> None:
+    """Compare planners on one request."""
+    from models.composition_file import to_json
+    from models.errors import InfeasibleError
+    from planner.result import Comparison
+
+    names = [name.strip() for name in planners.split(",") if name.strip()]
+    _check_planners(names)
+    world = options.load_scenario(scenario)
+    asked = _ask(world, start, to, payload, depart, drone, reserve, soc, airspeed, recharge, seed)
+    answers: list[Comparison] = []
+    for name in names:
+        try:
+            result = _solve(*asked, name, wind, forecast, truth, time_limit, quiet=as_json)
+            answers.append(Comparison(name, result, None))
+        except InfeasibleError as error:
+            answers.append(Comparison(name, None, error))
+    if as_json:
+        plans = [
+            {
+                "planner": answer.planner,
+                "status": "ok" if answer.result else "infeasible",
+                "error": None if answer.error is None else str(answer.error),
+                "composition": None if answer.result is None else to_json(answer.result.composition),
+            }
+            for answer in answers
+        ]
+        typer.echo(json.dumps({"schema": "skyway.compare/1", "plans": plans}, indent=1, allow_nan=False))
+    else:
+        from skyway.cli.tables import print_comparison
+
+        print_comparison(answers)
+    if all(answer.result is None for answer in answers):
+        raise typer.Exit(1)
+
+
+def _ask(
+    scenario: Scenario,
+    start: str,
+    to: str,
+    payload: float,
+    depart: str | None,
+    drone: str | None,
+    reserve: float,
+    soc: float,
+    airspeed: float | None,
+    recharge: str,
+    seed: int,
+) -> tuple[Scenario, Request]:
+    """Turn what was typed into a request; targets given as lat,lon join the scenario's network."""
+    from models.services import State
+    from planner.request import Request
+
+    if recharge not in ("full", "enough"):
+        raise InputError(Fault("is not known", field="--recharge", value=recharge, remedy="full or enough"))
+    mode: Literal["full", "enough"] = "full" if recharge == "full" else "enough"
+    scenario, origin = options.place(scenario, start, "--from")
+    scenario, destination = options.place(scenario, to, "--to")
+    state = State(options.parse_depart(depart), origin, None, options.percent(soc, "--soc"))
+    request = Request(
+        state=state,
+        destination=destination,
+        payload_kg=payload,
+        drone=drone,
+        airspeed_mps=airspeed,
+        reserve_soc=options.percent(reserve, "--reserve", high=95.0),
+        recharge=mode,
+        seed=seed,
+    )
+    return scenario, request
+
+
+def _solve(
+    scenario: Scenario,
+    request: Request,
+    planner: str,
+    wind: str | None,
+    forecast: Path | None,
+    truth: str | None,
+    time_limit_s: float,
+    *,
+    quiet: bool,
+) -> PlanResult:
+    """Plan with the wind that was asked for."""
+    from planner.plan import CLAIRVOYANT_PLANNERS
+    from planner.plan import plan as plan_delivery
+
+    _check_planners([planner])
+    if not time_limit_s > 0:
+        raise InputError(Fault("must be above 0", field="--time-limit", value=time_limit_s))
+    depart = request.state.time
+    if truth is None and planner in CLAIRVOYANT_PLANNERS and wind is None and forecast is None:
+        truth = _own_day(scenario, request)
+    true, day = options.true_wind(scenario, depart, truth)
+    known = options.wind_forecast(scenario, depart, wind, forecast, true, day)
+    show = None if quiet or not sys.stderr.isatty() else _progress
+    return plan_delivery(
+        scenario, request, planner=planner, forecast=known, truth=true, time_limit_s=time_limit_s, progress=show
+    )
+
+
+def _own_day(scenario: Scenario, request: Request) -> str | None:
+    """Local date of the departure, where the record holds its wind: then that is the truth."""
+    from zoneinfo import ZoneInfo
+
+    from planner.problem import HORIZON_H
+
+    day = request.state.time.astimezone(ZoneInfo(scenario.timezone)).date()
+    try:
+        scenario.truth(day, request.state.time, HORIZON_H)
+    except InputError:
+        return None
+    return day.isoformat()
+
+
+def _progress(looked_at: int, best_s: float) -> None:
+    best = "none yet" if best_s == float("inf") else f"{best_s / 60:.1f} min"
+    typer.echo(f"\r  {looked_at} sequences, best {best} ", nl=False, err=True)
+
+
+def _check_planners(names: list[str]) -> None:
+    from planner.plan import PLANNERS
+
+    for name in names:
+        if name not in PLANNERS:
+            raise InputError(
+                Fault("no such planner", field="planner", value=name, remedy="one of " + ", ".join(PLANNERS))
+            )
+    if not names:
+        raise InputError(Fault("no planner named", field="--planners", remedy="one or more of " + ", ".join(PLANNERS)))
+
+
+def _refuse_overwriting(path: Path | None, *, force: bool) -> None:
+    """Refuse before planning what could not be written after it."""
+    if path is None:
+        return
+    if path.exists() and not force:
+        raise InputError(Fault("exists already", str(path), remedy="give another name, or --force to overwrite it"))
+    if not path.parent.is_dir():
+        raise InputError(Fault("no such folder", str(path.parent)))
+
+
+def _check_picture(path: Path | None) -> None:
+    if path is not None and path.suffix not in (".png", ".svg"):
+        raise InputError(Fault("is no picture format", field="--plot", value=path.name, remedy="FILE.png or FILE.svg"))
+
+
+def _write(path: Path, text: str, *, force: bool) -> None:
+    from models.files import write_atomically
+
+    write_atomically(path, text, force=force)

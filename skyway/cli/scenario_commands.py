@@ -1,0 +1,235 @@
+"""Commands that show what was read: ``network``, ``wind`` and ``scenario init`` / ``scenario check``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from models.errors import Fault, InputError
+from skyway.cli import options
+from skyway.cli.plan_commands import Depart, Force, Forecast, ScenarioArgument, Truth, WindOption
+
+if TYPE_CHECKING:
+    from models.scenario import Scenario
+
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it: FILE.png or FILE.svg.", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print it as JSON.")]
+
+NETWORK_HELP = """Show the stations and segments that were read.
+
+Examples:
+
+  skyway network
+
+  skyway network my-scenario --plot network.svg --geojson network.geojson
+"""
+WIND_HELP = """Show the wind forecast for a departure: speed by hour, and where it comes from.
+
+Examples:
+
+  skyway wind --depart 2013-07-10T14:00-04:00
+
+  skyway wind my-scenario --depart 2026-07-10T14:00-04:00 --plot wind.svg
+"""
+INIT_HELP = """Write a commented scenario to start from.
+
+Example:
+
+  skyway scenario init my-scenario
+"""
+CHECK_HELP = """Report everything wrong with a scenario at once.
+
+Example:
+
+  skyway scenario check my-scenario
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command("network", help=NETWORK_HELP)(network)
+    app.command("wind", help=WIND_HELP)(wind)
+    group = typer.Typer(name="scenario", help="Start and check scenarios.", no_args_is_help=True, rich_markup_mode=None)
+    group.command("init", help=INIT_HELP)(init)
+    group.command("check", help=CHECK_HELP)(check)
+    app.add_typer(group)
+
+
+def network(
+    scenario: ScenarioArgument = None,
+    plot: Plot = None,
+    geojson: Annotated[
+        Path | None, typer.Option("--geojson", help="Write stations and segments.", show_default=False)
+    ] = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Show the network."""
+    from models.network_files import to_geojson, write_geojson
+
+    _refuse(plot, force=force)
+    _check_picture(plot)
+    world = options.load_scenario(scenario)
+    if geojson is not None:
+        write_geojson(world.network, geojson, force=force)
+    if plot is not None:
+        from skyway.plot_map import plot_network
+
+        plot_network(world, plot)
+    if as_json:
+        typer.echo(json.dumps(to_geojson(world.network), indent=1))
+        return
+    _print_network(world)
+
+
+def _print_network(world: Scenario) -> None:
+    import numpy as np
+    from rich import box
+    from rich.table import Table
+
+    from skyway.cli.tables import console
+
+    net = world.network
+    out = console()
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1))
+    for name in ("id", "name", "lat", "lon", "ground m", "pads", "spots", "segments", "nearest"):
+        table.add_column(name, justify="left" if name in ("id", "name", "nearest") else "right")
+    for number, s in enumerate(net.stations):
+        segments = slice(int(net.first[number]), int(net.first[number + 1]))
+        nearest = "none"
+        if segments.stop > segments.start:
+            best = segments.start + int(np.argmin(net.distance_m[segments]))
+            nearest = f"{net.stations[int(net.head[best])].id} {net.distance_m[best] / 1000:.1f} km"
+        height = "unknown" if s.elevation_m is None else f"{s.elevation_m:.0f}"
+        table.add_row(
+            s.id,
+            s.name,
+            f"{s.lat:.4f}",
+            f"{s.lon:.4f}",
+            height,
+            str(s.pads),
+            str(s.holding_spots),
+            str(segments.stop - segments.start),
+            nearest,
+        )
+    out.print(table)
+    zones = len(net.zones.names) if net.zones is not None else 0
+    both = len({tuple(sorted(pair)) for pair in zip(net.tail.tolist(), net.head.tolist(), strict=True)})
+    parts = len(net.parts())
+    joined = "all joined" if parts == 1 else f"in {parts} parts"
+    if len(net.distance_m):
+        lengths = f"{net.distance_m.min() / 1000:.1f} to {net.distance_m.max() / 1000:.1f} km"
+        out.print(f"{len(net)} stations, {both} segments ({lengths}), {joined}, {zones} no-fly zones")
+    else:
+        out.print(f"{len(net)} stations, no segments, {zones} no-fly zones")
+    for drone in world.drones:
+        out.print(
+            f"{drone.id}: {drone.name} of {drone.provider}, lifts {drone.max_payload_kg:g} kg, "
+            f"range {drone.flight_range_m / 1000:.1f} km full, wind up to {drone.wind_limit_mps:g} m/s, "
+            f"recharge {drone.recharge_full_s / 3600:.2f} h"
+        )
+    for warning in world.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+
+
+def wind(
+    scenario: ScenarioArgument = None,
+    depart: Depart = None,
+    constant: WindOption = None,
+    forecast: Forecast = None,
+    truth: Truth = None,
+    hours: Annotated[int, typer.Option("--hours", help="How far ahead.", min=1, max=48)] = 12,
+    plot: Plot = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Show the wind forecast."""
+    _refuse(plot, force=force)
+    _check_picture(plot)
+    world = options.load_scenario(scenario)
+    instant = options.parse_depart(depart)
+    true, day = options.true_wind(world, instant, truth)
+    ensemble = options.wind_forecast(world, instant, constant, forecast, true, day)
+    from skyway.wind_summary import hourly, print_wind
+
+    rows = hourly(ensemble, world, hours, true)
+    if plot is not None:
+        from skyway.plot_wind import plot_wind
+
+        plot_wind(ensemble, world, hours, plot, true)
+    if as_json:
+        typer.echo(json.dumps({"schema": "skyway.wind/1", "members": list(ensemble.labels), "hours": rows}, indent=1))
+        return
+    print_wind(rows, ensemble, world)
+
+
+def init(
+    folder: Annotated[Path, typer.Argument(help="Folder to write; it must not exist or be empty.", show_default=False)],
+) -> None:
+    """Write a scenario to start from."""
+    from skyway.scenario_template import write_template
+
+    for path in write_template(folder):
+        typer.echo(path)
+    typer.echo(f"next: edit {folder / 'scenario.toml'}, then: skyway scenario check {folder}")
+
+
+def check(
+    folder: Annotated[Path, typer.Argument(help="Scenario folder.", show_default=False)],
+    as_json: AsJson = False,
+) -> None:
+    """Check a scenario."""
+    from models.scenario_file import read_scenario
+
+    if as_json:
+        _check_json(folder)
+        return
+    world = read_scenario(folder)
+    for warning in world.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    record = "no wind record" if world.history is None else f"wind of {world.history.covers}"
+    typer.echo(
+        f"{folder}: {world.name}: {len(world.network)} stations, {len(world.drones)} drones, {record}: ready to plan"
+    )
+
+
+def _check_json(folder: Path) -> None:
+    from models.scenario_file import read_scenario
+
+    faults: list[dict[str, object]] = []
+    warnings: tuple[str, ...] = ()
+    try:
+        warnings = read_scenario(folder).warnings
+    except InputError as error:
+        faults = [
+            {
+                "file": f.file,
+                "line": f.line,
+                "field": f.field,
+                "value": None if f.value is None else str(f.value),
+                "problem": f.problem,
+                "remedy": f.remedy,
+            }
+            for f in error.faults
+        ]
+    typer.echo(
+        json.dumps(
+            {"schema": "skyway.scenario-check/1", "ok": not faults, "faults": faults, "warnings": list(warnings)},
+            indent=1,
+        )
+    )
+    if faults:
+        raise typer.Exit(2)
+
+
+def _refuse(path: Path | None, *, force: bool) -> None:
+    if path is not None and path.exists() and not force:
+        raise InputError(Fault("exists already", str(path), remedy="give another name, or --force to overwrite it"))
+
+
+def _check_picture(path: Path | None) -> None:
+    if path is not None and path.suffix not in (".png", ".svg"):
+        raise InputError(Fault("is no picture format", field="--plot", value=path.name, remedy="FILE.png or FILE.svg"))

@@ -1,0 +1,49 @@
+"""A composition as GeoJSON: legs as lines, stations as points."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from models.units import iso
+
+if TYPE_CHECKING:
+    from models.services import Composition
+
+
+def route_geojson(composition: Composition) -> dict[str, Any]:
+    """Return a FeatureCollection that any map program shows."""
+    stops = {stop.station: stop for stop in composition.stops}
+    items: list[dict[str, Any]] = []
+    for service in composition.services:
+        places = [composition.stations[key] for key in (service.origin, *service.via, service.destination)]
+        items.append(
+            {
+                "type": "Feature",
+                "geometry": {"type": "LineString", "coordinates": [[place.lon, place.lat] for place in places]},
+                "properties": {
+                    "from": service.origin,
+                    "to": service.destination,
+                    "depart": iso(service.depart),
+                    "arrive": iso(service.arrive),
+                    "distance_m": service.distance_m,
+                    "ground_speed_mps": service.ground_speed_mps,
+                    "soc_depart": service.soc_depart,
+                    "soc_arrive": service.soc_arrive,
+                },
+            }
+        )
+    for key in dict.fromkeys(composition.route):
+        place = composition.stations[key]
+        properties: dict[str, Any] = {"id": key, "name": place.name, "pads": place.pads}
+        if key in stops:
+            stop = stops[key]
+            properties |= {
+                "arrive": iso(stop.arrive),
+                "wait_s": stop.wait_s,
+                "recharge_s": stop.recharge_s,
+                "soc_from": stop.soc_from,
+                "soc_to": stop.soc_to,
+            }
+        point = {"type": "Point", "coordinates": [place.lon, place.lat]}
+        items.append({"type": "Feature", "geometry": point, "properties": properties})
+    return {"type": "FeatureCollection", "features": items}

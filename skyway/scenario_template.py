@@ -1,0 +1,36 @@
+"""The commented scenario that ``skyway scenario init`` writes: small, complete, and ready to plan."""
+
+from __future__ import annotations
+
+from importlib import resources
+from typing import TYPE_CHECKING
+
+from models.errors import Fault, InputError
+from models.files import write_atomically
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+FILES = ("scenario.toml", "stations.csv", "drones.toml", "load.csv", "wind.csv", "zones.geojson")
+
+
+def write_template(folder: Path) -> list[Path]:
+    """Write the template into a new or empty folder.
+
+    Raises
+    ------
+    InputError
+        The folder holds something already, or cannot be written.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(Fault("exists already and is not an empty folder", str(folder), remedy="name a new folder"))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(Fault(f"cannot be made: {error.strerror or error}", str(folder))) from None
+    source = resources.files("missions.examples") / "template"
+    written = []
+    for name in FILES:
+        write_atomically(folder / name, (source / name).read_bytes())
+        written.append(folder / name)
+    return written
