@@ -129,3 +129,21 @@ def _point(item: MissionItem, position: int, file: str) -> Point:
 def is_fence_item(item: MissionItem) -> bool:
     """Whether an item belongs to a fence rather than a mission."""
     return item.command in FENCE_COMMANDS
+
+
+def is_rally_item(item: MissionItem) -> bool:
+    """Whether an item is a rally point."""
+    return item.command == Command.NAV_RALLY_POINT
+
+
+def merge(fence: Geofence, other: Geofence) -> Geofence:
+    """Return a fence with the areas of both."""
+    point = fence.return_point or other.return_point
+    height = fence.return_altitude_m if fence.return_point else other.return_altitude_m
+    return replace(
+        fence,
+        polygons=(*fence.polygons, *other.polygons),
+        circles=(*fence.circles, *other.circles),
+        return_point=point,
+        return_altitude_m=height,
+    )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from missions import fence_items
 from missions.commands import GLOBAL_FRAMES, INDEX_COMMANDS, LOCATED_COMMANDS, Command, command_of, frame_of
 from missions.coordinates import to_e7
 from missions.document import MissionDocument
@@ -21,7 +22,7 @@ from missions.rally import RallyPoint, RallyPoints
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
 MAX_ITEMS = 100_000
 MAX_FAULTS = 20
@@ -70,22 +71,39 @@ def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
         raise InputError(Fault(f"is not JSON: {error}", file)) from None
     plan = mapping(raw, file, "the file")
     if "mission" not in plan and "items" in plan:
-        return MissionDocument(mission=_read_mission(plan, file, ""))
+        mission, strays = _read_mission(plan, file, "")
+        return _with_strays(MissionDocument(mission=mission), strays, file)
     kind = plan.get("fileType", "Plan")
     if kind != "Plan" or "mission" not in plan:
         raise fault("is not a mission plan", file, "fileType", kind, 'expected "Plan" and a "mission"')
     version = plan.get("version", PLAN_VERSION)
     if version != PLAN_VERSION:
         raise fault("is a plan version we do not know", file, "version", version, f"expected {PLAN_VERSION}")
-    return MissionDocument(
-        _read_mission(mapping(plan["mission"], file, "mission"), file, "mission."),
+    mission, strays = _read_mission(mapping(plan["mission"], file, "mission"), file, "mission.")
+    document = MissionDocument(
+        mission,
         _read_fence(mapping(plan.get("geoFence") or {}, file, "geoFence"), file),
         _read_rally(mapping(plan.get("rallyPoints") or {}, file, "rallyPoints"), file),
         without(plan, _PLAN_KEYS),
     )
+    return _with_strays(document, strays, file)
 
 
-def _read_mission(source: Mapping[str, Any], file: str, at: str) -> Mission:
+def _with_strays(document: MissionDocument, strays: Sequence[MissionItem], file: str) -> MissionDocument:
+    """Put fence and rally points that stood among the mission items where they belong."""
+    if not strays:
+        return document
+    fence = fence_items.to_fence([item for item in strays if fence_items.is_fence_item(item)], file)
+    rally = fence_items.to_rally([item for item in strays if fence_items.is_rally_item(item)], file)
+    return replace(
+        document,
+        fence=fence_items.merge(document.fence, fence),
+        rally=replace(document.rally, points=(*document.rally.points, *rally.points)),
+    )
+
+
+def _read_mission(source: Mapping[str, Any], file: str, at: str) -> tuple[Mission, list[MissionItem]]:
+    """Return the mission, and the fence and rally points that stood among its items."""
     version = source.get("version", MISSION_VERSION)
     if version not in (MISSION_VERSION, "1.0"):
         remedy = f"version {MISSION_VERSION} is understood"
@@ -96,6 +114,11 @@ def _read_mission(source: Mapping[str, Any], file: str, at: str) -> Mission:
     if source.get("complexItems"):
         raise fault("not supported: complex items of the oldest format", file, f"{at}complexItems")
     items, ids, complex_items = _read_items(raw_items, file, f"{at}items")
+    strays = [item for item in items if fence_items.is_fence_item(item) or fence_items.is_rally_item(item)]
+    if strays:
+        outside = set(strays)
+        kept = [number for number, item in enumerate(items) if item not in outside]
+        items, ids, complex_items = [items[n] for n in kept], [ids[n] for n in kept], ()
     unknown = source.get(UNKNOWN_KEY)
     source = without(source, frozenset(str(key) for key in unknown) if isinstance(unknown, list) else NO_KEYS)
 
@@ -105,7 +128,7 @@ def _read_mission(source: Mapping[str, Any], file: str, at: str) -> Mission:
     def optional_int(key: str) -> int | None:
         return None if source.get(key) is None else integer(source[key], file, f"{at}{key}", most=255)
 
-    return Mission(
+    mission = Mission(
         _resolve_jumps(items, ids, file, f"{at}items"),
         _read_home(source.get("plannedHomePosition"), file, f"{at}plannedHomePosition"),
         optional("cruiseSpeed"),
@@ -115,6 +138,7 @@ def _read_mission(source: Mapping[str, Any], file: str, at: str) -> Mission:
         complex_items,
         without(source, _MISSION_KEYS if at else _MISSION_KEYS | {"groundStation"}),
     )
+    return mission, strays
 
 
 def _read_home(value: object, file: str, field: str) -> Home | None:
@@ -226,9 +250,7 @@ def _read_item(source: Mapping[str, Any], file: str, field: str) -> MissionItem:
     )
 
 
-def _resolve_jumps(
-    items: list[MissionItem], ids: list[int | None], file: str, at: str
-) -> tuple[MissionItem, ...]:
+def _resolve_jumps(items: list[MissionItem], ids: list[int | None], file: str, at: str) -> tuple[MissionItem, ...]:
     """Turn references by doJumpId into item numbers; one that leads nowhere stays out of range."""
     if not any(item.command in INDEX_COMMANDS for item in items):
         return tuple(items)
@@ -257,9 +279,7 @@ def _resolve_jumps(
 def _read_fence(source: Mapping[str, Any], file: str) -> Geofence:
     version = source.get("version", 2)
     if version not in (1, 2):
-        raise fault(
-            "is a fence version we do not know", file, "geoFence.version", version, "1 and 2 are understood"
-        )
+        raise fault("is a fence version we do not know", file, "geoFence.version", version, "1 and 2 are understood")
     polygons: list[FencePolygon] = []
     old = source.get("polygon")  # version 1: one polygon to stay inside
     if old:

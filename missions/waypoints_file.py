@@ -63,11 +63,9 @@ def loads(text: str, file: str = "waypoints") -> MissionDocument:
     rows = _read_rows(lines, file)
     home, rows = _split_home(rows, header[2] == "110")
     fence_rows = [row for row in rows if fence_items.is_fence_item(row.item)]
-    rally_rows = [row for row in rows if row.item.command == Command.NAV_RALLY_POINT]
+    rally_rows = [row for row in rows if fence_items.is_rally_item(row.item)]
     mission_rows = [
-        row
-        for row in rows
-        if not fence_items.is_fence_item(row.item) and row.item.command != Command.NAV_RALLY_POINT
+        row for row in rows if not fence_items.is_fence_item(row.item) and row.item.command != Command.NAV_RALLY_POINT
     ]
     return MissionDocument(
         Mission(_resolve_jumps(mission_rows, file), home),
@@ -113,9 +111,7 @@ def _read_row(text: str, line: int, file: str, comment: list[str]) -> _Row:
     try:
         a, b, c, d, x, y, z = (float(cell) for cell in cells[4:11])
     except ValueError:
-        raise InputError(
-            Fault("has a parameter that is not a number", file, line, None, cells[4:11])
-        ) from None
+        raise InputError(Fault("has a parameter that is not a number", file, line, None, cells[4:11])) from None
     for value in (a, b, c, d, z):
         if abs(value) > MAX_FLOAT32:
             raise InputError(Fault("is too large for a mission", file, line, None, value))

@@ -228,3 +228,13 @@ def test_a_shown_altitude_never_disagrees_with_the_flown_one():
     written = rewritten(replace(document, mission=replace(document.mission, items=(moved,))))
     entry = written["mission"]["items"][0]
     assert (entry["Altitude"], entry["params"][6], entry["AMSLAltAboveTerrain"]) == (90, 90, None)
+
+
+def test_fence_points_among_the_items_go_to_the_fence_and_jumps_keep_their_aim():
+    corner = {"command": 5001, "frame": 0}
+    corners = [item(doJumpId=i, params=[3, 0, 0, 0, i, i * i, 0], **corner) for i in (1, 2, 3)]
+    jump = item(command=177, frame=2, doJumpId=5, params=[4, 1, 0, 0, 0, 0, 0])
+    document = read(plan(*corners, item(doJumpId=4), jump))
+    assert len(document.fence.polygons[0].vertices) == 3
+    assert [entry.command for entry in document.mission.items] == [16, 177]
+    assert document.mission.items[1].jump_target == 0

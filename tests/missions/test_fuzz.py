@@ -1,0 +1,127 @@
+"""Damaged files: an `InputError` or a mission, never anything else, and never for long."""
+
+import random
+import re
+import time
+import tracemalloc
+
+import pytest
+
+from missions import check, mission_file, plan_writer, waypoints_file
+from models.errors import InputError
+
+SEED = 20131
+SNIPPETS = (
+    *(b"\x00", b"\xff", b"{", b"}", b"[", b"]", b"null", b"-1", b"1e999", b"NaN", b"nan", b"inf", b"0", b"\t", b"\n"),
+    *(b"177", b"99999999999999999999", b'"', b",", b"true", b"RALLY", b"QGC WPL 110\n", b"5001", b"-0.0", b"\xc3\xa9"),
+    *(b'"params": []', b'"type": "ComplexItem"', b"224", b"600", b"601", b"1e38", b"#", b"\r\n", b"[[[[[[[["),
+)
+
+NUMBERS = (
+    *(b"0", b"1", b"-1", b"2", b"3", b"10", b"16", b"17", b"18", b"19", b"20", b"21", b"22", b"31", b"82", b"93"),
+    *(b"177", b"178", b"189", b"211", b"224", b"400", b"600", b"601", b"5001", b"5003", b"5100", b"31014"),
+    *(b"-0.0", b"0.5", b"89.9999999", b"-179.9999999", b"3.4e38", b"1e-300", b"65535", b"4294967295", b"1e18"),
+)
+
+
+def mutated(data, random_source):
+    """One to six changed numbers, or cuts, doublings, swaps, insertions and flipped bytes."""
+    if random_source.random() < 0.5:
+        return renumbered(data, random_source)
+    data = bytearray(data)
+    for _ in range(random_source.randint(1, 6)):
+        if not data:
+            break
+        at = random_source.randrange(len(data))
+        end = min(len(data), at + random_source.choice((1, 2, 8, 40, 400)))
+        kind = random_source.randrange(6)
+        if kind == 0:
+            del data[at:end]
+        elif kind == 1:
+            data[at:at] = data[at:end]
+        elif kind == 2:
+            data[at] = random_source.randrange(256)
+        elif kind == 3:
+            data[at:at] = random_source.choice(SNIPPETS)
+        elif kind == 4:
+            data[at:end] = random_source.choice(SNIPPETS)
+        else:
+            other = random_source.randrange(len(data))
+            data[at], data[other] = data[other], data[at]
+    return bytes(data)
+
+
+def renumbered(data, random_source):
+    """One to six numbers replaced by others: the form stays whole, the mission becomes nonsense."""
+    for _ in range(random_source.randint(1, 6)):
+        found = list(re.finditer(rb"-?\d+(\.\d+)?", data))
+        if not found:
+            break
+        match = random_source.choice(found)
+        data = data[: match.start()] + random_source.choice(NUMBERS) + data[match.end() :]
+    return data
+
+
+def survives(data):
+    """Read, check and write; return whether it could be read."""
+    try:
+        document = mission_file.loads(data, "fuzz")
+    except InputError as error:
+        assert str(error)
+        return False
+    report = check(document)
+    assert len(report.findings) < 2000
+    report.to_json()
+    mission_file.loads(plan_writer.dumps(document).encode())
+    mission_file.loads(waypoints_file.dumps_mission(document).encode())
+    return True
+
+
+def fuzz(folder, count):
+    sources = [path.read_bytes() for path in sorted(folder.iterdir()) if path.name != "README.md"]
+    random_source = random.Random(SEED)
+    read, slowest = 0, 0.0
+    tracemalloc.start()
+    try:
+        for number in range(count):
+            data = mutated(sources[number % len(sources)], random_source)
+            start = time.perf_counter()
+            read += survives(data)
+            slowest = max(slowest, time.perf_counter() - start)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    return read, slowest, peak
+
+
+def test_a_thousand_damaged_files_are_read_or_refused(shared_data):
+    read, slowest, peak = fuzz(shared_data / "missions", 1000)
+    assert 100 < read < 1000
+    assert slowest < 5.0
+    assert peak < 200e6
+
+
+@pytest.mark.slow
+def test_ten_thousand_damaged_files_are_read_or_refused(shared_data):
+    read, slowest, peak = fuzz(shared_data / "missions", 10_000)
+    assert 1000 < read < 10_000
+    assert slowest < 5.0
+    assert peak < 200e6
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"{" * 100_000,
+        b'{"mission":' * 50_000,
+        b"QGC WPL 110\n" + b"0 0 0 177 0 -1 0 0 0 0 0 1\n" * 3000,
+        b'{"fileType":"Plan","mission":{"items":' + b"[" * 900 + b"]" * 900 + b"}}",
+        b"QGC WPL 110\n" + b"9" * 5000 + b" 0 0 16 0 0 0 0 0 0 0 1\n",
+        b"QGC WPL 110\n0 0 0 16 0 0 0 0 " + b"1" * 400 + b" 0 0 1\n",
+    ],
+    ids=["braces", "nesting", "jumps", "lists", "digits", "long number"],
+)
+def test_files_made_to_hurt_end_quickly(data):
+    start = time.perf_counter()
+    survives(data)
+    assert time.perf_counter() - start < 5.0
