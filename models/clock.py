@@ -1,0 +1,42 @@
+"""Time that is handed in: the same code runs on the wall clock and in virtual time."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """A clock that one can wait on.
+
+    A simulated clock advances the simulation while it is waited on, so that nothing ever really waits.
+    """
+
+    def now_s(self) -> float:
+        """Seconds since some start; never goes back."""
+        ...
+
+    def posix_s(self) -> float:
+        """POSIX seconds of now."""
+        ...
+
+    def sleep_until(self, instant_s: float) -> None:
+        """Wait until `now_s` is at least an instant."""
+        ...
+
+
+class WallClock:
+    """The real time."""
+
+    def now_s(self) -> float:
+        """Seconds since some start; never goes back."""
+        return time.monotonic()
+
+    def posix_s(self) -> float:
+        """POSIX seconds of now."""
+        return time.time()
+
+    def sleep_until(self, instant_s: float) -> None:
+        """Wait until `now_s` is at least an instant."""
+        while (left := instant_s - time.monotonic()) > 0.0:
+            time.sleep(left)

@@ -1,0 +1,374 @@
+"""ArduPilot Copter: its modes, refusals, failsafes and habits (4.6)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar
+
+from sim_stub.autopilot import ardupilot_parameters
+from sim_stub.autopilot.base import Autopilot
+from sim_stub.autopilot.behaviours import ReturnHome, Speeds
+from sim_stub.autopilot.fence import nearest_rally
+from sim_stub.autopilot.items import FENCE, NAV_COMMANDS, RALLY, RELATIVE_FRAMES, Command, Item, Result
+from sim_stub.autopilot.mission_run import MissionState
+from sim_stub.autopilot.modes import MANUAL_MODES, Action, Mode
+from sim_stub.autopilot.parameters import ParameterStore
+from sim_stub.physics import offset_m
+
+if TYPE_CHECKING:
+    from sim_stub.vehicle import Vehicle
+
+_MODES = {
+    Mode.STABILIZE: 0,
+    Mode.ALTITUDE: 2,
+    Mode.MISSION: 3,
+    Mode.GUIDED: 4,
+    Mode.POSITION: 5,
+    Mode.RTL: 6,
+    Mode.LAND: 9,
+    Mode.BRAKE: 17,
+}
+_BY_NUMBER = {number: mode for mode, number in _MODES.items()} | {16: Mode.POSITION, 21: Mode.RTL}
+_NAMES = {
+    Mode.STABILIZE: "STABILIZE",
+    Mode.ALTITUDE: "ALT_HOLD",
+    Mode.MISSION: "AUTO",
+    Mode.GUIDED: "GUIDED",
+    Mode.POSITION: "LOITER",
+    Mode.RTL: "RTL",
+    Mode.LAND: "LAND",
+    Mode.BRAKE: "BRAKE",
+}
+_BATTERY_ACTIONS = {1: Action.LAND, 2: Action.RTL, 3: Action.RTL, 4: Action.LAND, 5: Action.TERMINATE}
+_GCS_ACTIONS = {1: Action.RTL, 3: Action.RTL, 4: Action.LAND, 5: Action.LAND, 6: Action.RTL, 7: Action.LAND}
+_FENCE_ACTIONS = {0: Action.WARN, 1: Action.RTL, 2: Action.LAND, 3: Action.RTL, 4: Action.LAND, 5: Action.LAND}
+_CONTINUE_AFTER_LAND = 2
+_EKF_FAILSAFE_S = 1.0
+
+
+class ArduPilot(Autopilot):
+    """ArduPilot Copter."""
+
+    FAMILY: ClassVar[str] = "ardupilot"
+    AUTOPILOT_ID: ClassVar[int] = 3
+    REMOTE_CONTROL_LOST: ClassVar[str] = "Radio Failsafe"
+    POSITION_LOST: ClassVar[str] = "EKF Failsafe: changed to LAND Mode"
+    FENCE_BREACHED: ClassVar[str] = "Fence Breached"
+    READY_AFTER_S: ClassVar[float] = 40.0
+    BOOT_S: ClassVar[float] = 4.0
+    MODE_REFUSED: ClassVar[Result] = Result.FAILED
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__(vehicle, ParameterStore(ardupilot_parameters.TABLE))
+        self.mode = Mode.STABILIZE
+        self.auto_armed = False
+        self.low_volt_since: dict[int, float] = {}
+
+    def read_speeds(self) -> Speeds:
+        """WPNAV_* and LAND_SPEED, kept in cm/s; at most 20 m/s."""
+        p = self.parameters
+        return Speeds(
+            p.clamped("WPNAV_SPEED", 20.0, 2000.0) / 100.0,
+            p.clamped("WPNAV_SPEED_UP", 10.0, 1000.0) / 100.0,
+            p.clamped("WPNAV_SPEED_DN", 10.0, 500.0) / 100.0,
+            p.clamped("LAND_SPEED", 30.0, 200.0) / 100.0,
+            20.0,
+        )
+
+    def default_takeoff_m(self) -> float:
+        """Height for a take-off that names none."""
+        return 10.0
+
+    # Modes
+
+    def custom_mode(self) -> int:
+        """Number of the mode; holding is BRAKE."""
+        return _MODES[Mode.BRAKE if self.mode == Mode.HOLD else self.mode]
+
+    def mode_of(self, custom_mode: int) -> Mode | None:
+        """Mode of a number."""
+        return _BY_NUMBER.get(custom_mode)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the estimator gives a position."""
+        return self.vehicle.since_boot_s >= self.READY_AFTER_S and self.position_known
+
+    def mode_refusal(self, mode: Mode) -> str | None:
+        """Refuse what the state does not allow."""
+        name = _NAMES.get(mode, mode.value)
+        if mode not in (Mode.STABILIZE, Mode.ALTITUDE, Mode.LAND) and self.armed and not self.ready:
+            return f"Mode change to {name} failed: requires position"
+        if mode == Mode.MISSION:
+            if len(self.run.items) <= 1:
+                return "Mode change to AUTO failed: init failed"
+            if self.armed and self.landed and not self._starts_with_takeoff():
+                return "Auto: Missing Takeoff Cmd"
+        return None
+
+    def _starts_with_takeoff(self) -> bool:
+        start = max(self.run.current, 1)
+        item = next((i for i in self.run.items[start:] if i.command in NAV_COMMANDS), None)
+        return item is not None and item.command in (Command.TAKEOFF, Command.LAND, Command.DELAY)
+
+    def switch(self, mode: Mode, *, reason: str) -> None:
+        """Enter a mode; there is none to hold in but BRAKE."""
+        super().switch(Mode.BRAKE if mode == Mode.HOLD else mode, reason=reason)
+
+    def entered_mission(self) -> None:
+        """Resume, or start from the first item; on the ground it waits for MISSION_START (or AUTO_OPTIONS bit 1)."""
+        run = self.run
+        if run.state == MissionState.COMPLETE or self.parameters["MIS_RESTART"] == 1.0:
+            run.reset()
+        if run.state == MissionState.PAUSED:
+            run.state = MissionState.ACTIVE
+        if not self.landed or self.parameters.bit("AUTO_OPTIONS", 1):
+            self.auto_armed = True
+
+    def start_mission(self) -> Result:
+        """Do MISSION_START."""
+        if self.mode != Mode.MISSION and self.request_mode(Mode.MISSION, "mission start") != Result.ACCEPTED:
+            return Result.FAILED
+        self.auto_armed = True
+        if self.run.state == MissionState.COMPLETE:
+            self.run.reset()
+        return Result.ACCEPTED
+
+    def mission_may_run(self) -> bool:
+        """Wait for the go on the ground; item 0 is home and is never flown."""
+        if self.run.current == 0 and self.run.behaviour is None and self.auto_armed:
+            self.run.jump(1)
+        return self.auto_armed
+
+    def missions_stored(self, *, replaced: bool, current: int | None) -> None:
+        """Restart the command in progress where its item was replaced: new items act at once."""
+        run = self.run
+        if run.state in (MissionState.NO_MISSION, MissionState.UNKNOWN) and run.items:
+            run.state = MissionState.NOT_STARTED
+        self.parameters.set("MIS_TOTAL", float(len(run.items)))
+        if replaced and current == run.current and self.mode == Mode.MISSION and run.behaviour is not None:
+            run.jump(run.current)
+            self.say(5, "Auto mission changed, restarted command")
+
+    def mission_done(self) -> None:
+        """Disarm on the ground, hover in the air."""
+        super().mission_done()
+        if self.landed:
+            self.disarm(force=True, by="mission exit")
+
+    def fence_stored(self) -> None:
+        """Take over a fence."""
+        super().fence_stored()
+        self.parameters.set("FENCE_TOTAL", float(min(len(self.stores[FENCE]), 127)))
+
+    # Arming and landing
+
+    def arming_refusals(self) -> list[str]:
+        """Reasons of the pre-arm checks and of the mode."""
+        reasons = []
+        if self.mode == Mode.MISSION and not self.parameters.bit("AUTO_OPTIONS", 0):
+            reasons.append("AUTO mode not armable")
+        elif self.mode in (Mode.RTL, Mode.LAND, Mode.BRAKE, Mode.HOLD):
+            reasons.append(f"{_NAMES.get(self.mode, 'BRAKE')} mode not armable")
+        if self.vehicle.since_boot_s < 5.0:
+            reasons.append("Gyros still settling")
+        elif self.mode not in (Mode.STABILIZE, Mode.ALTITUDE) and not self.ready:
+            reasons.append("Need Position Estimate")
+        if self.parameters["ARMING_CHECK"] == 0.0:
+            return reasons
+        volts = self.parameters["BATT_ARM_VOLT"]
+        if 0.0 < volts > self.vehicle.battery.voltage_v:
+            reasons.append("Battery 1 below minimum arming voltage")
+        if self.parameters["FENCE_ENABLE"] == 1.0 and self.ready and self.fence_breached():
+            reasons.append("vehicle outside Polygon fence")
+        return reasons + self.vehicle.faults.arming_faults()
+
+    def has_armed(self) -> None:
+        """Start counting anew."""
+        self.auto_armed = self.mode == Mode.MISSION and self.parameters.bit("AUTO_OPTIONS", 1)
+
+    def has_disarmed(self) -> None:
+        """Disarming resets the mission."""
+        self.run.reset()
+        self.auto_armed = False
+
+    @property
+    def continues_after_land(self) -> bool:
+        """MIS_OPTIONS bit 2."""
+        return self.parameters.bit("MIS_OPTIONS", _CONTINUE_AFTER_LAND)
+
+    def touched_down(self) -> None:
+        """Disarm at once after a landing, unless the mission is to continue."""
+        if not self.armed:
+            return
+        item = self.run.items[self.run.current] if self.run.current < len(self.run.items) else None
+        landing = item is not None and item.command in (Command.LAND, Command.RETURN_TO_LAUNCH)
+        if self.mode in (Mode.LAND, Mode.RTL) or (
+            self.mode == Mode.MISSION and landing and not self.continues_after_land
+        ):
+            self.disarm(force=True, by="landed")
+
+    def disarm_on_ground(self) -> None:
+        """Disarm after DISARM_DELAY, in every mode."""
+        delay = self.parameters.clamped("DISARM_DELAY", 0.0, 127.0)
+        since = max(self.armed_s, self.grounded_s if self.grounded_s is not None else self.armed_s)
+        climbing = self.run.behaviour is not None and self.mode == Mode.MISSION
+        lifting = self.body.grounded and climbing and self.run.current < len(self.run.items)
+        if lifting and self.run.items[self.run.current].command == Command.TAKEOFF:
+            return
+        if delay > 0.0 and self.sim_s - since >= delay:
+            self.disarm(force=True, by="disarm delay")
+
+    def return_home(self) -> ReturnHome:
+        """To a rally point within RALLY_LIMIT_KM, else home, at RTL_ALT or higher."""
+        p, body, home = self.parameters, self.body, self.home
+        lat, lon = (home.lat, home.lon) if home else (body.lat, body.lon)
+        rally = nearest_rally(self.stores[RALLY], body.lat, body.lon)
+        if rally is not None:
+            limit_m = p["RALLY_LIMIT_KM"] * 1000.0
+            in_reach = limit_m <= 0.0 or rally[1] <= limit_m
+            home_m = math.hypot(*offset_m(body.lat, body.lon, lat, lon))
+            if in_reach and not (p["RALLY_INCL_HOME"] == 1.0 and home_m < rally[1]):
+                lat, lon = rally[0].lat, rally[0].lon
+        height = self.home_alt_m + p.clamped("RTL_ALT", 0.0, 300_000.0) / 100.0
+        return ReturnHome(lat, lon, height, p.clamped("RTL_LOIT_TIME", 0.0, 60_000.0) / 1000.0)
+
+    # Missions
+
+    def acceptance_m(self, item: Item) -> float:  # noqa: ARG002
+        """WPNAV_RADIUS: the radius of an item is not kept."""
+        return self.parameters.clamped("WPNAV_RADIUS", 5.0, 1000.0) / 100.0
+
+    def heading(self, item: Item) -> float:  # noqa: ARG002
+        """Always along the way (WP_YAW_BEHAVIOR); the heading of an item is not kept."""
+        return math.nan
+
+    def delay_s(self, item: Item) -> float:
+        """p1 seconds, or until the UTC time of day in p2, p3, p4 where p1 is negative."""
+        if item.p1 >= 0.0:
+            return min(item.p1, 1e7)
+        wanted = max(item.p2, 0.0) * 3600.0 + max(item.p3, 0.0) * 60.0 + max(item.p4, 0.0)
+        return (wanted - self.vehicle.posix_s) % 86_400.0
+
+    # Failsafes
+
+    def reported_percent(self) -> int:
+        """What is left of BATT_CAPACITY after what was drawn since boot or BATTERY_RESET: it only falls."""
+        override = self.vehicle.faults.soc_override(self.vehicle.battery.soc)
+        if override is not None:
+            return override
+        return max(0, min(100, math.floor(100.0 * self.remaining_share())))
+
+    def remaining_share(self) -> float:
+        """Share of BATT_CAPACITY that is left by counting."""
+        capacity = self.parameters.clamped("BATT_CAPACITY", 1.0, 1e6)
+        return 1.0 - self.vehicle.counted_mah / capacity
+
+    def battery_level(self) -> int:
+        """BATT_LOW_*, BATT_CRT_*: by charge at once, by voltage after BATT_LOW_TIMER."""
+        p = self.parameters
+        left_mah = self.remaining_share() * p.clamped("BATT_CAPACITY", 1.0, 1e6)
+        level = 0
+        for number, name in ((1, "LOW"), (2, "CRT")):
+            by_charge = 0.0 < p[f"BATT_{name}_MAH"] and left_mah < p[f"BATT_{name}_MAH"]
+            volts = p[f"BATT_{name}_VOLT"]
+            if 0.0 < volts and self.vehicle.battery.voltage_v < volts:
+                since = self.low_volt_since.setdefault(number, self.sim_s)
+                by_voltage = self.sim_s - since >= p.clamped("BATT_LOW_TIMER", 0.0, 120.0)
+            else:
+                self.low_volt_since.pop(number, None)
+                by_voltage = False
+            if by_charge or by_voltage:
+                level = number
+        return level
+
+    def battery_action(self, level: int) -> Action:
+        """BATT_FS_LOW_ACT, BATT_FS_CRT_ACT."""
+        name = "BATT_FS_LOW_ACT" if level == 1 else "BATT_FS_CRT_ACT"
+        return self._unless_landing(_BATTERY_ACTIONS.get(int(self.parameters[name]), Action.WARN))
+
+    def battery_warning(self, level: int) -> None:
+        """Say it."""
+        kind = "low" if level == 1 else "critical"
+        used = self.vehicle.counted_mah
+        self.say(4, f"Battery 1 is {kind} {self.vehicle.battery.voltage_v:.2f}V used {used:.0f} mAh")
+
+    def ground_heard_s(self) -> float | None:
+        """Only the ground station with the id of SYSID_MYGCS counts."""
+        return self.vehicle.ground_heard.get(int(self.parameters["SYSID_MYGCS"]))
+
+    def link_timeout_s(self) -> float:
+        """FS_GCS_TIMEOUT."""
+        return self.parameters.clamped("FS_GCS_TIMEOUT", 2.0, 120.0)
+
+    def link_action(self) -> Action:
+        """FS_GCS_ENABLE, with the exceptions of FS_OPTIONS."""
+        options = self.parameters
+        excepted = (self.mode == Mode.MISSION and options.bit("FS_OPTIONS", 1)) or (
+            self.mode in MANUAL_MODES and options.bit("FS_OPTIONS", 4)
+        )
+        if excepted:
+            return Action.NONE
+        return self._unless_landing(
+            _GCS_ACTIONS.get(int(self.parameters["FS_GCS_ENABLE"]), Action.NONE)
+        )
+
+    def _unless_landing(self, action: Action) -> Action:
+        landing = self.mode == Mode.LAND or self.landed_state == 4
+        return Action.NONE if landing and self.parameters.bit("FS_OPTIONS", 3) else action
+
+    def link_warning(self, *, lost: bool) -> None:
+        """Say it."""
+        if self.parameters["FS_GCS_ENABLE"] != 0.0:
+            self.say(4, "GCS Failsafe" if lost else "GCS Failsafe Cleared")
+
+    def remote_control_action(self) -> Action:
+        """FS_THR_ENABLE, with the exceptions of FS_OPTIONS."""
+        enabled = int(self.parameters["FS_THR_ENABLE"])
+        excepted = (self.mode == Mode.MISSION and self.parameters.bit("FS_OPTIONS", 0)) or (
+            self.mode == Mode.GUIDED and self.parameters.bit("FS_OPTIONS", 2)
+        )
+        if enabled == 0 or excepted:
+            return Action.NONE
+        return self._unless_landing(Action.LAND if enabled in (3, 5) else Action.RTL)
+
+    def position_delay_s(self) -> float:
+        """The estimator's failsafe acts after a second."""
+        return _EKF_FAILSAFE_S
+
+    def fence_breached(self) -> bool:
+        """By FENCE_ENABLE and FENCE_TYPE: height 1, circle about home 2, areas 4, least height 8."""
+        p, body = self.parameters, self.body
+        if p["FENCE_ENABLE"] != 1.0:
+            return False
+        kinds = int(p["FENCE_TYPE"])
+        height = body.alt_m - self.home_alt_m
+        if kinds & 1 and height > p["FENCE_ALT_MAX"]:
+            return True
+        if kinds & 8 and not self.landed and height < p["FENCE_ALT_MIN"]:
+            return True
+        if kinds & 2 and self.home is not None:
+            away = math.hypot(*offset_m(self.home.lat, self.home.lon, body.lat, body.lon))
+            if away > p["FENCE_RADIUS"]:
+                return True
+        union = self.parameters.bit("FENCE_OPTIONS", 1)
+        return bool(kinds & 4) and self.fence.breached(body.lat, body.lon, any_inclusion=union)
+
+    def fence_action(self) -> Action:
+        """FENCE_ACTION."""
+        return _FENCE_ACTIONS.get(int(self.parameters["FENCE_ACTION"]), Action.WARN)
+
+    def failsafe_on_ground(self, name: str) -> None:
+        """Disarm."""
+        self.disarm(force=True, by=f"{name} failsafe on the ground")
+
+    def wind_estimate(self) -> tuple[float, float] | None:
+        """Alive with the drag coefficients of EK3 set; zero otherwise."""
+        p = self.parameters
+        if max(p["EK3_DRAG_BCOEF_X"], p["EK3_DRAG_BCOEF_Y"], p["EK3_DRAG_MCOEF"]) <= 0.0:
+            return None
+        return self.vehicle.felt_wind() if not self.landed else None
+
+    def relative(self, item: Item) -> bool:
+        """Whether an item's height counts from home."""
+        return item.frame in RELATIVE_FRAMES

@@ -1,0 +1,120 @@
+"""How ArduPilot takes, keeps and gives back items (AP_Mission.cpp, MissionItemProtocol*.cpp; Copter 4.6)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from sim_stub.autopilot.items import FENCE, PLACED_COMMANDS, RALLY, Answer, Command, Frame, Item
+
+MAX_ITEMS = {0: 724, 1: 255, 2: 64}
+_FRAMES = {
+    Frame.GLOBAL: Frame.GLOBAL,
+    Frame.MISSION: Frame.GLOBAL,
+    Frame.GLOBAL_INT: Frame.GLOBAL,
+    Frame.RELATIVE: Frame.RELATIVE,
+    Frame.RELATIVE_INT: Frame.RELATIVE,
+    Frame.TERRAIN: Frame.TERRAIN,
+    Frame.TERRAIN_INT: Frame.TERRAIN,
+}
+_NAN_ALLOWED_P4 = frozenset({Command.WAYPOINT, Command.LAND, Command.TAKEOFF})
+_STORED_IN_LOCATION = PLACED_COMMANDS | {Command.DO_SET_HOME, Command.DO_LAND_START, Command.DO_SET_ROI}
+_P1_WHOLE = frozenset(
+    {
+        Command.WAYPOINT,
+        Command.SPLINE_WAYPOINT,
+        Command.LOITER_TIME,
+        Command.LOITER_TURNS,
+        Command.LAND,
+        Command.TAKEOFF,
+        Command.DO_JUMP,
+        Command.DO_SET_HOME,
+        Command.DO_SET_ROI,
+        Command.DO_FENCE_ENABLE,
+        Command.DO_GRIPPER,
+        Command.DO_SET_MODE,
+    }
+)
+_KEPT = {
+    # Which of p1..p4 are stored at all; the rest come back as 0.
+    Command.WAYPOINT: (1,),
+    Command.SPLINE_WAYPOINT: (1,),
+    Command.LOITER_UNLIM: (3,),
+    Command.LOITER_TURNS: (1, 3, 4),
+    Command.LOITER_TIME: (1, 3, 4),
+    Command.LOITER_TO_ALT: (2, 4),
+    Command.RETURN_TO_LAUNCH: (),
+    Command.LAND: (1,),
+    Command.TAKEOFF: (1,),
+    Command.DELAY: (1, 2, 3, 4),
+    Command.CONDITION_DELAY: (1,),
+    Command.CONDITION_DISTANCE: (1,),
+    Command.CONDITION_YAW: (1, 2, 3, 4),
+    Command.DO_SET_MODE: (1,),
+    Command.DO_JUMP: (1, 2),
+    Command.DO_CHANGE_SPEED: (1, 2, 3),
+    Command.DO_SET_HOME: (1,),
+    Command.DO_LAND_START: (),
+    Command.DO_SET_ROI: (1,),
+    Command.DO_FENCE_ENABLE: (1,),
+    Command.DO_GRIPPER: (1, 2),
+    181: (1, 2),  # DO_SET_RELAY
+    183: (1, 2),  # DO_SET_SERVO
+    205: (1, 2, 3),  # DO_MOUNT_CONTROL
+    206: (1,),  # DO_SET_CAM_TRIGG_DIST
+}
+_MAX_ALTITUDE_M = 83_000.0
+_INVALID_PARAM = (
+    Answer.INVALID_PARAM1,
+    Answer.INVALID_PARAM2,
+    Answer.INVALID_PARAM3,
+    Answer.INVALID_PARAM4,
+)
+
+
+def accept(item: Item, kind: int) -> Item | Answer:
+    """Take an item as ArduPilot does: what it stores, or the code it refuses with."""
+    if kind == FENCE:
+        return item if 5000 <= item.command <= 5004 else Answer.UNSUPPORTED
+    if kind == RALLY:
+        if item.command != Command.RALLY_POINT:
+            return Answer.UNSUPPORTED
+        return replace(item, frame=_FRAMES.get(Frame(item.frame), Frame.RELATIVE) if _known(item) else Frame.RELATIVE)
+    if item.command not in _KEPT:
+        return Answer.UNSUPPORTED
+    for number, answer in enumerate(_INVALID_PARAM, start=1):
+        nan = math.isnan(getattr(item, f"p{number}"))
+        if nan and not (number == 4 and item.command in _NAN_ALLOWED_P4):
+            return answer
+    if item.command in _STORED_IN_LOCATION:
+        if abs(item.x) > 900_000_000:
+            return Answer.INVALID_PARAM5
+        if abs(item.y) > 1_800_000_000:
+            return Answer.INVALID_PARAM6
+        if math.isnan(item.z) or abs(item.z) >= _MAX_ALTITUDE_M:
+            return Answer.INVALID_PARAM7
+        if not _known(item):
+            return Answer.UNSUPPORTED_FRAME
+    return _stored(item)
+
+
+def _known(item: Item) -> bool:
+    return item.frame in _FRAMES
+
+
+def _stored(item: Item) -> Item:
+    kept = _KEPT[Command(item.command) if item.command in Command.__members__.values() else item.command]
+    values = {f"p{n}": getattr(item, f"p{n}") if n in kept else 0.0 for n in (1, 2, 3, 4)}
+    values = {name: 0.0 if math.isnan(value) else value for name, value in values.items()}
+    if item.command in _P1_WHOLE:
+        values["p1"] = float(int(max(-32768.0, min(65535.0, values["p1"]))))
+    if item.command == Command.LAND:
+        values["p4"] = 1.0
+    if item.command == Command.LOITER_TIME:
+        values["p3"] = -1.0 if values["p3"] < 0 else 1.0
+    if item.command not in _STORED_IN_LOCATION:
+        return replace(item, frame=Frame.GLOBAL, x=0, y=0, z=0.0, autocontinue=1, **values)
+    centimetres = int(item.z * 100.0)
+    return replace(
+        item, frame=_FRAMES[Frame(item.frame)], z=centimetres / 100.0, autocontinue=1, **values
+    )

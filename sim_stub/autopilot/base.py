@@ -1,0 +1,494 @@
+"""What both autopilot families share: arming, modes, missions, landing; the quirks are in the subclasses."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Idle, Land, ReturnHome, Speeds
+from sim_stub.autopilot.failsafe import Failsafes
+from sim_stub.autopilot.fence import Fence
+from sim_stub.autopilot.items import FENCE, MISSION, RALLY, Command, Item, Result
+from sim_stub.autopilot.mission_run import MissionRun
+from sim_stub.autopilot.modes import MANUAL_MODES, Action, Mode
+from sim_stub.physics import Demand
+
+if TYPE_CHECKING:
+    from sim_stub.autopilot.parameters import ParameterStore
+    from sim_stub.physics import Body
+    from sim_stub.vehicle import Vehicle
+
+_LANDED_AFTER_S = 1.0
+_CRASH_MPS = 4.0
+_FLYING = (Mode.HOLD, Mode.BRAKE, Mode.GUIDED, *MANUAL_MODES)
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """Where heights are counted from and the vehicle returns to; metres above mean sea level."""
+
+    lat: float
+    lon: float
+    alt_m: float
+
+
+class Autopilot(ABC):
+    """One autopilot.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        What it flies.
+    parameters : ParameterStore
+        With the family's defaults.
+    """
+
+    FAMILY: ClassVar[str]
+    AUTOPILOT_ID: ClassVar[int]
+    REMOTE_CONTROL_LOST: ClassVar[str]
+    POSITION_LOST: ClassVar[str]
+    FENCE_BREACHED: ClassVar[str]
+    READY_AFTER_S: ClassVar[float]
+    BOOT_S: ClassVar[float]
+    conditions_wait: ClassVar[bool] = True
+
+    def __init__(self, vehicle: Vehicle, parameters: ParameterStore) -> None:
+        self.vehicle = vehicle
+        self.parameters = parameters
+        self.run = MissionRun()
+        self.stores: dict[int, list[Item]] = {MISSION: self.run.items, FENCE: [], RALLY: []}
+        self.fence = Fence()
+        self.failsafes = Failsafes()
+        self.mode = Mode.HOLD
+        self.behaviour: Behaviour = Idle()
+        self.armed = False
+        self.armed_s = 0.0
+        self.flown = False
+        self.landed = True
+        self.grounded_s: float | None = 0.0
+        self.crashed = False
+        self.terminated = False
+        self.gripper_closed = True
+        self.commanded_mps: float | None = None
+        self.yaw_override_deg: float | None = None
+        self.home: Home | None = None
+        self.speeds = self.read_speeds()
+
+    # What the behaviours ask
+
+    @property
+    def body(self) -> Body:
+        """The airframe."""
+        return self.vehicle.body
+
+    @property
+    def sim_s(self) -> float:
+        """Simulated time."""
+        return self.vehicle.sim_s
+
+    @property
+    def ground_m(self) -> float:
+        """Height of the ground below, above mean sea level."""
+        return self.vehicle.ground_m
+
+    @property
+    def position_known(self) -> bool:
+        """Whether there is a position to hold."""
+        return self.vehicle.faults.positioning
+
+    @property
+    def cruise_mps(self) -> float:
+        """Ground speed in force: the last commanded one, clipped to the parameters' limit."""
+        speeds = self.speeds
+        wanted = speeds.cruise_mps if self.commanded_mps is None else self.commanded_mps
+        return max(0.5, min(wanted, speeds.most_mps))
+
+    @property
+    def home_alt_m(self) -> float:
+        """Height that relative heights count from."""
+        return self.home.alt_m if self.home else self.body.alt_m
+
+    def hover_here(self) -> Fly:
+        """Hold the present position."""
+        body = self.body
+        return Fly(body.lat, body.lon, body.alt_m, 1.0, math.inf, math.degrees(body.yaw))
+
+    def event(self, text: str) -> None:
+        """Tell the log of the world."""
+        self.vehicle.event(text)
+
+    def say(self, severity: int, text: str) -> None:
+        """Send a STATUSTEXT to every ground station."""
+        self.vehicle.say(severity, text)
+
+    # Stepping
+
+    def step(self) -> Demand:
+        """Decide what to ask of the airframe in this step of physics."""
+        self.speeds = self.read_speeds()
+        self.failsafes.check(self)
+        if self.terminated or not self.armed:
+            return Demand(motors=False)
+        if self.vehicle.battery.empty:
+            self.say(0, "Battery empty")
+            self.event("battery empty: the motors stop")
+            self.terminated = True
+            return Demand(motors=False)
+        if self.mode == Mode.MISSION:
+            demand = self.run.step(self) if self.mission_may_run() else Demand(up_mps=-0.1)
+        else:
+            demand = self.behaviour.step(self)
+            if self.behaviour.done:
+                self._behaviour_done()
+        if self.yaw_override_deg is not None:
+            demand.yaw_deg = self.yaw_override_deg
+        return demand
+
+    def after_step(self) -> None:
+        """Notice what the step of physics has brought about: touch-down, a crash, the time to disarm."""
+        body = self.body
+        if not body.grounded:
+            if self.landed:
+                self.landed = False
+                self.flown = True
+                self.event("in the air")
+            self.grounded_s = None
+            return
+        if body.impact_mps > _CRASH_MPS and not self.landed:
+            self._crash(body.impact_mps)
+        body.impact_mps = 0.0
+        if self.grounded_s is None:
+            self.grounded_s = self.sim_s
+        if not self.landed and self.sim_s - self.grounded_s >= _LANDED_AFTER_S:
+            self.landed = True
+            self.event(f"landed {self.vehicle.place()}")
+            self.touched_down()
+        if self.armed and self.landed:
+            self.disarm_on_ground()
+
+    def _crash(self, impact_mps: float) -> None:
+        self.crashed = True
+        self.armed = False
+        self.landed = True
+        self.say(0, "Crash: Disarming")
+        self.event(f"crashed at {impact_mps:.1f} m/s {self.vehicle.place()}")
+
+    def _behaviour_done(self) -> None:
+        if self.mode == Mode.TAKEOFF:
+            self.switch(Mode.HOLD, reason="take-off done")
+        elif isinstance(self.behaviour, Climb):
+            self.behaviour = self.hover_here()
+        elif isinstance(self.behaviour, (Land, ReturnHome)):
+            self.behaviour = Idle()
+
+    @property
+    def landed_state(self) -> int:
+        """MAV_LANDED_STATE."""
+        if self.landed:
+            return 1
+        behaviour = self.run.behaviour if self.mode == Mode.MISSION else self.behaviour
+        if isinstance(behaviour, ReturnHome) and behaviour.stage is not None:
+            behaviour = behaviour.stage
+        if isinstance(behaviour, Climb):
+            return 3
+        return 4 if isinstance(behaviour, Land) and behaviour.arrived else 2
+
+    # Modes
+
+    def request_mode(self, mode: Mode, by: str) -> Result:
+        """Switch the mode if it can be entered."""
+        reason = self.mode_refusal(mode)
+        if reason is not None:
+            self.say(3, reason)
+            self.event(f"mode {mode.value} refused: {reason}")
+            return self.MODE_REFUSED
+        self.switch(mode, reason=by)
+        return Result.ACCEPTED
+
+    MODE_REFUSED: ClassVar[Result] = Result.TEMPORARILY_REJECTED
+
+    def switch(self, mode: Mode, *, reason: str) -> None:
+        """Enter a mode."""
+        if mode == self.mode and mode == Mode.MISSION:
+            return
+        if self.mode == Mode.MISSION:
+            self.run.pause()
+        if mode != self.mode:
+            self.event(f"mode {mode.value} ({reason})")
+        self.mode = mode
+        self.yaw_override_deg = None
+        self.behaviour = self._entering(mode)
+        if mode == Mode.MISSION:
+            self.entered_mission()
+
+    def _entering(self, mode: Mode) -> Behaviour:
+        if mode == Mode.LAND:
+            return Land()
+        if mode == Mode.RTL:
+            return self.return_home()
+        if mode == Mode.TAKEOFF:
+            return self.take_off_behaviour(None)
+        return Idle() if self.body.grounded else self.hover_here()
+
+    def take_off_behaviour(self, alt_m: float | None) -> Climb:
+        """Climb to a height above mean sea level, or to the default one."""
+        height = self.body.alt_m + self.default_takeoff_m() if alt_m is None else alt_m
+        return Climb(self.body.lat, self.body.lon, height)
+
+    def fly_to(self, lat: float, lon: float, alt_m: float, yaw_deg: float | None) -> None:
+        """Go to a place and stay there, in the mode the vehicle is in."""
+        self.behaviour = Fly(lat, lon, alt_m, 1.0, math.inf, yaw_deg)
+
+    # Arming
+
+    def arm(self, *, force: bool, by: str) -> Result:
+        """Arm, or say why not."""
+        if self.armed:
+            return Result.ACCEPTED
+        reasons = ["vehicle has crashed"] if self.crashed else []
+        if not force:
+            reasons += self.arming_refusals()
+        if reasons:
+            for reason in reasons:
+                self.say(2, f"{self.ARM_PREFIX}{reason}")
+            self.event(f"arming refused: {'; '.join(reasons)}")
+            return self.ARM_REFUSED
+        self.armed = True
+        self.armed_s = self.sim_s
+        self.flown = False
+        self.grounded_s = self.sim_s
+        self.terminated = False
+        self.commanded_mps = None
+        self.failsafes.reset()
+        body = self.body
+        self.set_home(Home(body.lat, body.lon, body.alt_m))
+        if self.mode not in (Mode.MISSION, Mode.TAKEOFF):
+            self.behaviour = Idle()
+        elif self.mode == Mode.TAKEOFF:
+            self.behaviour = self.take_off_behaviour(None)
+        self.event(f"armed ({by})")
+        self.say(6, self.ARMED_TEXT)
+        self.has_armed()
+        return Result.ACCEPTED
+
+    ARM_PREFIX: ClassVar[str] = "Arm: "
+    ARM_REFUSED: ClassVar[Result] = Result.FAILED
+    ARMED_TEXT: ClassVar[str] = "Arming motors"
+    DISARMED_TEXT: ClassVar[str] = "Disarming motors"
+
+    def disarm(self, *, force: bool, by: str) -> Result:
+        """Disarm; in the air only when forced, and then it falls."""
+        if not self.armed:
+            return Result.ACCEPTED
+        if not self.landed and not force:
+            self.say(2, self.DISARM_DENIED)
+            return self.ARM_REFUSED
+        self.armed = False
+        self.event(f"disarmed ({by})")
+        self.say(6, self.DISARMED_TEXT)
+        self.has_disarmed()
+        return Result.ACCEPTED
+
+    DISARM_DENIED: ClassVar[str] = "Disarm: vehicle is not landed"
+
+    def disarm_in_mission(self) -> None:
+        """Do what COMPONENT_ARM_DISARM(0) in a mission says."""
+        self.disarm(force=False, by="mission")
+
+    def terminate(self) -> None:
+        """Stop the motors for good."""
+        self.terminated = True
+        self.event("flight terminated")
+
+    # Small commands, the same from a mission and from a ground station
+
+    def set_home(self, home: Home) -> None:
+        """Move home."""
+        self.home = home
+        self.vehicle.home_changed()
+
+    def set_home_here(self) -> None:
+        """Take the present position as home, as at the first position fix."""
+        self.home = Home(self.body.lat, self.body.lon, self.body.alt_m)
+
+    def restarted(self) -> None:
+        """Read what survives a restart: the stored items."""
+        self.run.reset()
+        self.fence = Fence.from_items(self.stores[FENCE])
+
+    def change_speed(self, speed_mps: float) -> bool:
+        """Set the ground speed; the airspeed flag of the command makes no difference to a multirotor."""
+        if not math.isfinite(speed_mps) or speed_mps <= 0.0:
+            return False
+        self.commanded_mps = speed_mps
+        return True
+
+    def execute(self, item: Item) -> None:
+        """Do an item that takes no time."""
+        match item.command:
+            case Command.DO_CHANGE_SPEED:
+                self.change_speed(item.p2)
+            case Command.DO_SET_HOME if item.p1 == 1.0:
+                self.set_home(Home(self.body.lat, self.body.lon, self.body.alt_m))
+            case Command.DO_SET_HOME if item.has_position:
+                self.set_home(Home(item.lat, item.lon, item.z))
+            case Command.DO_GRIPPER:
+                self.move_gripper(close=item.p2 != 0.0)
+            case Command.CONDITION_YAW:
+                self.yaw_override_deg = item.p1 % 360.0 if math.isfinite(item.p1) else None
+            case Command.COMPONENT_ARM_DISARM if item.p1 == 0.0:
+                self.disarm_in_mission()
+            case _:
+                pass
+
+    def move_gripper(self, *, close: bool) -> None:
+        """Close the gripper, or open it and let the package go."""
+        if self.gripper_closed and not close and self.body.payload_kg > 0.0:
+            self.event(f"package of {self.body.payload_kg:g} kg released {self.vehicle.place()}")
+            self.body.payload_kg = 0.0
+        self.gripper_closed = close
+
+    def item_begun(self, index: int) -> None:
+        """Report the new current item."""
+        self.yaw_override_deg = None
+        self.vehicle.item_begun(index)
+
+    def item_done(self, index: int) -> None:
+        """Report an item as reached."""
+        self.vehicle.item_reached(index)
+
+    def mission_done(self) -> None:
+        """Report the end of the mission."""
+        self.event("mission complete")
+
+    def fence_stored(self) -> None:
+        """Read the fence items anew."""
+        self.fence = Fence.from_items(self.stores[FENCE])
+
+    # The family's own
+
+    @abstractmethod
+    def read_speeds(self) -> Speeds:
+        """Limits from the parameters."""
+
+    @abstractmethod
+    def default_takeoff_m(self) -> float:
+        """Height of a take-off that names none."""
+
+    @abstractmethod
+    def custom_mode(self) -> int:
+        """custom_mode of HEARTBEAT."""
+
+    @abstractmethod
+    def mode_of(self, custom_mode: int) -> Mode | None:
+        """Mode of a number, None where there is none such."""
+
+    @abstractmethod
+    def mode_refusal(self, mode: Mode) -> str | None:
+        """Why a mode cannot be entered now, or None."""
+
+    @abstractmethod
+    def entered_mission(self) -> None:
+        """Start or resume the mission, as the family does on entering the mode."""
+
+    @abstractmethod
+    def mission_may_run(self) -> bool:
+        """Whether the mission flies once the mode is entered and the vehicle armed."""
+
+    @abstractmethod
+    def arming_refusals(self) -> list[str]:
+        """Why it does not arm, in the family's words."""
+
+    @abstractmethod
+    def has_armed(self) -> None:
+        """React to arming."""
+
+    @abstractmethod
+    def has_disarmed(self) -> None:
+        """React to disarming."""
+
+    @abstractmethod
+    def touched_down(self) -> None:
+        """React to a landing."""
+
+    @abstractmethod
+    def disarm_on_ground(self) -> None:
+        """Disarm after a landing when it is time; called at every step on the ground."""
+
+    @abstractmethod
+    def return_home(self) -> ReturnHome:
+        """Return to home or a rally point."""
+
+    @abstractmethod
+    def acceptance_m(self, item: Item) -> float:
+        """Radius within which a waypoint counts as reached."""
+
+    @abstractmethod
+    def heading(self, item: Item) -> float:
+        """Heading that a waypoint asks for, degrees, or NaN."""
+
+    @abstractmethod
+    def delay_s(self, item: Item) -> float:
+        """How long a NAV_DELAY lasts."""
+
+    @abstractmethod
+    def battery_level(self) -> int:
+        """0 fine, 1 low, 2 critical, 3 emergency."""
+
+    @abstractmethod
+    def battery_action(self, level: int) -> Action:
+        """What to do at a level."""
+
+    @abstractmethod
+    def battery_warning(self, level: int) -> None:
+        """Say that a level is reached."""
+
+    @abstractmethod
+    def reported_percent(self) -> int:
+        """Battery percentage as reported, -1 unknown."""
+
+    @abstractmethod
+    def ground_heard_s(self) -> float | None:
+        """When a ground station that counts was last heard; None is never."""
+
+    @abstractmethod
+    def link_timeout_s(self) -> float:
+        """Silence after which the link counts as lost."""
+
+    @abstractmethod
+    def link_action(self) -> Action:
+        """What to do when the link is lost, in the present mode."""
+
+    @abstractmethod
+    def link_warning(self, *, lost: bool) -> None:
+        """Say that the link is lost or back."""
+
+    @abstractmethod
+    def remote_control_action(self) -> Action:
+        """What to do when the remote control is lost, in the present mode."""
+
+    @abstractmethod
+    def position_delay_s(self) -> float:
+        """Time without position after which the vehicle acts."""
+
+    @abstractmethod
+    def fence_breached(self) -> bool:
+        """Whether the vehicle is where the fence forbids it."""
+
+    @abstractmethod
+    def fence_action(self) -> Action:
+        """What to do at a breach."""
+
+    @abstractmethod
+    def failsafe_on_ground(self, name: str) -> None:
+        """React to a failsafe while armed on the ground."""
+
+    @abstractmethod
+    def wind_estimate(self) -> tuple[float, float] | None:
+        """(north, east) towards as its own estimator has it; None where that is off."""
+
+    @abstractmethod
+    def missions_stored(self, *, replaced: bool, current: int | None) -> None:
+        """React to a new mission having been stored."""

@@ -1,0 +1,111 @@
+"""Geofences and rally points as the vehicle enforces them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sim_stub.autopilot.items import Command, Item
+from sim_stub.physics import offset_m
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_POLYGONS = {Command.FENCE_POLYGON_INCLUSION: True, Command.FENCE_POLYGON_EXCLUSION: False}
+_CIRCLES = {Command.FENCE_CIRCLE_INCLUSION: True, Command.FENCE_CIRCLE_EXCLUSION: False}
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A polygon or circle.
+
+    Attributes
+    ----------
+    inclusion : bool
+        The vehicle must be inside rather than outside.
+    corners : tuple of (lat, lon)
+        Of a polygon; of a circle its centre alone.
+    radius_m : float
+        0 for a polygon.
+    """
+
+    inclusion: bool
+    corners: tuple[tuple[float, float], ...]
+    radius_m: float = 0.0
+
+    def contains(self, lat: float, lon: float) -> bool:
+        """Whether a point lies inside."""
+        if self.radius_m > 0.0:
+            return math.hypot(*offset_m(lat, lon, *self.corners[0])) <= self.radius_m
+        inside = False
+        last_lat, last_lon = self.corners[-1]
+        for corner_lat, corner_lon in self.corners:
+            if (corner_lat > lat) != (last_lat > lat):
+                crossing = corner_lon + (lat - corner_lat) * (last_lon - corner_lon) / (last_lat - corner_lat)
+                if lon < crossing:
+                    inside = not inside
+            last_lat, last_lon = corner_lat, corner_lon
+        return inside
+
+
+@dataclass(frozen=True, slots=True)
+class Fence:
+    """All areas of a fence.
+
+    Attributes
+    ----------
+    consistent : bool
+        False where the vertex counts of the items disagree: no area is then enforced.
+    """
+
+    areas: tuple[Area, ...] = ()
+    consistent: bool = True
+
+    @classmethod
+    def from_items(cls, items: Sequence[Item]) -> Fence:
+        """Read the items; a polygon is as many vertices in a row as its first one says."""
+        areas: list[Area] = []
+        index = 0
+        while index < len(items):
+            item = items[index]
+            if item.command in _CIRCLES:
+                circle = ((item.lat, item.lon),)
+                areas.append(Area(_CIRCLES[Command(item.command)], circle, max(item.p1, 0.01)))
+                index += 1
+            elif item.command in _POLYGONS:
+                count = int(item.p1) if math.isfinite(item.p1) else 0
+                corners = items[index : index + count]
+                same = all(c.command == item.command and c.p1 == item.p1 for c in corners)
+                if count < 3 or len(corners) < count or not same:
+                    return cls((), consistent=False)
+                places = tuple((c.lat, c.lon) for c in corners)
+                areas.append(Area(_POLYGONS[Command(item.command)], places))
+                index += count
+            else:
+                index += 1
+        return cls(tuple(areas))
+
+    def breached(self, lat: float, lon: float, *, any_inclusion: bool) -> bool:
+        """Whether a point is where it must not be.
+
+        Parameters
+        ----------
+        lat, lon : float
+            Degrees.
+        any_inclusion : bool
+            Inside one of several inclusion areas is enough (PX4), or inside all of them (ArduPilot).
+        """
+        wanted = [area.contains(lat, lon) for area in self.areas if area.inclusion]
+        if wanted and not (any(wanted) if any_inclusion else all(wanted)):
+            return True
+        return any(area.contains(lat, lon) for area in self.areas if not area.inclusion)
+
+
+def nearest_rally(items: Sequence[Item], lat: float, lon: float) -> tuple[Item, float] | None:
+    """Return the nearest rally point and its distance in metres, or None where there is none."""
+    points = [item for item in items if item.command == Command.RALLY_POINT]
+    if not points:
+        return None
+    near = min(points, key=lambda item: math.hypot(*offset_m(lat, lon, item.lat, item.lon)))
+    return near, math.hypot(*offset_m(lat, lon, near.lat, near.lon))

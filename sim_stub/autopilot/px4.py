@@ -1,0 +1,326 @@
+"""PX4 multirotor: its modes, refusals, failsafes and habits (1.16 and main)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar
+
+from sim_stub.autopilot import px4_missions, px4_parameters
+from sim_stub.autopilot.base import Autopilot
+from sim_stub.autopilot.behaviours import ReturnHome, Speeds
+from sim_stub.autopilot.fence import nearest_rally
+from sim_stub.autopilot.items import RALLY, RELATIVE_FRAMES, Command, Item, Result
+from sim_stub.autopilot.mission_run import MissionState
+from sim_stub.autopilot.modes import Action, Mode
+from sim_stub.autopilot.parameters import ParameterStore
+from sim_stub.physics import offset_m
+
+if TYPE_CHECKING:
+    from sim_stub.vehicle import Vehicle
+
+_AUTO = 4 << 16
+_MODES = {
+    Mode.STABILIZE: 7 << 16,
+    Mode.ALTITUDE: 2 << 16,
+    Mode.POSITION: 3 << 16,
+    Mode.HOLD: _AUTO | 3 << 24,
+    Mode.MISSION: _AUTO | 4 << 24,
+    Mode.TAKEOFF: _AUTO | 2 << 24,
+    Mode.LAND: _AUTO | 6 << 24,
+    Mode.RTL: _AUTO | 5 << 24,
+    Mode.OFFBOARD: 6 << 16,
+}
+_BY_NUMBER = {number: mode for mode, number in _MODES.items()} | {1 << 16: Mode.STABILIZE}
+_ACTIONS = {1: Action.HOLD, 2: Action.RTL, 3: Action.LAND, 5: Action.TERMINATE, 6: Action.TERMINATE}
+_FENCE_ACTIONS = {
+    1: Action.WARN,
+    2: Action.HOLD,
+    3: Action.RTL,
+    4: Action.TERMINATE,
+    5: Action.LAND,
+}
+_BATTERY_UNKNOWN_S = 2.0
+
+
+class Px4(Autopilot):
+    """PX4."""
+
+    FAMILY: ClassVar[str] = "px4"
+    AUTOPILOT_ID: ClassVar[int] = 12
+    REMOTE_CONTROL_LOST: ClassVar[str] = "Manual control lost"
+    POSITION_LOST: ClassVar[str] = "Failsafe activated: position estimate lost, blind land"
+    FENCE_BREACHED: ClassVar[str] = "Geofence violation"
+    READY_AFTER_S: ClassVar[float] = 8.0
+    BOOT_S: ClassVar[float] = 3.0
+    MODE_REFUSED: ClassVar[Result] = Result.DENIED
+    ARM_PREFIX: ClassVar[str] = "Preflight Fail: "
+    ARM_REFUSED: ClassVar[Result] = Result.TEMPORARILY_REJECTED
+    ARMED_TEXT: ClassVar[str] = "Armed by external command"
+    DISARMED_TEXT: ClassVar[str] = "Disarmed"
+    DISARM_DENIED: ClassVar[str] = "Disarming denied: not landed"
+    conditions_wait: ClassVar[bool] = False
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__(vehicle, ParameterStore(px4_parameters.TABLE))
+        self.infeasible: str | None = "No valid mission available"
+
+    def read_speeds(self) -> Speeds:
+        """MPC_* parameters; nothing above 20 m/s."""
+        p = self.parameters
+        most = p.clamped("MPC_XY_VEL_MAX", 1.0, 20.0)
+        return Speeds(
+            min(p.clamped("MPC_XY_CRUISE", 1.0, 20.0), most),
+            p.clamped("MPC_Z_V_AUTO_UP", 0.5, 8.0),
+            p.clamped("MPC_Z_V_AUTO_DN", 0.5, 4.0),
+            p.clamped("MPC_LAND_SPEED", 0.4, 2.0),
+            most,
+        )
+
+    def default_takeoff_m(self) -> float:
+        """MIS_TAKEOFF_ALT."""
+        return self.parameters.clamped("MIS_TAKEOFF_ALT", 0.5, 500.0)
+
+    # Modes
+
+    def custom_mode(self) -> int:
+        """Main mode in byte 2, sub mode in byte 3."""
+        return _MODES.get(self.mode, _MODES[Mode.HOLD])
+
+    def mode_of(self, custom_mode: int) -> Mode | None:
+        """Mode of a number; main mode AUTO alone is HOLD."""
+        if custom_mode == _AUTO:
+            return Mode.HOLD
+        return _BY_NUMBER.get(custom_mode)
+
+    def mode_refusal(self, mode: Mode) -> str | None:
+        """Refuse what the state does not allow."""
+        if mode == Mode.MISSION and self.infeasible is not None:
+            return self.infeasible
+        if mode == Mode.OFFBOARD:
+            return "Switching to mode 'Offboard' is currently not possible: no setpoints"
+        needs_position = mode not in (Mode.STABILIZE, Mode.ALTITUDE, Mode.LAND)
+        if needs_position and not self.ready:
+            return f"Switching to mode '{mode.value}' is currently not possible: no global position"
+        return None
+
+    @property
+    def ready(self) -> bool:
+        """Whether the estimator has converged and there is a position."""
+        return self.vehicle.since_boot_s >= self.READY_AFTER_S and self.position_known
+
+    def entered_mission(self) -> None:
+        """Resume; a mission that was completed lands again at once where it ends in a LAND."""
+        run = self.run
+        if run.state == MissionState.PAUSED:
+            run.state = MissionState.ACTIVE
+        if run.state == MissionState.COMPLETE and run.items and run.items[-1].command == Command.LAND:
+            run.jump(len(run.items) - 1)
+
+    def mission_may_run(self) -> bool:
+        """Only a feasible mission; found infeasible in the air, it holds."""
+        if self.infeasible is None:
+            return True
+        if not self.landed:
+            self.say(2, self.infeasible)
+            self.switch(Mode.HOLD, reason="mission infeasible")
+        return False
+
+    def judge_mission(self) -> None:
+        """Check whether the mission stored is feasible, and say so when it is not."""
+        body = self.body
+        home = self.home.alt_m if self.home else None
+        first = self.parameters["MIS_DIST_1WP"]
+        self.infeasible = px4_missions.infeasible(
+            self.run.items, self.fence, home, (body.lat, body.lon), first if self.landed else 0.0
+        )
+        if self.infeasible is not None and self.run.items:
+            self.say(2, self.infeasible)
+
+    def missions_stored(self, *, replaced: bool, current: int | None) -> None:  # noqa: ARG002
+        """Take over a whole new mission.
+
+        In flight, without an item marked as current, it goes on at the old number: waypoints are skipped, and in a
+        shorter mission it flies straight to the last item.
+        """
+        run = self.run
+        old = run.current
+        flying = self.armed and not self.landed
+        active = run.state in (MissionState.ACTIVE, MissionState.PAUSED)
+        run.reset()
+        self.judge_mission()
+        if current is not None:
+            run.jump(min(current, max(len(run.items) - 1, 0)))
+        elif flying and active and run.items:
+            run.jump(min(old, len(run.items) - 1))
+
+    def restarted(self) -> None:
+        """Judge the stored mission again."""
+        super().restarted()
+        self.judge_mission()
+
+    def fence_stored(self) -> None:
+        """Take over a fence; one whose vertex counts disagree is accepted and then not in force."""
+        super().fence_stored()
+        if not self.fence.consistent:
+            self.say(2, "Geofence invalid, doesn't have consistent vertices")
+        self.judge_mission()
+
+    # Arming and landing
+
+    def arming_refusals(self) -> list[str]:
+        """Reasons of the preflight checks."""
+        reasons = []
+        if self.vehicle.since_boot_s < self.READY_AFTER_S:
+            reasons.append("ekf2 missing data")
+        if not self.position_known and self.parameters["COM_ARM_WO_GPS"] != 1.0:
+            reasons.append("Global position required")
+        if self.mode == Mode.MISSION and self.infeasible is not None:
+            reasons.append(self.infeasible)
+        if self.battery_level() >= 2:
+            reasons.append("Low battery")
+        return reasons + self.vehicle.faults.arming_faults()
+
+    def has_armed(self) -> None:
+        """A mission is judged anew from the new home."""
+        self.judge_mission()
+
+    def has_disarmed(self) -> None:
+        """Mission progress survives disarming."""
+
+    def touched_down(self) -> None:
+        """Nothing: disarming has its own delay."""
+        self.say(6, "Landing detected")
+
+    def disarm_on_ground(self) -> None:
+        """Disarm after COM_DISARM_LAND, or COM_DISARM_PRFLT before any flight; not amid a mission."""
+        amid = self.mode == Mode.MISSION and self.run.state == MissionState.ACTIVE
+        if amid and self.run.behaviour is not None:
+            return
+        delay = self.parameters["COM_DISARM_LAND" if self.flown else "COM_DISARM_PRFLT"]
+        since = self.grounded_s if self.flown and self.grounded_s is not None else self.armed_s
+        if delay > 0.0 and self.sim_s - since >= delay:
+            by = "auto disarm after landing" if self.flown else "auto preflight disarming"
+            self.disarm(force=True, by=by)
+
+    def return_home(self) -> ReturnHome:
+        """To the nearest of home and the rally points, at RTL_RETURN_ALT or higher."""
+        body, home = self.body, self.home
+        lat, lon = (home.lat, home.lon) if home else (body.lat, body.lon)
+        rally = nearest_rally(self.stores[RALLY], body.lat, body.lon)
+        if rally is not None and rally[1] < math.hypot(*offset_m(body.lat, body.lon, lat, lon)):
+            lat, lon = rally[0].lat, rally[0].lon
+        height = self.home_alt_m + self.parameters.clamped("RTL_RETURN_ALT", 0.0, 5000.0)
+        near = math.hypot(*offset_m(body.lat, body.lon, lat, lon)) < self.parameters["RTL_MIN_DIST"]
+        return ReturnHome(lat, lon, body.alt_m if near else height)
+
+    # Missions
+
+    def acceptance_m(self, item: Item) -> float:
+        """p2 of a waypoint, else NAV_ACC_RAD."""
+        if item.command == Command.WAYPOINT and item.p2 > 0.0:
+            return max(0.5, min(item.p2, 200.0))
+        return self.parameters.clamped("NAV_ACC_RAD", 0.5, 200.0)
+
+    def heading(self, item: Item) -> float:
+        """p4; NaN looks along the way."""
+        return item.p4
+
+    def delay_s(self, item: Item) -> float:
+        """p1 seconds."""
+        return max(0.0, min(item.p1, 1e7)) if math.isfinite(item.p1) else 0.0
+
+    # Failsafes
+
+    def reported_percent(self) -> int:
+        """PX4 estimates from voltage and current; unknown in the first seconds."""
+        override = self.vehicle.faults.soc_override(self.vehicle.battery.soc)
+        if override is not None:
+            return override
+        if self.vehicle.since_boot_s < _BATTERY_UNKNOWN_S:
+            return -1
+        return max(0, min(100, math.floor(self.vehicle.battery.soc * 100.0 + 0.5)))
+
+    def battery_level(self) -> int:
+        """BAT_LOW_THR, BAT_CRIT_THR, BAT_EMERGEN_THR."""
+        percent = self.reported_percent()
+        if percent < 0:
+            return 0
+        soc = self.vehicle.battery.soc if abs(percent - self.vehicle.battery.soc * 100.0) < 1.0 else percent / 100.0
+        names = ("BAT_LOW_THR", "BAT_CRIT_THR", "BAT_EMERGEN_THR")
+        return sum(soc < self.parameters[name] for name in names)
+
+    def battery_action(self, level: int) -> Action:
+        """COM_LOW_BAT_ACT."""
+        action = int(self.parameters["COM_LOW_BAT_ACT"])
+        if level < 2 or action == 0:
+            return Action.WARN
+        if action == 2:
+            return Action.LAND
+        return Action.RTL if level == 2 else Action.LAND
+
+    def battery_warning(self, level: int) -> None:
+        """Say it."""
+        self.say(4 if level == 1 else 2, ("Low battery", "Critical battery", "Emergency battery")[level - 1])
+
+    def ground_heard_s(self) -> float | None:
+        """Any ground station counts."""
+        return max(self.vehicle.ground_heard.values(), default=None)
+
+    def link_timeout_s(self) -> float:
+        """COM_DL_LOSS_T."""
+        return self.parameters.clamped("COM_DL_LOSS_T", 1.0, 300.0)
+
+    def link_action(self) -> Action:
+        """NAV_DLL_ACT, unless COM_DLL_EXCEPT excepts the present mode."""
+        if self._excepted("COM_DLL_EXCEPT"):
+            return Action.NONE
+        return _ACTIONS.get(int(self.parameters["NAV_DLL_ACT"]), Action.NONE)
+
+    def _excepted(self, name: str) -> bool:
+        bits = {Mode.MISSION: 0, Mode.HOLD: 1, Mode.TAKEOFF: 1, Mode.RTL: 1, Mode.LAND: 1, Mode.OFFBOARD: 2}
+        bit = bits.get(self.mode)
+        return bit is not None and self.parameters.bit(name, bit)
+
+    def link_warning(self, *, lost: bool) -> None:
+        """Say it."""
+        self.say(6, "Connection to ground control station lost" if lost else "Ground station link regained")
+
+    def remote_control_action(self) -> Action:
+        """NAV_RCL_ACT, unless COM_RCL_EXCEPT excepts the present mode or no remote control is wanted."""
+        if int(self.parameters["COM_RC_IN_MODE"]) == 4 or self._excepted("COM_RCL_EXCEPT"):
+            return Action.NONE
+        return _ACTIONS.get(int(self.parameters["NAV_RCL_ACT"]), Action.NONE)
+
+    def position_delay_s(self) -> float:
+        """COM_POS_FS_DELAY."""
+        return self.parameters.clamped("COM_POS_FS_DELAY", 0.0, 60.0)
+
+    def fence_breached(self) -> bool:
+        """Areas, and the cylinder of GF_MAX_HOR_DIST and GF_MAX_VER_DIST about home."""
+        body, home = self.body, self.home
+        if home is not None:
+            far, high = self.parameters["GF_MAX_HOR_DIST"], self.parameters["GF_MAX_VER_DIST"]
+            if far > 0.0 and math.hypot(*offset_m(home.lat, home.lon, body.lat, body.lon)) > far:
+                return True
+            if high > 0.0 and body.alt_m - home.alt_m > high:
+                return True
+        return self.fence.breached(body.lat, body.lon, any_inclusion=True)
+
+    def fence_action(self) -> Action:
+        """GF_ACTION."""
+        return _FENCE_ACTIONS.get(int(self.parameters["GF_ACTION"]), Action.NONE)
+
+    def failsafe_on_ground(self, name: str) -> None:
+        """Nothing."""
+
+    def wind_estimate(self) -> tuple[float, float] | None:
+        """Alive with EKF2_DRAG_CTRL = 1 and drag coefficients set."""
+        p = self.parameters
+        fused = int(p["EKF2_DRAG_CTRL"]) == 1
+        if not fused or (p["EKF2_MCOEF"] <= 0.0 and min(p["EKF2_BCOEF_X"], p["EKF2_BCOEF_Y"]) <= 0.0):
+            return None
+        return self.vehicle.felt_wind() if not self.landed else None
+
+    def relative(self, item: Item) -> bool:
+        """Whether an item's height counts from home."""
+        return item.frame in RELATIVE_FRAMES

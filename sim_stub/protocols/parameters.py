@@ -1,0 +1,118 @@
+"""The parameter protocol, with each family's way of putting integers on the wire."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING
+
+from sim_stub.autopilot.parameters import REAL32, Parameter
+from sim_stub.wire.messages import spec
+
+if TYPE_CHECKING:
+    from sim_stub.ports import Port
+    from sim_stub.vehicle import Vehicle
+    from sim_stub.wire.frames import Message
+
+_LAYOUT = spec("PARAM_VALUE").layout
+_PER_TICK = 8
+_TICK_S = 0.01
+_MAX_LISTS = 4
+
+
+class ParameterServer:
+    """Answers PARAM_* messages.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Whose parameters they are.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle = vehicle
+        self.bytewise = vehicle.autopilot.FAMILY == "px4"
+        self.lists: deque[tuple[Port, int]] = deque()
+        self.next_s = math.inf
+
+    def handlers(self) -> dict[str, object]:
+        """Message names with what handles them."""
+        return {
+            "PARAM_REQUEST_LIST": self.request_list,
+            "PARAM_REQUEST_READ": self.read,
+            "PARAM_SET": self.set,
+        }
+
+    def forget(self) -> None:
+        """Drop lists under way."""
+        self.lists.clear()
+        self.next_s = math.inf
+
+    def next_wall_s(self) -> float:
+        """When more of a list is to be sent."""
+        return self.next_s
+
+    def request_list(self, port: Port, message: Message) -> None:  # noqa: ARG002
+        """Begin to send all parameters, a few at a time."""
+        waiting = [entry for entry in self.lists if entry[0] is not port and not entry[0].closed]
+        self.lists = deque([*waiting[-_MAX_LISTS:], (port, 0)])
+        self.next_s = self.vehicle.wall_s
+
+    def tick(self) -> None:
+        """Send the next few parameters of the list that was asked for first."""
+        if not self.lists or self.vehicle.wall_s < self.next_s:
+            return
+        port, index = self.lists[0]
+        store = self.vehicle.autopilot.parameters
+        stop = len(store) if port.closed else min(index + _PER_TICK, len(store))
+        for number in range(index, stop if not port.closed else index):
+            parameter = store.at(number)
+            if parameter is not None:
+                self._send(port, parameter)
+        if stop >= len(store):
+            self.lists.popleft()
+        else:
+            self.lists[0] = (port, stop)
+        self.next_s = self.vehicle.wall_s + _TICK_S if self.lists else math.inf
+
+    def read(self, port: Port, message: Message) -> None:
+        """Send one parameter, by name or by index; silence for one that does not exist."""
+        store = self.vehicle.autopilot.parameters
+        index = message["param_index"]
+        parameter = store.find(message["param_id"]) if index < 0 else store.at(index)
+        if parameter is not None:
+            self._send(port, parameter)
+
+    def set(self, port: Port, message: Message) -> None:  # noqa: ARG002
+        """Set a parameter and tell everybody; PX4 is silent about an unknown one."""
+        store = self.vehicle.autopilot.parameters
+        parameter = store.find(message["param_id"])
+        if parameter is None:
+            if self.bytewise:
+                self.vehicle.say(3, f"unknown param: {message['param_id']}"[:50])
+            return
+        kind = message["param_type"]
+        if self.bytewise and kind != parameter.kind:
+            self.vehicle.say(3, f"param types mismatch param: {parameter.name}")
+            return
+        value = message["param_value"]
+        if self.bytewise and kind != REAL32:
+            value = float(int.from_bytes(message.payload[:4].ljust(4, b"\0"), "little", signed=True))
+        if store.set(parameter.name, value):
+            self.vehicle.event(f"parameter {parameter.name} = {parameter.value:g}")
+            self.vehicle.parameter_changed(parameter.name)
+        for open_port in self.vehicle.ports:
+            self._send(open_port, parameter)
+
+    def _send(self, port: Port, parameter: Parameter) -> None:
+        store = self.vehicle.autopilot.parameters
+        payload = _LAYOUT.pack(
+            0.0 if self.bytewise and parameter.kind != REAL32 else parameter.value,
+            len(store),
+            store.index(parameter.name),
+            parameter.name.encode(),
+            parameter.kind,
+        )
+        if self.bytewise and parameter.kind != REAL32:
+            payload = int(parameter.value).to_bytes(4, "little", signed=True) + payload[4:]
+        port.write(spec("PARAM_VALUE"), payload)

@@ -1,0 +1,158 @@
+"""Small services: who is there, what time it is, what this vehicle is, signing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from sim_stub.autopilot.modes import Mode
+from sim_stub.wire.frames import Signing
+from sim_stub.wire.messages import spec
+
+if TYPE_CHECKING:
+    from sim_stub.ports import Port
+    from sim_stub.vehicle import Vehicle
+    from sim_stub.wire.frames import Message
+
+_GROUND_STATION = 6
+_CAPABILITIES = {
+    # mission float 1, param float/C cast 2, mission int 4, command int 8, param bytewise (PX4) 16, set attitude
+    # target 64, local and global targets 128/256, terrain 512, termination 2048, MAVLink 2 8192, fence 16384,
+    # rally 32768
+    "px4": 1 | 4 | 8 | 131072 | 64 | 128 | 256 | 2048 | 8192 | 16384 | 32768,
+    "ardupilot": 1 | 2 | 4 | 8 | 262144 | 64 | 128 | 256 | 2048 | 8192 | 16384 | 32768,
+}
+_VERSIONS = {"px4": 0x011000FF, "ardupilot": 0x04060000}
+_MAX_STATIONS = 32
+
+
+class LinkServices:
+    """Heartbeats heard, time, version, signing, streams asked for.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Which answers.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle = vehicle
+
+    def handlers(self) -> dict[str, object]:
+        """Message names with what handles them."""
+        return {
+            "HEARTBEAT": self.heartbeat,
+            "TIMESYNC": self.timesync,
+            "PING": self.ping,
+            "SETUP_SIGNING": self.setup_signing,
+            "REQUEST_DATA_STREAM": self.request_data_stream,
+            "AUTOPILOT_VERSION_REQUEST": self.version_request,
+            "SET_MODE": self.set_mode,
+            "SET_POSITION_TARGET_GLOBAL_INT": self.set_position_target,
+        }
+
+    def heartbeat(self, port: Port, message: Message) -> None:  # noqa: ARG002
+        """Remember when each ground station was heard."""
+        if message["type"] != _GROUND_STATION:
+            return
+        heard = self.vehicle.ground_heard
+        if message.system in heard or len(heard) < _MAX_STATIONS:
+            if message.system not in heard:
+                self.vehicle.event(f"ground station {message.system} heard")
+            heard[message.system] = self.vehicle.sim_s
+
+    def timesync(self, port: Port, message: Message) -> None:
+        """Answer a request with our time; answers to others are none of our business."""
+        if message["tc1"] == 0:
+            port.reply("TIMESYNC", tc1=int(self.vehicle.boot_us * 1000), ts1=message["ts1"])
+
+    def ping(self, port: Port, message: Message) -> None:
+        """Send a ping back."""
+        if message["target_system"] == 0:
+            port.reply(
+                "PING",
+                time_usec=message["time_usec"],
+                seq=message["seq"],
+                target_system=message.system,
+                target_component=message.component,
+            )
+
+    def setup_signing(self, port: Port, message: Message) -> None:  # noqa: ARG002
+        """Take a key for every link; a key of zeros takes signing away."""
+        key = bytes(message["secret_key"])
+        self.vehicle.set_signing(key if any(key) else None, message["initial_timestamp"])
+
+    def request_data_stream(self, port: Port, message: Message) -> None:
+        """Start or stop a group of messages; PX4 does not know this request."""
+        if self.vehicle.autopilot.FAMILY == "px4":
+            return
+        self.vehicle.stream_group(
+            port, message["req_stream_id"], message["req_message_rate"] if message["start_stop"] else 0
+        )
+
+    def version_request(self, port: Port, message: Message) -> None:  # noqa: ARG002
+        """Answer the old request for the version."""
+        self.send_version(port)
+
+    def send_version(self, port: Port) -> None:
+        """Send AUTOPILOT_VERSION."""
+        family = self.vehicle.autopilot.FAMILY
+        uid = 0x5A17_0000_0000_0000 | self.vehicle.config.system
+        port.reply(
+            "AUTOPILOT_VERSION",
+            capabilities=_CAPABILITIES[family],
+            uid=uid,
+            uid2=tuple(uid.to_bytes(8, "little")) + (0,) * 10,
+            flight_sw_version=_VERSIONS[family],
+            middleware_sw_version=_VERSIONS[family],
+            board_version=1,
+            vendor_id=0x1209,
+            product_id=0x5741,
+        )
+
+    def send_protocol_version(self, port: Port) -> None:
+        """Send PROTOCOL_VERSION."""
+        port.reply("PROTOCOL_VERSION", version=200, min_version=100, max_version=200)
+
+    def set_mode(self, port: Port, message: Message) -> None:  # noqa: ARG002
+        """Obey the old SET_MODE; it is not acknowledged."""
+        pilot = self.vehicle.autopilot
+        mode = pilot.mode_of(message["custom_mode"]) if message["base_mode"] & 1 else None
+        if mode is not None:
+            pilot.request_mode(mode, f"station {message.system}")
+
+    def set_position_target(self, port: Port, message: Message) -> None:  # noqa: ARG002
+        """Fly to a position in GUIDED (ArduPilot); anywhere else it is ignored."""
+        pilot = self.vehicle.autopilot
+        fields: dict[str, Any] = message.fields
+        if pilot.mode != Mode.GUIDED or pilot.landed or fields["type_mask"] & 7:
+            return
+        lat, lon = fields["lat_int"] * 1e-7, fields["lon_int"] * 1e-7
+        if abs(lat) > 90.0 or abs(lon) > 180.0 or fields["coordinate_frame"] not in (0, 3, 5, 6):
+            return
+        relative = fields["coordinate_frame"] in (3, 6)
+        height = fields["alt"] + (pilot.home_alt_m if relative else 0.0)
+        if -1000.0 < height < 20_000.0:
+            pilot.fly_to(lat, lon, height, None)
+
+
+def new_signing(key: bytes, timestamp: int, posix_s: float) -> Signing:
+    """Signing state that starts at the later of a given time and now."""
+    signing = Signing(key, timestamp)
+    signing.advance_to(posix_s)
+    return signing
+
+
+def text_frames(severity: int, text: str, number: int) -> list[dict[str, Any]]:
+    """STATUSTEXT messages of a text: one, or numbered chunks of 50 characters where it is longer."""
+    if len(text) <= 50:
+        return [{"severity": severity, "text": text}]
+    chunks = [text[i : i + 50] for i in range(0, len(text), 50)]
+    if len(chunks[-1]) == 50:
+        chunks.append("")  # a full last chunk does not end the text
+    return [
+        {"severity": severity, "text": chunk, "id": number, "chunk_seq": index}
+        for index, chunk in enumerate(chunks)
+    ]
+
+
+HEARTBEAT = spec("HEARTBEAT").id

@@ -1,0 +1,379 @@
+"""Payloads of the messages that a vehicle streams, and the rates of each family."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from models import wind
+from sim_stub.autopilot.modes import MANUAL_MODES, Mode
+from sim_stub.wire.messages import spec
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sim_stub.vehicle import Vehicle
+
+_NAN = math.nan
+PX4_DEFAULT_HZ = {
+    "HEARTBEAT": 1.0,
+    "ATTITUDE": 10.0,
+    "GLOBAL_POSITION_INT": 5.0,
+    "LOCAL_POSITION_NED": 4.0,
+    "VFR_HUD": 4.0,
+    "GPS_RAW_INT": 1.0,
+    "SYS_STATUS": 1.0,
+    "BATTERY_STATUS": 0.5,
+    "EXTENDED_SYS_STATE": 1.0,
+    "MISSION_CURRENT": 1.0,
+    "ALTITUDE": 1.0,
+    "ATTITUDE_QUATERNION": 2.0,
+    "WIND_COV": 0.5,
+    "SYSTEM_TIME": 1.0,
+    "HOME_POSITION": 0.5,
+    "ESTIMATOR_STATUS": 0.5,
+    "RC_CHANNELS": 1.0,
+}
+ARDUPILOT_DEFAULT_HZ = {"HEARTBEAT": 1.0}
+STREAM_GROUPS = {
+    # MAV_DATA_STREAM of REQUEST_DATA_STREAM
+    1: ("RAW_IMU", "SCALED_PRESSURE"),
+    2: ("SYS_STATUS", "POWER_STATUS", "MISSION_CURRENT", "GPS_RAW_INT", "NAV_CONTROLLER_OUTPUT", "FENCE_STATUS"),
+    3: ("RC_CHANNELS",),
+    6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
+    10: ("ATTITUDE",),
+    11: ("VFR_HUD",),
+    12: ("SYSTEM_TIME", "BATTERY_STATUS", "WIND", "EKF_STATUS_REPORT", "EXTENDED_SYS_STATE"),
+}
+_SENSORS = 0x01 | 0x02 | 0x04 | 0x08 | 0x20 | 0x400 | 0x800 | 0x1000 | 0x2000 | 0x4000 | 0x8000 | 0x200000
+_PREARM = 0x10000000
+_BATTERY = 0x2000000
+_GPS = 0x20
+_RC = 0x10000
+
+
+def _heartbeat(v: Vehicle) -> bytes:
+    pilot = v.autopilot
+    manual = pilot.mode in MANUAL_MODES
+    base = 1 | (128 if pilot.armed else 0) | (16 if not manual else 64)
+    if pilot.mode in (Mode.MISSION, Mode.RTL, Mode.LAND, Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED):
+        base |= 8 | 4
+    if pilot.FAMILY == "ardupilot" or manual:
+        base |= 64
+    if pilot.crashed or pilot.terminated:
+        status = 6
+    elif pilot.failsafes.battery_level >= 2 or pilot.failsafes.active:
+        status = 5 if pilot.armed else 3
+    else:
+        status = 4 if pilot.armed and not pilot.landed else 3
+    layout = spec("HEARTBEAT").layout
+    return layout.pack(pilot.custom_mode(), 2, pilot.AUTOPILOT_ID, base, status, 3)
+
+
+def _attitude(v: Vehicle) -> bytes:
+    b = v.body
+    return _ATTITUDE.pack(v.boot_ms, b.roll, b.pitch, b.yaw, b.roll_rate, b.pitch_rate, b.yaw_rate)
+
+
+def _attitude_quaternion(v: Vehicle) -> bytes:
+    b = v.body
+    cr, sr = math.cos(b.roll / 2), math.sin(b.roll / 2)
+    cp, sp = math.cos(b.pitch / 2), math.sin(b.pitch / 2)
+    cy, sy = math.cos(b.yaw / 2), math.sin(b.yaw / 2)
+    return spec("ATTITUDE_QUATERNION").layout.pack(
+        v.boot_ms,
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        b.roll_rate,
+        b.pitch_rate,
+        b.yaw_rate,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    )
+
+
+def _global_position(v: Vehicle) -> bytes:
+    b = v.body
+    heading = int(math.degrees(b.yaw) % 360.0 * 100.0) % 36000
+    return _GLOBAL_POSITION.pack(
+        v.boot_ms,
+        round(b.lat * 1e7),
+        round(b.lon * 1e7),
+        round(b.alt_m * 1e3),
+        round((b.alt_m - v.autopilot.home_alt_m) * 1e3),
+        round(b.north_mps * 100.0),
+        round(b.east_mps * 100.0),
+        round(-b.up_mps * 100.0),
+        heading,
+    )
+
+
+def _local_position(v: Vehicle) -> bytes:
+    b = v.body
+    north, east, down = v.local_ned()
+    return _LOCAL_POSITION.pack(v.boot_ms, north, east, down, b.north_mps, b.east_mps, -b.up_mps)
+
+
+def _vfr_hud(v: Vehicle) -> bytes:
+    b, pilot = v.body, v.autopilot
+    # No airspeed sensor: PX4 reports NaN, ArduPilot a synthetic figure that is the ground speed.
+    airspeed = _NAN if pilot.FAMILY == "px4" else b.ground_speed_mps
+    throttle = min(100, int(50.0 * b.thrust_n / v.airframe.weight_n)) if pilot.armed else 0
+    heading = int(math.degrees(b.yaw) % 360.0)
+    return _VFR_HUD.pack(airspeed, b.ground_speed_mps, b.alt_m, b.up_mps, heading, throttle)
+
+
+def _gps_raw(v: Vehicle) -> bytes:
+    b, fixed = v.body, v.faults.positioning and v.since_boot_s > 2.0
+    course = int(math.degrees(math.atan2(b.east_mps, b.north_mps)) % 360.0 * 100.0) % 36000
+    return spec("GPS_RAW_INT").pack(
+        {
+            "time_usec": int(v.posix_s * 1e6),
+            "fix_type": 3 if fixed else 1,
+            "lat": round(b.lat * 1e7) if fixed else 0,
+            "lon": round(b.lon * 1e7) if fixed else 0,
+            "alt": round(b.alt_m * 1e3) if fixed else 0,
+            "eph": 90 if fixed else 65535,
+            "epv": 140 if fixed else 65535,
+            "vel": round(b.ground_speed_mps * 100.0) if fixed else 65535,
+            "cog": course if fixed else 65535,
+            "satellites_visible": 14 if fixed else 0,
+            "h_acc": 900,
+            "v_acc": 1400,
+        }
+    )
+
+
+def _sys_status(v: Vehicle) -> bytes:
+    pilot = v.autopilot
+    present = _SENSORS | _PREARM | _BATTERY | _RC
+    health = present
+    if not v.faults.positioning or v.since_boot_s < 2.0:
+        health &= ~_GPS
+    if not v.faults.remote_control:
+        health &= ~_RC
+    if pilot.failsafes.battery_level:
+        health &= ~_BATTERY
+    if not pilot.armed and pilot.arming_refusals():
+        health &= ~_PREARM
+    return spec("SYS_STATUS").pack(
+        {
+            "onboard_control_sensors_present": present,
+            "onboard_control_sensors_enabled": present,
+            "onboard_control_sensors_health": health,
+            "load": 180,
+            "voltage_battery": round(v.battery.voltage_v * 1e3),
+            "current_battery": round(v.battery.current_a * 100.0),
+            "battery_remaining": pilot.reported_percent(),
+        }
+    )
+
+
+def _battery_status(v: Vehicle) -> bytes:
+    battery, percent = v.battery, v.autopilot.reported_percent()
+    cell = round(battery.voltage_v / 6.0 * 1e3)
+    state = v.autopilot.failsafes.battery_level + 1
+    left_s = 0
+    if battery.power_w > 60.0 and percent > 0:
+        left_s = int(percent / 100.0 * battery.capacity_j / battery.power_w)
+    return spec("BATTERY_STATUS").pack(
+        {
+            "current_consumed": round(v.counted_mah),
+            "energy_consumed": round(v.counted_mah * 3.6 * 22.8 / 100.0),
+            "temperature": 2500,
+            "voltages": (cell,) * 6 + (65535,) * 4,
+            "current_battery": round(battery.current_a * 100.0),
+            "battery_function": 1,
+            "type": 1,
+            "battery_remaining": percent,
+            "time_remaining": left_s,
+            "charge_state": 7 if v.charging is not None else state,
+        }
+    )
+
+
+def _extended_sys_state(v: Vehicle) -> bytes:
+    return spec("EXTENDED_SYS_STATE").layout.pack(0, v.autopilot.landed_state)
+
+
+def mission_current(v: Vehicle) -> bytes:
+    """Payload of MISSION_CURRENT; ArduPilot's total does not count home."""
+    pilot = v.autopilot
+    run = pilot.run
+    px4 = pilot.FAMILY == "px4"
+    infeasible = getattr(pilot, "infeasible", None)
+    state = 1 if px4 and infeasible is not None else int(run.state)
+    in_mission = 2 if pilot.mode != Mode.MISSION else 1
+    return spec("MISSION_CURRENT").pack(
+        {
+            "seq": run.current,
+            "total": len(run.items) if px4 else max(len(run.items) - 1, 0),
+            "mission_state": state,
+            "mission_mode": in_mission,
+            "mission_id": v.mission_ids[0],
+            "fence_id": v.mission_ids[1],
+            "rally_points_id": v.mission_ids[2],
+        }
+    )
+
+
+def _home_position(v: Vehicle) -> bytes | None:
+    home = v.autopilot.home
+    if home is None:
+        return None
+    north, east, down = v.local_ned_of(home.lat, home.lon, home.alt_m)
+    return spec("HOME_POSITION").pack(
+        {
+            "latitude": round(home.lat * 1e7),
+            "longitude": round(home.lon * 1e7),
+            "altitude": round(home.alt_m * 1e3),
+            "x": north,
+            "y": east,
+            "z": down,
+            "q": (1.0, 0.0, 0.0, 0.0),
+            "time_usec": v.boot_us,
+        }
+    )
+
+
+def _altitude(v: Vehicle) -> bytes:
+    b = v.body
+    relative = b.alt_m - v.autopilot.home_alt_m
+    return spec("ALTITUDE").layout.pack(v.boot_us, b.alt_m, b.alt_m, relative, relative, _NAN, _NAN)
+
+
+def _system_time(v: Vehicle) -> bytes:
+    return spec("SYSTEM_TIME").layout.pack(int(v.posix_s * 1e6), v.boot_ms)
+
+
+def _wind(v: Vehicle) -> bytes:
+    estimate = v.autopilot.wind_estimate()
+    speed, direction = wind.speed_from(*estimate) if estimate else (0.0, 0.0)
+    return spec("WIND").layout.pack(float(direction), float(speed), 0.0)
+
+
+def _wind_cov(v: Vehicle) -> bytes | None:
+    estimate = v.autopilot.wind_estimate()
+    if estimate is None:
+        return None
+    north, east = estimate
+    return spec("WIND_COV").layout.pack(v.boot_us, north, east, 0.0, 0.4, 0.0, v.body.alt_m, 0.6, 0.0)
+
+
+def _nav_controller(v: Vehicle) -> bytes:
+    b = v.body
+    behaviour = v.autopilot.run.behaviour
+    distance = getattr(behaviour, "distance_m", 0.0)
+    return spec("NAV_CONTROLLER_OUTPUT").pack(
+        {
+            "nav_roll": math.degrees(b.roll),
+            "nav_pitch": math.degrees(b.pitch),
+            "nav_bearing": round(math.degrees(b.yaw)),
+            "target_bearing": round(math.degrees(b.yaw)),
+            "wp_dist": min(65535, int(distance)) if math.isfinite(distance) else 0,
+        }
+    )
+
+
+def _rc_channels(v: Vehicle) -> bytes:
+    raw = 1500 if v.faults.remote_control else 65535
+    values = {f"chan{n}_raw": raw if n <= 8 else 65535 for n in range(1, 19)}
+    return spec("RC_CHANNELS").pack(
+        {"time_boot_ms": v.boot_ms, "chancount": 8, "rssi": 200 if raw == 1500 else 0, **values}
+    )
+
+
+def _ekf_status(v: Vehicle) -> bytes:
+    good = v.faults.positioning and v.since_boot_s >= v.autopilot.READY_AFTER_S
+    flags = 0x33F if good else 0x0A7
+    return spec("EKF_STATUS_REPORT").pack({"flags": flags, "velocity_variance": 0.05, "compass_variance": 0.02})
+
+
+def _estimator_status(v: Vehicle) -> bytes:
+    good = v.faults.positioning and v.since_boot_s >= v.autopilot.READY_AFTER_S
+    return spec("ESTIMATOR_STATUS").pack(
+        {"time_usec": v.boot_us, "flags": 0x33F if good else 0x0A7, "pos_horiz_accuracy": 0.4}
+    )
+
+
+def _fence_status(v: Vehicle) -> bytes:
+    failsafes = v.autopilot.failsafes
+    breached = "fence" in failsafes.active
+    return spec("FENCE_STATUS").pack(
+        {"breach_count": failsafes.breaches, "breach_status": int(breached), "breach_type": 3 if breached else 0}
+    )
+
+
+def _raw_imu(v: Vehicle) -> bytes:
+    return spec("RAW_IMU").pack({"time_usec": v.boot_us, "zacc": -1000, "xmag": 220, "zmag": 420})
+
+
+def _scaled_pressure(v: Vehicle) -> bytes:
+    pressure = 1013.25 * (1.0 - 2.25577e-5 * max(-500.0, min(v.body.alt_m, 11_000.0))) ** 5.25588
+    return spec("SCALED_PRESSURE").pack({"time_boot_ms": v.boot_ms, "press_abs": pressure, "temperature": 2200})
+
+
+def _gps_origin(v: Vehicle) -> bytes:
+    lat, lon, alt = v.origin
+    return spec("GPS_GLOBAL_ORIGIN").pack(
+        {
+            "latitude": round(lat * 1e7),
+            "longitude": round(lon * 1e7),
+            "altitude": round(alt * 1e3),
+            "time_usec": v.boot_us,
+        }
+    )
+
+
+def _power_status(v: Vehicle) -> bytes:
+    return spec("POWER_STATUS").pack({"Vcc": 5050 if v.battery.soc > 0 else 4600, "Vservo": 0, "flags": 1})
+
+
+_ATTITUDE = spec("ATTITUDE").layout
+_GLOBAL_POSITION = spec("GLOBAL_POSITION_INT").layout
+_LOCAL_POSITION = spec("LOCAL_POSITION_NED").layout
+_VFR_HUD = spec("VFR_HUD").layout
+BUILDERS: dict[int, Callable[[Vehicle], bytes | None]] = {
+    spec(name).id: builder
+    for name, builder in {
+        "HEARTBEAT": _heartbeat,
+        "ATTITUDE": _attitude,
+        "ATTITUDE_QUATERNION": _attitude_quaternion,
+        "GLOBAL_POSITION_INT": _global_position,
+        "LOCAL_POSITION_NED": _local_position,
+        "VFR_HUD": _vfr_hud,
+        "GPS_RAW_INT": _gps_raw,
+        "SYS_STATUS": _sys_status,
+        "BATTERY_STATUS": _battery_status,
+        "EXTENDED_SYS_STATE": _extended_sys_state,
+        "MISSION_CURRENT": mission_current,
+        "HOME_POSITION": _home_position,
+        "ALTITUDE": _altitude,
+        "SYSTEM_TIME": _system_time,
+        "WIND": _wind,
+        "WIND_COV": _wind_cov,
+        "NAV_CONTROLLER_OUTPUT": _nav_controller,
+        "RC_CHANNELS": _rc_channels,
+        "EKF_STATUS_REPORT": _ekf_status,
+        "ESTIMATOR_STATUS": _estimator_status,
+        "FENCE_STATUS": _fence_status,
+        "RAW_IMU": _raw_imu,
+        "SCALED_PRESSURE": _scaled_pressure,
+        "GPS_GLOBAL_ORIGIN": _gps_origin,
+        "POWER_STATUS": _power_status,
+    }.items()
+}
+"""Payload of each message that can be streamed or asked for; None where there is nothing to say."""
+FAMILY_ONLY = {
+    "WIND": "ardupilot",
+    "EKF_STATUS_REPORT": "ardupilot",
+    "FENCE_STATUS": "ardupilot",
+    "WIND_COV": "px4",
+    "ESTIMATOR_STATUS": "px4",
+    "ALTITUDE": "px4",
+}
+"""Messages that only one family knows."""

@@ -1,0 +1,96 @@
+"""A channel that loses, delays, doubles and reorders packets, reproducibly from a seed."""
+
+from __future__ import annotations
+
+import heapq
+import math
+import random
+from dataclasses import dataclass, field
+
+from models.errors import Fault, InputError
+
+
+@dataclass(frozen=True, slots=True)
+class Impairment:
+    """What a link does to packets; each direction draws its own luck.
+
+    Attributes
+    ----------
+    loss, duplicate, reorder : float
+        Probabilities, 0-1. A reordered packet is held back by another delay.
+    delay_s, jitter_s : float
+        Every packet is late by the delay and a uniform share of the jitter.
+    """
+
+    loss: float = 0.0
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    duplicate: float = 0.0
+    reorder: float = 0.0
+
+    def __post_init__(self) -> None:
+        faults = [
+            Fault("out of range", field=name, value=getattr(self, name), remedy="a probability, 0 to 1")
+            for name in ("loss", "duplicate", "reorder")
+            if not 0.0 <= getattr(self, name) <= 1.0
+        ]
+        faults += [
+            Fault("out of range", field=name, value=getattr(self, name), remedy="seconds, 0 to 60")
+            for name in ("delay_s", "jitter_s")
+            if not 0.0 <= getattr(self, name) <= 60.0
+        ]
+        if faults:
+            raise InputError(faults)
+
+    @property
+    def perfect(self) -> bool:
+        """Whether packets simply pass."""
+        return self == Impairment()
+
+
+@dataclass(slots=True)
+class Channel:
+    """One direction of a link.
+
+    Attributes
+    ----------
+    impairment : Impairment
+        What it does to packets.
+    generator : random.Random
+        Its luck.
+    """
+
+    impairment: Impairment
+    generator: random.Random
+    _queue: list[tuple[float, int, bytes]] = field(default_factory=list)
+    _count: int = 0
+    _last_s: float = 0.0
+
+    def put(self, now_s: float, packet: bytes) -> None:
+        """Send a packet."""
+        how, luck = self.impairment, self.generator
+        if how.loss and luck.random() < how.loss:
+            return
+        copies = 2 if how.duplicate and luck.random() < how.duplicate else 1
+        for _ in range(copies):
+            at = now_s + how.delay_s
+            if how.jitter_s:
+                at += luck.random() * how.jitter_s
+            if how.reorder and luck.random() < how.reorder:
+                at += how.delay_s + how.jitter_s + 0.01
+            elif not how.reorder:
+                at = max(at, self._last_s)
+            self._last_s = max(self._last_s, at)
+            self._count += 1
+            heapq.heappush(self._queue, (at, self._count, packet))
+
+    def next_s(self) -> float:
+        """When the next packet arrives."""
+        return self._queue[0][0] if self._queue else math.inf
+
+    def take(self, now_s: float) -> list[bytes]:
+        """Packets that have arrived."""
+        packets = []
+        while self._queue and self._queue[0][0] <= now_s:
+            packets.append(heapq.heappop(self._queue)[2])
+        return packets

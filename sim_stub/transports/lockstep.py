@@ -1,0 +1,157 @@
+"""Lockstep: both sides of the wire in one process and one thread, in virtual time.
+
+Time passes only while somebody waits: `LockstepTransport.read` and `VirtualClock.sleep_until` advance the simulation
+to the next thing that happens, so a run is as fast as the machine and the same, bit for bit, from the same seed.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from typing import TYPE_CHECKING
+
+from sim_stub.transports.channel import Channel, Impairment
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sim_stub.vehicle import Vehicle
+    from sim_stub.world import World
+
+
+class VirtualClock:
+    """The time of a lockstep run; satisfies `models.clock.Clock`.
+
+    Parameters
+    ----------
+    lockstep : Lockstep
+        The run.
+    """
+
+    def __init__(self, lockstep: Lockstep) -> None:
+        self._lockstep = lockstep
+
+    def now_s(self) -> float:
+        """Seconds since the start of the run."""
+        return self._lockstep.now_s
+
+    def posix_s(self) -> float:
+        """POSIX seconds of the simulated instant."""
+        return self._lockstep.world.epoch_s + self._lockstep.now_s
+
+    def sleep_until(self, instant_s: float) -> None:
+        """Let the simulation run until an instant."""
+        self._lockstep.run_until(instant_s)
+
+
+class LockstepTransport:
+    """The ground side's end of an in-process link to one vehicle.
+
+    Parameters
+    ----------
+    lockstep : Lockstep
+        The run.
+    vehicle : Vehicle
+        At the other end.
+    impairment : Impairment
+        What the link does to packets.
+    seed : int
+        Its luck.
+    """
+
+    def __init__(self, lockstep: Lockstep, vehicle: Vehicle, impairment: Impairment, seed: int) -> None:
+        self._lockstep = lockstep
+        self.vehicle = vehicle
+        self._up = Channel(impairment, random.Random(f"up/{seed}"))  # noqa: S311
+        self._down = Channel(impairment, random.Random(f"down/{seed}"))  # noqa: S311
+        self._perfect = impairment.perfect
+        self.inbox: deque[bytes] = deque()
+        self._port = vehicle.connect(self._from_vehicle)
+
+    def _from_vehicle(self, frame: bytes) -> None:
+        if self._perfect:
+            self.inbox.append(frame)
+        else:
+            self._down.put(self.vehicle.sim_s, frame)
+
+    def write(self, data: bytes) -> None:
+        """Send bytes to the vehicle."""
+        self._up.put(self._lockstep.now_s, data)
+
+    def read(self, timeout_s: float = 0.0) -> bytes:
+        """Bytes from the vehicle; lets time pass until there are some or the time-out is over (then empty)."""
+        if not self.inbox:
+            self._lockstep.run_until(self._lockstep.now_s + timeout_s, lambda: bool(self.inbox))
+        if not self.inbox:
+            return b""
+        data = b"".join(self.inbox)
+        self.inbox.clear()
+        return data
+
+    def close(self) -> None:
+        """Cut the link."""
+        self.vehicle.disconnect(self._port)
+        self._lockstep.drop(self)
+
+    def next_s(self) -> float:
+        """When the next packet arrives at either end."""
+        return min(self._up.next_s(), self._down.next_s())
+
+    def deliver(self, now_s: float) -> None:
+        """Hand over what has arrived at either end."""
+        for packet in self._up.take(now_s):
+            self.vehicle.receive(self._port, packet)
+        self.inbox.extend(self._down.take(now_s))
+
+
+class Lockstep:
+    """A run of a world in virtual time.
+
+    Parameters
+    ----------
+    world : World
+        What is simulated.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.now_s = world.sim_s
+        self.clock = VirtualClock(self)
+        self._links: list[LockstepTransport] = []
+
+    def connect(
+        self, vehicle: Vehicle, impairment: Impairment | None = None, *, seed: int = 1
+    ) -> LockstepTransport:
+        """Open a link to a vehicle."""
+        link = LockstepTransport(self, vehicle, impairment or Impairment(), seed)
+        self._links.append(link)
+        return link
+
+    def drop(self, link: LockstepTransport) -> None:
+        """Forget a link."""
+        if link in self._links:
+            self._links.remove(link)
+
+    def run_until(self, instant_s: float, stop: Callable[[], bool] | None = None) -> None:
+        """Let time pass until an instant, or until `stop` says so after something has happened."""
+        world, links = self.world, self._links
+        while True:
+            due = min(instant_s, world.next_due_s(), world.next_wall_s())
+            for link in links:
+                due = min(due, link.next_s())
+            now = self.now_s = max(self.now_s, due)
+            world.advance(now, now)
+            for link in links:
+                link.deliver(now)
+            if world.next_wall_s() <= now:
+                world.advance(now, now)
+            if stop is not None and stop():
+                return
+            if now >= instant_s and not any(link.next_s() <= now for link in links):
+                return
+
+    def run_for(self, duration_s: float) -> None:
+        """Let time pass."""
+        self.run_until(self.now_s + duration_s)
+
+

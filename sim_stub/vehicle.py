@@ -1,0 +1,587 @@
+"""One simulated vehicle: airframe, battery and autopilot, and the protocols it speaks on its ports."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from models.errors import Fault as Wrong
+from models.errors import InputError
+from sim_stub.airframe import Airframe
+from sim_stub.autopilot.ardupilot import ArduPilot
+from sim_stub.autopilot.modes import Mode
+from sim_stub.autopilot.px4 import Px4
+from sim_stub.battery import Battery
+from sim_stub.faults import FaultState
+from sim_stub.physics import STEP_S, Body, Demand, offset_m
+from sim_stub.ports import Port
+from sim_stub.power import PowerModel
+from sim_stub.protocols.ardupilot_missions import ArduPilotMissionServer
+from sim_stub.protocols.commands import CommandServer
+from sim_stub.protocols.parameters import ParameterServer
+from sim_stub.protocols.px4_missions import Px4MissionServer
+from sim_stub.protocols.services import LinkServices, new_signing, text_frames
+from sim_stub.protocols.telemetry import (
+    ARDUPILOT_DEFAULT_HZ,
+    BUILDERS,
+    FAMILY_ONLY,
+    PX4_DEFAULT_HZ,
+    STREAM_GROUPS,
+    mission_current,
+)
+from sim_stub.wind_truth import Gusts
+from sim_stub.wire.messages import spec, specs
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sim_stub.autopilot.base import Autopilot
+    from sim_stub.world import World
+
+AUTOPILOTS: dict[str, type[Px4 | ArduPilot]] = {"px4": Px4, "ardupilot": ArduPilot}
+_SERVERS = {"px4": Px4MissionServer, "ardupilot": ArduPilotMissionServer}
+_POWER_ERROR = 0.05
+_IDLE_ARMED_W = 90.0
+_AVIONICS_W = 15.0
+_HOUSEKEEPING_S = 1.0
+_WARM_S = 120.0
+_REBOOT_DELAY_S = 0.2
+_MIN_INTERVAL_S = 0.02
+_REACHED_REPEATS = 10
+_MAX_PORTS = 16
+_AT_STATION_M = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleConfig:
+    """What one vehicle is made of.
+
+    Attributes
+    ----------
+    lat, lon : float
+        Where it stands at the start, degrees.
+    ground_m : float
+        Height of the ground there above mean sea level.
+    system : int
+        MAVLink system id, 1-255.
+    autopilot : str
+        ``px4`` or ``ardupilot``.
+    soc : float
+        State of charge at the start.
+    payload_kg : float
+        Package on board.
+    seed : int
+        Seeds gusts and errors; together with the system id.
+    warm : bool
+        It has been on for two minutes: ready to arm at once.
+    power_error : float or None
+        Factor on the power drawn; None draws one within 5 % from the seed.
+    signing_key : bytes or None
+        32 bytes; None speaks unsigned.
+    parameters : tuple of (name, value)
+        Set before the start.
+    """
+
+    lat: float
+    lon: float
+    ground_m: float = 0.0
+    system: int = 1
+    autopilot: str = "px4"
+    soc: float = 1.0
+    payload_kg: float = 0.0
+    seed: int = 1
+    warm: bool = False
+    power_error: float | None = None
+    signing_key: bytes | None = None
+    airframe: Airframe = field(default_factory=Airframe)
+    parameters: tuple[tuple[str, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        faults = []
+        if not 1 <= self.system <= 255:
+            faults.append(Wrong("system id out of range", field="system", value=self.system, remedy="1 to 255"))
+        if self.autopilot not in AUTOPILOTS:
+            known = "one of " + ", ".join(AUTOPILOTS)
+            faults.append(Wrong("unknown autopilot", field="autopilot", value=self.autopilot, remedy=known))
+        if not 0.0 <= self.soc <= 1.0:
+            faults.append(Wrong("out of range", field="soc", value=self.soc, remedy="0 to 1"))
+        if not 0.0 <= self.payload_kg <= 10.0:
+            faults.append(Wrong("out of range", field="payload_kg", value=self.payload_kg, remedy="0 to 10"))
+        if self.signing_key is not None and len(self.signing_key) != 32:
+            faults.append(Wrong("not 32 bytes", field="signing_key"))
+        if faults:
+            raise InputError(faults)
+
+
+@dataclass(slots=True)
+class Charge:
+    """Charging under way.
+
+    Attributes
+    ----------
+    to_soc : float
+        Where it ends.
+    pad_power_w : float or None
+        What the pad delivers at most.
+    """
+
+    to_soc: float
+    pad_power_w: float | None = None
+
+
+class Vehicle:
+    """One vehicle; `receive` takes bytes, ports take what it sends, `advance` lets time pass.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        What it is.
+    world : World
+        Where it is.
+    """
+
+    def __init__(self, config: VehicleConfig, world: World) -> None:
+        self.config, self.world = config, world
+        self.airframe = config.airframe
+        generator = random.Random(f"{config.seed}/{config.system}")  # noqa: S311  not for secrets
+        error = 1.0 + generator.uniform(-_POWER_ERROR, _POWER_ERROR)
+        self.power = PowerModel.of(self.airframe, config.power_error or error)
+        self._wind_bias = (generator.gauss(0.0, 0.2), generator.gauss(0.0, 0.2))
+        self.gusts = Gusts(generator)
+        self._fault_bearing = generator.uniform(0.0, 2.0 * math.pi)
+        self.body = Body(self.airframe, config.lat, config.lon, config.ground_m, config.payload_kg)
+        self.battery = Battery.of(self.airframe.drone, config.soc)
+        self._resistance = self.battery.resistance_ohm
+        self.faults = FaultState.of(world.faults, config.system)
+        self.sim_s, self.wall_s = world.sim_s, world.wall_s
+        self.stepped_s = self.tended_s = self.sim_s
+        self.power_on_s = self.sim_s - (_WARM_S if config.warm else 0.0)
+        self.reboot_at_s = math.inf
+        self.counted_mah = 0.0
+        self.ground_m = config.ground_m
+        self.origin = (config.lat, config.lon, config.ground_m)
+        self.charging: Charge | None = None
+        self.ground_heard: dict[int, float] = {}
+        self.ports: list[Port] = []
+        self.mission_ids = [0, 0, 0]
+        self._reached: tuple[int, int, float] | None = None
+        self._texts = 0
+        self._signing_key = config.signing_key
+        self._wind_mean = (0.0, 0.0)
+        self._wind_now = (0.0, 0.0)
+        self._wind_s = -math.inf
+        self._was_booting = not config.warm
+        self.autopilot: Autopilot = AUTOPILOTS[config.autopilot](self)
+        self.autopilot.parameters.set("MAV_SYS_ID", float(config.system))
+        self.autopilot.parameters.set("SYSID_THISMAV", float(config.system))
+        for name, value in config.parameters:
+            if not self.autopilot.parameters.set(name, value):
+                raise InputError(Wrong("no such parameter, or not a number", field=name, value=value))
+        if config.warm and config.autopilot == "ardupilot":
+            capacity = self.autopilot.parameters["BATT_CAPACITY"]
+            self.counted_mah = (1.0 - config.soc) * capacity
+        self.autopilot.set_home_here()
+        self._make_services()
+
+    def _make_services(self) -> None:
+        self.missions = _SERVERS[self.config.autopilot](self)
+        self.commands = CommandServer(self)
+        self.parameter_server = ParameterServer(self)
+        self.services = LinkServices(self)
+        parts = (self.missions, self.commands, self.parameter_server, self.services)
+        self._timed = (self.missions, self.commands, self.parameter_server)
+        self._handlers: dict[str, Callable[[Port, Any], None]] = {}
+        for part in parts:
+            self._handlers.update(part.handlers())  # type: ignore[arg-type]
+
+    # Time
+
+    @property
+    def since_boot_s(self) -> float:
+        """Seconds since the autopilot has come up; negative while it boots."""
+        return self.sim_s - self.power_on_s - self.autopilot.BOOT_S
+
+    @property
+    def boot_ms(self) -> int:
+        """Milliseconds since power-on, as the wire counts them."""
+        return int((self.sim_s - self.power_on_s) * 1000.0) & 0xFFFFFFFF
+
+    @property
+    def boot_us(self) -> int:
+        """Microseconds since power-on."""
+        return int((self.sim_s - self.power_on_s) * 1e6)
+
+    @property
+    def posix_s(self) -> float:
+        """POSIX seconds of the simulated instant."""
+        return self.world.epoch_s + self.sim_s
+
+    @property
+    def active(self) -> bool:
+        """Whether physics has to be stepped."""
+        return self.autopilot.armed or not self.body.grounded
+
+    def next_due_s(self) -> float:
+        """Simulated instant at which something happens by itself."""
+        if self.active:
+            return self.stepped_s + STEP_S
+        due = min(self.tended_s + _HOUSEKEEPING_S, self.faults.next_change_s, self.reboot_at_s)
+        if self._was_booting:
+            return min(due, self.power_on_s + self.autopilot.BOOT_S)
+        for port in self.ports:
+            due = min(due, port.next_due_s)
+        if self._reached is not None:
+            due = min(due, self._reached[2])
+        return max(due, self.sim_s)
+
+    def next_wall_s(self) -> float:
+        """Wall instant at which a protocol timer runs out."""
+        return min(part.next_wall_s() for part in self._timed)
+
+    def advance(self, sim_s: float, wall_s: float) -> None:
+        """Let time pass: everything due up to an instant happens in order."""
+        self.wall_s = wall_s
+        while (due := self.next_due_s()) <= sim_s:
+            self.sim_s = due
+            self._happen(due)
+        self.sim_s = max(self.sim_s, sim_s)
+        if not self._was_booting:
+            for part in self._timed:
+                if part.next_wall_s() <= wall_s:
+                    part.tick()
+
+    def _happen(self, now: float) -> None:
+        """Do everything that is due now."""
+        if self.faults.next_change_s <= now:
+            self._change_faults(now)
+        if self.reboot_at_s <= now:
+            self._reboot()
+        if self.active:
+            if now >= self.stepped_s + STEP_S - 1e-9:
+                self._step(now)
+        elif now - self.tended_s >= _HOUSEKEEPING_S - 1e-9:
+            self.tend()
+            self.autopilot.failsafes.check(self.autopilot)
+        if self._was_booting:
+            if now < self.power_on_s + self.autopilot.BOOT_S:
+                return
+            self._was_booting = False
+            self.event("autopilot is up")
+        if self._reached is not None and self._reached[2] <= now:
+            self._repeat_reached(now)
+        for port in self.ports:
+            if port.next_due_s <= now + 1e-9:
+                self._stream(port, now)
+
+    def _step(self, now: float) -> None:
+        """One step of physics."""
+        if now - self._wind_s >= 1.0:
+            self._look_around(now)
+        north, east = self._wind_mean
+        gust_north, gust_east = self.gusts.step(math.hypot(north, east), STEP_S)
+        self._wind_now = (north + gust_north, east + gust_east)
+        demand: Demand = self.autopilot.step()
+        body = self.body
+        body.step(demand, *self._wind_now, self.ground_m)
+        if self.autopilot.armed and demand.motors:
+            if body.grounded:
+                watts = _IDLE_ARMED_W
+            else:
+                watts = self.power.electrical_w(body.thrust_n, body.airspeed_mps, body.up_mps, body.drag_w)
+        else:
+            watts = _AVIONICS_W
+        self._draw(watts, STEP_S)
+        self.stepped_s = self.tended_s = now
+        self.autopilot.after_step()
+
+    def _look_around(self, now: float) -> None:
+        """Look up wind and ground where the vehicle is now."""
+        self._wind_s = now
+        body = self.body
+        north, east = self.world.wind.at(self.posix_s, body.lat, body.lon, body.alt_m - self.ground_m)
+        extra = self.faults.extra_wind_mps()
+        self._wind_mean = (
+            north + extra * math.cos(self._fault_bearing),
+            east + extra * math.sin(self._fault_bearing),
+        )
+        self.ground_m = self.world.ground_m(body.lat, body.lon, self.origin[2])
+
+    def _draw(self, watts: float, duration_s: float) -> None:
+        self.battery.discharge(watts, duration_s)
+        self.counted_mah += max(self.battery.current_a, 0.0) * duration_s / 3.6
+
+    def tend(self) -> None:
+        """Bring the battery of a standing vehicle up to now, in one step of any length."""
+        duration = self.sim_s - self.tended_s
+        if duration <= 0.0 or self.active:
+            return
+        self.tended_s = self.stepped_s = self.sim_s
+        if self.charging is not None:
+            self.battery.charge(duration, self.charging.to_soc, self.charging.pad_power_w)
+        elif not self.battery.empty:
+            self._draw(_AVIONICS_W, duration)
+
+    def _change_faults(self, now: float) -> None:
+        before = set(self.faults.active)
+        for fault in self.faults.update(now):
+            self.event(f"fault {fault.kind} begins")
+            if fault.kind == "battery-drop":
+                self.battery.soc = max(0.0, self.battery.soc - fault.value)
+            elif fault.kind == "reboot":
+                self.reboot_at_s = now
+            elif fault.kind == "pilot":
+                self._pilot_takes_over(fault.word)
+        for kind in sorted(before - set(self.faults.active)):
+            self.event(f"fault {kind} ends")
+        self.battery.resistance_ohm = self._resistance * self.faults.resistance_factor()
+        self._wind_s = -math.inf
+        for port in self.ports:
+            port.muted = not self.faults.link
+
+    def _pilot_takes_over(self, word: str) -> None:
+        modes = {mode.value: mode for mode in Mode}
+        self.autopilot.switch(modes.get(word, Mode.POSITION), reason="the pilot")
+
+    # Restart
+
+    def reboot_soon(self) -> None:
+        """Restart once the answer has gone out."""
+        self.reboot_at_s = self.sim_s + _REBOOT_DELAY_S
+
+    def _reboot(self) -> None:
+        """Restart: parameters and missions stay, everything else is forgotten; in the air it falls."""
+        self.reboot_at_s = math.inf
+        self.tend()
+        old = self.autopilot
+        self.event("autopilot restarts")
+        self.power_on_s = self.sim_s
+        self._was_booting = True
+        self.autopilot = AUTOPILOTS[self.config.autopilot](self)
+        self.autopilot.parameters = old.parameters
+        for kind, items in old.stores.items():
+            self.autopilot.stores[kind][:] = items
+        self.autopilot.landed = old.landed
+        self.autopilot.grounded_s = old.grounded_s
+        self.autopilot.set_home_here()
+        self.autopilot.restarted()
+        self.counted_mah = 0.0
+        self.ground_heard.clear()
+        self.forget_reached()
+        for part in self._timed:
+            part.forget()
+        for port in self.ports:
+            port.writer.sequence = 0
+            self._default_streams(port)
+
+    # Talking
+
+    def connect(self, send: Callable[[bytes], None], *, datagrams: bool = True) -> Port:
+        """Open a port; what the vehicle says on it goes to `send`.
+
+        Raises
+        ------
+        InputError
+            Too many ports.
+        """
+        self.ports = [port for port in self.ports if not port.closed]
+        if len(self.ports) >= _MAX_PORTS:
+            raise InputError(Wrong("too many connections to one vehicle", value=len(self.ports)))
+        port = Port.of(self.config.system, send, datagrams=datagrams)
+        port.muted = not self.faults.link
+        self._choose_version(port)
+        self.ports.append(port)
+        if self._signing_key is not None:
+            self._sign(port, self._signing_key, 0)
+        self._default_streams(port)
+        return port
+
+    def disconnect(self, port: Port) -> None:
+        """Close a port."""
+        port.closed = True
+        if port in self.ports:
+            self.ports.remove(port)
+
+    def _choose_version(self, port: Port) -> None:
+        """Speak MAVLink 1 where the parameters say so, until (in automatic) MAVLink 2 is heard."""
+        store = self.autopilot.parameters
+        if self.autopilot.FAMILY == "px4":
+            wanted = int(store["MAV_PROTO_VER"])
+            port.writer.version = 1 if wanted == 1 or (wanted == 0 and not port.heard_version_2) else 2
+        else:
+            port.writer.version = 1 if store["SERIAL0_PROTOCOL"] == 1.0 else 2
+
+    def receive(self, port: Port, data: bytes) -> None:
+        """Take bytes that came in on a port."""
+        if self._was_booting or not self.faults.link:
+            return
+        own = self.config.system
+        for message in port.reader.feed(data):
+            handler = self._handlers.get(message.name)
+            if message.version == 2 and not port.heard_version_2:
+                port.heard_version_2 = True
+                self._choose_version(port)
+            if handler is None or (message.system, message.component) == (own, 1):
+                continue
+            fields = message.fields
+            if fields.get("target_system", 0) not in (0, own) or fields.get("target_component", 0) not in (0, 1):
+                continue
+            self.tend()
+            handler(port, message)
+        if self.active and self.stepped_s < self.sim_s - STEP_S:
+            self.stepped_s = self.tended_s = self.sim_s
+
+    def say(self, severity: int, text: str) -> None:
+        """Send a STATUSTEXT to every ground station."""
+        self._texts = self._texts % 65535 + 1
+        for port in self.ports:
+            for fields in text_frames(severity, text, self._texts):
+                port.reply("STATUSTEXT", **fields)
+
+    def event(self, text: str) -> None:
+        """Tell the log of the world."""
+        self.world.log(self.config.system, text)
+
+    def parameter_changed(self, name: str) -> None:
+        """React to a parameter that acts at once."""
+        if name in ("MAV_PROTO_VER", "SERIAL0_PROTOCOL"):
+            for port in self.ports:
+                self._choose_version(port)
+
+    def set_signing(self, key: bytes | None, timestamp: int) -> None:
+        """Sign, and ask for signatures, on every port from now on; None stops it."""
+        self._signing_key = key
+        self.event("signing on" if key else "signing off")
+        for port in self.ports:
+            self._sign(port, key, timestamp)
+
+    def _sign(self, port: Port, key: bytes | None, timestamp: int) -> None:
+        signing = None if key is None else new_signing(key, timestamp, self.posix_s)
+        port.writer.signing = port.reader.signing = signing
+
+    # Streams
+
+    def _default_streams(self, port: Port) -> None:
+        rates = PX4_DEFAULT_HZ if self.autopilot.FAMILY == "px4" else ARDUPILOT_DEFAULT_HZ
+        port.streams.clear()
+        for name, rate in rates.items():
+            port.set_interval(spec(name), 1.0 / rate, self.sim_s)
+
+    def set_interval(self, port: Port, number: int, interval_us: float) -> None:
+        """Do SET_MESSAGE_INTERVAL: 0 is the default rate, -1 stops."""
+        message = specs()[0][number]
+        if interval_us == 0.0:
+            rates = PX4_DEFAULT_HZ if self.autopilot.FAMILY == "px4" else ARDUPILOT_DEFAULT_HZ
+            rate = rates.get(message.name)
+            port.set_interval(message, 1.0 / rate if rate else None, self.sim_s)
+        else:
+            interval_s = None if interval_us < 0.0 else max(interval_us * 1e-6, _MIN_INTERVAL_S)
+            port.set_interval(message, interval_s, self.sim_s)
+
+    def stream_group(self, port: Port, group: int, rate_hz: int) -> None:
+        """Do REQUEST_DATA_STREAM; group 0 is every one."""
+        names = [n for g, members in STREAM_GROUPS.items() if group in (0, g) for n in members]
+        for name in names:
+            if FAMILY_ONLY.get(name, self.autopilot.FAMILY) == self.autopilot.FAMILY:
+                interval_s = max(1.0 / rate_hz, _MIN_INTERVAL_S) if rate_hz > 0 else None
+                port.set_interval(spec(name), interval_s, self.sim_s)
+
+    def _stream(self, port: Port, now: float) -> None:
+        following = math.inf
+        for stream in list(port.streams.values()):
+            if stream.due_s <= now + 1e-9:
+                stream.due_s += stream.interval_s
+                if stream.due_s <= now:  # fell behind, as in the first step after standing
+                    stream.due_s = now + stream.interval_s
+                payload = BUILDERS[stream.message.id](self)
+                if payload is not None:
+                    port.write(stream.message, payload)
+            following = min(following, stream.due_s)
+        port.next_due_s = following
+
+    def broadcast(self, name: str, payload: bytes) -> None:
+        """Send a message on every port."""
+        message = spec(name)
+        for port in self.ports:
+            port.write(message, payload)
+
+    # Reports of the autopilot
+
+    def home_changed(self) -> None:
+        """Tell everybody where home is."""
+        payload = BUILDERS[spec("HOME_POSITION").id](self)
+        if payload is not None:
+            self.broadcast("HOME_POSITION", payload)
+
+    def broadcast_mission_current(self) -> None:
+        """Tell everybody which item is current."""
+        self.broadcast("MISSION_CURRENT", mission_current(self))
+
+    def item_begun(self, index: int) -> None:
+        """Report a new current item."""
+        item = self.autopilot.run.items[index]
+        self.event(f"item {index} begins ({_name(item.command)})")
+        self.broadcast_mission_current()
+
+    def item_reached(self, index: int) -> None:
+        """Report an item as reached; PX4 says so again ten times, a second apart."""
+        self.event(f"item {index} reached")
+        self.broadcast("MISSION_ITEM_REACHED", spec("MISSION_ITEM_REACHED").layout.pack(index))
+        if self.autopilot.FAMILY == "px4":
+            self._reached = (index, _REACHED_REPEATS, self.sim_s + 1.0)
+
+    def _repeat_reached(self, now: float) -> None:
+        if self._reached is None:
+            return
+        index, left, _ = self._reached
+        self.broadcast("MISSION_ITEM_REACHED", spec("MISSION_ITEM_REACHED").layout.pack(index))
+        self._reached = (index, left - 1, now + 1.0) if left > 1 else None
+
+    def forget_reached(self) -> None:
+        """Stop repeating."""
+        self._reached = None
+
+    def set_mission_current(self, index: int) -> bool:
+        """Make an item the current one; ArduPilot's 0 is the start of the mission."""
+        run = self.autopilot.run
+        if index >= len(run.items):
+            return False
+        run.jump(index)
+        self.event(f"current item set to {index}")
+        return True
+
+    # Where
+
+    def felt_wind(self) -> tuple[float, float]:
+        """(north, east) towards, as an estimator aboard would have it: the truth with a steady error."""
+        return self._wind_now[0] + self._wind_bias[0], self._wind_now[1] + self._wind_bias[1]
+
+    @property
+    def true_wind(self) -> tuple[float, float]:
+        """(north, east) towards, as it blows at the vehicle."""
+        return self._wind_now
+
+    def local_ned(self) -> tuple[float, float, float]:
+        """Position from the local origin, metres."""
+        return self.local_ned_of(self.body.lat, self.body.lon, self.body.alt_m)
+
+    def local_ned_of(self, lat: float, lon: float, alt_m: float) -> tuple[float, float, float]:
+        """Position of a point from the local origin, metres."""
+        north, east = offset_m(self.origin[0], self.origin[1], lat, lon)
+        return north, east, self.origin[2] - alt_m
+
+    def station(self) -> str | None:
+        """Id of the station it is at, or None."""
+        return self.world.station_near(self.body.lat, self.body.lon, _AT_STATION_M)
+
+    def place(self) -> str:
+        """Where it is, for people."""
+        near = self.station()
+        return f"at {near}" if near else f"at {self.body.lat:.5f},{self.body.lon:.5f}"
+
+
+def _name(command: int) -> str:
+    from sim_stub.autopilot.items import Command  # noqa: PLC0415
+
+    return Command(command).name.lower() if command in Command.__members__.values() else str(command)

@@ -1,0 +1,147 @@
+"""The simulated world: vehicles, wind, ground and pads, and a log of what happens."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from models.errors import Fault as Wrong
+from models.errors import InputError
+from sim_stub.physics import offset_m
+from sim_stub.vehicle import Vehicle, VehicleConfig
+from sim_stub.wind_truth import ConstantWind, WindTruth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from models.network import Station
+    from sim_stub.faults import Fault
+    from sim_stub.pads import Pads
+
+_MAX_LOG = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One thing that happened.
+
+    Attributes
+    ----------
+    sim_s : float
+        When, in simulated time.
+    system : int
+        To which vehicle; 0 to none.
+    text : str
+        What.
+    """
+
+    sim_s: float
+    system: int
+    text: str
+
+    def __str__(self) -> str:
+        who = f"vehicle {self.system}" if self.system else "pads"
+        return f"{self.sim_s:10.2f} s  {who:<11} {self.text}"
+
+
+class World:
+    """Everything simulated.
+
+    Parameters
+    ----------
+    epoch_s : float
+        POSIX seconds at simulated time 0.
+    wind : WindTruth
+        The wind that blows; calm by default.
+    stations : sequence of Station
+        Known places, with their heights.
+    faults : sequence of Fault
+        What will go wrong.
+    on_event : callable
+        Told of every event.
+    """
+
+    def __init__(
+        self,
+        *,
+        epoch_s: float = 1_373_464_800.0,
+        wind: WindTruth | None = None,
+        stations: Sequence[Station] = (),
+        faults: Sequence[Fault] = (),
+        on_event: Callable[[Event], None] | None = None,
+    ) -> None:
+        self.epoch_s = epoch_s
+        self.wind: WindTruth = wind or ConstantWind()
+        self.stations = tuple(stations)
+        self.faults = tuple(faults)
+        self.on_event = on_event
+        self.sim_s = self.wall_s = 0.0
+        self.vehicles: dict[int, Vehicle] = {}
+        self.events: list[Event] = []
+        self.pads: Pads | None = None
+
+    def add(self, config: VehicleConfig) -> Vehicle:
+        """Put a vehicle into the world.
+
+        Raises
+        ------
+        InputError
+            The system id is taken.
+        """
+        if config.system in self.vehicles:
+            raise InputError(Wrong("two vehicles have the same system id", field="system", value=config.system))
+        vehicle = Vehicle(config, self)
+        self.vehicles[config.system] = vehicle
+        return vehicle
+
+    def next_due_s(self) -> float:
+        """Simulated instant at which something happens by itself."""
+        due = min((v.next_due_s() for v in self.vehicles.values()), default=math.inf)
+        return due if self.pads is None else min(due, self.pads.next_due_s())
+
+    def next_wall_s(self) -> float:
+        """Wall instant at which a protocol timer of a vehicle runs out."""
+        return min((v.next_wall_s() for v in self.vehicles.values()), default=math.inf)
+
+    def advance(self, sim_s: float, wall_s: float) -> None:
+        """Let time pass for everything."""
+        self.sim_s, self.wall_s = sim_s, wall_s
+        for vehicle in self.vehicles.values():
+            vehicle.advance(sim_s, wall_s)
+        if self.pads is not None:
+            self.pads.advance(sim_s)
+
+    @property
+    def anyone_active(self) -> bool:
+        """Whether a vehicle flies or has its motors on."""
+        return any(vehicle.active for vehicle in self.vehicles.values())
+
+    def log(self, system: int, text: str) -> None:
+        """Note an event."""
+        vehicle = self.vehicles.get(system)
+        event = Event(vehicle.sim_s if vehicle else self.sim_s, system, text)
+        if len(self.events) < _MAX_LOG:
+            self.events.append(event)
+        if self.on_event is not None:
+            self.on_event(event)
+
+    def ground_m(self, lat: float, lon: float, otherwise_m: float) -> float:
+        """Height of the ground: that of the nearest station, where it is known."""
+        near = self._nearest(lat, lon)
+        return otherwise_m if near is None or near[0].elevation_m is None else near[0].elevation_m
+
+    def station_near(self, lat: float, lon: float, within_m: float) -> str | None:
+        """Id of the station within a distance, or None."""
+        near = self._nearest(lat, lon)
+        return near[0].id if near is not None and near[1] <= within_m else None
+
+    def _nearest(self, lat: float, lon: float) -> tuple[Station, float] | None:
+        best: tuple[Station, float] | None = None
+        for station in self.stations:
+            if abs(station.lat - lat) > 1.0:
+                continue
+            distance = math.hypot(*offset_m(lat, lon, station.lat, station.lon))
+            if best is None or distance < best[1]:
+                best = (station, distance)
+        return best
