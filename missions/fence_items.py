@@ -16,6 +16,9 @@ from models.errors import Fault, InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+COMMANDS = FENCE_COMMANDS | {Command.NAV_RALLY_POINT}
+"""Commands that belong to a fence or to rally points, not to a mission."""
+
 CLAIMED_COUNT = "claimedVertexCount"
 """Key in `FencePolygon.extra`: the number of vertices a polygon said it had, where that was wrong."""
 
@@ -123,6 +126,9 @@ def to_rally(items: Sequence[MissionItem], file: str = "rally") -> RallyPoints:
 def _point(item: MissionItem, position: int, file: str) -> Point:
     if item.x is None or item.y is None:
         raise InputError(Fault("has no coordinates", file, None, f"item {position}"))
+    if abs(item.param5) > 90.0 or abs(item.param6) > 180.0:
+        value = (item.param5, item.param6)
+        raise InputError(Fault("is not a place on Earth", file, None, f"item {position}", value))
     return Point(item.x, item.y)
 
 

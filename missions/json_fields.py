@@ -23,6 +23,8 @@ def fault(problem: str, file: str, field: str, value: object = None, remedy: str
 
 def number(value: object, file: str, field: str) -> float:
     """Take a number that a float on the wire can hold; null is NaN."""
+    if type(value) is float and -MAX_FLOAT32 <= value <= MAX_FLOAT32:  # nearly always
+        return value
     if value is None:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, (int, float)):

@@ -223,7 +223,10 @@ def _read_item(source: Mapping[str, Any], file: str, field: str) -> MissionItem:
     command = command_of(integer(source["command"], file, f"{field}.command", most=65535))
     frame = frame_of(integer(source["frame"], file, f"{field}.frame", most=255))
     raw = _parameters(source, file, field)
-    values = [number(value, file, f"{field}.params[{i}]") for i, value in enumerate(raw)]
+    values = [
+        value if type(value) is float and abs(value) < MAX_PARAM else number(value, file, f"{field}.params")
+        for value in raw
+    ]
     if command in LOCATED_COMMANDS and frame in GLOBAL_FRAMES:
         if raw[4] is not None and raw[5] is not None:
             place(raw[4:6], file, f"{field}.params[4:6]")

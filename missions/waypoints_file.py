@@ -9,8 +9,8 @@ Fence points (5000 to 5004) and rally points (5100) may stand among the items.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from missions import fence_items
 from missions.commands import (
@@ -36,10 +36,9 @@ MAX_ROWS = 100_000
 MAX_FAULTS = 20
 
 
-@dataclass(frozen=True, slots=True)
-class _Row:
+class _Row(NamedTuple):
     line: int
-    index: int
+    number: int
     item: MissionItem
 
 
@@ -61,16 +60,15 @@ def loads(text: str, file: str = "waypoints") -> MissionDocument:
         version = " ".join(header[2:])
         raise InputError(Fault("not supported: version of the waypoint file", file, 1, None, version, HEADER))
     rows = _read_rows(lines, file)
-    home, rows = _split_home(rows, header[2] == "110")
-    fence_rows = [row for row in rows if fence_items.is_fence_item(row.item)]
-    rally_rows = [row for row in rows if fence_items.is_rally_item(row.item)]
-    mission_rows = [
-        row for row in rows if not fence_items.is_fence_item(row.item) and row.item.command != Command.NAV_RALLY_POINT
-    ]
+    home, rows = _split_home(rows, file) if header[2] == "110" else (None, rows)
+    strays = [row for row in rows if row.item.command in fence_items.COMMANDS]
+    fence_rows = [row.item for row in strays if fence_items.is_fence_item(row.item)]
+    rally_rows = [row.item for row in strays if fence_items.is_rally_item(row.item)]
+    mission_rows = [row for row in rows if row.item.command not in fence_items.COMMANDS] if strays else rows
     return MissionDocument(
         Mission(_resolve_jumps(mission_rows, file), home),
-        fence_items.to_fence([row.item for row in fence_rows], file),
-        fence_items.to_rally([row.item for row in rally_rows], file),
+        fence_items.to_fence(fence_rows, file),
+        fence_items.to_rally(rally_rows, file),
     )
 
 
@@ -81,13 +79,14 @@ def _read_rows(lines: Sequence[str], file: str) -> list[_Row]:
     faults: list[Fault] = []
     comment: list[str] = []
     for line, text in enumerate(lines[1:], start=2):
-        if not text or text.isspace():
+        cells = text.split()
+        if not cells:
             continue
-        if text.lstrip().startswith("#"):
+        if cells[0].startswith("#"):
             comment.append(text.lstrip()[1:].strip())
             continue
         try:
-            rows.append(_read_row(text, line, file, comment))
+            rows.append(_read_row(cells, line, file, comment))
         except InputError as error:
             faults += error.faults
             if len(faults) >= MAX_FAULTS:
@@ -100,21 +99,21 @@ def _read_rows(lines: Sequence[str], file: str) -> list[_Row]:
     return rows
 
 
-def _read_row(text: str, line: int, file: str, comment: list[str]) -> _Row:
-    cells = text.split()
+def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Row:
     if len(cells) != 12:
         raise InputError(Fault("is not a row of 12 numbers", file, line, None, len(cells)))
-    index = _whole(cells[0], 2**31 - 1, "index", line, file)
-    frame = frame_of(_whole(cells[2], 255, "frame", line, file))
-    command = command_of(_whole(cells[3], 65535, "command", line, file))
-    autocontinue = _whole(cells[11], 255, "autocontinue", line, file) != 0
     try:
-        a, b, c, d, x, y, z = (float(cell) for cell in cells[4:11])
+        index, frame, command, autocontinue = int(cells[0]), int(cells[2]), int(cells[3]), int(cells[11])
+        a, b, c, d, x, y, z = map(float, cells[4:11])
     except ValueError:
-        raise InputError(Fault("has a parameter that is not a number", file, line, None, cells[4:11])) from None
-    for value in (a, b, c, d, z):
-        if abs(value) > MAX_FLOAT32:
-            raise InputError(Fault("is too large for a mission", file, line, None, value))
+        index, frame, command, autocontinue = _whole_cells(cells, line, file)
+        a, b, c, d, x, y, z = _float_cells(cells, line, file)
+    if not (0 <= index < 2**31 and 0 <= frame < 256 and 0 <= command < 65536 and 0 <= autocontinue < 256):
+        remedy = "index, frame 0 to 255, command 0 to 65535, autocontinue 0 or 1"
+        found = (index, frame, command, autocontinue)
+        raise InputError(Fault("has a whole number out of range", file, line, None, found, remedy))
+    if not abs(a) + abs(b) + abs(c) + abs(d) + abs(z) <= MAX_FLOAT32:  # large, or NaN
+        _refuse_large((a, b, c, d, z), line, file)
     if command in LOCATED_COMMANDS and frame in GLOBAL_FRAMES:
         if abs(x) > 90.0:
             raise InputError(Fault("latitude is not between -90 and 90", file, line, None, x))
@@ -123,45 +122,59 @@ def _read_row(text: str, line: int, file: str, comment: list[str]) -> _Row:
     elif abs(x) > MAX_PARAM or abs(y) > MAX_PARAM:
         raise InputError(Fault("is too large for a mission", file, line, None, (x, y)))
     item = MissionItem(
-        command,
-        frame,
+        command_of(command),
+        frame_of(frame),
         a,
         b,
         c,
         d,
-        None if math.isnan(x) else to_e7(x),
-        None if math.isnan(y) else to_e7(y),
+        to_e7(x) if x == x else None,  # noqa: PLR0124  NaN
+        to_e7(y) if y == y else None,  # noqa: PLR0124  NaN
         z,
-        autocontinue,
+        autocontinue != 0,
         {"comment": "\n".join(comment)} if comment else NOTHING,
     )
     return _Row(line, index, item)
 
 
-def _whole(cell: str, most: int, field: str, line: int, file: str) -> int:
-    if cell.isascii() and cell.isdigit() and len(cell) < 11:
-        value = int(cell)
-    else:
+def _refuse_large(values: Sequence[float], line: int, file: str) -> None:
+    if any(abs(value) > MAX_FLOAT32 for value in values):
+        raise InputError(Fault("is too large for a mission", file, line, None, values))
+
+
+def _whole_cells(cells: Sequence[str], line: int, file: str) -> list[int]:
+    """Take index, frame, command and autocontinue where some are written as 3.0, or are no numbers."""
+    values = []
+    for field, cell in (("index", cells[0]), ("frame", cells[2]), ("command", cells[3]), ("autocontinue", cells[11])):
         try:
             number = float(cell)
         except ValueError:
             number = math.nan
-        value = int(number) if number.is_integer() else -1
-    if not 0 <= value <= most:
-        raise InputError(Fault(f"is not a whole number from 0 to {most}", file, line, field, cell))
-    return value
+        if not number.is_integer():
+            raise InputError(Fault("is not a whole number", file, line, field, cell))
+        values.append(int(number))
+    return values
 
 
-def _split_home(rows: list[_Row], home_first: bool) -> tuple[Home | None, list[_Row]]:  # noqa: FBT001
+def _float_cells(cells: Sequence[str], line: int, file: str) -> list[float]:
+    try:
+        return [float(cell) for cell in cells[4:11]]
+    except ValueError:
+        raise InputError(Fault("has a parameter that is not a number", file, line, None, cells[4:11])) from None
+
+
+def _split_home(rows: list[_Row], file: str) -> tuple[Home | None, list[_Row]]:
     """Take row 0 as home where a ground station wrote it so."""
-    if not rows or not home_first:
+    if not rows:
         return None, rows
     first = rows[0].item
     is_home = first.command in (0, Command.NAV_WAYPOINT) and first.frame in (Frame.GLOBAL, Frame.GLOBAL_INT)
-    if not is_home or rows[0].index != 0:
+    if not is_home or rows[0].number != 0:
         return None, rows
     if first.x is None or first.y is None or (first.x == 0 and first.y == 0):
         return None, rows[1:]
+    if abs(first.param5) > 90.0 or abs(first.param6) > 180.0:
+        raise InputError(Fault("home is not a place on Earth", file, rows[0].line, None, (first.param5, first.param6)))
     return Home(Point(first.x, first.y), None if math.isnan(first.z) else first.z), rows[1:]
 
 
@@ -173,10 +186,10 @@ def _resolve_jumps(rows: Sequence[_Row], file: str) -> tuple[MissionItem, ...]:
     numbers: dict[int, int] = {}
     repeated: set[int] = set()
     for number, row in enumerate(rows):
-        if row.index in numbers:
-            repeated.add(row.index)
-        numbers[row.index] = number
-    first_index = rows[0].index if rows else 0
+        if row.number in numbers:
+            repeated.add(row.number)
+        numbers[row.number] = number
+    first_index = rows[0].number if rows else 0
     for number, row in enumerate(rows):
         wanted = row.item.jump_target
         if wanted is None or (row.item.command == Command.DO_SET_MISSION_CURRENT and wanted < 0):

@@ -40,9 +40,7 @@ def test_a_leg_east_is_followed_within_10_metres(lat, length_km):
 
 
 @settings(max_examples=60, deadline=None)
-@given(
-    st.floats(-70, 70), st.floats(-180, 180), st.floats(0, 360), st.floats(10.0, 200_000.0)
-)
+@given(st.floats(-70, 70), st.floats(-180, 180), st.floats(0, 360), st.floats(10.0, 200_000.0))
 def test_any_leg_is_followed_within_10_metres(lat, lon, bearing, length_m):
     end = geodesy.direct(lat, lon, bearing, length_m)
     assert largest_offset_m(lat, lon, *end) <= 10.0

@@ -156,7 +156,9 @@ def test_more_items_than_usual_storage_holds_are_a_warning():
 
 def test_a_fence_on_the_wire_carries_its_vertex_counts():
     ring = (Point(0, 0), Point(0, 90), Point(90, 90), Point(90, 0))
-    fence = Geofence((FencePolygon(ring), FencePolygon(ring[:3], False)), (FenceCircle(Point(5, 5), 30.0),), Point(1, 1))
+    fence = Geofence(
+        (FencePolygon(ring), FencePolygon(ring[:3], False)), (FenceCircle(Point(5, 5), 30.0),), Point(1, 1)
+    )
     wire = fence_to_wire(fence)
     assert [w.param1 for w in wire] == [0, 4, 4, 4, 4, 3, 3, 3, 30]
     assert {w.mission_type for w in wire} == {1}

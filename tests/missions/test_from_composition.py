@@ -140,7 +140,11 @@ def test_divert_stations_are_rally_points_at_cruise_height_above_their_ground(tw
 
 @BOTH
 def test_the_corridor_holds_the_route_and_the_diverts_in_every_form(two_legs, autopilot):
-    exports = [leg_mission(two_legs, 0, autopilot), whole_mission(two_legs, autopilot), armed_mission(two_legs, autopilot)]
+    exports = [
+        leg_mission(two_legs, 0, autopilot),
+        whole_mission(two_legs, autopilot),
+        armed_mission(two_legs, autopilot),
+    ]
     for document in (document for export in exports for document in export.documents):
         assert len(document.fence.areas) == 1
         codes = {finding.code for finding in check(document, dialect=autopilot).findings}
@@ -170,7 +174,8 @@ def test_no_leg_is_commanded_faster_than_autopilots_accept(two_legs):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"cruise_height_m": 1.0}, {"climb_rate_mps": 0.0}, {"max_ground_speed_mps": 30.0}, {"descent_rate_mps": 99.0}]
+    "wrong",
+    [{"cruise_height_m": 1.0}, {"climb_rate_mps": 0.0}, {"max_ground_speed_mps": 30.0}, {"descent_rate_mps": 99.0}],
 )
 def test_impossible_options_are_refused(wrong):
     with pytest.raises(InputError, match="is not between"):
@@ -184,9 +189,10 @@ def test_an_unknown_ground_height_is_refused_by_name_with_every_other_one(two_le
     assert len(caught.value.faults) == 4  # hill, harbour, mast and the school to divert to
     assert "--elevation harbour=METRES" in str(caught.value)
     given = MissionOptions(elevation_m={"hill": 120.0, "harbour": 2.0, "mast": 30.0, "school": 10.0})
-    assert leg_mission(replace(two_legs, stations=flat), 0, PX4, given).documents == leg_mission(
-        two_legs, 0, PX4
-    ).documents
+    assert (
+        leg_mission(replace(two_legs, stations=flat), 0, PX4, given).documents
+        == leg_mission(two_legs, 0, PX4).documents
+    )
 
 
 def test_a_leg_that_the_plan_does_not_have_is_refused(two_legs):

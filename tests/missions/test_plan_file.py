@@ -181,7 +181,7 @@ def test_a_pattern_without_its_items_is_not_supported_and_named(kind):
         ([], "is not an object"),
         (plan(item(params=[0, 0, 0])), "does not have 7 parameters"),
         (plan(item(params=[0, 0, 0, 0, 91, 8, 5])), "latitude is not between -90 and 90"),
-        (plan(item(params=["0", 0, 0, 0, 1, 8, 5])), r"params\[0\]: is not a number"),
+        (plan(item(params=["0", 0, 0, 0, 1, 8, 5])), r"items\[0\].params: is not a number"),
         (plan(item(command=70000)), "is not a whole number from 0 to 65535"),
         (plan({"type": "SimpleItem", "frame": 3}), r"items\[0\].command: is missing"),
         (plan(item(), plannedHomePosition=[1]), r"is not \[latitude, longitude\]"),
