@@ -1,22 +1,46 @@
 """Kernels compiled by numba, under one set of options.
 
-Importing this module imports numba (a few tenths of a second), so modules with kernels import it at their
-top and everything else imports those modules late. The compiled code is cached beside the source; numba
-notices a change of the file a kernel is in, but not of the files its callees are in: a kernel calls kernels
-of its own module only.
+Importing this module imports numba (a few tenths of a second), so modules with kernels import it at their top and
+everything else imports those modules late. The compiled code is cached beside the source. By itself numba notices a
+change of the file a kernel is in, but not of the files its callees are in; here the files of all callees count, so that
+an edited or upgraded installation never runs stale code.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit
+from numba.core.dispatcher import Dispatcher
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
-    """Compile a function on its first call, with IEEE arithmetic and without the interpreter's lock."""
-    decorate = njit(cache=True, nogil=True, error_model="numpy", fastmath=False)
-    return cast("F", decorate(function))
+    """Compile a function on its first call, with IEEE arithmetic and without holding the interpreter's lock."""
+    kernel: Any = njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(function)
+    callees = [
+        value for name in function.__code__.co_names if isinstance(value := function.__globals__.get(name), Dispatcher)
+    ]
+    foreign = {path for callee in callees for path in sources(callee)} - {function.__code__.co_filename}
+    kernel.skyway_sources = frozenset(foreign | {function.__code__.co_filename})
+    if foreign:
+        _stamp(kernel, foreign)
+    return cast("F", kernel)
+
+
+def sources(kernel: Any) -> frozenset[str]:
+    """Return the files that a kernel's compiled code depends on: its own and those of all its callees."""
+    return cast("frozenset[str]", getattr(kernel, "skyway_sources", frozenset({kernel.py_func.__code__.co_filename})))
+
+
+def _stamp(kernel: Any, foreign: set[str]) -> None:
+    """Make the cached code of a kernel valid only for these versions of its callees' files."""
+    digest = hashlib.sha256()
+    for path in sorted(foreign):
+        digest.update(Path(path).read_bytes())
+    index = kernel._cache._cache_file  # noqa: SLF001  numba offers no public way; a test fails if this one goes
+    index._source_stamp = (*index._source_stamp, digest.hexdigest())  # noqa: SLF001

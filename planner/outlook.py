@@ -10,11 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.flight_kernels import slot_end, slot_of
-from planner.outlook_kernels import Graph, Need, beyond, flight_outlook
+from planner.outlook_kernels import Graph, Need, Speeds, flight_outlook, options, rank
 
 if TYPE_CHECKING:
+    from models.flight import Air
+    from numpy.typing import NDArray
+
     from planner.problem import Problem
 
+MAX_KEPT_SPEEDS = 400_000_000
+"""Ground speeds kept for reuse; beyond this (networks of more than some 10,000 stations) they are worked out anew."""
 MAX_FLIGHTS_AHEAD_H = 24
 """How long a drone is held on the ground for wind that brings a station into reach."""
 
@@ -76,7 +81,19 @@ class Outlook:
     def graph(self) -> Graph:
         """Network and waits for kernels; the waits' rows fill as they are needed."""
         network, waits = self.problem.network, self.problem.waits
-        return Graph(network.first, network.head, float(waits.start_s), float(waits.step_s), waits.wait_s)
+        return Graph(
+            network.first, network.head, network.pads > 0, float(waits.start_s), float(waits.step_s), waits.wait_s
+        )
+
+    @cached_property
+    def speeds(self) -> tuple[Speeds, Speeds]:
+        """Ground speeds over segments and over straight flights to the destination, filled as they are met."""
+        p = self.problem
+        members, slots, _ = p.air.north.shape
+        keep = slots if members * slots * (len(p.network.tail) + len(p.network)) <= MAX_KEPT_SPEEDS else 0
+        sizes = len(p.network.tail), len(p.network)
+        first, second = (Speeds(np.empty((keep, n, members)), np.zeros((keep, n), dtype=np.bool_)) for n in sizes)
+        return first, second
 
     @property
     def budget(self) -> float:
@@ -88,66 +105,76 @@ class Outlook:
         self.looked_at += 1
         node = int(self.problem.network.head[segment])
         mean, charge, p_hold = flight_outlook(
-            self.problem.air, self.problem.probability, self.need, segment, node, time_s
+            self.problem.air, self.speeds[0], self.problem.probability, self.need, segment, node, time_s
         )
         return float(mean), float(charge), float(p_hold)
 
     def reachable(
-        self, node: int, time_s: float, soc: float, *, full: bool, pad_s: float | None, hold: bool
-    ) -> list[Reachable]:
-        """Stations one segment away that a drone at `node` reaches with the reserve.
+        self, node: int, came_from: int, time_s: float, soc: float, pad_s: float | None, *, full: bool, factor: float
+    ) -> list[tuple[float, Reachable]]:
+        """Stations one segment away that a drone at `node` reaches with the reserve, each with its rank.
 
         Parameters
         ----------
-        node, time_s, soc
-            Where the drone stands, since when, and with which charge.
+        node, came_from
+            Where the drone stands, and where it came from (-1: nowhere).
+        time_s, soc, pad_s
+            Since when, with which charge, and when it comes onto a pad (None: it cannot charge).
         full : bool
             Charge to 100 % before leaving, otherwise what the flight needs.
-        pad_s : float or None
-            When it comes onto a pad; None where it cannot charge.
-        hold : bool
-            Also wait, charged, for wind that brings a station into reach (otherwise such stations are left out).
+        factor : float
+            Of the remaining flight in the look-ahead.
         """
-        network = self.problem.network
+        p = self.problem
+        rows = options(
+            *self._fixed(node),
+            (node, came_from),
+            (time_s, soc, math.inf if pad_s is None else pad_s),
+            (full, p.reserve, factor),
+            *p.curve(node),
+        )
+        first = int(p.network.first[node])
+        self.looked_at += len(rows)
         found = []
-        for segment in range(int(network.first[node]), int(network.first[node + 1])):
-            one = (
-                self._held(segment, node, time_s, soc, pad_s)
-                if hold
-                else self._now(segment, node, time_s, soc, pad_s, full=full)
-            )
-            if one is not None:
-                found.append(one)
+        for row, (leave, charge, mean, to, rank_s) in enumerate(rows.tolist()):
+            if math.isfinite(rank_s):
+                target = int(p.network.head[first + row])
+                found.append(
+                    (rank_s, Reachable(first + row, target, leave, charge, mean, None if math.isnan(to) else to))
+                )
         return found
 
-    def _now(
-        self, segment: int, node: int, time_s: float, soc: float, pad_s: float | None, *, full: bool
-    ) -> Reachable | None:
+    def held(
+        self, node: int, came_from: int, time_s: float, soc: float, pad_s: float | None, *, full: bool, factor: float
+    ) -> list[tuple[float, Reachable]]:
+        """Stations that wind brings into reach later, while the drone waits, charged; as `reachable`."""
         p = self.problem
-        target = int(p.network.head[segment])
-        if full and pad_s is not None:
-            leave = pad_s + p.charge_time_s(node, soc, 1.0) if soc < 1.0 else time_s
-            mean, charge, _ = self.flight(segment, leave)
-            return Reachable(segment, target, leave, charge, mean, 1.0) if charge <= self.budget else None
-        mean, charge, _ = self.flight(segment, time_s)
-        if charge <= soc - p.reserve:
-            return Reachable(segment, target, time_s, charge, mean, None)
-        if pad_s is None:
-            return None
-        leave = time_s
-        for _ in range(8):  # the charge needed depends on when the drone leaves, and that on the charge
-            if charge > self.budget:
-                return None
-            later = pad_s + p.charge_time_s(node, soc, charge + p.reserve)
-            if later <= leave:
-                break
-            leave = later
-            mean, charge, _ = self.flight(segment, leave)
-        leave = max(leave, pad_s + p.charge_time_s(node, soc, min(charge + p.reserve, 1.0)))
-        mean, check, _ = self.flight(segment, leave)
-        if max(charge, check) > self.budget:
-            return None
-        return Reachable(segment, target, leave, max(charge, check), mean, min(max(charge, check) + p.reserve, 1.0))
+        found = []
+        for segment in range(int(p.network.first[node]), int(p.network.first[node + 1])):
+            one = self._held(segment, node, time_s, soc, pad_s)
+            if one is None:
+                continue
+            landed = (soc if one.charge_to is None else 1.0) - one.charge
+            state = (time_s, one.leave_s + one.mean_s, landed)
+            rank_s = rank(
+                *self._fixed(one.node), (node, one.node), state, (full, p.reserve, factor), *p.curve(one.node)
+            )
+            if math.isfinite(rank_s):
+                found.append((rank_s, one))
+        return found
+
+    def _fixed(self, node: int) -> tuple[Air, Air, tuple[Speeds, Speeds], NDArray[np.float64], Graph, Need]:
+        """What every look-ahead from a node reads; fills the waits it will ask for."""
+        p = self.problem
+        p.waits.need(self._within_two(node))
+        return p.air, p.direct_air, self.speeds, p.probability, self.graph, self.need
+
+    def _within_two(self, node: int) -> NDArray[np.int64]:
+        """Nodes at most two segments away."""
+        network = self.problem.network
+        near = network.head[network.first[node] : network.first[node + 1]]
+        blocks = [network.head[network.first[k] : network.first[k + 1]] for k in near]
+        return np.concatenate([np.array([node]), near, *blocks])
 
     def _held(self, segment: int, node: int, time_s: float, soc: float, pad_s: float | None) -> Reachable | None:
         """Earliest take-off with a full battery (or, without a pad, with what there is) at which the flight can be made."""
@@ -172,14 +199,3 @@ class Outlook:
         return Reachable(
             segment, int(p.network.head[segment]), leave, charge, mean, None if pad_s is None else 1.0, held=True
         )
-
-    def beyond(self, node: int, came_from: int, time_s: float, factor: float) -> tuple[float, float]:
-        """Look ahead from `node`, see `outlook_kernels.beyond`."""
-        p = self.problem
-        out = slice(int(p.network.first[node]), int(p.network.first[node + 1]))
-        p.waits.need(np.asarray(p.network.head[out]))
-        self.looked_at += out.stop - out.start
-        best, charge = beyond(
-            p.air, p.direct_air, p.probability, self.graph, self.need, node, came_from, time_s, self.budget, factor
-        )
-        return float(best), float(charge)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from models.compiled import compiled
-from models.flight_kernels import NEVER, leg
+from models.flight_kernels import NEVER, leg, segment_speed, slot_end, slot_of
+from planner.profile_kernels import interpolate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,6 +46,21 @@ class Need(NamedTuple):
     needs_escape: bool
 
 
+class Speeds(NamedTuple):
+    """Ground speeds already worked out, so that a segment met again in the same slot costs nothing.
+
+    Attributes
+    ----------
+    value : ndarray, shape (slots, segments, members)
+        Filled where known; memory that is never touched is never taken.
+    known : ndarray of bool, shape (slots, segments)
+        Which rows are filled. With no slots, nothing is kept.
+    """
+
+    value: NDArray[np.float64]
+    known: NDArray[np.bool_]
+
+
 @compiled
 def escape_cost(air: Air, member: int, need: Need, time_s: float) -> float:
     """Least charge that takes the empty drone from the destination to a station; infinite where none is in reach."""
@@ -57,8 +73,59 @@ def escape_cost(air: Air, member: int, need: Need, time_s: float) -> float:
 
 
 @compiled
+def _row(air: Air, speeds: Speeds, slot: int, segment: int) -> NDArray[np.float64]:
+    """Ground speeds of a segment in a slot, shape (members,)."""
+    kept = slot < len(speeds.known)
+    if kept and speeds.known[slot, segment]:
+        return speeds.value[slot, segment]
+    members = air.north.shape[0]
+    row = speeds.value[slot, segment] if kept else np.empty(members)
+    for member in range(members):
+        row[member] = segment_speed(air, member, slot, segment)
+    if kept:
+        speeds.known[slot, segment] = True
+    return row
+
+
+@compiled
+def _fly_all(
+    air: Air, speeds: Speeds, segment: int, time_s: float, off: NDArray[np.float64], down: NDArray[np.float64]
+) -> None:
+    """Take-off and touch-down of a one-segment flight in every member, held where the wind asks for it."""
+    slot = slot_of(air, time_s)
+    end = slot_end(air, slot)
+    over = time_s + air.climb_s
+    here = _row(air, speeds, slot, segment)
+    following = here
+    if end < NEVER:
+        following = _row(air, speeds, slot + 1, segment)
+    later = slot_end(air, slot + 1) if end < NEVER else NEVER
+    length = air.distance_m[segment]
+    for member in range(air.north.shape[0]):
+        speed = here[member]
+        if speed > 0.0 and over < end:
+            landed = over + length / speed + air.descent_s
+            if landed <= end:
+                off[member], down[member] = time_s, landed
+                continue
+            after = following[member]
+            left = length - speed * (end - over)
+            landed = end + left / after + air.descent_s if after > 0.0 else NEVER
+            if left > 0.0 and landed <= later:
+                off[member], down[member] = time_s, landed
+                continue
+        off[member], down[member] = leg(air, member, segment, time_s)
+
+
+@compiled
 def flight_outlook(
-    air: Air, probability: NDArray[np.float64], need: Need, segment: int, node: int, time_s: float
+    air: Air,
+    speeds: Speeds,
+    probability: NDArray[np.float64],
+    need: Need,
+    segment: int,
+    node: int,
+    time_s: float,
 ) -> tuple[float, float, float]:
     """Expectation of a one-segment flight to `node` over the forecast.
 
@@ -73,30 +140,50 @@ def flight_outlook(
         Probability that the wind holds it.
     """
     members = len(probability)
-    charge = np.empty(members)
+    off, down = np.empty(members), np.empty(members)
+    _fly_all(air, speeds, segment, time_s, off, down)
+    mean, flown, now = _mean(probability, time_s, off, down)
+    if flown <= 0.0:
+        return NEVER, NEVER, 1.0
+    charge = down
+    for member in range(members):
+        if down[member] < NEVER:
+            taken = need.soc_fixed + need.soc_per_s * (down[member] - off[member])
+            if node == need.destination and need.needs_escape:
+                taken += escape_cost(air, member, need, down[member])
+            charge[member] = taken
+    return mean, _quantile(charge, probability, flown * (1.0 - need.epsilon) - 1e-12), 1.0 - now / flown
+
+
+@compiled
+def _mean(
+    probability: NDArray[np.float64], time_s: float, off: NDArray[np.float64], down: NDArray[np.float64]
+) -> tuple[float, float, float]:
+    """Mean time to touch-down, and the probability that it is flown at all and that it is flown at once."""
     now_mass = 0.0
     now_sum = 0.0
     held_mass = 0.0
     held_sum = 0.0
-    for member in range(members):
-        off, down = leg(air, member, segment, time_s)
-        if down == NEVER:
-            charge[member] = NEVER
+    for member in range(len(probability)):
+        if down[member] == NEVER:
             continue
-        charge[member] = need.soc_fixed + need.soc_per_s * (down - off)
-        if node == need.destination and need.needs_escape:
-            charge[member] += escape_cost(air, member, need, down)
-        if off <= time_s:
+        if off[member] <= time_s:
             now_mass += probability[member]
-            now_sum += probability[member] * (down - time_s)
+            now_sum += probability[member] * (down[member] - time_s)
         else:
             held_mass += probability[member]
-            held_sum += probability[member] * (down - time_s)
-    if now_mass + held_mass <= 0.0:
-        return NEVER, NEVER, 1.0
-    mean = now_sum / now_mass if now_mass > 0.0 else held_sum / held_mass
-    flown = now_mass + held_mass
-    return mean, _quantile(charge, probability, flown * (1.0 - need.epsilon) - 1e-12), 1.0 - now_mass / flown
+            held_sum += probability[member] * (down[member] - time_s)
+    if now_mass > 0.0:
+        return now_sum / now_mass, now_mass + held_mass, now_mass
+    return (held_sum / held_mass if held_mass > 0.0 else NEVER), held_mass, 0.0
+
+
+@compiled
+def mean_flight(air: Air, speeds: Speeds, probability: NDArray[np.float64], segment: int, time_s: float) -> float:
+    """Mean time to touch-down over the members that can fly at once; over all where none can."""
+    off, down = np.empty(len(probability)), np.empty(len(probability))
+    _fly_all(air, speeds, segment, time_s, off, down)
+    return _mean(probability, time_s, off, down)[0]
 
 
 @compiled
@@ -121,28 +208,6 @@ def _quantile(values: NDArray[np.float64], probability: NDArray[np.float64], mas
 
 
 @compiled
-def mean_flight(air: Air, probability: NDArray[np.float64], segment: int, time_s: float) -> float:
-    """Mean time to touch-down over the members that can fly at once; over all where none can."""
-    now_mass = 0.0
-    now_sum = 0.0
-    held_mass = 0.0
-    held_sum = 0.0
-    for member in range(len(probability)):
-        off, down = leg(air, member, segment, time_s)
-        if down == NEVER:
-            continue
-        if off <= time_s:
-            now_mass += probability[member]
-            now_sum += probability[member] * (down - time_s)
-        else:
-            held_mass += probability[member]
-            held_sum += probability[member] * (down - time_s)
-    if now_mass > 0.0:
-        return now_sum / now_mass
-    return held_sum / held_mass if held_mass > 0.0 else NEVER
-
-
-@compiled
 def wait_at(start_s: float, step_s: float, wait_s: NDArray[np.float64], node: int, time_s: float) -> float:
     """Expected wait of an arrival, linear between grid points."""
     x = (time_s - start_s) / step_s
@@ -160,15 +225,25 @@ class Graph(NamedTuple):
 
     first: NDArray[np.int64]
     head: NDArray[np.int64]
+    has_pads: NDArray[np.bool_]
     wait_start_s: float
     wait_step_s: float
     wait_s: NDArray[np.float64]
 
 
 @compiled
+def charge_time(curve_s: NDArray[np.float64], curve_soc: NDArray[np.float64], soc_from: float, soc_to: float) -> float:
+    """Time on a pad from one charge to a higher one; 0 where none is needed."""
+    if soc_to <= soc_from:
+        return 0.0
+    return interpolate(min(soc_to, 1.0), curve_soc, curve_s) - interpolate(max(soc_from, 0.0), curve_soc, curve_s)
+
+
+@compiled
 def beyond(
     air: Air,
     direct: Air,
+    speeds: tuple[Speeds, Speeds],
     probability: NDArray[np.float64],
     graph: Graph,
     need: Need,
@@ -193,14 +268,136 @@ def beyond(
         other = graph.head[segment]
         if other == came_from:
             continue
-        mean, taken, _ = flight_outlook(air, probability, need, segment, other, time_s)
+        mean, taken, _ = flight_outlook(air, speeds[0], probability, need, segment, other, time_s)
         if taken > budget:
             continue
         total = mean
         if other != need.destination:
             there = time_s + mean
             total += wait_at(graph.wait_start_s, graph.wait_step_s, graph.wait_s, other, there)
-            total += remaining_factor * mean_flight(direct, probability, other, there)
+            total += remaining_factor * mean_flight(direct, speeds[1], probability, other, there)
         if total < best:
             best, charge = total, taken
     return best, charge
+
+
+LEAVE, CHARGE, MEAN, CHARGE_TO, RANK = range(5)
+"""Columns of what `options` returns: take-off, SoC taken, mean time to touch-down, SoC to charge to, rank."""
+LAST_RESORT_S = 1e12
+"""Rank of a station beyond which nothing is in reach at the moment: after all others, but not left out."""
+_ROUNDS = 8  # the charge needed depends on when the drone leaves, and that on the charge
+
+
+@compiled
+def options(
+    air: Air,
+    direct: Air,
+    speeds: tuple[Speeds, Speeds],
+    probability: NDArray[np.float64],
+    graph: Graph,
+    need: Need,
+    place: tuple[int, int],
+    state: tuple[float, float, float],
+    policy: tuple[bool, float, float],
+    curve_s: NDArray[np.float64],
+    curve_soc: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Evaluate every segment that leaves a station: can it be flown with the reserve now, and how good is it.
+
+    Parameters
+    ----------
+    place : (node, came_from)
+        Where the drone stands, and the station it came from (-1: none).
+    state : (time_s, soc, pad_s)
+        Since when, with which charge, and when it comes onto a pad (infinite: never).
+    policy : (full, reserve, remaining_factor)
+        Whether each charge goes to 100 %; the reserve; the factor of the remaining flight, see `beyond`.
+    curve_s, curve_soc : ndarray
+        Charging curve, taken to be the same at all stations while looking ahead.
+
+    Returns
+    -------
+    ndarray, shape (segments leaving, 5)
+        See the column names of this module. Rank is infinite where the station is out of reach.
+    """
+    node, came_from = place
+    now, soc, pad = state
+    full, reserve, factor = policy
+    begin, end = graph.first[node], graph.first[node + 1]
+    out = np.full((end - begin, 5), NEVER)
+    for row in range(end - begin):
+        segment = begin + row
+        other = graph.head[segment]
+        leave = now
+        to = math.nan
+        if full and pad < NEVER:
+            if soc < 1.0:
+                leave = pad + charge_time(curve_s, curve_soc, soc, 1.0)
+            to = 1.0
+        mean, charge, _ = flight_outlook(air, speeds[0], probability, need, segment, other, leave)
+        have = 1.0 if full and pad < NEVER else soc
+        if charge > have - reserve:
+            if pad == NEVER or full:
+                continue
+            for _ in range(_ROUNDS):
+                if charge > 1.0 - reserve:
+                    break
+                later = pad + charge_time(curve_s, curve_soc, soc, charge + reserve)
+                if later <= leave:
+                    break
+                leave = later
+                mean, again, _ = flight_outlook(air, speeds[0], probability, need, segment, other, leave)
+                charge = max(charge, again)
+            if charge > 1.0 - reserve:
+                continue
+            leave = pad + charge_time(curve_s, curve_soc, soc, charge + reserve)
+            to = charge + reserve
+            have = to
+        out[row, LEAVE], out[row, CHARGE], out[row, MEAN], out[row, CHARGE_TO] = leave, charge, mean, to
+        out[row, RANK] = rank(
+            air,
+            direct,
+            speeds,
+            probability,
+            graph,
+            need,
+            (node, other),
+            (now, leave + mean, have - charge),
+            policy,
+            curve_s,
+            curve_soc,
+        )
+    return out
+
+
+@compiled
+def rank(
+    air: Air,
+    direct: Air,
+    speeds: tuple[Speeds, Speeds],
+    probability: NDArray[np.float64],
+    graph: Graph,
+    need: Need,
+    place: tuple[int, int],
+    state: tuple[float, float, float],
+    policy: tuple[bool, float, float],
+    curve_s: NDArray[np.float64],
+    curve_soc: NDArray[np.float64],
+) -> float:
+    """Time of Algorithm 1, line 12: to a station, there, and beyond it; the destination comes before all others."""
+    came_from, node = place
+    now, arrive, soc = state
+    full, reserve, factor = policy
+    if node == need.destination:
+        return -1.0
+    if not graph.has_pads[node]:
+        return NEVER
+    leave = arrive + wait_at(graph.wait_start_s, graph.wait_step_s, graph.wait_s, node, arrive)
+    if full:
+        leave += charge_time(curve_s, curve_soc, soc, 1.0)
+    ahead, charge = beyond(air, direct, speeds, probability, graph, need, node, came_from, leave, 1.0 - reserve, factor)
+    if ahead == NEVER:
+        return LAST_RESORT_S + leave - now
+    if not full:
+        leave += charge_time(curve_s, curve_soc, soc, charge + reserve)
+    return leave + ahead - now

@@ -25,10 +25,6 @@ if TYPE_CHECKING:
     from planner.problem import Problem
 
 
-_LAST_RESORT_S = 1e12
-"""Rank of a station beyond which nothing is in reach at the moment: after all others, but not left out."""
-
-
 def charging_time_per_flight_s(problem: Problem) -> float:
     """Seconds on a pad that a second of flight costs, at the constant rate of charging."""
     return problem.soc_per_s / problem.drone.charging_curve().rate_per_s
@@ -98,47 +94,27 @@ class ForwardSearch:
 
     def _candidates(self, node: int, time_s: float, soc: float, came_from: int) -> Iterator[Reachable]:
         """Stations to go on to, best first; those that need waiting for wind come last."""
-        p = self.problem
+        p, outlook = self.problem, self.outlook
         at_origin = came_from < 0
-        frame_soc = soc
         pad = time_s + p.waits.at(node, time_s)[0] if p.has_pads(node) and not (at_origin and p.in_flight) else None
-        self._soc[node] = frame_soc
-        found: list[Reachable] = []
+        self._soc[node] = soc
+        found: list[tuple[float, Reachable]] = []
         if at_origin and self.full:
-            found = self.outlook.reachable(node, time_s, soc, full=False, pad_s=None, hold=False)
+            found = outlook.reachable(node, came_from, time_s, soc, None, full=False, factor=self.factor)
         if not found:
-            found = self.outlook.reachable(node, time_s, soc, full=self.full, pad_s=pad, hold=False)
-        yield from self._ranked(found, node, time_s, soc)
+            found = outlook.reachable(node, came_from, time_s, soc, pad, full=self.full, factor=self.factor)
+        yield from _best_first(found)
         if at_origin and p.in_flight:
             return
-        seen = {one.node for one in found}
-        held = self.outlook.reachable(node, time_s, soc, full=self.full, pad_s=pad, hold=True)
-        yield from self._ranked([one for one in held if one.node not in seen], node, time_s, soc)
-
-    def _ranked(self, found: list[Reachable], node: int, time_s: float, soc: float) -> list[Reachable]:
-        """Sort by expected time to the destination; the destination itself comes first."""
-        keyed = [(self._rank(one, node, time_s, soc), one) for one in found]
-        return [one for rank, one in sorted(keyed, key=lambda pair: pair[0]) if math.isfinite(rank)]
-
-    def _rank(self, one: Reachable, node: int, time_s: float, soc: float) -> float:
-        """Time of Algorithm 1, line 12: to the station, there, and beyond it."""
-        p = self.problem
-        if one.node == p.destination:
-            return -1.0
-        if not p.has_pads(one.node):
-            return math.inf
-        arrive = one.leave_s + one.mean_s
-        wait, _ = p.waits.at(one.node, arrive)
-        landed = (soc if one.charge_to is None else one.charge_to) - one.charge
-        leave = arrive + wait + (p.charge_time_s(one.node, landed, 1.0) if self.full else 0.0)
-        ahead, charge = self.outlook.beyond(one.node, node, leave, self.factor)
-        if not math.isfinite(ahead):
-            return _LAST_RESORT_S + leave
-        if not self.full:
-            leave += p.charge_time_s(one.node, landed, charge + p.reserve)
-        return leave + ahead - time_s
+        seen = {one.node for _, one in found}
+        held = outlook.held(node, came_from, time_s, soc, pad, full=self.full, factor=self.factor)
+        yield from _best_first([pair for pair in held if pair[1].node not in seen])
 
     def _soc_on_arrival(self, frame: _Frame, choice: Reachable) -> float:
         """Charge that is there on landing in all but a share epsilon of the members: the next flight must not hope for more."""
         leaving = self._soc[frame.node] if choice.charge_to is None else choice.charge_to
         return max(leaving - choice.charge, 0.0)
+
+
+def _best_first(found: list[tuple[float, Reachable]]) -> list[Reachable]:
+    return [one for _, one in sorted(found, key=lambda pair: pair[0])]
