@@ -132,9 +132,7 @@ def _fences(sent: Geofence, read_back: Geofence) -> Iterator[Difference]:
         yield from _areas(number, ours, theirs)
 
 
-def _areas(
-    number: int, ours: FencePolygon | FenceCircle, theirs: FencePolygon | FenceCircle
-) -> Iterator[Difference]:
+def _areas(number: int, ours: FencePolygon | FenceCircle, theirs: FencePolygon | FenceCircle) -> Iterator[Difference]:
     if ours.inclusion != theirs.inclusion:
         yield Difference(number, "inclusion", ours.inclusion, theirs.inclusion)
     if isinstance(ours, FencePolygon) and isinstance(theirs, FencePolygon):

@@ -9,13 +9,13 @@ latitude and longitude; so is the corridor built, scaled to metres.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
-
-from models import geodesy
-from models.errors import Fault, InputError
 
 from missions.coordinates import Point
 from missions.geofence import FencePolygon
+from models import geodesy
+from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,7 +56,7 @@ def corridor(
         The width is not between 20 m and 100 km, or the route crosses the 180th meridian (neither autopilot has
         fences across it).
     """
-    import shapely  # noqa: PLC0415  60 ms
+    import shapely
 
     if not 20.0 <= width_m <= 100_000.0:
         raise InputError(Fault("is not between 20 and 100000 m", field="corridor width", value=width_m))
@@ -65,9 +65,7 @@ def corridor(
     west, east = min(lon for _, lon in places), max(lon for _, lon in places)
     if east - west > 180.0:
         raise InputError(
-            Fault(
-                "the route crosses the 180th meridian, where fences end", remedy="export it without a fence"
-            )
+            Fault("the route crosses the 180th meridian, where fences end", remedy="export it without a fence")
         )
 
     def plane(points: Sequence[LatLon]) -> list[tuple[float, float]]:
@@ -75,19 +73,14 @@ def corridor(
 
     shapes: list[shapely.Geometry] = [_line(plane(route))]
     for part, station in diverts:
-        shapes += [
-            shapely.MultiPoint(plane([*pair, station])).convex_hull
-            for pair in zip(part[:-1], part[1:], strict=True)
-        ]
+        shapes += [shapely.MultiPoint(plane([*pair, station])).convex_hull for pair in pairwise(part)]
     area = _outline(shapely.union_all(shapes), width_m / 2.0, max_vertices)
-    vertices = tuple(
-        Point.of_degrees(y / _M_PER_DEG, x / scale + west) for x, y in list(area.exterior.coords)[:-1]
-    )
+    vertices = tuple(Point.of_degrees(y / _M_PER_DEG, x / scale + west) for x, y in list(area.exterior.coords)[:-1])
     return FencePolygon(vertices)
 
 
 def _line(points: list[tuple[float, float]]) -> shapely.Geometry:
-    import shapely  # noqa: PLC0415
+    import shapely
 
     distinct = [point for i, point in enumerate(points) if i == 0 or point != points[i - 1]]
     return shapely.LineString(distinct) if len(distinct) > 1 else shapely.Point(distinct[0])
@@ -98,13 +91,11 @@ def _outline(core: shapely.Geometry, half_width_m: float, max_vertices: int) -> 
 
     Simplifying moves the outline by at most the tolerance, so the core is first widened by as much.
     """
-    import shapely  # noqa: PLC0415
+    import shapely
 
     for tolerance in (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0):
         slack = tolerance * half_width_m
-        wide = core.buffer(
-            half_width_m + slack, quad_segs=2, join_style="mitre", mitre_limit=1.5, cap_style="square"
-        )
+        wide = core.buffer(half_width_m + slack, quad_segs=2, join_style="mitre", mitre_limit=1.5, cap_style="square")
         outline = shapely.Polygon(wide.exterior).simplify(slack, preserve_topology=True)
         if len(outline.exterior.coords) - 1 <= max_vertices and outline.is_valid:
             return outline

@@ -84,9 +84,7 @@ def leg_mission(
     return Export((document,), parameters, build.warnings((service,)))
 
 
-def whole_mission(
-    composition: Composition, dialect: Dialect, options: MissionOptions | None = None
-) -> Export:
+def whole_mission(composition: Composition, dialect: Dialect, options: MissionOptions | None = None) -> Export:
     """Return all legs for a plain ground station, disarmed on every pad.
 
     Where the autopilot stays in its mission after a landing that disarms (PX4), that is one mission: LAND, disarm,
@@ -113,9 +111,7 @@ def whole_mission(
     return _one_document(build, items, min(build.ground_m(service.origin) for service in services))
 
 
-def armed_mission(
-    composition: Composition, dialect: Dialect, options: MissionOptions | None = None
-) -> Export:
+def armed_mission(composition: Composition, dialect: Dialect, options: MissionOptions | None = None) -> Export:
     """Return all legs in one mission that stays armed on the pads and leaves by the clock.
 
     LAND, NAV_DELAY of wait and recharge, and away; heights are above the first home throughout.
@@ -132,9 +128,7 @@ def armed_mission(
     items = build.departure(services[0].origin, ground)
     for number, service in enumerate(services):
         if number > 0:
-            hold = MissionItem(
-                Command.NAV_DELAY, Frame.MISSION, float(math.ceil(_hold_s(composition, number)))
-            )
+            hold = MissionItem(Command.NAV_DELAY, Frame.MISSION, float(math.ceil(_hold_s(composition, number))))
             items += [hold, *dialect.leave_armed_hold(build.above(service.origin, ground))]
         items += build.way(service, ground)
     items += build.delivery()
@@ -161,9 +155,7 @@ def _one_document(build: LegBuilder, items: Sequence[MissionItem], lowest_home_m
 
 
 def _mission_per_leg(composition: Composition, dialect: Dialect, options: MissionOptions | None) -> Export:
-    exports = [
-        leg_mission(composition, number, dialect, options) for number in range(len(composition.services))
-    ]
+    exports = [leg_mission(composition, number, dialect, options) for number in range(len(composition.services))]
     strictest: dict[str, Parameter] = {}
     for parameter in (parameter for export in exports for parameter in export.parameters):
         known = strictest.get(parameter.name)

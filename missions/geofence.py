@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from missions.coordinates import Point
 from missions.mission import nothing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from missions.coordinates import Point
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,6 +63,7 @@ class LegBuilder:
         )
 
     def place(self, station: str) -> Place:
+        """Return where a station is."""
         return self.composition.stations[station]
 
     def ground_m(self, station: str) -> float:
@@ -79,13 +80,12 @@ class LegBuilder:
         return known
 
     def speed_mps(self, service: DroneService) -> float:
+        """Return the ground speed that a leg is commanded at."""
         return min(service.ground_speed_mps, self.max_speed_mps)
 
     def check_elevations(self, services: Sequence[DroneService]) -> None:
         """Refuse with every station whose ground height is missing, not only the first."""
-        named = dict.fromkeys(
-            station for s in services for station in (s.origin, *s.via, s.destination, *s.diverts)
-        )
+        named = dict.fromkeys(station for s in services for station in (s.origin, *s.via, s.destination, *s.diverts))
         faults: list[Fault] = []
         for station in named:
             try:
@@ -144,6 +144,7 @@ class LegBuilder:
         return [gripper, *self.dialect.disarm()]
 
     def fence(self, services: Sequence[DroneService]) -> Geofence:
+        """Return the corridor around these legs and the ways to their divert stations."""
         if self.options.corridor_width_m is None:
             return Geofence()
         route: list[tuple[float, float]] = []
@@ -174,10 +175,12 @@ class LegBuilder:
         return RallyPoints(tuple(points))
 
     def home(self, station: str) -> Home:
+        """Return the home of a mission that begins at a station."""
         place = self.place(station)
         return Home(Point.of_degrees(place.lat, place.lon), self.ground_m(station))
 
     def mission(self, items: Sequence[MissionItem], home: Home) -> Mission:
+        """Return the mission of these items, with what ground stations want to know."""
         speed = max(self.speed_mps(service) for service in self.composition.services)
         return Mission(
             tuple(items),
@@ -189,10 +192,9 @@ class LegBuilder:
         )
 
     def needs(self, services: Sequence[DroneService], document: MissionDocument) -> FlightNeeds:
+        """Return what a mission of these legs asks of the vehicle's settings."""
         grounds = [
-            self.ground_m(station)
-            for s in services
-            for station in (s.origin, *s.via, s.destination, *s.diverts)
+            self.ground_m(station) for s in services for station in (s.origin, *s.via, s.destination, *s.diverts)
         ]
         commands = [item.command for item in document.mission.items]
         landing = commands.index(Command.NAV_LAND) if Command.NAV_LAND in commands else len(commands)
@@ -209,6 +211,7 @@ class LegBuilder:
         )
 
     def warnings(self, services: Sequence[DroneService]) -> tuple[str, ...]:
+        """Return what the operator must know of these legs."""
         found = [
             f"leg {service.origin} to {service.destination} is planned at {service.ground_speed_mps:.1f} m/s and"
             f" commanded at {self.speed_mps(service):.1f} m/s: it takes longer than planned"

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from models.errors import Fault, InputError
-
 from missions.corridor import DEFAULT_WIDTH_M
+from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

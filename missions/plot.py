@@ -31,19 +31,13 @@ def plot(document: MissionDocument, path: Path, *, title: str = "", force: bool 
         Another suffix, a file that exists (without `force`), nothing to draw, or matplotlib is not installed.
     """
     if path.suffix not in FORMATS:
-        raise InputError(
-            Fault("is no picture format that we draw", str(path), remedy="name it .png, .svg or .pdf")
-        )
+        raise InputError(Fault("is no picture format that we draw", str(path), remedy="name it .png, .svg or .pdf"))
     if path.exists() and not force:
-        raise InputError(
-            Fault("exists already", str(path), remedy="give another name, or --force to overwrite it")
-        )
+        raise InputError(Fault("exists already", str(path), remedy="give another name, or --force to overwrite it"))
     try:
-        from matplotlib.figure import Figure  # noqa: PLC0415  an extra, and slow
+        from matplotlib.figure import Figure
     except ImportError:
-        raise InputError(
-            Fault("drawing needs matplotlib", str(path), remedy="install skyway[plot]")
-        ) from None
+        raise InputError(Fault("drawing needs matplotlib", str(path), remedy="install skyway[plot]")) from None
     route = fly(document.mission)
     if not (route.steps or document.fence.areas or document.rally.points):
         raise InputError(Fault("there is nothing to draw", str(path)))

@@ -36,7 +36,7 @@ def check_fence(document: MissionDocument, route: Route, autopilot: str | None) 
 
     With several inclusion areas ArduPilot means all of them and PX4 any; without an autopilot it is any.
     """
-    import shapely  # noqa: PLC0415  60 ms
+    import shapely
 
     fence = document.fence
     if not fence.areas:
@@ -92,7 +92,7 @@ def _broken_areas(fence: Geofence) -> Iterator[Finding]:
 
 
 def _shape(area: FencePolygon | FenceCircle) -> shapely.Polygon:
-    import shapely  # noqa: PLC0415
+    import shapely
 
     if isinstance(area, FencePolygon):
         return shapely.Polygon([(vertex.lon, vertex.lat) for vertex in area.vertices])
@@ -119,13 +119,13 @@ def _segments(route: Route) -> tuple[NDArray[np.float64], list[int]]:
 
 
 def _lines(ends: NDArray[np.float64]) -> NDArray[np.object_]:
-    import shapely  # noqa: PLC0415
+    import shapely
 
     return np.asarray(shapely.linestrings(ends), dtype=object) if len(ends) else np.empty(0, dtype=object)
 
 
 def _outside(lines: NDArray[np.object_], allowed: shapely.Geometry | None) -> NDArray[np.bool_]:
-    import shapely  # noqa: PLC0415
+    import shapely
 
     if allowed is None or not len(lines):
         return np.zeros(len(lines), dtype=bool)
@@ -134,7 +134,7 @@ def _outside(lines: NDArray[np.object_], allowed: shapely.Geometry | None) -> ND
 
 
 def _crossing(lines: NDArray[np.object_], forbidden: shapely.Geometry | None) -> NDArray[np.bool_]:
-    import shapely  # noqa: PLC0415
+    import shapely
 
     if forbidden is None or not len(lines):
         return np.zeros(len(lines), dtype=bool)
@@ -159,7 +159,7 @@ def _check_rally(
     forbidden: shapely.Geometry | None,
 ) -> Iterator[Finding]:
     """Rally points must lie in the fence, and so must the straight way to the nearest from everywhere."""
-    import shapely  # noqa: PLC0415
+    import shapely
 
     rally = document.rally.points
     if not rally:

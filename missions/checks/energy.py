@@ -137,7 +137,6 @@ def _or_typical(
 
 def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -> tuple[LegEnergy, ...]:
     """Work out every flight of a route, with charging on the ground between them."""
-    battery_j = conditions.drone.battery_j
     weight = conditions.weather.probability
     soc = conditions.soc_start
     spent_j = np.zeros(len(weight))  # since the state of charge was last known

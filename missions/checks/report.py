@@ -14,7 +14,6 @@ from missions.checks.route import fly
 from missions.checks.structure import check_structure
 from missions.dialects import dialect_of_firmware
 from missions.document import MissionDocument
-from missions.finding import Finding
 from missions.mission import Mission
 from models.drone import M200_V2
 from models.units import J_PER_WH
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from missions.dialects.protocol import Dialect
+    from missions.finding import Finding
     from models.zones import NoFlyZones
 
 SCHEMA = "skyway.check/1"

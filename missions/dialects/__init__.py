@@ -20,9 +20,7 @@ def dialect(name: str) -> Dialect:
         return DIALECTS[name]
     except KeyError:
         choices = " or ".join(DIALECTS)
-        raise InputError(
-            Fault("is no autopilot that we know", None, None, "autopilot", name, choices)
-        ) from None
+        raise InputError(Fault("is no autopilot that we know", None, None, "autopilot", name, choices)) from None
 
 
 def dialect_of_firmware(firmware: int | None) -> Dialect | None:

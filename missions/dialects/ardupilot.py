@@ -206,27 +206,17 @@ class ArduPilot:
         found = [
             Parameter("WPNAV_SPEED", "at-least", speed, "cm/s; missions start at it (10 m/s by default)"),
             Parameter("WPNAV_SPEED_UP", "equal", 100.0 * needs.climb_rate_mps, "cm/s; planned climb rate"),
-            Parameter(
-                "WPNAV_SPEED_DN", "equal", 100.0 * needs.descent_rate_mps, "cm/s; planned descent rate"
-            ),
-            Parameter(
-                "RTL_ALT", "at-least", 100.0 * needs.return_height_m, "cm; a return must clear the ground"
-            ),
-            Parameter(
-                "FS_OPTIONS", "bits", 1 + 2 + 8, "AUTO and landings go on when RC or ground station are lost"
-            ),
-            Parameter(
-                "SYSID_MYGCS", "read", None, "only this system's heartbeats count as the ground station"
-            ),
+            Parameter("WPNAV_SPEED_DN", "equal", 100.0 * needs.descent_rate_mps, "cm/s; planned descent rate"),
+            Parameter("RTL_ALT", "at-least", 100.0 * needs.return_height_m, "cm; a return must clear the ground"),
+            Parameter("FS_OPTIONS", "bits", 1 + 2 + 8, "AUTO and landings go on when RC or ground station are lost"),
+            Parameter("SYSID_MYGCS", "read", None, "only this system's heartbeats count as the ground station"),
             Parameter("BATT_FS_LOW_ACT", "read", None, "what the vehicle does by itself at low battery"),
             Parameter("BATT_LOW_MAH", "read", None, "when it does so; must lie below the planned reserve"),
         ]
         if needs.fenced:
             found += [
                 Parameter("FENCE_ENABLE", "equal", 1, "else the corridor is only stored"),
-                Parameter(
-                    "FENCE_TYPE", "equal", 4, "polygons only: the default 7 also breaches 300 m from home"
-                ),
+                Parameter("FENCE_TYPE", "equal", 4, "polygons only: the default 7 also breaches 300 m from home"),
                 Parameter("FENCE_ACTION", "equal", 1, "a breach returns to a rally point, or lands"),
             ]
         if needs.has_rally_points:
@@ -234,9 +224,7 @@ class ArduPilot:
             found.append(Parameter("RALLY_LIMIT_KM", "equal", 0, limit))
         if needs.continues_after_landing:
             found += [
-                Parameter(
-                    "MIS_OPTIONS", "bits", CONTINUE_AFTER_LAND, "else LAND disarms and resets the mission"
-                ),
+                Parameter("MIS_OPTIONS", "bits", CONTINUE_AFTER_LAND, "else LAND disarms and resets the mission"),
                 Parameter("DISARM_DELAY", "equal", 0, "else the vehicle disarms on the pad in mid-mission"),
             ]
         if needs.uses_gripper:
@@ -275,9 +263,7 @@ def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
             number,
             "ardupilot-unsupported-command",
             f"ArduPilot refuses the upload: it has no {item.name} in missions",
-            "remove it: ArduPilot disarms by itself"
-            if item.command == Command.COMPONENT_ARM_DISARM
-            else None,
+            "remove it: ArduPilot disarms by itself" if item.command == Command.COMPONENT_ARM_DISARM else None,
         )
     if item.command in LOCATED_COMMANDS and math.isnan(item.z):
         yield Finding("error", number, "ardupilot-no-altitude", "ArduPilot refuses the upload: no altitude")

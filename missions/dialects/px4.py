@@ -98,9 +98,7 @@ _ACCEPTED = LOCATED_COMMANDS.intersection(
     Command.COMPONENT_ARM_DISARM,
 }
 
-_PLACELESS_FRAME = frozenset(
-    {Command.DO_SET_HOME, Command.DO_LAND_START, Command.DO_SET_ROI, Command.NAV_ROI}
-)
+_PLACELESS_FRAME = frozenset({Command.DO_SET_HOME, Command.DO_LAND_START, Command.DO_SET_ROI, Command.NAV_ROI})
 """Located commands that PX4 also takes without a place."""
 
 _ALTITUDE_REFERENCE = {
@@ -137,9 +135,7 @@ class Px4:
             value = item.params[number - 1]
             meaning[f"param{number}"] = None if math.isnan(value) else value
         if item.is_located:
-            meaning["altitude reference"] = _ALTITUDE_REFERENCE.get(
-                Frame(item.frame), f"frame {item.frame:d}"
-            )
+            meaning["altitude reference"] = _ALTITUDE_REFERENCE.get(Frame(item.frame), f"frame {item.frame:d}")
             meaning["x"], meaning["y"], meaning["z"] = item.x, item.y, item.z
         elif item.command not in _KEPT_PARAMS:
             meaning["param5"], meaning["param6"] = round(item.param5_or_zero), round(item.param6_or_zero)
@@ -176,12 +172,8 @@ class Px4:
         """Return the parameters that PX4 needs for such a mission."""
         speed = min(needs.ground_speed_mps, MAX_SPEED_MPS)
         found = [
-            Parameter(
-                "MPC_XY_VEL_MAX", "at-least", speed, "clips every planned ground speed (12 m/s by default)"
-            ),
-            Parameter(
-                "MPC_XY_CRUISE", "equal", speed, "the speed missions are flown at without a speed item"
-            ),
+            Parameter("MPC_XY_VEL_MAX", "at-least", speed, "clips every planned ground speed (12 m/s by default)"),
+            Parameter("MPC_XY_CRUISE", "equal", speed, "the speed missions are flown at without a speed item"),
             Parameter("MPC_Z_V_AUTO_UP", "equal", needs.climb_rate_mps, "planned climb rate"),
             Parameter("MPC_Z_V_AUTO_DN", "equal", needs.descent_rate_mps, "planned descent rate"),
             Parameter("RTL_RETURN_ALT", "at-least", needs.return_height_m, "a return must clear the ground"),
@@ -198,9 +190,7 @@ class Px4:
                 Parameter("GF_MAX_VER_DIST", "equal", 0, "no ceiling above home besides the corridor"),
             ]
         if needs.has_rally_points:
-            found.append(
-                Parameter("RTL_TYPE", "equal", 0, "a return goes to the closest rally point or home")
-            )
+            found.append(Parameter("RTL_TYPE", "equal", 0, "a return goes to the closest rally point or home"))
         if needs.stays_armed:
             found.append(Parameter("COM_DISARM_LAND", "equal", -1, "would disarm during an armed hold"))
         if needs.uses_gripper:

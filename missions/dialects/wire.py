@@ -67,9 +67,7 @@ def to_wire(item: MissionItem, seq: int, *, current: int = 0, mission_type: int 
     """
     located = item.command in LOCATED_COMMANDS
     if located and math.isnan(item.z):
-        raise InputError(
-            Fault("has no altitude", field=f"item {seq}", remedy="give each position an altitude")
-        )
+        raise InputError(Fault("has no altitude", field=f"item {seq}", remedy="give each position an altitude"))
     return WireItem(
         seq,
         int(item.frame),

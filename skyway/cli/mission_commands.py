@@ -51,9 +51,7 @@ def mission(
     armed_hold: Annotated[
         bool, typer.Option("--armed-hold", help="Stay armed on the pads and leave by the clock. Dangerous.")
     ] = False,
-    width: Annotated[
-        float, typer.Option(help="Width of the fenced corridor in m; 0 writes no fence.")
-    ] = 400.0,
+    width: Annotated[float, typer.Option(help="Width of the fenced corridor in m; 0 writes no fence.")] = 400.0,
     release: Annotated[Release, typer.Option(help="Who lets the package go at the end.")] = Release.GRIPPER,
     cruise_height: Annotated[float | None, typer.Option(help="Metres above ground.")] = None,
     climb: Annotated[float | None, typer.Option(help="Climb rate, m/s.")] = None,
@@ -111,9 +109,7 @@ def _elevations(given: Sequence[str]) -> dict[str, float]:
         except ValueError:
             station = ""
         if not station or not -500.0 < heights[station] < 9000.0:
-            raise InputError(
-                Fault("is not ID=METRES", field="--elevation", value=text, remedy="e.g. park=45")
-            )
+            raise InputError(Fault("is not ID=METRES", field="--elevation", value=text, remedy="e.g. park=45"))
     return heights
 
 
@@ -177,9 +173,7 @@ def convert(
 
 def check(
     file: Annotated[Path, typer.Argument(help="Mission file of any known format.")],
-    scenario: Annotated[
-        Path | None, typer.Option(help="Scenario: its fleet, pads, zones, rules and wind.")
-    ] = None,
+    scenario: Annotated[Path | None, typer.Option(help="Scenario: its fleet, pads, zones, rules and wind.")] = None,
     drone: Annotated[str | None, typer.Option(help="Vehicle, by id; m200-v2 is built in.")] = None,
     autopilot: Annotated[Autopilot | None, typer.Option(help="Check what this one cannot fly.")] = None,
     wind: Annotated[
@@ -237,13 +231,12 @@ def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> W
     from missions import ForecastWind, SteadyWind
     from models.errors import Fault, InputError
     from models.units import parse_instant
+    from skyway.cli.options import parse_wind
 
     if wind is not None:
         if depart is not None:
-            raise InputError(
-                Fault("a steady wind and a forecast exclude each other", field="--wind, --depart")
-            )
-        return SteadyWind(*_parse_wind(wind))
+            raise InputError(Fault("a steady wind and a forecast exclude each other", field="--wind, --depart"))
+        return SteadyWind(*parse_wind(wind))
     if depart is None:
         return None
     if region is None:
@@ -253,20 +246,6 @@ def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> W
     rules = region.rules
     ensemble = region.forecast(start, 24).at_height(rules.cruise_height_m, rules.wind_profile_exponent)
     return ForecastWind(ensemble, start.timestamp())
-
-
-def _parse_wind(text: str) -> tuple[float, float]:
-    from models.errors import Fault, InputError
-
-    speed, _, direction = text.partition("@")
-    try:
-        mps, degrees = float(speed), float(direction)
-    except ValueError:
-        mps, degrees = -1.0, 0.0
-    if not (0.0 <= mps <= 100.0 and 0.0 <= degrees <= 360.0):
-        remedy = "m/s and where it blows from, e.g. 8@270 for a west wind"
-        raise InputError(Fault("is not a wind", field="--wind", value=text, remedy=remedy))
-    return mps, degrees
 
 
 def _conditions(
@@ -279,22 +258,17 @@ def _conditions(
 ) -> FlightConditions:
     from missions import FlightConditions, SteadyWind
     from models.errors import Fault, InputError
+    from skyway.cli.options import percent
 
-    limits = {
-        "--soc": (soc_percent, 0.0, 100.0),
-        "--reserve": (reserve_percent, 0.0, 100.0),
-        "--payload": (payload_kg, 0.0, 1000.0),
-    }
-    for name, (value, low, high) in limits.items():
-        if not low <= value <= high:
-            raise InputError(Fault(f"is not between {low:g} and {high:g}", field=name, value=value))
+    if not 0.0 <= payload_kg <= 1000.0:
+        raise InputError(Fault("is not between 0 and 1000", field="--payload", value=payload_kg))
     vehicle, assumed = _vehicle(region, drone)
     rules = region.rules if region else None
     return FlightConditions(
         vehicle,
         payload_kg,
-        soc_percent / 100.0,
-        reserve_percent / 100.0,
+        percent(soc_percent, "--soc"),
+        percent(reserve_percent, "--reserve"),
         rules.climb_rate_mps if rules else 5.0,
         rules.descent_rate_mps if rules else 3.0,
         weather or SteadyWind(),
@@ -348,9 +322,7 @@ def _print_report(report: CheckReport) -> None:
 
 def show(
     file: Annotated[Path, typer.Argument(help="Mission file of any known format.")],
-    plot: Annotated[
-        Path | None, typer.Option(help="Draw map and height profile: FILE.png or FILE.svg.")
-    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw map and height profile: FILE.png or FILE.svg.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the picture.")] = False,
 ) -> None:
     """Show a mission file as a table, and draw it.
@@ -397,11 +369,7 @@ def _print_table(document: MissionDocument) -> None:
         Console(width=console.width if console.is_terminal else 200).print(table)
     for number, area in enumerate(document.fence.areas):
         kind = "stay inside" if area.inclusion else "stay outside"
-        what = (
-            f"{len(area.vertices)} vertices"
-            if hasattr(area, "vertices")
-            else f"circle of {area.radius_m:g} m"
-        )
+        what = f"{len(area.vertices)} vertices" if hasattr(area, "vertices") else f"circle of {area.radius_m:g} m"
         typer.echo(f"fence area {number}: {kind}, {what}")
     for number, rally in enumerate(document.rally.points):
         typer.echo(f"rally point {number}: {rally.point}, {rally.altitude_m:g} m above home")

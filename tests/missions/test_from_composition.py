@@ -3,8 +3,8 @@
 from dataclasses import replace
 from itertools import pairwise
 
-import conftest as small
 import pytest
+import small_compositions as small
 
 from missions import MissionOptions, armed_mission, check, dialect, leg_mission, whole_mission
 from missions.commands import Command
@@ -196,7 +196,7 @@ def test_an_unknown_ground_height_is_refused_by_name_with_every_other_one(two_le
 
 
 def test_a_leg_that_the_plan_does_not_have_is_refused(two_legs):
-    with pytest.raises(InputError, match="no such leg .got '2'.; the plan has legs 0 to 1"):
+    with pytest.raises(InputError, match=r"no such leg .got '2'.; the plan has legs 0 to 1"):
         leg_mission(two_legs, 2, PX4)
 
 

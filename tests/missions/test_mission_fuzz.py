@@ -66,8 +66,7 @@ def survives(data):
     """Read, check and write; return whether it could be read."""
     try:
         document = mission_file.loads(data, "fuzz")
-    except InputError as error:
-        assert str(error)
+    except InputError:
         return False
     report = check(document)
     assert len(report.findings) < 2000
