@@ -21,6 +21,11 @@ class SkywayError(Exception):
     exit_code = 2
 
 
+def one_line(text: str) -> str:
+    """Replace what no terminal should be sent (line ends, escape codes, lone surrogates) by spaces."""
+    return text if text.isprintable() else "".join(char if char.isprintable() else " " for char in text)
+
+
 @dataclass(frozen=True, slots=True)
 class Fault:
     """One thing wrong with an input, said so that it can be put right.
@@ -55,7 +60,7 @@ class Fault:
             text += f" (got {shown[:60] + '…' if len(shown) > 60 else shown!r})"
         if self.remedy:
             text += f"; {self.remedy}"
-        return text.replace("\n", " ")
+        return one_line(text)
 
 
 class InputError(SkywayError, ValueError):

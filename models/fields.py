@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
+import difflib
 import math
+import re
 import tomllib
 from typing import TYPE_CHECKING, Any
 
-from models.errors import Fault, InputError
+from models.errors import Fault, InputError, one_line
 from models.files import read_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-MAX_BYTES = 4 * 1024 * 1024
+MAX_BYTES = 1024 * 1024
+MAX_UNKNOWN = 20
+"""Unknown fields of one table that are reported."""
+_DEEP_KEY = re.compile(r"""(?<![\w"'-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){32}""")
+"""A key of more than 32 parts: the memory that `tomllib` takes for a key grows with the square of its parts."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file of at most 4 MB; an error names the line."""
+    """Read a TOML file of at most 1 MB; an error names the line."""
+    text = read_text(path, max_bytes=MAX_BYTES)
+    if _DEEP_KEY.search(text):
+        raise InputError(Fault("is nested too deeply", str(path)))
     try:
-        return tomllib.loads(read_text(path, max_bytes=MAX_BYTES))
-    except tomllib.TOMLDecodeError as error:
+        return tomllib.loads(text)
+    except ValueError as error:  # TOMLDecodeError, or a number of thousands of digits
         raise InputError(Fault(f"is not TOML: {error}", str(path))) from None
     except RecursionError:
         raise InputError(Fault("is nested too deeply", str(path))) from None
@@ -28,7 +37,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 def finite(text: object) -> float | None:
     """Return the number that a text or value stands for, or None where it is no finite number."""
-    if isinstance(text, bool):
+    if isinstance(text, bool) or (isinstance(text, str) and "_" in text):
         return None
     try:
         number = float(text)  # type: ignore[arg-type]
@@ -55,10 +64,9 @@ class Table:
         self.path = path
         self.faults = faults
         self._read: set[str] = set()
-        if isinstance(values, dict):
-            self._values: dict[str, Any] = values
-        else:
-            self._values = {}
+        self._values: dict[str, Any] = values if isinstance(values, dict) else {}
+        self._is_table = isinstance(values, dict)
+        if not self._is_table:
             self.fault("", "must be a table", values)
 
     def __contains__(self, key: str) -> bool:
@@ -113,6 +121,9 @@ class Table:
         if not isinstance(value, str) or not value.strip():
             self.fault(key, "must be a text that is not empty", value)
             return default or ""
+        if one_line(value) != value:
+            self.fault(key, "must be one line of plain text", value)
+            return default or ""
         if choices is not None and value not in choices:
             self.fault(key, "is not known", value, "one of " + ", ".join(choices))
             return default or choices[0]
@@ -145,15 +156,18 @@ class Table:
 
     def finish(self) -> None:
         """Report every field that nobody read: a misspelt name must not pass for a default."""
-        for key in self._values:
-            if key not in self._read:
-                known = ", ".join(sorted(self._read))
-                self.fault(key, "is not a field here", None, f"known: {known}")
+        unknown = [key for key in self._values if key not in self._read]
+        for key in unknown[:MAX_UNKNOWN]:
+            close = difflib.get_close_matches(key, self._read, n=1)
+            known = f"did you mean {close[0]}?" if close else "known: " + ", ".join(sorted(self._read))
+            self.fault(key, "is not a field here", None, known)
+        if len(unknown) > MAX_UNKNOWN:
+            self.fault("", f"has {len(unknown) - MAX_UNKNOWN} more unknown fields")
 
     def _get(self, key: str, *, required: bool) -> Any:
         self._read.add(key)
         value = self._values.get(key)
-        if value is None and required:
+        if value is None and required and self._is_table:
             self.fault(key, "is missing")
         return value
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import os
 import tempfile
+import zlib
 from typing import TYPE_CHECKING
 
 from models.errors import Fault, InputError
@@ -29,7 +30,7 @@ def read_bytes(path: Path, *, max_bytes: int) -> bytes:
         raise InputError(Fault("no such file", str(path))) from None
     except IsADirectoryError:
         raise InputError(Fault("is a folder, not a file", str(path))) from None
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(Fault(f"cannot be read: {reason}", str(path))) from None
     if len(data) > max_bytes:
@@ -44,11 +45,16 @@ def read_bytes(path: Path, *, max_bytes: int) -> bytes:
 
 
 def read_text(path: Path, *, max_bytes: int) -> str:
-    """Read a UTF-8 text file (a byte-order mark is dropped) of at most `max_bytes`."""
+    """Read a UTF-8 text file (a byte-order mark is dropped) of at most `max_bytes`, without NUL."""
+    data = read_bytes(path, max_bytes=max_bytes)
+    nul = data.find(0)
+    if nul >= 0 and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError(Fault(f"is not text: byte {nul} is NUL", str(path)))
     try:
-        return read_bytes(path, max_bytes=max_bytes).decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(Fault(f"is not UTF-8 text (byte {error.start})", str(path))) from None
+        problem = f"is not UTF-8 text (byte {error.start})"
+        raise InputError(Fault(problem, str(path), remedy="save it with the encoding UTF-8")) from None
 
 
 def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -> None:
@@ -59,10 +65,11 @@ def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -
     InputError
         The file exists and `force` is false, or it cannot be written.
     """
-    if path.exists() and not force:
-        raise InputError(Fault("exists already", str(path), remedy="give another name, or --force to overwrite it"))
     data = content.encode() if isinstance(content, str) else content
     try:
+        if path.exists() and not force:
+            remedy = "give another name, or --force to overwrite it"
+            raise InputError(Fault("exists already", str(path), remedy=remedy))
         descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(descriptor, "wb") as stream:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -112,16 +113,18 @@ class Network:
         Raises
         ------
         InputError
-            A segment from a station to itself, or two stations with the same id.
+            Unknown ends, segments from a station to itself, or stations with the same id.
         """
         stations = tuple(stations)
-        _check_ids(stations)
         pairs = np.unique(np.asarray(pairs, dtype=np.int64).reshape(-1, 2), axis=0)
-        if np.any(pairs[:, 0] == pairs[:, 1]):
-            index = int(pairs[pairs[:, 0] == pairs[:, 1]][0, 0])
-            raise InputError(
-                Fault("a segment leads from a station to itself", field="segment", value=stations[index].id)
-            )
+        unknown = ((pairs < 0) | (pairs >= len(stations))).any(axis=1)
+        loops = np.unique(pairs[~unknown & (pairs[:, 0] == pairs[:, 1]), 0])
+        faults = _repeated_ids(stations)
+        faults += [Fault("names no node", field="segment", value=pair) for pair in pairs[unknown].tolist()]
+        loop = "a segment leads from a station to itself"
+        faults += [Fault(loop, field="segment", value=stations[node].id) for node in loops.tolist()]
+        if faults:
+            raise InputError(faults)
         lat = np.array([s.lat for s in stations])
         lon = np.array([s.lon for s in stations])
         if zones is not None and len(pairs):
@@ -167,9 +170,9 @@ class Network:
     @cached_property
     def graph(self) -> nx.DiGraph:
         """The same as a networkx graph: station ids with their attributes, edges with distance and bearing."""
-        import networkx  # imported late: 90 ms
+        import networkx as nx  # imported late: 90 ms
 
-        graph = networkx.DiGraph()
+        graph = nx.DiGraph()
         for station in self.stations:
             graph.add_node(
                 station.id,
@@ -247,10 +250,10 @@ class Network:
         return "skyway network lists the stations"
 
     def with_target(self, lat: float, lon: float, *, id: str = "target") -> Network:  # noqa: A002
-        """Add a delivery target without pads, joined to the stations by the network's rule.
+        """Add a delivery target without pads, joined to the stations by the network's rule; it is the last node.
 
         Where segments were given rather than made by a rule, the target is joined to every station within the
-        length of the longest given segment. A station within 10 m is used as it is.
+        length of the longest given segment.
 
         Raises
         ------
@@ -260,31 +263,42 @@ class Network:
         faults = coordinate_faults(lat, lon)
         if faults:
             raise InputError(faults)
-        if self.zones is not None and self.zones.contains(lat, lon) is not None:
-            inside = self.zones.contains(lat, lon)
-            raise InputError(Fault(f"lies in the no-fly zone {inside}", field="target", value=f"{lat},{lon}"))
-        reach, _ = geodesy.inverse(lat, lon, self.lat, self.lon)
-        if self.rule is None:
-            limit = float(self.distance_m.max()) if len(self.distance_m) else 0.0
-        else:
-            limit = self.rule.max_length_m
-        near = np.flatnonzero(reach <= limit)
-        if self.rule is not None and self.rule.kind == "nearest":
-            near = near[np.argsort(reach[near], kind="stable")[: self.rule.nearest]]
-        new = len(self.stations)
-        pairs = np.column_stack((self.tail, self.head))
-        joined = np.concatenate(
-            (
-                pairs,
-                np.column_stack((near, np.full(len(near), new))),
-                np.column_stack((np.full(len(near), new), near)),
-            )
-        )
+        zone = None if self.zones is None else self.zones.contains(lat, lon)
+        if zone is not None:
+            raise InputError(Fault(f"lies in the no-fly zone {zone}", field="target", value=f"{lat},{lon}"))
         unique_id = id
         while unique_id in self.index:
             unique_id += "-new"
         target = Station(unique_id, f"delivery target {lat:.5f},{lon:.5f}", lat, lon, None, 0, 0)
-        return Network.from_pairs((*self.stations, target), joined, rule=self.rule, zones=self.zones)
+        near = self._near(lat, lon)
+        node = np.full(len(near), len(self.stations))
+        pairs = np.concatenate((np.column_stack((near, node)), np.column_stack((node, near))))
+        star = Network.from_pairs((*self.stations, target), pairs, zones=self.zones)
+        tail = np.concatenate((self.tail, star.tail))
+        head = np.concatenate((self.head, star.head))
+        order = np.lexsort((head, tail))
+        return Network(
+            stations=star.stations,
+            tail=tail[order],
+            head=head[order],
+            distance_m=np.concatenate((self.distance_m, star.distance_m))[order],
+            bearing_deg=np.concatenate((self.bearing_deg, star.bearing_deg))[order],
+            rule=self.rule,
+            zones=self.zones,
+        )
+
+    def _near(self, lat: float, lon: float) -> NDArray[np.int64]:
+        """Stations that the network's rule joins to a position."""
+        north, east = geodesy.local_offsets_m(self.lat, self.lon, lat, lon)
+        reach = np.hypot(north, east)
+        limit = float(self.distance_m.max(initial=0.0)) if self.rule is None else self.rule.max_length_m
+        near = np.flatnonzero(reach <= limit)
+        near = near[np.argsort(reach[near], kind="stable")]
+        if self.rule is not None and self.rule.kind == "nearest":
+            near = near[: self.rule.nearest]
+        if self.rule is not None and self.rule.kind == "gabriel":
+            near = near[_free_circles(np.column_stack((north, east))[near])]
+        return np.sort(near)
 
     def with_pads(self, pads: int) -> Network:
         """Return the same network with that many pads at every station that has any."""
@@ -295,20 +309,22 @@ class Network:
 def coordinate_faults(lat: float, lon: float, *, file: str | None = None, line: int | None = None) -> list[Fault]:
     """Return what is wrong with a position in degrees: out of range, or not a number."""
     faults = []
+    hint = "degrees from -90 to 90" if abs(lat) < 1e5 else "degrees, not ten-millionths of them"
     if not -90.0 <= lat <= 90.0:
-        hint = "lat and lon may be swapped" if abs(lat) <= 180.0 and abs(lon) <= 90.0 else "degrees from -90 to 90"
+        hint = "lat and lon may be swapped" if abs(lat) <= 180.0 and abs(lon) <= 90.0 else hint
         faults.append(Fault("latitude out of range", file, line, "lat", lat, hint))
     if not -180.0 <= lon <= 180.0:
         faults.append(Fault("longitude out of range", file, line, "lon", lon, "degrees from -180 to 180"))
     return faults
 
 
-def _check_ids(stations: tuple[Station, ...]) -> None:
-    seen: set[str] = set()
-    faults = []
-    for station in stations:
-        if station.id in seen:
-            faults.append(Fault("two stations have the same id", field="id", value=station.id))
-        seen.add(station.id)
-    if faults:
-        raise InputError(faults)
+def _free_circles(offset: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell for which offsets, shape (points, 2), the circle from the origin to there holds no other point."""
+    limit = (1.0 + 1e-9) * (offset**2).sum(axis=1)
+    return np.array([not (offset @ point > limit).any() for point in offset], dtype=bool)
+
+
+def _repeated_ids(stations: tuple[Station, ...]) -> list[Fault]:
+    counts = Counter(station.id for station in stations)
+    problem = "two stations have the same id"
+    return [Fault(problem, field="id", value=name) for name, count in counts.items() if count > 1]

@@ -14,12 +14,16 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
-    from scipy.spatial import cKDTree
 
     from models.zones import NoFlyZones
 
 RULES = ("max-length", "nearest", "gabriel")
 MAX_PAIRS = 20_000_000
+FEW = 150
+"""Up to so many places all pairs are looked at; beyond, a tree is worth the time that importing it takes."""
+SEMI_MAJOR_M = 6_378_137.0
+ECCENTRICITY_SQUARED = 0.006_694_379_990_141_317
+"""Of the WGS-84 ellipsoid."""
 
 
 def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: NoFlyZones | None = None) -> Network:
@@ -39,70 +43,111 @@ def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: N
         )
     if not rule.max_length_m > 0:
         raise InputError(Fault("must be above 0", field="network.max_length_m", value=rule.max_length_m))
-    if len(stations) < 2:
-        return Network.from_pairs(stations, np.empty((0, 2), dtype=np.int64), rule=rule, zones=zones)
-    pairs = {"max-length": _within, "nearest": _nearest, "gabriel": _gabriel}[rule.kind](stations, rule)
-    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-    lat = np.array([s.lat for s in stations])
-    lon = np.array([s.lon for s in stations])
-    length, _ = geodesy.inverse(lat[pairs[:, 0]], lon[pairs[:, 0]], lat[pairs[:, 1]], lon[pairs[:, 1]])
-    pairs = pairs[(length <= rule.max_length_m) & (length > 0.0)]
+    if rule.nearest < 1:
+        raise InputError(Fault("must be at least 1", field="network.nearest", value=rule.nearest))
+    lat = np.array([s.lat for s in stations], dtype=np.float64)
+    lon = np.array([s.lon for s in stations], dtype=np.float64)
+    # Stations at one place have the same neighbours (and no segment between them): join places.
+    places, place_of = np.unique(np.column_stack((lat, lon)), axis=0, return_inverse=True)
+    pairs = np.empty((0, 2), dtype=np.int64)
+    if len(places) > 1:
+        joined = {"max-length": _within, "nearest": _nearest, "gabriel": _gabriel}[rule.kind](places, rule)
+        length, _ = geodesy.inverse(*places[joined[:, 0]].T, *places[joined[:, 1]].T)
+        pairs = _of_stations(joined[(length <= rule.max_length_m) & (length > 0.0)], place_of.ravel())
     return Network.from_pairs(stations, np.concatenate((pairs, pairs[:, ::-1])), rule=rule, zones=zones)
 
 
-def _tree(stations: Sequence[Station]) -> tuple[cKDTree, NDArray[np.float64]]:
-    """KD-tree of the stations as points on a sphere of the Earth's mean radius, metres."""
-    from scipy.spatial import cKDTree  # imported late: 100 ms
+def _of_stations(pairs: NDArray[np.int64], place_of: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Turn pairs of places into pairs of the stations that stand there."""
+    order = np.argsort(place_of, kind="stable")
+    count = np.bincount(place_of)
+    first = np.cumsum(count) - count
+    if count.max() == 1:
+        return order[pairs]
+    here = [order[start : start + number] for start, number in zip(first, count, strict=True)]
+    grids = [np.stack(np.meshgrid(here[a], here[b]), axis=-1).reshape(-1, 2) for a, b in pairs.tolist()]
+    return np.concatenate([np.empty((0, 2), dtype=np.int64), *grids])
 
-    lat = np.radians([s.lat for s in stations])
-    lon = np.radians([s.lon for s in stations])
-    xyz = geodesy.EARTH_RADIUS_M * np.column_stack((np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)))
-    return cKDTree(xyz), xyz
+
+def _earth_xyz(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return places (lat, lon), shape (places, 2), as metres from the centre of the ellipsoid, shape (places, 3)."""
+    lat, lon = np.radians(places).T
+    normal = SEMI_MAJOR_M / np.sqrt(1.0 - ECCENTRICITY_SQUARED * np.sin(lat) ** 2)
+    up = normal * (1.0 - ECCENTRICITY_SQUARED) * np.sin(lat)
+    return np.column_stack((normal * np.cos(lat) * np.cos(lon), normal * np.cos(lat) * np.sin(lon), up))
 
 
-def _within(stations: Sequence[Station], rule: ConnectionRule) -> NDArray[np.int64]:
-    tree, _ = _tree(stations)
-    reach = min(rule.max_length_m * 1.006, 2.0 * geodesy.EARTH_RADIUS_M)  # sphere against ellipsoid: within 0.6 %
-    count = (int(tree.count_neighbors(tree, reach)) - len(stations)) // 2
+def _within(places: NDArray[np.float64], rule: ConnectionRule) -> NDArray[np.int64]:
+    """All pairs whose chord is not longer than the rule allows: a geodesic is never shorter than its chord."""
+    xyz = _earth_xyz(places)
+    reach = min(rule.max_length_m, 3.0 * SEMI_MAJOR_M)
+    if len(places) <= FEW:
+        near = np.triu(_chords(xyz, xyz) <= reach, k=1)
+        return np.argwhere(near)
+    from scipy.spatial import cKDTree  # imported late: 0.2 s
+
+    tree = cKDTree(xyz)
+    count = (int(tree.count_neighbors(tree, reach)) - len(places)) // 2
     if count > MAX_PAIRS:
         remedy = f"shorten network.max_length_m or use rule nearest: {count} segments are more than {MAX_PAIRS}"
-        raise InputError(
-            Fault("joins too many pairs", field="network.max_length_m", value=rule.max_length_m, remedy=remedy)
-        )
+        field, value = "network.max_length_m", rule.max_length_m
+        raise InputError(Fault("joins too many pairs", field=field, value=value, remedy=remedy))
     return np.asarray(tree.query_pairs(reach, output_type="ndarray"), dtype=np.int64).reshape(-1, 2)
 
 
-def _nearest(stations: Sequence[Station], rule: ConnectionRule) -> NDArray[np.int64]:
-    if rule.nearest < 1:
-        raise InputError(Fault("must be at least 1", field="network.nearest", value=rule.nearest))
-    tree, xyz = _tree(stations)
-    count = min(rule.nearest + 1, len(stations))
-    _, found = tree.query(xyz, k=count)
-    start = np.repeat(np.arange(len(stations)), count)
-    return np.column_stack((start, np.asarray(found, dtype=np.int64).ravel()))
+def _nearest(places: NDArray[np.float64], rule: ConnectionRule) -> NDArray[np.int64]:
+    xyz = _earth_xyz(places)
+    count = min(rule.nearest + 1, len(places))
+    if len(places) <= FEW:
+        found = np.argsort(_chords(xyz, xyz), axis=1, kind="stable")[:, :count]
+    else:
+        from scipy.spatial import cKDTree
+
+        found = np.asarray(cKDTree(xyz).query(xyz, k=count)[1])
+    start = np.repeat(np.arange(len(places)), count)
+    return np.column_stack((start, found.ravel().astype(np.int64)))
 
 
-def _gabriel(stations: Sequence[Station], rule: ConnectionRule) -> NDArray[np.int64]:
-    tree, xyz = _tree(stations)
-    candidates = _delaunay_edges(stations)
+def _gabriel(places: NDArray[np.float64], rule: ConnectionRule) -> NDArray[np.int64]:
+    """Pairs whose ball (the chord is its diameter) holds no third place, of those that can have such a ball."""
+    xyz = _earth_xyz(places)
+    candidates = _within(places, rule) if len(places) <= FEW else _delaunay_edges(places)
     if candidates is None:
-        candidates = _within(stations, rule)
+        candidates = _within(places, rule)
     a, b = xyz[candidates[:, 0]], xyz[candidates[:, 1]]
     middle = (a + b) / 2.0
     radius = np.linalg.norm(a - b, axis=1) / 2.0
-    nearest, _ = tree.query(middle, k=1)
-    return candidates[nearest >= radius * (1.0 - 1e-9)]
+    if len(places) <= FEW:
+        closest = _chords(middle, xyz).min(axis=1, initial=np.inf)
+    else:
+        from scipy.spatial import cKDTree
+
+        closest = np.asarray(cKDTree(xyz).query(middle, k=1)[0])
+    return np.asarray(candidates[closest >= radius * (1.0 - 1e-9) - 1e-6], dtype=np.int64)
 
 
-def _delaunay_edges(stations: Sequence[Station]) -> NDArray[np.int64] | None:
-    """Edges of the Delaunay triangulation, which holds the Gabriel graph; None for fewer than 4 or collinear points."""
+def _chords(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances in space, shape (len(a), len(b))."""
+    square = np.zeros((len(a), len(b)))
+    for axis in range(3):
+        square += (a[:, axis, None] - b[None, :, axis]) ** 2
+    return np.sqrt(square)
+
+
+def _delaunay_edges(places: NDArray[np.float64]) -> NDArray[np.int64] | None:
+    """Edges of the Delaunay triangulation, which holds the Gabriel graph; None for places that lie on one line.
+
+    Seen in the stereographic projection about the middle, in which circles on the sphere stay circles.
+    """
     from scipy.spatial import Delaunay, QhullError
 
-    lat = np.array([s.lat for s in stations])
-    lon = np.array([s.lon for s in stations])
-    north, east = geodesy.local_offsets_m(lat, lon, float(lat.mean()), float(lon.mean()))
+    xyz = _earth_xyz(places).mean(axis=0)
+    middle = np.degrees((np.arctan2(xyz[2], np.hypot(xyz[0], xyz[1])), np.arctan2(xyz[1], xyz[0])))
+    offset = np.column_stack(geodesy.local_offsets_m(places[:, 0], places[:, 1], middle[0], middle[1]))
+    angle = np.linalg.norm(offset, axis=1) / (2.0 * geodesy.EARTH_RADIUS_M)
+    offset *= np.divide(np.tan(angle), angle, out=np.ones_like(angle), where=angle > 0.0)[:, None]
     try:
-        simplices = Delaunay(np.column_stack((east, north))).simplices
+        simplices = Delaunay(offset).simplices
     except (QhullError, ValueError):
         return None
     edges = np.concatenate((simplices[:, [0, 1]], simplices[:, [1, 2]], simplices[:, [2, 0]]))

@@ -5,20 +5,27 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from models.errors import Fault, InputError
+from models.errors import Fault, InputError, one_line
 from models.fields import finite
 from models.files import read_text, write_atomically
 from models.network import Network, Station, coordinate_faults
 from models.zones import features, read_geojson
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
 MAX_BYTES = 64 * 1024 * 1024
 MAX_PADS = 10_000
+MAX_FAULTS = 100
+"""A file with more faults is not read to its end."""
+GEOJSON_ENDINGS = (".geojson", ".json")
+BOTH_WAYS = ("", "yes", "true", "1")
+ONE_WAY = ("no", "false", "0")
 STATION_FIELDS = ("id", "name", "lat", "lon", "elevation_m", "pads", "holding_spots", "recharge_power_w")
 """Columns of a station file; all but id, lat and lon may be absent."""
 
@@ -42,18 +49,25 @@ def read_stations(
     InputError
         With every fault in the file.
     """
-    names = {field: (columns or {}).get(field, field) for field in STATION_FIELDS}
+    given = columns or {}
+    names = {field: given.get(field, field) for field in STATION_FIELDS}
     faults: list[Fault] = []
-    rows = _geojson_rows(path, faults) if path.suffix in (".geojson", ".json") else _csv_rows(path, names)
+    if path.suffix.lower() in GEOJSON_ENDINGS:
+        rows = _geojson_rows(path, "Point", names, faults)
+    else:
+        needed = dict.fromkeys(("id", "lat", "lon", *given))
+        rows = _csv_rows(path, [names[field] for field in needed if field in names], faults)
     stations: list[Station] = []
-    first_line: dict[str, int] = {}
-    for line, row in rows:
+    first: dict[str, str] = {}
+    for place, row in rows:
+        if _too_many(faults, place):
+            break
         found = len(faults)
-        station = _station(_Row(row, names, str(path), line, faults), pads, holding_spots)
-        if station.id in first_line:
-            remedy = f"it stands on line {first_line[station.id]} already"
-            faults.append(Fault("two stations have the same id", str(path), line, names["id"], station.id, remedy))
-        first_line.setdefault(station.id, line)
+        station = _station(_Row(row, names, place, faults), pads, holding_spots)
+        if station.id in first:
+            problem, remedy = "two stations have the same id", f"it stands {first[station.id]} already"
+            faults.append(_at(place, names["id"], problem, station.id, remedy))
+        first.setdefault(station.id, f"on line {place.line}" if place.line else f"at {place.field}")
         if len(faults) == found:
             stations.append(station)
     if not faults and not stations:
@@ -63,30 +77,44 @@ def read_stations(
     return tuple(stations)
 
 
-class _Row:
-    """One row of a station file."""
+def _at(place: Fault, field: str, problem: str, value: object = None, remedy: str | None = None) -> Fault:
+    """Return a fault of one field at the place of a row."""
+    path = f"{place.field}.{field}" if place.field else field
+    return replace(place, field=path, problem=problem, value=value, remedy=remedy)
 
-    def __init__(
-        self, row: Mapping[str, Any], names: Mapping[str, str], file: str, line: int, faults: list[Fault]
-    ) -> None:
-        self.row, self.names, self.file, self.line, self.faults = row, names, file, line, faults
+
+def _too_many(faults: list[Fault], place: Fault) -> bool:
+    if len(faults) < MAX_FAULTS:
+        return False
+    faults.append(replace(place, problem="so many faults that the rest was not read"))
+    return True
+
+
+class _Row:
+    """One row of a station file; `place` names its file and line, or feature."""
+
+    def __init__(self, row: Mapping[str, str], names: Mapping[str, str], place: Fault, faults: list[Fault]) -> None:
+        self.row, self.names, self.place, self.faults = row, names, place, faults
 
     def text(self, field: str) -> str:
-        value = self.row.get(self.names[field])
-        return "" if value is None else str(value).strip()
+        return self.row.get(self.names[field], "").strip()
 
     def fault(self, field: str, problem: str, remedy: str | None = None) -> None:
-        value = self.text(field)
-        self.faults.append(Fault(problem, self.file, self.line, self.names[field], value or None, remedy))
+        self.faults.append(_at(self.place, self.names[field], problem, self.text(field) or None, remedy))
 
-    def number(self, field: str) -> float | None:
-        """Read a finite number; None, without a fault, where the cell is empty."""
+    def number(
+        self, field: str, low: float = -math.inf, high: float = math.inf, remedy: str | None = None
+    ) -> float | None:
+        """Read a number in [low, high]; None, without a fault, where the cell is empty."""
         text = self.text(field)
         if not text:
             return None
         number = finite(text)
         if number is None:
-            self.fault(field, "is not a number")
+            self.fault(field, "is not a number", "write 40.7, with a point" if "," in text else None)
+        elif not low <= number <= high:
+            self.fault(field, "out of range", remedy)
+            return None
         return number
 
     def count(self, field: str, default: int) -> int:
@@ -98,78 +126,86 @@ class _Row:
             return default
         return int(number)
 
+    def position(self) -> tuple[float, float]:
+        """Read (lat, lon); 0, 0 where they are wrong."""
+        values = [self.number(field) for field in ("lat", "lon")]
+        for field, value in zip(("lat", "lon"), values, strict=True):
+            if value is None and not self.text(field):
+                self.fault(field, "is empty")
+        lat, lon = (0.0 if value is None else value for value in values)
+        for fault in coordinate_faults(lat, lon):
+            self.fault(fault.field or "lat", fault.problem, fault.remedy)
+        if values == [0.0, 0.0]:
+            self.fault("lat", "lies at 0,0", "give the true position")
+        return lat, lon
+
 
 def _station(row: _Row, pads: int, holding_spots: int) -> Station:
     identity = row.text("id")
     if not identity:
         row.fault("id", "is empty")
-    position = {}
-    for field in ("lat", "lon"):
-        number = row.number(field)
-        if number is None and not row.text(field):
-            row.fault(field, "is empty")
-        position[field] = 0.0 if number is None else number
-    for fault in coordinate_faults(position["lat"], position["lon"], file=row.file, line=row.line):
-        row.faults.append(fault)
-    if row.text("lat") and position == {"lat": 0.0, "lon": 0.0}:
-        row.fault("lat", "lies at 0,0", "give the true position")
-    elevation = row.number("elevation_m")
-    if elevation is not None and not -450 <= elevation <= 9000:
-        row.fault("elevation_m", "out of range", "metres above mean sea level, -450 to 9000")
-    power = row.number("recharge_power_w")
-    if power is not None and not 1 <= power <= 1e6:
-        row.fault("recharge_power_w", "out of range", "watts a pad delivers, 1 to 1000000")
+    elif one_line(identity) != identity:
+        row.fault("id", "must be one line of plain text")
+    lat, lon = row.position()
     return Station(
         id=identity,
-        name=row.text("name") or identity,
-        lat=position["lat"],
-        lon=position["lon"],
-        elevation_m=elevation,
+        name=one_line(row.text("name")).strip() or identity,
+        lat=lat,
+        lon=lon,
+        elevation_m=row.number("elevation_m", -450, 9000, "metres above mean sea level, -450 to 9000"),
         pads=row.count("pads", pads),
         holding_spots=row.count("holding_spots", holding_spots),
-        recharge_power_w=power,
+        recharge_power_w=row.number("recharge_power_w", 1, 1e6, "watts a pad delivers, 1 to 1000000"),
     )
 
 
-def _csv_rows(path: Path, names: Mapping[str, str]) -> Iterable[tuple[int, Mapping[str, Any]]]:
-    reader = open_csv(path)
-    header = reader.fieldnames or ()
-    missing = [names[field] for field in ("id", "lat", "lon") if names[field] not in header]
-    if missing:
-        remedy = "the header has " + ", ".join(header) if header else "the file is empty"
-        raise InputError([Fault("column is missing", str(path), 1, name, None, remedy) for name in missing])
-    return _numbered(reader, path)
-
-
-def open_csv(path: Path) -> csv.DictReader[str]:
-    """Open a CSV file of at most 64 MB with a header line."""
-    return csv.DictReader(io.StringIO(read_text(path, max_bytes=MAX_BYTES), newline=""), restkey="", restval="")
-
-
-def _numbered(reader: csv.DictReader[str], path: Path) -> Iterable[tuple[int, Mapping[str, Any]]]:
+def _csv_rows(path: Path, needed: Sequence[str], faults: list[Fault]) -> Iterator[tuple[Fault, Mapping[str, str]]]:
+    """(place, cells by column) of each row that is not blank; rows that do not fit the header are faults."""
+    place = Fault("", str(path))
+    reader = csv.reader(io.StringIO(read_text(path, max_bytes=MAX_BYTES), newline=""))
     try:
-        for row in reader:
-            yield reader.line_num, row
+        header = [name.strip() for name in next(reader, [])]
+        remedy = "the header has " + ", ".join(header) if header else "the file is empty"
+        twice = [name for name in dict.fromkeys(header) if name and header.count(name) > 1]
+        wrong = [replace(place, problem="two columns have this name", line=1, field=name) for name in twice]
+        absent = [name for name in needed if name not in header]
+        wrong += [replace(place, problem="column is missing", line=1, field=name, remedy=remedy) for name in absent]
+        if wrong:
+            raise InputError(wrong)
+        for cells in reader:
+            here = replace(place, line=reader.line_num)
+            if not any(cell.strip() for cell in cells):
+                continue
+            if len(cells) == len(header):
+                yield here, dict(zip(header, cells, strict=True))
+            else:
+                faults.append(replace(here, problem=f"has {len(cells)} cells, the header has {len(header)}"))
     except csv.Error as error:
         raise InputError(Fault(f"is not CSV: {error}", str(path), reader.line_num)) from None
 
 
-def _geojson_rows(path: Path, faults: list[Fault]) -> Iterable[tuple[int, Mapping[str, Any]]]:
-    for number, feature in enumerate(features(read_geojson(path)), start=1):
-        geometry = feature.get("geometry")
-        if not isinstance(geometry, dict) or geometry.get("type") != "Point":
+def _geojson_rows(
+    path: Path, kind: str, names: Mapping[str, str], faults: list[Fault]
+) -> Iterator[tuple[Fault, Mapping[str, str]]]:
+    """(place, properties as text) of each feature of one kind; a point's position joins its properties."""
+    for number, feature in enumerate(features(read_geojson(path), str(path))):
+        place = Fault("", str(path), None, f"features[{number}]")
+        geometry, properties = feature.get("geometry"), feature.get("properties")
+        if not isinstance(geometry, dict) or geometry.get("type") != kind:
             continue
-        position = geometry.get("coordinates")
-        if not isinstance(position, list) or len(position) < 2:
-            faults.append(Fault("a point needs [lon, lat]", str(path), None, f"features[{number - 1}]"))
-            continue
-        properties = feature.get("properties")
-        row = dict(properties) if isinstance(properties, dict) else {}
-        row.setdefault("id", feature.get("id"))
-        row["lon"], row["lat"] = position[0], position[1]
-        if len(position) > 2:
-            row.setdefault("elevation_m", position[2])
-        yield number, row
+        scalars = properties if isinstance(properties, dict) else {}
+        row = {str(key): str(value) for key, value in scalars.items() if isinstance(value, str | int | float)}
+        if kind == "Point":
+            position = geometry.get("coordinates")
+            if not isinstance(position, list) or len(position) < 2:
+                faults.append(replace(place, problem="a point needs [lon, lat]", value=position))
+                continue
+            if names["id"] not in row and isinstance(feature.get("id"), str | int | float):
+                row[names["id"]] = str(feature["id"])
+            row[names["lon"]], row[names["lat"]] = str(position[0]), str(position[1])
+            if len(position) > 2:
+                row.setdefault(names["elevation_m"], str(position[2]))
+        yield place, row
 
 
 def read_segments(path: Path, stations: Sequence[Station]) -> list[tuple[int, int]]:
@@ -185,37 +221,31 @@ def read_segments(path: Path, stations: Sequence[Station]) -> list[tuple[int, in
     index = {station.id: number for number, station in enumerate(stations)}
     faults: list[Fault] = []
     pairs: list[tuple[int, int]] = []
-    for line, row in _segment_rows(path):
-        ends: list[int] = []
-        for field in ("from", "to"):
-            identity = str(row.get(field) or "").strip()
-            if identity in index:
-                ends.append(index[identity])
-            else:
-                faults.append(Fault("names no station", str(path), line, field, identity or "nothing"))
-        if len(ends) == 2 and ends[0] == ends[1]:
-            faults.append(Fault("leads from a station to itself", str(path), line, "to", row.get("to")))
-        elif len(ends) == 2:
-            pairs.append((ends[0], ends[1]))
-            if str(row.get("both", "")).strip().casefold() not in ("no", "false", "0"):
-                pairs.append((ends[1], ends[0]))
+    if path.suffix.lower() in GEOJSON_ENDINGS:
+        rows = _geojson_rows(path, "LineString", {}, faults)
+    else:
+        rows = _csv_rows(path, ("from", "to"), faults)
+    for place, row in rows:
+        if _too_many(faults, place):
+            break
+        names = {field: row.get(field, "").strip() for field in ("from", "to")}
+        unknown = [field for field, name in names.items() if name not in index]
+        faults += [_at(place, field, "names no station", names[field] or "nothing") for field in unknown]
+        both = row.get("both", "").strip().casefold()
+        if both not in BOTH_WAYS and both not in ONE_WAY:
+            faults.append(_at(place, "both", "is not known", both, "yes or no"))
+        if unknown:
+            continue
+        ends = index[names["from"]], index[names["to"]]
+        if ends[0] == ends[1]:
+            faults.append(_at(place, "to", "leads from a station to itself", names["to"]))
+            continue
+        pairs.append(ends)
+        if both not in ONE_WAY:
+            pairs.append(ends[::-1])
     if faults:
         raise InputError(faults)
     return pairs
-
-
-def _segment_rows(path: Path) -> Iterable[tuple[int, Mapping[str, Any]]]:
-    if path.suffix in (".geojson", ".json"):
-        for number, feature in enumerate(features(read_geojson(path)), start=1):
-            geometry, properties = feature.get("geometry"), feature.get("properties")
-            if isinstance(geometry, dict) and geometry.get("type") == "LineString" and isinstance(properties, dict):
-                yield number, properties
-        return
-    reader = open_csv(path)
-    missing = [name for name in ("from", "to") if name not in (reader.fieldnames or ())]
-    if missing:
-        raise InputError([Fault("column is missing", str(path), 1, name) for name in missing])
-    yield from _numbered(reader, path)
 
 
 def to_geojson(network: Network) -> dict[str, Any]:
