@@ -67,12 +67,13 @@ class ArduPilot(Autopilot):
     def read_speeds(self) -> Speeds:
         """WPNAV_* and LAND_SPEED, kept in cm/s; at most 20 m/s."""
         p = self.parameters
+        cruise = p.clamped("WPNAV_SPEED", 20.0, 2000.0) / 100.0
         return Speeds(
-            p.clamped("WPNAV_SPEED", 20.0, 2000.0) / 100.0,
+            cruise,
             p.clamped("WPNAV_SPEED_UP", 10.0, 1000.0) / 100.0,
             p.clamped("WPNAV_SPEED_DN", 10.0, 500.0) / 100.0,
             p.clamped("LAND_SPEED", 30.0, 200.0) / 100.0,
-            20.0,
+            cruise,
         )
 
     def default_takeoff_m(self) -> float:

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 from sim_stub.autopilot.items import FENCE, PLACED_COMMANDS, RALLY, Answer, Command, Frame, Item
+from sim_stub.autopilot.parameters import as_float32
 
 MAX_ITEMS = {0: 724, 1: 255, 2: 64}
 _FRAMES = {
@@ -114,7 +115,7 @@ def _stored(item: Item) -> Item:
         values["p3"] = -1.0 if values["p3"] < 0 else 1.0
     if item.command not in _STORED_IN_LOCATION:
         return replace(item, frame=Frame.GLOBAL, x=0, y=0, z=0.0, autocontinue=1, **values)
-    centimetres = int(item.z * 100.0)
+    centimetres = int(as_float32(item.z * 100.0))
     return replace(
         item, frame=_FRAMES[Frame(item.frame)], z=centimetres / 100.0, autocontinue=1, **values
     )

@@ -13,7 +13,7 @@ from sim_stub.autopilot.fence import Fence
 from sim_stub.autopilot.items import FENCE, MISSION, RALLY, Command, Item, Result
 from sim_stub.autopilot.mission_run import MissionRun
 from sim_stub.autopilot.modes import MANUAL_MODES, Action, Mode
-from sim_stub.physics import Demand
+from sim_stub.physics import Demand, metres_per_degree
 
 if TYPE_CHECKING:
     from sim_stub.autopilot.parameters import ParameterStore
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _LANDED_AFTER_S = 1.0
 _CRASH_MPS = 4.0
+_BRAKING_MPS2 = 1.6
 _FLYING = (Mode.HOLD, Mode.BRAKE, Mode.GUIDED, *MANUAL_MODES)
 
 
@@ -111,9 +112,13 @@ class Autopilot(ABC):
         return self.home.alt_m if self.home else self.body.alt_m
 
     def hover_here(self) -> Fly:
-        """Hold the present position."""
+        """Hold the place where braking ends."""
         body = self.body
-        return Fly(body.lat, body.lon, body.alt_m, 1.0, math.inf, math.degrees(body.yaw))
+        north_scale, east_scale = metres_per_degree(body.lat)
+        braking_s = body.ground_speed_mps / (2.0 * _BRAKING_MPS2) + 0.6
+        lat = body.lat + body.north_mps * braking_s / north_scale
+        lon = body.lon + body.east_mps * braking_s / east_scale
+        return Fly(lat, lon, body.alt_m + 0.5 * body.up_mps, 1.0, math.inf, math.degrees(body.yaw))
 
     def event(self, text: str) -> None:
         """Tell the log of the world."""
