@@ -11,6 +11,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from missions.dialects import dialect as dialect_named
+from missions.fence_items import CLAIMED_COUNT
 from missions.geofence import FencePolygon, Geofence
 from missions.mission import Mission
 from missions.rally import RallyPoints
@@ -140,6 +141,8 @@ def _areas(number: int, ours: FencePolygon | FenceCircle, theirs: FencePolygon |
             yield Difference(number, "vertices", len(ours.vertices), len(theirs.vertices))
         elif not all(map(_close, ours.vertices, theirs.vertices)):
             yield Difference(number, "vertices", ours.vertices, theirs.vertices)
+        if CLAIMED_COUNT in theirs.extra:  # acknowledged, and invalid afterwards
+            yield Difference(number, "vertex count", len(ours.vertices), theirs.extra[CLAIMED_COUNT])
         return
     if isinstance(ours, FencePolygon) or isinstance(theirs, FencePolygon):
         return

@@ -93,7 +93,7 @@ def _outline(core: shapely.Geometry, half_width_m: float, max_vertices: int) -> 
     """
     import shapely
 
-    for tolerance in (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0):
+    for tolerance in (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0):
         slack = tolerance * half_width_m
         wide = core.buffer(half_width_m + slack, quad_segs=2, join_style="mitre", mitre_limit=1.5, cap_style="square")
         outline = shapely.Polygon(wide.exterior).simplify(slack, preserve_topology=True)

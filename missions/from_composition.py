@@ -128,7 +128,9 @@ def armed_mission(composition: Composition, dialect: Dialect, options: MissionOp
     items = build.departure(services[0].origin, ground)
     for number, service in enumerate(services):
         if number > 0:
-            hold = MissionItem(Command.NAV_DELAY, Frame.MISSION, float(math.ceil(_hold_s(composition, number))))
+            # never 0: ArduPilot takes that as a time of day and waits until midnight UTC
+            seconds = max(1, math.ceil(_hold_s(composition, number)))
+            hold = MissionItem(Command.NAV_DELAY, Frame.MISSION, float(seconds))
             items += [hold, *dialect.leave_armed_hold(build.above(service.origin, ground))]
         items += build.way(service, ground)
     items += build.delivery()

@@ -11,11 +11,13 @@ from models.errors import Fault, InputError
 from models.files import read_bytes, write_atomically
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from missions.document import MissionDocument
 
 MAX_BYTES = 64 * 1024 * 1024
 FileFormat = Literal["plan", "waypoints", "fence", "rally"]
-SUFFIXES: dict[str, FileFormat] = {".plan": "plan", ".waypoints": "waypoints", ".txt": "waypoints"}
+SUFFIXES: dict[str, FileFormat] = {".plan": "plan", ".waypoints": "waypoints"}
 
 
 def read(path: Path | str) -> MissionDocument:
@@ -85,34 +87,7 @@ def write(document: MissionDocument, path: Path | str, *, force: bool = False) -
     InputError
         Another suffix, a file that exists (without `force`), or a folder that cannot be written.
     """
-    path = Path(path)
-    kind = SUFFIXES.get(path.suffix)
-    if kind == "plan":
-        write_atomically(path, plan_writer.dumps(document), force=force)
-        return (path,)
-    if kind == "waypoints":
-        return _write_waypoints(document, path, force=force)
-    raise InputError(
-        Fault(
-            "has a suffix that is no mission format",
-            str(path),
-            remedy="name it .plan (QGroundControl) or .waypoints (Mission Planner, QGroundControl)",
-        )
-    )
-
-
-def _siblings(path: Path) -> tuple[Path, Path]:
-    return path.with_suffix(f".fence{path.suffix}"), path.with_suffix(f".rally{path.suffix}")
-
-
-def _write_waypoints(document: MissionDocument, path: Path, *, force: bool) -> tuple[Path, ...]:
-    fence_path, rally_path = _siblings(path)
-    texts = {path: waypoints_file.dumps_mission(document)}
-    # A fence left over from another mission would be read with this one: replace it, or refuse.
-    if document.fence or fence_path.exists():
-        texts[fence_path] = waypoints_file.dumps_fence(document)
-    if len(document.rally) or rally_path.exists():
-        texts[rally_path] = waypoints_file.dumps_rally(document)
+    texts = {file: make(document) for file, make in _files(document, Path(path)).items()}
     taken = [file for file in texts if file.exists()]
     if taken and not force:
         remedy = "give another name, or --force to overwrite it"
@@ -120,3 +95,29 @@ def _write_waypoints(document: MissionDocument, path: Path, *, force: bool) -> t
     for file, text in texts.items():
         write_atomically(file, text, force=force)
     return tuple(texts)
+
+
+def files_of(document: MissionDocument, path: Path | str) -> tuple[Path, ...]:
+    """Return the files that `write` would write; an `InputError` for a suffix that is no format."""
+    return tuple(_files(document, Path(path)))
+
+
+def _files(document: MissionDocument, path: Path) -> dict[Path, Callable[[MissionDocument], str]]:
+    kind = SUFFIXES.get(path.suffix)
+    if kind == "plan":
+        return {path: plan_writer.dumps}
+    if kind != "waypoints":
+        remedy = "name it .plan (QGroundControl) or .waypoints (Mission Planner, QGroundControl)"
+        raise InputError(Fault("has a suffix that is no mission format", str(path), remedy=remedy))
+    files: dict[Path, Callable[[MissionDocument], str]] = {path: waypoints_file.dumps_mission}
+    fence_path, rally_path = _siblings(path)
+    # A fence left over from another mission would be read with this one: replace it, or refuse.
+    if document.fence or fence_path.exists():
+        files[fence_path] = waypoints_file.dumps_fence
+    if len(document.rally) or rally_path.exists():
+        files[rally_path] = waypoints_file.dumps_rally
+    return files
+
+
+def _siblings(path: Path) -> tuple[Path, Path]:
+    return path.with_suffix(f".fence{path.suffix}"), path.with_suffix(f".rally{path.suffix}")

@@ -63,7 +63,7 @@ def _wind(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
             "warning",
             leg.worst_item,
             "speed-not-held",
-            f"the commanded ground speed needs {-leg.least_airspeed_margin_mps:.1f} m/s more airspeed than the"
+            f"in the strongest of these winds the commanded ground speed needs {-leg.least_airspeed_margin_mps:.1f} m/s more airspeed than the"
             f" {drone.max_airspeed_mps:g} m/s of the {drone.name}: it will fly slower",
             "order a lower ground speed",
         )

@@ -267,6 +267,9 @@ def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
         )
     if item.command in LOCATED_COMMANDS and math.isnan(item.z):
         yield Finding("error", number, "ardupilot-no-altitude", "ArduPilot refuses the upload: no altitude")
+    if item.command == Command.NAV_DELAY and not item.param1 > 0 and not any(v > 0 for v in item.params[1:]):
+        message = "a delay of 0 s: ArduPilot takes it as a time of day and waits until midnight UTC"
+        yield Finding("error", number, "ardupilot-delay-until-midnight", message, "give it at least 1 s")
     seconds = item.param1
     if item.command in _WHOLE_SECONDS and math.isfinite(seconds) and seconds > 65535:
         message = f"a hold of {seconds:.0f} s does not fit the 16 bits that ArduPilot has for it"

@@ -116,6 +116,7 @@ def _elevations(given: Sequence[str]) -> dict[str, float]:
 def _write_export(export: Export, output: Path, *, force: bool) -> None:
     """Write every mission of an export and its parameters, or nothing."""
     from missions import parameters, write
+    from missions.mission_file import files_of
     from models.errors import Fault, InputError
     from models.files import write_atomically
 
@@ -125,7 +126,8 @@ def _write_export(export: Export, output: Path, *, force: bool) -> None:
         for number in range(count)
     ]
     settings = output.with_suffix(".param")
-    taken = [path for path in (*targets, settings) if path.exists()]
+    planned = [file for pair in zip(export.documents, targets, strict=True) for file in files_of(*pair)]
+    taken = [path for path in (*planned, settings) if path.exists()]
     if taken and not force:
         remedy = "give another name, or --force to overwrite it"
         raise InputError([Fault("exists already", str(path), remedy=remedy) for path in taken])

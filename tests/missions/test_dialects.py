@@ -143,6 +143,12 @@ def test_a_hold_longer_than_16_bits_is_an_error_on_ardupilot():
     assert found(ARDUPILOT, TAKEOFF, replace(WAYPOINT, param1=70_000.0), LAND) == {("ardupilot-hold-too-long", 1)}
 
 
+def test_a_delay_of_zero_lasts_until_midnight_on_ardupilot():
+    assert ("ardupilot-delay-until-midnight", 2) in found(ARDUPILOT, TAKEOFF, LAND, replace(DELAY, param1=0.0), TAKEOFF)
+    clock = replace(DELAY, param1=0.0, param2=14.0)
+    assert not any("midnight" in code for code, _ in found(ARDUPILOT, TAKEOFF, clock, WAYPOINT, LAND))
+
+
 def test_several_inclusion_areas_mean_all_of_them_to_ardupilot():
     ring = (Point(0, 0), Point(0, 9), Point(9, 9))
     fence = Geofence((FencePolygon(ring), FencePolygon(ring)))

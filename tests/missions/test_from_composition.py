@@ -203,3 +203,12 @@ def test_a_leg_that_the_plan_does_not_have_is_refused(two_legs):
 def test_a_return_clears_the_highest_ground_of_the_leg(two_legs):
     needed = {p.name: p.value for p in leg_mission(two_legs, 0, PX4).parameters}
     assert needed["RTL_RETURN_ALT"] == 120 - 2 + 60
+
+
+@BOTH
+def test_a_stop_without_a_stay_is_no_delay_of_zero(two_legs, autopilot):
+    stop = replace(two_legs.stops[0], wait_s=0.0, recharge_s=0.0)
+    onward = replace(two_legs.services[1], depart=two_legs.services[0].arrive)
+    hurried = replace(two_legs, stops=(stop,), services=(two_legs.services[0], onward))
+    items = only(armed_mission(hurried, autopilot)).mission.items
+    assert [item.param1 for item in items if item.command == Command.NAV_DELAY] == [1.0]

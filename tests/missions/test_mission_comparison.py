@@ -8,6 +8,7 @@ import pytest
 from missions import diff
 from missions.commands import Command, Frame
 from missions.coordinates import Point
+from missions.dialects.wire import fence_from_wire, fence_to_wire
 from missions.geofence import FenceCircle, FencePolygon, Geofence
 from missions.mission import Mission, MissionItem
 from missions.rally import RallyPoint, RallyPoints
@@ -139,3 +140,10 @@ def test_comparing_different_kinds_or_for_an_unknown_autopilot_is_a_mistake():
         diff(SENT, Geofence(), "px4")
     with pytest.raises(InputError, match="px4 or ardupilot"):
         diff(SENT, SENT, "inav")
+
+
+def test_a_fence_whose_vertex_counts_disagree_is_not_what_was_sent():
+    ring = (Point(0, 0), Point(0, 90), Point(90, 90))
+    wire = fence_to_wire(Geofence((FencePolygon(ring),)))
+    damaged = fence_from_wire([replace(item, param1=4.0) for item in wire])
+    assert [d.field for d in diff(Geofence((FencePolygon(ring),)), damaged, "px4")] == ["vertex count"]
