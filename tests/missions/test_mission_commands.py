@@ -69,7 +69,7 @@ def test_an_armed_hold_is_written_with_its_warning(run, plan_json):
 
 def test_nothing_is_overwritten_without_force(run, plan_json, tmp_path):
     (tmp_path / "out.param").write_text("mine")
-    with pytest.raises(InputError, match="out.param: exists already"):
+    with pytest.raises(InputError, match=r"out\.param: exists already"):
         run("mission", plan_json, "-o", "out.plan")
     assert not (tmp_path / "out.plan").exists()
     assert run("mission", plan_json, "-o", "out.plan", "--force").exit_code == 0
@@ -110,14 +110,14 @@ def test_a_fence_left_over_is_not_mixed_with_another_mission(run, plan_json, tmp
     run("mission", plan_json, "-o", "open.plan", "--width", "0")
     run("convert", "fenced.plan", "out.waypoints")
     (tmp_path / "out.waypoints").unlink()
-    with pytest.raises(InputError, match="out.fence.waypoints: exists already"):
+    with pytest.raises(InputError, match=r"out\.fence\.waypoints: exists already"):
         run("convert", "open.plan", "out.waypoints")
     run("convert", "open.plan", "out.waypoints", "--force")
     assert not mission_file.read(tmp_path / "out.waypoints").fence
 
 
 def test_a_suffix_that_is_no_format_is_refused(run, plan_json):
-    with pytest.raises(InputError, match="no mission format; name it .plan"):
+    with pytest.raises(InputError, match=r"no mission format; name it \.plan"):
         run("mission", plan_json, "-o", "out.kml")
 
 
@@ -146,7 +146,7 @@ def test_json_goes_with_exit_code_0_too(run, plan_json):
     assert json.loads(result.stdout)["ok"] is True
 
 
-def test_a_scenario_brings_fleet_zones_pads_and_forecast(run):
+def test_a_scenario_brings_fleet_zones_pads_and_forecast(run, tmp_path):
     from missions.examples import NEW_YORK
     from models.scenario_file import read_scenario
 
@@ -155,8 +155,7 @@ def test_a_scenario_brings_fleet_zones_pads_and_forecast(run):
     rows = ["QGC WPL 110", f"0 1 0 16 0 0 0 0 {first.lat} {first.lon} {first.elevation_m or 0} 1"]
     rows += [f"1 0 3 22 0 0 0 0 {first.lat} {first.lon} 60 1", "2 0 2 178 1 10 -1 0 0 0 0 1"]
     rows += [f"3 0 3 16 0 0 0 0 {second.lat} {second.lon} 60 1", f"4 0 3 21 0 0 0 0 {second.lat} {second.lon} 0 1"]
-    with open("hop.waypoints", "w", encoding="utf-8") as stream:
-        stream.write("\n".join(rows))
+    (tmp_path / "hop.waypoints").write_text("\n".join(rows))
     options = ["--scenario", NEW_YORK, "--drone", region.drones[0].id, "--depart", "2013-07-10T14:00-04:00"]
     result = run("check", "hop.waypoints", *options, "--json")
     leg = json.loads(result.stdout)["legs"][0]
@@ -183,7 +182,7 @@ def test_wrong_options_of_check_are_refused(run, plan_json, arguments, message):
 
 
 def test_a_file_that_is_not_there_is_refused(run):
-    with pytest.raises(InputError, match="nothing.plan: no such file") as caught:
+    with pytest.raises(InputError, match=r"nothing\.plan: no such file") as caught:
         run("check", "nothing.plan")
     assert caught.value.exit_code == 2
 
