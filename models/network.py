@@ -309,7 +309,7 @@ class Network:
 def coordinate_faults(lat: float, lon: float, *, file: str | None = None, line: int | None = None) -> list[Fault]:
     """Return what is wrong with a position in degrees: out of range, or not a number."""
     faults = []
-    hint = "degrees from -90 to 90" if abs(lat) < 1e5 else "degrees, not ten-millionths of them"
+    hint = "degrees, not ten-millionths of them" if 1e5 < abs(lat) < 1e9 else "degrees from -90 to 90"
     if not -90.0 <= lat <= 90.0:
         hint = "lat and lon may be swapped" if abs(lat) <= 180.0 and abs(lon) <= 90.0 else hint
         faults.append(Fault("latitude out of range", file, line, "lat", lat, hint))
