@@ -98,7 +98,18 @@ class LegBuilder:
     def position(self, command: Command, station: str, height_m: float) -> MissionItem:
         """An item at a station, with yaw left to the vehicle."""
         place = self.place(station)
-        return _positioned(command, place.lat, place.lon, height_m)
+        return self._positioned(command, place.lat, place.lon, height_m)
+
+    def _positioned(self, command: Command, lat: float, lon: float, height_m: float) -> MissionItem:
+        point = Point.of_degrees(lat, lon)
+        return MissionItem(
+            command,
+            Frame.GLOBAL_RELATIVE_ALT,
+            param4=self.dialect.open_yaw_deg,
+            x=point.lat_e7,
+            y=point.lon_e7,
+            z=round(height_m, 2),
+        )
 
     def above(self, station: str, home_ground_m: float) -> MissionItem:
         """The waypoint at cruise height straight above a station."""
@@ -127,7 +138,7 @@ class LegBuilder:
         low = self.ground_m(before) + self.cruise_height_m - home_ground_m
         high = self.ground_m(after) + self.cruise_height_m - home_ground_m
         return [
-            _positioned(Command.NAV_WAYPOINT, lat, lon, low + fraction * (high - low))
+            self._positioned(Command.NAV_WAYPOINT, lat, lon, low + fraction * (high - low))
             for lat, lon, fraction in pieces(start.lat, start.lon, end.lat, end.lon)
         ]
 
@@ -171,6 +182,7 @@ class LegBuilder:
         for station in dict.fromkeys(station for s in services for station in s.diverts):
             place = self.place(station)
             height = self.ground_m(station) + self.cruise_height_m - lowest_home_m
+            # not below home: higher than needed is safe, and a negative height is not everywhere understood
             points.append(RallyPoint(Point.of_degrees(place.lat, place.lon), round(max(height, 1.0), 2)))
         return RallyPoints(tuple(points))
 
@@ -221,15 +233,3 @@ class LegBuilder:
         if self.options.release == "operator":
             found.append("the package is released by a person after the last landing: confirm it in skyway")
         return tuple(found)
-
-
-def _positioned(command: Command, lat: float, lon: float, height_m: float) -> MissionItem:
-    point = Point.of_degrees(lat, lon)
-    return MissionItem(
-        command,
-        Frame.GLOBAL_RELATIVE_ALT,
-        param4=math.nan,
-        x=point.lat_e7,
-        y=point.lon_e7,
-        z=round(height_m, 2),
-    )

@@ -15,7 +15,6 @@ from missions.commands import (
     GLOBAL_FRAMES,
     INDEX_COMMANDS,
     LOCATED_COMMANDS,
-    Command,
     Frame,
     command_name,
 )
@@ -209,7 +208,3 @@ class Mission:
 
     def __len__(self) -> int:
         return len(self.items)
-
-    def indices(self, command: Command) -> tuple[int, ...]:
-        """Numbers of the items with a command, in order."""
-        return tuple(number for number, item in enumerate(self.items) if item.command == command)

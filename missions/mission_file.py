@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from missions.document import MissionDocument
 
-MAX_BYTES = 64 * 1024 * 1024
+MAX_BYTES = 32 * 1024 * 1024
 FileFormat = Literal["plan", "waypoints", "fence", "rally"]
 SUFFIXES: dict[str, FileFormat] = {".plan": "plan", ".waypoints": "waypoints"}
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 MAV_TYPE_QUADROTOR = 2
 MAV_AUTOPILOT_PX4 = 12
-_ALTITUDE_MODES = {
+_ALTITUDE_MODES: dict[int, int] = {
     Frame.GLOBAL_RELATIVE_ALT: 1,
     Frame.GLOBAL_RELATIVE_ALT_INT: 1,
     Frame.GLOBAL: 2,
@@ -68,7 +68,7 @@ def _mission(mission: Mission) -> dict[str, Any]:
     # QGroundControl refuses a plan without these keys: fill them in, and say which ones are only filled in.
     filled = {key: value for key, value in required.items() if value is not None}
     raw = {
-        "globalPlanAltitudeMode": _ALTITUDE_MODES.get(Frame(first_frame), 1),
+        "globalPlanAltitudeMode": _ALTITUDE_MODES.get(first_frame, 1),
         **mission.extra,
         "version": MISSION_VERSION,
         "items": _items(mission),
@@ -143,7 +143,7 @@ def _altitude(item: MissionItem) -> dict[str, Any]:
     if item.command not in LOCATED_COMMANDS or item.frame not in GLOBAL_FRAMES or math.isnan(item.z):
         return {}
     kept = item.extra
-    mode = _ALTITUDE_MODES[Frame(item.frame)]
+    mode = _ALTITUDE_MODES[item.frame]
     above_terrain = kept.get("AMSLAltAboveTerrain")
     if mode == 2 and kept.get("AltitudeMode") == _ABOVE_TERRAIN_MODE and above_terrain == item.z:
         return {}

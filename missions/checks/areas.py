@@ -174,9 +174,8 @@ def _check_rally(
         return
     steps = route.steps
     here = np.array([(step.point.lon, step.point.lat) for step in steps])
-    scale = math.cos(math.radians(float(here[0, 1])))
-    gaps = (here[:, None, :] - at[None, :, :]) * (scale, 1.0)
-    nearest = at[np.argmin((gaps**2).sum(axis=2), axis=1)]
+    scale = (math.cos(math.radians(float(here[0, 1]))), 1.0)
+    nearest = at[shapely.STRtree(shapely.points(at * scale)).nearest(shapely.points(here * scale))]
     ways = _lines(np.stack((here, nearest), axis=1))
     leaving = _outside(ways, allowed) | _crossing(ways, forbidden)
     found = list(dict.fromkeys(steps[int(index)].item for index in np.flatnonzero(leaving)))

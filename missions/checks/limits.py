@@ -57,10 +57,10 @@ def check_distances(mission: Mission, route: Route, drone: Drone) -> Iterator[Fi
         away = geodesy.distance_m(home.point.lat, home.point.lon, first.point.lat, first.point.lon)
         if away > FAR_FROM_HOME_M:
             yield Finding(
-                "error",
+                "warning",
                 first.item,
                 "far-from-home",
-                f"the first position is {away / 1000:.1f} km from the planned home",
+                f"the first position is {away / 1000:.1f} km from the planned home: PX4 refuses more than 10 km",
                 "correct the home, or the position",
             )
     lat = np.array([step.point.lat for step in steps])

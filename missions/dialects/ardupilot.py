@@ -119,7 +119,7 @@ _WHOLE_SECONDS = frozenset({Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, C
 _WHOLE_PARAM1 = _WHOLE_SECONDS | {Command.NAV_LAND, Command.NAV_TAKEOFF}
 """Commands whose first parameter is stored as a whole number of 16 bits."""
 
-_ALTITUDE_REFERENCE = {
+_ALTITUDE_REFERENCE: dict[int, str] = {
     Frame.MISSION: "sea level",
     Frame.GLOBAL: "sea level",
     Frame.GLOBAL_INT: "sea level",
@@ -136,6 +136,8 @@ class ArduPilot:
     name = "ardupilot"
     firmware = 3
     stays_in_mission_after_landing = False
+    open_yaw_deg = 0.0
+    """Copter keeps no yaw of items; 0 is what every ground station can show."""
 
     def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:
         """Return the items to upload: a placeholder for home first, else the first item would be lost."""
@@ -163,9 +165,7 @@ class ArduPilot:
         if item.command == Command.NAV_LOITER_TIME:
             meaning["direction"] = "left" if item.param3 < 0 else "right"
         if item.command in LOCATED_COMMANDS:
-            frame = int(item.frame)
-            known = _ALTITUDE_REFERENCE.get(Frame(frame)) if frame in set(Frame) else None
-            meaning["altitude reference"] = known or f"frame {frame}"
+            meaning["altitude reference"] = _ALTITUDE_REFERENCE.get(item.frame, f"frame {item.frame:d}")
             meaning["x"], meaning["y"] = item.x or 0, item.y or 0
             meaning["z"] = round(item.z, 2) if math.isfinite(item.z) else None
         elif item.command in (Command.DO_DIGICAM_CONFIGURE, Command.DO_DIGICAM_CONTROL):

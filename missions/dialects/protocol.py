@@ -32,6 +32,10 @@ class Dialect(Protocol):
     def stays_in_mission_after_landing(self) -> bool:
         """Whether a mission goes on after a landing that disarms."""
 
+    @property
+    def open_yaw_deg(self) -> float:
+        """What the yaw of an item says where the vehicle shall choose it."""
+
     def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:
         """Return the items to upload, in the autopilot's numbering; `current` is a number of ours."""
 

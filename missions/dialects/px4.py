@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from missions.commands import LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from missions.commands import FLOWN_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
 from missions.dialects.wire import from_wire, to_wire
 from missions.finding import Finding
 from missions.mission import Mission, MissionItem
@@ -45,7 +45,7 @@ _KEPT_PARAMS: dict[int, tuple[int, ...]] = {
 }
 """Parameters of 1 to 4 that PX4 keeps; all four for commands not listed."""
 
-_ACCEPTED = LOCATED_COMMANDS.intersection(
+_ACCEPTED = frozenset(
     {
         Command.NAV_WAYPOINT,
         Command.NAV_LOITER_UNLIM,
@@ -61,47 +61,47 @@ _ACCEPTED = LOCATED_COMMANDS.intersection(
         Command.CONDITION_GATE,
         Command.DO_SET_HOME,
         Command.DO_LAND_START,
+        Command.NAV_RETURN_TO_LAUNCH,
+        Command.NAV_DELAY,
+        Command.DO_JUMP,
+        Command.DO_CHANGE_SPEED,
+        Command.DO_WINCH,
+        Command.DO_GRIPPER,
+        Command.DO_TRIGGER_CONTROL,
+        Command.DO_DIGICAM_CONTROL,
+        Command.DO_MOUNT_CONFIGURE,
+        Command.DO_MOUNT_CONTROL,
+        Command.DO_GIMBAL_MANAGER_PITCHYAW,
+        Command.DO_GIMBAL_MANAGER_CONFIGURE,
+        Command.IMAGE_START_CAPTURE,
+        Command.IMAGE_STOP_CAPTURE,
+        Command.VIDEO_START_CAPTURE,
+        Command.VIDEO_STOP_CAPTURE,
+        Command.DO_CONTROL_VIDEO,
+        Command.DO_SET_CAM_TRIGG_DIST,
+        Command.OBLIQUE_SURVEY,
+        Command.DO_SET_CAM_TRIGG_INTERVAL,
+        Command.SET_CAMERA_MODE,
+        Command.SET_CAMERA_SOURCE,
+        Command.SET_CAMERA_FOCUS,
+        Command.SET_CAMERA_ZOOM,
+        Command.DO_VTOL_TRANSITION,
+        Command.DO_SET_ROI_WPNEXT_OFFSET,
+        Command.DO_SET_ROI_NONE,
+        Command.CONDITION_DELAY,
+        Command.CONDITION_DISTANCE,
+        Command.DO_SET_ACTUATOR,
+        Command.DO_SET_SERVO,
+        Command.DO_AUTOTUNE_ENABLE,
+        Command.COMPONENT_ARM_DISARM,
     }
-) | {
-    Command.NAV_RETURN_TO_LAUNCH,
-    Command.NAV_DELAY,
-    Command.DO_JUMP,
-    Command.DO_CHANGE_SPEED,
-    Command.DO_WINCH,
-    Command.DO_GRIPPER,
-    Command.DO_TRIGGER_CONTROL,
-    Command.DO_DIGICAM_CONTROL,
-    Command.DO_MOUNT_CONFIGURE,
-    Command.DO_MOUNT_CONTROL,
-    Command.DO_GIMBAL_MANAGER_PITCHYAW,
-    Command.DO_GIMBAL_MANAGER_CONFIGURE,
-    Command.IMAGE_START_CAPTURE,
-    Command.IMAGE_STOP_CAPTURE,
-    Command.VIDEO_START_CAPTURE,
-    Command.VIDEO_STOP_CAPTURE,
-    Command.DO_CONTROL_VIDEO,
-    Command.DO_SET_CAM_TRIGG_DIST,
-    Command.OBLIQUE_SURVEY,
-    Command.DO_SET_CAM_TRIGG_INTERVAL,
-    Command.SET_CAMERA_MODE,
-    Command.SET_CAMERA_SOURCE,
-    Command.SET_CAMERA_FOCUS,
-    Command.SET_CAMERA_ZOOM,
-    Command.DO_VTOL_TRANSITION,
-    Command.DO_SET_ROI_WPNEXT_OFFSET,
-    Command.DO_SET_ROI_NONE,
-    Command.CONDITION_DELAY,
-    Command.CONDITION_DISTANCE,
-    Command.DO_SET_ACTUATOR,
-    Command.DO_SET_SERVO,
-    Command.DO_AUTOTUNE_ENABLE,
-    Command.COMPONENT_ARM_DISARM,
-}
+)
+"""Commands that PX4 takes in missions."""
 
 _PLACELESS_FRAME = frozenset({Command.DO_SET_HOME, Command.DO_LAND_START, Command.DO_SET_ROI, Command.NAV_ROI})
 """Located commands that PX4 also takes without a place."""
 
-_ALTITUDE_REFERENCE = {
+_ALTITUDE_REFERENCE: dict[int, str] = {
     Frame.GLOBAL: "sea level",
     Frame.GLOBAL_INT: "sea level",
     Frame.GLOBAL_RELATIVE_ALT: "home",
@@ -115,6 +115,7 @@ class Px4:
     name = "px4"
     firmware = 12
     stays_in_mission_after_landing = True
+    open_yaw_deg = math.nan
 
     def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:
         """Return the items to upload: those without a place in frame MISSION, else PX4 refuses them."""
@@ -135,7 +136,7 @@ class Px4:
             value = item.params[number - 1]
             meaning[f"param{number}"] = None if math.isnan(value) else value
         if item.is_located:
-            meaning["altitude reference"] = _ALTITUDE_REFERENCE.get(Frame(item.frame), f"frame {item.frame:d}")
+            meaning["altitude reference"] = _ALTITUDE_REFERENCE.get(item.frame, f"frame {item.frame:d}")
             meaning["x"], meaning["y"], meaning["z"] = item.x, item.y, item.z
         elif item.command not in _KEPT_PARAMS:
             meaning["param5"], meaning["param6"] = round(item.param5_or_zero), round(item.param6_or_zero)
@@ -163,7 +164,7 @@ class Px4:
                     "PX4 accepts a TAKEOFF that is not the first position and then denies to start the mission",
                     "replace it by a WAYPOINT straight above the pad",
                 )
-            placed = placed or (item.command in LOCATED_COMMANDS and item.command in _ACCEPTED)
+            placed = placed or item.command in FLOWN_COMMANDS or item.command == Command.CONDITION_GATE
             if item.command == Command.NAV_LAND and number == 0:
                 yield Finding("error", 0, "px4-land-first", "PX4 rejects a mission that starts with LAND")
         yield from _sideways_departures(document.mission)
@@ -214,7 +215,7 @@ def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
             f"PX4 refuses the upload: it has no {item.name} in missions",
             "remove it, or replace it by waypoints",
         )
-    elif item.is_located and Frame(item.frame) not in _ALTITUDE_REFERENCE:
+    elif item.is_located and item.frame not in _ALTITUDE_REFERENCE:
         yield Finding(
             "error",
             number,

@@ -113,6 +113,11 @@ def test_px4_denies_a_second_takeoff_and_ardupilot_needs_one():
     assert found(ARDUPILOT, *again) == {("ardupilot-land-ends-mission", 2)}
 
 
+def test_setting_home_or_a_region_of_interest_before_take_off_is_no_position():
+    home = at(Command.DO_SET_HOME)
+    assert found(PX4, home, TAKEOFF, WAYPOINT, LAND) == set()
+
+
 def test_px4_leaving_a_pad_sideways_is_an_error():
     assert ("px4-sideways-after-land", 4) in found(PX4, TAKEOFF, WAYPOINT, LAND, DELAY, WAYPOINT, LAND)
 
