@@ -55,7 +55,7 @@ def segment_speed(air: Air, member: int, slot: int, segment: int) -> float:
     if square <= 0.0 or north * north + east * east > air.wind_limit_mps * air.wind_limit_mps:
         return 0.0
     speed = along + math.sqrt(square)
-    if speed < MIN_GROUND_SPEED_MPS:
+    if not speed >= MIN_GROUND_SPEED_MPS:  # not a number either
         return 0.0
     return min(speed, air.max_ground_speed_mps)
 
@@ -121,7 +121,7 @@ def leg(air: Air, member: int, segment: int, time_s: float) -> tuple[float, floa
         end = slot_end(air, slot)
         flyable = True
         now = off + air.climb_s
-        if now >= end - _SLOT_EDGE_S:  # the climb reaches into the next slot: this one counts too
+        while now >= end - _SLOT_EDGE_S and flyable:  # the climb reaches into the next slot: this one counts too
             flyable = segment_speed(air, member, slot, segment) > 0.0
             slot += 1
             end = slot_end(air, slot)
@@ -138,10 +138,13 @@ def leg(air: Air, member: int, segment: int, time_s: float) -> tuple[float, floa
                 now = end
                 slot += 1
                 end = slot_end(air, slot)
+        down = now + air.descent_s
+        while flyable and down > end + _SLOT_EDGE_S:  # and so does the descent
+            slot += 1
+            end = slot_end(air, slot)
+            flyable = segment_speed(air, member, slot, segment) > 0.0
         if flyable:
-            down = now + air.descent_s
-            if down <= end + _SLOT_EDGE_S or segment_speed(air, member, slot + 1, segment) > 0.0:
-                return off, down
+            return off, down
         first += 1
         if first >= air.north.shape[1]:
             return NEVER, NEVER

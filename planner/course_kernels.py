@@ -120,6 +120,7 @@ def fly(
         for hop in range(count):
             segments = hops.segments[hops.offset[hop] : hops.offset[hop + 1]]
             entry = run * count + hop
+            joined = now  # a drone that hovers for a spot keeps its place in the queue
             if hop > 0 and sampled:
                 spot = _sampled(queues.land_s, queues, entry, now)
                 soc -= cost[0] * (spot - now)
@@ -130,7 +131,11 @@ def fly(
             charges = not math.isnan(hops.charge_to[hop]) and hops.charge_to[hop] > soc
             u = 0.0
             if charges:
-                pad = _sampled(queues.pad_s, queues, entry, now) if sampled else _expected_pad(waits, hop, now)
+                pad = (
+                    max(now, _sampled(queues.pad_s, queues, entry, joined))
+                    if sampled
+                    else _expected_pad(waits, hop, now)
+                )
                 u = interpolate(soc, hops.curve_soc[hop], hops.curve_s[hop])
                 ready = pad + interpolate(hops.charge_to[hop], hops.curve_soc[hop], hops.curve_s[hop]) - u
             ready = max(ready, hops.not_before_s[hop])

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from models.flight import Air
 
 _EPS_S = 1e-7
+_EARLY_S = 1e-4  # a flight that must be down before a slot begins is down this much earlier
 _POINTS = 16  # points of a function at first; grows as needed
 
 
@@ -261,7 +262,7 @@ def arrival_functions(
             if same:
                 continue  # the next last slot has the same segments and reaches farther
         t, a, n = _search(air, member, first, head, source, (slot, last), limit_s)
-        bound = NEVER if last == slots - 1 else air.start_s + (last + 1) * air.slot_s
+        bound = NEVER if last == slots - 1 else air.start_s + (last + 1) * air.slot_s - _EARLY_S
         for node in range(nodes):
             if node == source or n[node] == 0:
                 continue

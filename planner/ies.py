@@ -65,6 +65,8 @@ class ExhaustiveSearch:
         The search stops after this time; `complete` is False then.
     progress : callable, optional
         Called about every second with (sequences looked at, best delivery time so far in seconds).
+    single_segments : bool
+        Land at the end of every segment, as the forward searches do, instead of overflying stations.
     """
 
     def __init__(
@@ -74,10 +76,12 @@ class ExhaustiveSearch:
         *,
         time_limit_s: float = math.inf,
         progress: Callable[[int, float], None] | None = None,
+        single_segments: bool = False,
     ) -> None:
         self.problem = problem
         self.queues = queues
         self.time_limit_s = time_limit_s
+        self.single_segments = single_segments
         self.progress = progress
         self.complete = True
         self.looked_at = 0
@@ -217,7 +221,11 @@ class ExhaustiveSearch:
         slots = range(int(slot_of(p.air, begin)), int(slot_of(p.air, max(end, begin))) + 1)
         tables = [self._flight_pieces(stay.node, slot) for slot in slots]
 
+        adjacent = set(p.network.head[p.network.first[stay.node] : p.network.first[stay.node + 1]].tolist())
+
         def pieces(node: int) -> NDArray[np.float64]:
+            if self.single_segments and node not in adjacent:
+                return np.empty((0, 4))
             blocks = [found[offset[node] : offset[node + 1]] for offset, found in tables]
             joined = np.concatenate(blocks) if blocks else np.empty((0, 4))
             if p.in_flight and stay.node == p.origin:

@@ -13,9 +13,9 @@ from models.flight_kernels import slot_end, slot_of
 from planner.outlook_kernels import Graph, Need, Speeds, flight_outlook, options, rank
 
 if TYPE_CHECKING:
-    from models.flight import Air
     from numpy.typing import NDArray
 
+    from models.flight import Air
     from planner.problem import Problem
 
 MAX_KEPT_SPEEDS = 400_000_000

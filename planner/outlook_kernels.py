@@ -285,7 +285,7 @@ LEAVE, CHARGE, MEAN, CHARGE_TO, RANK = range(5)
 """Columns of what `options` returns: take-off, SoC taken, mean time to touch-down, SoC to charge to, rank."""
 LAST_RESORT_S = 1e12
 """Rank of a station beyond which nothing is in reach at the moment: after all others, but not left out."""
-_ROUNDS = 8  # the charge needed depends on when the drone leaves, and that on the charge
+_ROUNDS = 20  # the charge needed depends on when the drone leaves, and that on the charge
 
 
 @compiled
@@ -343,7 +343,7 @@ def options(
                 if charge > 1.0 - reserve:
                     break
                 later = pad + charge_time(curve_s, curve_soc, soc, charge + reserve)
-                if later <= leave:
+                if later <= leave + 1e-3:
                     break
                 leave = later
                 mean, again, _ = flight_outlook(air, speeds[0], probability, need, segment, other, leave)

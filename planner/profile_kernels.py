@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 TIME_TOLERANCE_S = 1e-6
 SOC_TOLERANCE = 1e-12
+BEFORE_S = 1e-3
+"""Who wants to be before another drone in a queue arrives at least this much earlier: a tie is lost."""
 _NONE = -math.inf
 
 
@@ -127,7 +129,7 @@ def departure_profile(
 
 
 @compiled
-def _value(profile: NDArray[np.float64], x: float, after: bool) -> float:  # noqa: FBT001
+def _value(profile: NDArray[np.float64], x: float, after: bool) -> float:
     """Value of a profile at x, or just after / just before a jump there."""
     points = len(profile)
     k = -1
@@ -355,8 +357,8 @@ def stop_profile(
         now = a0
         while True:
             end = a1
-            if k < len(others_s) and others_s[k] < end:
-                end = others_s[k]
+            if k < len(others_s) and others_s[k] - BEFORE_S < end:
+                end = max(others_s[k] - BEFORE_S, now)
             if land_s[k] > now and land_s[k] < end:
                 end = land_s[k]
             if pad_s[k] > now and pad_s[k] < end:
@@ -388,7 +390,8 @@ def stop_profile(
             if end >= a1:
                 break
             now = end
-            while k < len(others_s) and others_s[k] <= now:
+            while k < len(others_s) and others_s[k] - BEFORE_S <= now:
+                now = max(now, min(others_s[k], a1))
                 k += 1
     return running_max(on_pad, pads), running_max(landed, lands)
 

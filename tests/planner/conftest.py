@@ -1,0 +1,12 @@
+"""What tests of planners share."""
+
+import pytest
+
+from missions.examples import NEW_YORK
+from models.scenario_file import read_scenario
+
+
+@pytest.fixture(scope="session")
+def newyork():
+    """The built-in scenario."""
+    return read_scenario(NEW_YORK)
