@@ -14,11 +14,11 @@ from missions.mission_options import MissionOptions
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from missions.dialects.protocol import Dialect
     from missions.parameters import Parameter
-    from models.services import Composition
+    from models.services import Composition, Stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +33,14 @@ class Export:
         What the vehicle must be set to.
     warnings : tuple of str
         What the operator must know.
+    notes : tuple of str
+        What to do on the ground between the legs: how long to wait and charge, and to which state of charge.
     """
 
     documents: tuple[MissionDocument, ...]
     parameters: tuple[Parameter, ...]
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def leg_mission(
@@ -81,7 +84,7 @@ def leg_mission(
         build.rally((service,), ground),
     )
     parameters = dialect.parameters(build.needs((service,), document))
-    return Export((document,), parameters, build.warnings((service,)))
+    return Export((document,), parameters, build.warnings((service,)), _hold_notes(composition, (number,)))
 
 
 def whole_mission(composition: Composition, dialect: Dialect, options: MissionOptions | None = None) -> Export:
@@ -108,7 +111,8 @@ def whole_mission(composition: Composition, dialect: Dialect, options: MissionOp
             items += [*dialect.disarm(), build.above(service.origin, ground)]
         items += build.way(service, ground)
     items += build.delivery()
-    return _one_document(build, items, min(build.ground_m(service.origin) for service in services))
+    export = _one_document(build, items, min(build.ground_m(service.origin) for service in services))
+    return replace(export, notes=_hold_notes(composition, range(len(services))))
 
 
 def armed_mission(composition: Composition, dialect: Dialect, options: MissionOptions | None = None) -> Export:
@@ -157,6 +161,7 @@ def _one_document(build: LegBuilder, items: Sequence[MissionItem], lowest_home_m
 
 
 def _mission_per_leg(composition: Composition, dialect: Dialect, options: MissionOptions | None) -> Export:
+    LegBuilder(composition, dialect, options or MissionOptions()).check_elevations(composition.services)
     exports = [leg_mission(composition, number, dialect, options) for number in range(len(composition.services))]
     strictest: dict[str, Parameter] = {}
     for parameter in (parameter for export in exports for parameter in export.parameters):
@@ -167,13 +172,42 @@ def _mission_per_leg(composition: Composition, dialect: Dialect, options: Missio
         tuple(document for export in exports for document in export.documents),
         tuple(strictest.values()),
         tuple(dict.fromkeys(warning for export in exports for warning in export.warnings)),
+        tuple(note for export in exports for note in export.notes),
     )
 
 
-def _hold_s(composition: Composition, number: int) -> float:
-    """Seconds on the pad before a leg: wait, recharge and hold of the stop between it and the leg before."""
-    service, before = composition.services[number], composition.services[number - 1]
+def _stop_before(composition: Composition, number: int) -> Stop | None:
+    """Return the stop before a leg, or None where the plan has none."""
+    service = composition.services[number]
+    landed = composition.services[number - 1].arrive if number else None
     for stop in composition.stops:
-        if stop.station == service.origin and before.arrive <= stop.arrive < service.depart:
-            return stop.wait_s + stop.recharge_s + stop.hold_s
-    return max(0.0, (service.depart - before.arrive).total_seconds())
+        in_time = stop.arrive <= service.depart and (landed is None or stop.arrive >= landed)
+        if stop.station == service.origin and in_time:
+            return stop
+    return None
+
+
+def _hold_s(composition: Composition, number: int) -> float:
+    """Seconds on the pad before a leg: wait, recharge and hold."""
+    stop = _stop_before(composition, number)
+    if stop is not None:
+        return stop.wait_s + stop.recharge_s + stop.hold_s
+    before = composition.services[number - 1].arrive
+    return max(0.0, (composition.services[number].depart - before).total_seconds())
+
+
+def _hold_notes(composition: Composition, numbers: Iterable[int]) -> tuple[str, ...]:
+    """Say what the plan does on the ground before these legs: nothing in a mission that disarms says so."""
+    notes = []
+    for number in numbers:
+        stop = _stop_before(composition, number)
+        if stop is None:
+            continue
+        parts = [f"wait {stop.wait_s / 60:.1f} min for a pad"] if stop.wait_s else []
+        if stop.recharge_s:
+            parts.append(f"charge {stop.recharge_s / 60:.1f} min to {100 * stop.soc_to:.0f} %")
+        if stop.hold_s:
+            parts.append(f"stay {stop.hold_s / 60:.1f} min")
+        parts.append(f"then arm for leg {number} with at least {100 * stop.soc_to:.0f} %")
+        notes.append(f"at {stop.station}: {', '.join(parts)}")
+    return tuple(notes)

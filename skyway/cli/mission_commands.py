@@ -137,6 +137,8 @@ def _write_export(export: Export, output: Path, *, force: bool) -> None:
         _echo_written(document, write(document, target, force=force))
     write_atomically(settings, parameters.dumps(export.parameters), force=force)
     typer.echo(f"wrote {settings} (parameters that the vehicle needs)")
+    for note in export.notes:
+        typer.echo(note)
 
 
 def _echo_written(document: MissionDocument, files: Sequence[Path]) -> None:

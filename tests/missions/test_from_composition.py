@@ -1,6 +1,7 @@
 """What the planner decided is what the vehicle flies, leg by leg or whole."""
 
 from dataclasses import replace
+from datetime import timedelta
 from itertools import pairwise
 
 import pytest
@@ -11,7 +12,7 @@ from missions.commands import Command
 from missions.dialects import DIALECTS
 from models import geodesy
 from models.errors import InputError
-from models.services import Place
+from models.services import Place, Stop
 
 PX4, ARDUPILOT = dialect("px4"), dialect("ardupilot")
 BOTH = pytest.mark.parametrize("autopilot", list(DIALECTS.values()), ids=list(DIALECTS))
@@ -212,3 +213,19 @@ def test_a_stop_without_a_stay_is_no_delay_of_zero(two_legs, autopilot):
     hurried = replace(two_legs, stops=(stop,), services=(two_legs.services[0], onward))
     items = only(armed_mission(hurried, autopilot)).mission.items
     assert [item.param1 for item in items if item.command == Command.NAV_DELAY] == [1.0]
+
+
+@BOTH
+def test_a_disarmed_hold_tells_the_operator_how_long_and_how_much_to_charge(two_legs, autopilot):
+    note = "at mast: wait 5.0 min for a pad, charge 20.0 min to 90 %, then arm for leg 1 with at least 90 %"
+    assert whole_mission(two_legs, autopilot).notes == (note,)
+    assert leg_mission(two_legs, 1, autopilot).notes == (note,)
+    assert leg_mission(two_legs, 0, autopilot).notes == ()
+    assert armed_mission(two_legs, autopilot).notes == ()
+
+
+def test_a_stop_at_the_origin_is_charged_before_the_first_leg(two_legs):
+    charging = Stop("hill", small.NOON - timedelta(minutes=10), 0.0, 600.0, 0.0, 0.5, 0.7)
+    plan = replace(two_legs, stops=(charging, *two_legs.stops))
+    assert whole_mission(plan, PX4).notes[0].startswith("at hill: charge 10.0 min to 70 %, then arm for leg 0")
+    assert [i.param1 for i in only(armed_mission(plan, PX4)).mission.items if i.command == 93] == [1500.0]
