@@ -3,44 +3,94 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from datetime import timedelta
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from skyway.pictures import CALM, INK, MUTED, ROUTE, ZONE, new_figure, save_figure
+from models import geodesy
+from skyway.pictures import CALM, INK, MUTED, ROUTE, ZONE, ZONE_INK, LabelPlacer, new_figure, plain_axes, save_figure
 
 if TYPE_CHECKING:
+    from datetime import datetime
     from pathlib import Path
 
     from models.scenario import Scenario
     from models.services import Composition
 
+MOST_LABELS = 150
+"""Stations up to which a map of the network names them all."""
+WIDTH_IN = 9.0
+_CHARGE_IN = 2.4
+_ARROW_SCALE = 130.0
+"""m/s of wind that an arrow as long as the map is wide would stand for."""
+
 
 def plot_network(scenario: Scenario, path: Path) -> None:
     """Draw stations, segments and no-fly zones."""
-    figure = new_figure(9, 9)
+    figure = new_figure(WIDTH_IN, _map_height_in(scenario) + 0.9)
     axes = figure.add_subplot()
-    _draw_network(axes, scenario, labels=True, segment_alpha=0.5)
+    _draw_network(axes, scenario, segment_alpha=0.5)
     net = scenario.network
-    axes.set_title(f"{scenario.name}: {len(net)} stations, {len(net.tail)} directed segments", color=INK, loc="left")
+    both = len({tuple(sorted(pair)) for pair in zip(net.tail.tolist(), net.head.tolist(), strict=True)})
+    axes.set_title(f"{scenario.name}: {len(net)} stations, {both} segments", color=INK, loc="left")
+    placer = LabelPlacer(axes, net.lon, net.lat)
+    _name_zones(placer, scenario)
+    if len(net) <= MOST_LABELS:
+        for station in net.stations:
+            placer.place(station.id, station.lon, station.lat, fontsize=7, color=INK, zorder=5)
     save_figure(figure, path)
 
 
 def plot_composition(composition: Composition, scenario: Scenario, path: Path) -> None:
     """Draw the route on the network, and the state of charge over time below it."""
-    figure = new_figure(9, 11)
-    upper, lower = figure.subplots(2, 1, height_ratios=(3, 1))
-    _draw_network(upper, scenario, labels=False, segment_alpha=0.25)
-    _draw_route(upper, composition)
-    _draw_charge(lower, composition)
+    tall = _map_height_in(scenario)
+    figure = new_figure(WIDTH_IN, tall + _CHARGE_IN + 1.2)
+    upper, lower = figure.subplots(2, 1, height_ratios=(tall, _CHARGE_IN))
+    zone = ZoneInfo(scenario.timezone)
+    _draw_network(upper, scenario, segment_alpha=0.25)
+    _draw_charge(lower, composition, zone)
     title = f"{composition.origin} > {composition.destination}, {composition.payload_kg:g} kg by {composition.drone}: "
     title += f"{composition.delivery_time_s / 60:.0f} min, {composition.distance_m / 1000:.1f} km"
     upper.set_title(title, color=INK, loc="left")
+    _draw_route(upper, composition, scenario)
     save_figure(figure, path)
 
 
-def _draw_network(axes: Any, scenario: Scenario, *, labels: bool, segment_alpha: float) -> None:
+def _extent(scenario: Scenario) -> tuple[float, float, float, float]:
+    """(west, east, south, north) of the map, degrees."""
+    net = scenario.network
+    if not len(net):
+        return -1.0, 1.0, -1.0, 1.0
+    west, east = float(net.lon.min()), float(net.lon.max())
+    south, north = float(net.lat.min()), float(net.lat.max())
+    for zone in net.zones.polygons if net.zones is not None else ():
+        left, bottom, right, top = zone.bounds  # zones at the rim are shown whole
+        near = 0.15 * (east - west), 0.15 * (north - south)
+        if left < east + near[0] and right > west - near[0] and bottom < north + near[1] and top > south - near[1]:
+            west, east, south, north = min(west, left), max(east, right), min(south, bottom), max(north, top)
+    stretch = math.cos(math.radians((south + north) / 2.0))
+    size = max((east - west) * stretch, north - south, 0.01)
+    wide, high = max(east - west, 0.45 * size / stretch), max(north - south, 0.45 * size)
+    lon, lat = (west + east) / 2.0, (south + north) / 2.0
+    return lon - 0.55 * wide, lon + 0.55 * wide, lat - 0.55 * high, lat + 0.55 * high
+
+
+def _map_height_in(scenario: Scenario) -> float:
+    west, east, south, north = _extent(scenario)
+    stretch = math.cos(math.radians((south + north) / 2.0))
+    return float(np.clip((WIDTH_IN - 0.8) * (north - south) / ((east - west) * stretch), 3.0, 14.0))
+
+
+def _degrees(value: float, names: str) -> str:
+    return f"{abs(value):.6g}° {names[0] if value >= 0 else names[1]}"
+
+
+def _draw_network(axes: Any, scenario: Scenario, *, segment_alpha: float) -> None:
+    """Segments, zones, stations, axes and a scale; no names."""
     from matplotlib.collections import LineCollection
     from shapely.geometry import mapping
 
@@ -53,113 +103,150 @@ def _draw_network(axes: Any, scenario: Scenario, *, labels: bool, segment_alpha:
         axis=1,
     )
     axes.add_collection(LineCollection(list(lines), colors=MUTED, linewidths=0.6, alpha=segment_alpha, zorder=1))
-    for name, polygon in zip(net.zones.names, net.zones.polygons, strict=True) if net.zones is not None else ():
+    for polygon in net.zones.polygons if net.zones is not None else ():
         parts = mapping(polygon)["coordinates"]
         rings = [parts[0]] if polygon.geom_type == "Polygon" else [part[0] for part in parts]
         for ring in rings:
             x, y = zip(*((point[0], point[1]) for point in ring), strict=True)
-            axes.fill(x, y, color=ZONE, alpha=0.7, zorder=0)
-        axes.annotate(name, (polygon.centroid.x, polygon.centroid.y), ha="center", va="center", fontsize=6, color=ROUTE)
+            axes.fill(x, y, color=ZONE, alpha=0.7, linewidth=0, zorder=0)
     charging = net.pads > 0
-    axes.plot(net.lon[charging], net.lat[charging], "o", color=CALM, markersize=4, zorder=2)
-    axes.plot(net.lon[~charging], net.lat[~charging], "s", color=INK, markersize=5, zorder=2)
-    if labels and len(net) <= 150:
-        for station in net.stations:
-            axes.annotate(
-                station.id, (station.lon, station.lat), xytext=(3, 3), textcoords="offset points", fontsize=6, color=INK
-            )
-    axes.set_aspect(1.0 / math.cos(math.radians(float(np.mean(net.lat)))))
-    axes.set_xlabel("longitude, degrees")
-    axes.set_ylabel("latitude, degrees")
-    axes.tick_params(labelsize=7)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    if len(net):
-        low, high = np.array([net.lon.min(), net.lat.min()]), np.array([net.lon.max(), net.lat.max()])
-        margin = 0.04 * np.maximum(high - low, 0.01)
-        axes.set_xlim(low[0] - margin[0], high[0] + margin[0])
-        axes.set_ylim(low[1] - margin[1], high[1] + margin[1])
+    axes.plot(net.lon[charging], net.lat[charging], "o", color=CALM, markersize=4, zorder=2, label="station with pads")
+    if not charging.all():
+        axes.plot(net.lon[~charging], net.lat[~charging], "s", color=INK, markersize=5, zorder=2, label="no pads")
+        axes.legend(fontsize=7, loc="upper left", frameon=False)
+    west, east, south, north = _extent(scenario)
+    axes.set_xlim(west, east)
+    axes.set_ylim(south, north)
+    axes.set_aspect(1.0 / math.cos(math.radians((south + north) / 2.0)))
+    axes.xaxis.set_major_locator(_few_ticks())
+    axes.yaxis.set_major_locator(_few_ticks())
+    axes.xaxis.set_major_formatter(lambda value, _: _degrees(value, "EW"))
+    axes.yaxis.set_major_formatter(lambda value, _: _degrees(value, "NS"))
+    plain_axes(axes)
+    _draw_scale(axes, west, east, south, north)
 
 
-def _draw_route(axes: Any, composition: Composition) -> None:
-    places = composition.stations
+def _few_ticks() -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(5, steps=[1, 2, 5, 10])
+
+
+def _draw_scale(axes: Any, west: float, east: float, south: float, north: float) -> None:
+    """A bar of a round length, about a sixth of the map's width, in its lower right corner."""
+    middle = (south + north) / 2.0
+    metres = geodesy.distance_m(middle, west, middle, min(east, west + 179.0))
+    step = 10.0 ** math.floor(math.log10(metres / 6.0))
+    length = max(k for k in (1, 2, 5) if k * step <= metres / 6.0) * step
+    part = length / metres * (east - west)
+    x, y = east - 0.03 * (east - west) - part, south + 0.03 * (north - south)
+    axes.plot([x, x + part], [y, y], "-", color=INK, linewidth=2, solid_capstyle="butt", zorder=5)
+    text = f"{length / 1000:g} km" if length >= 1000 else f"{length:g} m"
+    axes.annotate(
+        text, (x + part / 2, y), xytext=(0, 3), textcoords="offset points", ha="center", fontsize=7, color=INK
+    )
+
+
+def _name_zones(placer: LabelPlacer, scenario: Scenario) -> None:
+    zones = scenario.network.zones
+    for name, polygon in zip(zones.names, zones.polygons, strict=True) if zones is not None else ():
+        inside = polygon.representative_point()
+        short = textwrap.fill(name, 16)
+        placer.centre(
+            short, inside.x, inside.y, fontsize=6, color=ZONE_INK, zorder=1, clip_on=True, annotation_clip=True
+        )
+
+
+def _draw_route(axes: Any, composition: Composition, scenario: Scenario) -> None:
+    """Legs, stops with what is done there, and the wind of each leg."""
+    places, net = composition.stations, scenario.network
+    lines = []
+    for service in composition.services:
+        path = [(places[key].lon, places[key].lat) for key in (service.origin, *service.via, service.destination)]
+        axes.plot(*zip(*path, strict=True), "-", color=ROUTE, linewidth=2.2, zorder=3)
+        axes.plot(*zip(*path, strict=True), "o", color=ROUTE, markersize=3.5, zorder=3)
+        lines += list(pairwise(path))
+    landings = dict.fromkeys(key for service in composition.services for key in (service.origin, service.destination))
+    for key in landings:
+        axes.plot(places[key].lon, places[key].lat, "o", color=ROUTE, markersize=8, zorder=5, markeredgecolor="white")
+    placer = LabelPlacer(axes, net.lon, net.lat, lines)
+    _name_zones(placer, scenario)
+    paper = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.8}
     stops = {stop.station: stop for stop in composition.stops}
-    for service in composition.services:
-        path = [places[key] for key in (service.origin, *service.via, service.destination)]
-        axes.plot([p.lon for p in path], [p.lat for p in path], "-", color=ROUTE, linewidth=2.2, zorder=3)
-    for service in composition.services:
-        for key in (service.origin, service.destination):
-            place, text = places[key], key
-            if key in stops and stops[key].recharge_s > 0:
-                stop = stops[key]
-                text += f"\n{100 * stop.soc_from:.0f} > {100 * stop.soc_to:.0f} % in {(stop.wait_s + stop.recharge_s) / 60:.0f} min"
-            axes.plot(place.lon, place.lat, "o", color=ROUTE, markersize=7, zorder=4, markeredgecolor="white")
-            axes.annotate(
-                text,
-                (place.lon, place.lat),
-                xytext=(8, -3),
-                textcoords="offset points",
-                fontsize=7,
-                color=INK,
-                zorder=5,
-                bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.0},
-            )
+    charging = [key for key in landings if key in stops and stops[key].recharge_s > 0]
+    rest = [key for key in composition.route if key not in charging]
+    for key in dict.fromkeys((*charging, composition.origin, composition.destination, *rest)):
+        text = key
+        if key in charging:
+            stop = stops[key]
+            text += f"\n{100 * stop.soc_from:.0f} > {100 * stop.soc_to:.0f} % in {stop.recharge_s / 60:.0f} min"
+            text += f"\nwait {stop.wait_s / 60:.0f} min" if stop.wait_s >= 30 else ""
+        size = 8 if key in landings else 6.5
+        placer.place(text, places[key].lon, places[key].lat, gap=7, fontsize=size, color=INK, zorder=6, bbox=paper)
     _draw_wind_arrows(axes, composition)
 
 
 def _draw_wind_arrows(axes: Any, composition: Composition) -> None:
-    """One arrow per leg: where its wind blows to, as long as it is strong (10 m/s is 1/12 of the picture's width)."""
+    """One arrow per leg beside its middle: where its wind blows to, as long as it is strong; a key says how strong."""
     places, services = composition.stations, composition.services
     ends = [(places[service.origin], places[service.destination]) for service in services]
     angle = np.radians([service.wind.from_deg + 180.0 for service in services])
     speed = np.array([service.wind.speed_mps for service in services])
-    axes.quiver(
-        [(a.lon + b.lon) / 2 for a, b in ends],
-        [(a.lat + b.lat) / 2 for a, b in ends],
+    low, high = axes.get_ylim()
+    aside = 0.035 * (high - low)
+    stretch = math.cos(math.radians((low + high) / 2.0))
+    course = np.array([math.atan2(b.lat - a.lat, (b.lon - a.lon) * stretch) for a, b in ends]) + math.pi / 2.0
+    arrows = axes.quiver(
+        [(a.lon + b.lon) / 2 for a, b in ends] + aside * np.cos(course) / stretch,
+        [(a.lat + b.lat) / 2 for a, b in ends] + aside * np.sin(course),
         speed * np.sin(angle),
         speed * np.cos(angle),
         angles="uv",
         scale_units="width",
-        scale=120.0,
-        width=0.004,
+        scale=_ARROW_SCALE,
+        width=0.0035,
+        pivot="middle",
         color=CALM,
         zorder=4,
     )
+    axes.quiverkey(
+        arrows, 0.9, 0.1, 10.0, "wind 10 m/s", labelpos="N", color=CALM, labelcolor=INK, fontproperties={"size": 7}
+    )
 
 
-def _draw_charge(axes: Any, composition: Composition) -> None:
-    """State of charge over minutes since the departure."""
+def _draw_charge(axes: Any, composition: Composition, zone: ZoneInfo) -> None:
+    """State of charge over minutes since the departure, by what the drone does."""
     begin = composition.depart
-    time: list[float] = []
-    charge: list[float] = []
 
-    def add(instant: Any, soc: float) -> None:
-        time.append((instant - begin).total_seconds() / 60.0)
-        charge.append(100.0 * soc)
+    def minutes(instant: datetime) -> float:
+        return (instant - begin).total_seconds() / 60.0
 
+    pieces: list[tuple[str, datetime, float, datetime, float]] = []
     stops = {stop.station: stop for stop in composition.stops}
     for service in composition.services:
         stop = stops.pop(service.origin, None)
         if stop is not None:
-            add(stop.arrive, stop.soc_from)
-            add(stop.arrive + timedelta(seconds=stop.wait_s), stop.soc_from)
-            add(stop.arrive + timedelta(seconds=stop.wait_s + stop.recharge_s), stop.soc_to)
-        add(service.depart, service.soc_depart)
-        add(service.arrive, service.soc_arrive)
-    axes.plot(time, charge, "-", color=INK, linewidth=1.6)
-    axes.axhline(100.0 * composition.reserve_soc, color=ROUTE, linewidth=1.0, linestyle="--")
-    axes.annotate(
-        "reserve",
-        (0, 100.0 * composition.reserve_soc),
-        xytext=(2, 3),
-        textcoords="offset points",
-        fontsize=7,
-        color=ROUTE,
-    )
+            pad = stop.arrive + timedelta(seconds=stop.wait_s)
+            off = pad + timedelta(seconds=stop.recharge_s)
+            pieces.append(("wait or hold", stop.arrive, stop.soc_from, pad, stop.soc_from))
+            pieces.append(("charge", pad, stop.soc_from, off, stop.soc_to))
+            pieces.append(("wait or hold", off, stop.soc_to, service.depart, stop.soc_to))
+        pieces.append(("fly", service.depart, service.soc_depart, service.arrive, service.soc_arrive))
+    colours = {"fly": INK, "wait or hold": MUTED, "charge": CALM}
+    seen: set[str] = set()
+    for what, start, soc_start, end, soc_end in pieces:
+        if end <= start:
+            continue
+        label = what if what not in seen else None
+        seen.add(what)
+        ends = [minutes(start), minutes(end)]
+        axes.plot(ends, [100 * soc_start, 100 * soc_end], "-", color=colours[what], linewidth=2, label=label)
+    reserve = 100.0 * composition.reserve_soc
+    axes.axhline(reserve, color=ROUTE, linewidth=1.0, linestyle="--", label=f"reserve, {reserve:.0f} %")
     axes.set_ylim(0, 103)
-    axes.set_xlim(left=0)
-    axes.set_xlabel("minutes since departure")
-    axes.set_ylabel("state of charge, %")
-    axes.tick_params(labelsize=7)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    axes.set_xlim(0, 1.01 * minutes(composition.arrive))
+    axes.set_xlabel(f"minutes after {begin.astimezone(zone):%Y-%m-%d %H:%M %Z}", fontsize=8)
+    axes.set_ylabel("state of charge, %", fontsize=8)
+    axes.grid(color=MUTED, alpha=0.3, linewidth=0.5)
+    axes.legend(fontsize=7, ncols=4, loc="upper right", frameon=True, edgecolor="none", framealpha=0.8)
+    plain_axes(axes)

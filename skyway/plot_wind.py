@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
 
 from models.units import from_posix
 from models.wind_marginal import rose
-from skyway.pictures import CALM, INK, MUTED, ROUTE, new_figure, save_figure
-from skyway.wind_summary import over_region
+from skyway.pictures import CALM, INK, MUTED, ROUTE, new_figure, plain_axes, save_figure
+from skyway.wind_summary import over_region, quantiles
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
@@ -26,58 +28,96 @@ def plot_wind(
     north, east = over_region(ensemble, scenario)
     slots = min(north.shape[1], max(1, round(hours * 3600 / ensemble.slot_s)))
     north, east = north[:, :slots], east[:, :slots]
-    figure = new_figure(11, 4.6)
-    grid = figure.add_gridspec(1, 2, width_ratios=(1, 1.7))
-    polar = figure.add_subplot(grid[0], projection="polar")
+    figure = new_figure(11, 4.8)
+    grid = figure.add_gridspec(1, 2, width_ratios=(1, 1.5))
+    _draw_rose(figure.add_subplot(grid[0], projection="polar"), ensemble, north, east)
+    axes = figure.add_subplot(grid[1])
+    _draw_fan(axes, ensemble, np.hypot(north, east))
+    if truth is not None:
+        true_north, true_east = over_region(truth, scenario)
+        _steps(axes, ensemble, np.hypot(true_north[0, :slots], true_east[0, :slots]), color=INK, label="truth")
+    top = _draw_limits(axes, scenario, float(axes.get_ylim()[1]))
+    begin = from_posix(ensemble.start_s).astimezone(ZoneInfo(scenario.timezone))
+    axes.set_xlim(0, slots * ensemble.slot_s / 3600.0)
+    axes.set_ylim(0, top)
+    axes.set_xlabel(f"hours after {begin:%Y-%m-%d %H:%M %Z}")
+    axes.set_ylabel(f"wind at {scenario.rules.cruise_height_m:g} m over the middle of the network, m/s", fontsize=8)
+    axes.grid(color=MUTED, alpha=0.3, linewidth=0.5)
+    axes.legend(fontsize=7, loc="lower left", framealpha=0.9)
+    count = len(ensemble.labels)
+    courses = "one course of the wind" if count == 1 else f"{count} possible courses of the wind"
+    axes.set_title(f"{scenario.name}: {courses}", color=INK, fontsize=10, loc="left")
+    plain_axes(axes)
+    save_figure(figure, path)
+
+
+def _draw_rose(polar: Any, ensemble: WindEnsemble, north: NDArray[np.float64], east: NDArray[np.float64]) -> None:
+    """Share of the hours by the sector the wind comes from, by speed."""
+    from matplotlib import colormaps
+    from matplotlib.ticker import MaxNLocator
+
+    slots = north.shape[1]
     table = rose(north, east, np.repeat(ensemble.probability[:, None], slots, axis=1) / slots)
     angles = np.radians(table.sector_from_deg)
     width = 2 * np.pi / len(angles) * 0.92
     bottom = np.zeros(len(angles))
-    shades = np.linspace(0.25, 1.0, table.probability.shape[1])
+    present = np.flatnonzero(table.probability.any(axis=0))
+    shades = colormaps["viridis_r"](np.linspace(0.05, 0.95, table.probability.shape[1]))
     edges = [*table.speed_edges_mps]
-    for k in range(table.probability.shape[1]):
-        if not table.probability[:, k].any():
-            continue
-        upper = f"{edges[k + 1]:g}" if np.isfinite(edges[k + 1]) else "more"
-        label = f"{edges[k]:g} to {upper} m/s"
-        polar.bar(angles, 100 * table.probability[:, k], width, bottom, color=CALM, alpha=float(shades[k]), label=label)
-        bottom += 100 * table.probability[:, k]
-    polar.set_theta_zero_location("N")  # type: ignore[attr-defined]
-    polar.set_theta_direction(-1)  # type: ignore[attr-defined]
-    polar.set_title("where it comes from, % of hours", color=INK, fontsize=9)
+    for k in present:
+        label = f"{edges[k]:g} to {edges[k + 1]:g}" if np.isfinite(edges[k + 1]) else f"over {edges[k]:g}"
+        height = 100 * table.probability[:, k]
+        polar.bar(angles, height, width, bottom, color=shades[k], label=label, zorder=3)
+        bottom += height
+    polar.set_theta_zero_location("N")
+    polar.set_theta_direction(-1)
+    polar.set_xticks(np.radians(np.arange(0, 360, 45)), ["N", "NE", "E", "SE", "S", "SW", "W", "NW"])
+    polar.set_ylim(0, 1.02 * float(bottom.max()))
+    polar.set_yticks([tick for tick in MaxNLocator(4).tick_values(0, float(bottom.max()))[1:] if tick <= bottom.max()])
+    polar.set_rlabel_position(112.5)
+    polar.yaxis.set_major_formatter(lambda value, _: f"{value:g} %")
+    polar.grid(color=MUTED, alpha=0.4, linewidth=0.5)
+    polar.set_title("where it comes from, share of hours", color=INK, fontsize=10)
     polar.tick_params(labelsize=7)
-    polar.legend(fontsize=6, loc="lower left", bbox_to_anchor=(-0.25, -0.15))
-    axes = figure.add_subplot(grid[1])
-    speed = np.hypot(north, east)
-    hour = np.arange(slots) * ensemble.slot_s / 3600.0
-    for low, high, alpha in ((0.05, 0.95, 0.2), (0.25, 0.75, 0.35)):
-        axes.fill_between(
-            hour,
-            *np.quantile(speed, (low, high), axis=0),
-            color=CALM,
-            alpha=alpha,
-            linewidth=0,
-            label=f"{100 * low:.0f} to {100 * high:.0f} %",
-        )
-    axes.plot(hour, np.quantile(speed, 0.5, axis=0), color=CALM, linewidth=1.8, label="median")
-    if truth is not None:
-        true_north, true_east = over_region(truth, scenario)
-        axes.plot(hour, np.hypot(true_north[0, :slots], true_east[0, :slots]), color=INK, linewidth=1.4, label="truth")
+    polar.legend(
+        title="m/s", title_fontsize=7, fontsize=7, loc="center left", bbox_to_anchor=(-0.32, 0.5), frameon=False
+    )
+
+
+def _draw_fan(axes: Any, ensemble: WindEnsemble, speed: NDArray[np.float64]) -> None:
+    """Quantiles of the speed by slot; wind is constant within a slot, hence the steps."""
+    low, quarter, middle, three, high = quantiles(speed, ensemble.probability, (0.05, 0.25, 0.5, 0.75, 0.95))
+    hour = np.arange(speed.shape[1] + 1) * ensemble.slot_s / 3600.0
+    if len(ensemble.labels) > 1:
+        for below, above, alpha, label in ((low, high, 0.2, "5 to 95 %"), (quarter, three, 0.35, "25 to 75 %")):
+            below_, above_ = np.append(below, below[-1]), np.append(above, above[-1])
+            axes.fill_between(hour, below_, above_, step="post", color=CALM, alpha=alpha, linewidth=0, label=label)
+    _steps(axes, ensemble, middle, color=CALM, label="median" if len(ensemble.labels) > 1 else "wind")
+    axes.set_ylim(0, max(1.0, 1.08 * float(high.max())))
+
+
+def _steps(axes: Any, ensemble: WindEnsemble, speed: NDArray[np.float64], *, color: str, label: str) -> None:
+    hour = np.arange(len(speed) + 1) * ensemble.slot_s / 3600.0
+    axes.step(hour, np.append(speed, speed[-1]), where="post", color=color, linewidth=1.8, label=label)
+
+
+def _draw_limits(axes: Any, scenario: Scenario, top: float) -> float:
+    """Wind limits of the drones, one line for those that share one; returns the top of the axis."""
+    limits: dict[float, list[str]] = {}
     for drone in scenario.drones:
-        axes.axhline(drone.wind_limit_mps, color=ROUTE, linewidth=0.8, linestyle="--")
+        limits.setdefault(drone.wind_limit_mps, []).append(drone.id)
+    for limit, names in limits.items():
+        axes.axhline(limit, color=ROUTE, linewidth=0.8, linestyle="--")
+        text = "limit of " + (", ".join(names) if len(names) <= 5 else f"{', '.join(names[:4])} and others")
+        place, shift = (1, limit), (-2, 2)
         axes.annotate(
-            f"limit {drone.id}",
-            (0, drone.wind_limit_mps),
-            xytext=(2, 2),
+            text,
+            place,
+            xycoords=("axes fraction", "data"),
+            xytext=shift,
             textcoords="offset points",
-            fontsize=6,
+            ha="right",
+            fontsize=7,
             color=ROUTE,
         )
-    begin = from_posix(ensemble.start_s).astimezone(ZoneInfo(scenario.timezone))
-    axes.set_xlabel(f"hours after {begin:%Y-%m-%d %H:%M %Z}")
-    axes.set_ylabel(f"wind at {scenario.rules.cruise_height_m:g} m, m/s")
-    axes.set_ylim(bottom=0)
-    axes.grid(color=MUTED, alpha=0.3, linewidth=0.5)
-    axes.legend(fontsize=7)
-    axes.set_title(f"{scenario.name}: {len(ensemble.labels)} possible courses", color=INK, fontsize=9, loc="left")
-    save_figure(figure, path)
+    return max(top, 1.1 * max(limits, default=0.0))

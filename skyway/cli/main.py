@@ -9,12 +9,14 @@ import os
 import sys
 from typing import Annotated
 
-import click
 import typer
 
 from models.errors import SkywayError
 from skyway import __version__
 from skyway.cli import mission_commands, plan_commands, scenario_commands
+
+USAGE_ERROR: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
+"""Wrong usage: typer brings its own copy of click, or in older releases stands on the package."""
 
 app = typer.Typer(
     name="skyway",
@@ -54,19 +56,27 @@ def main(arguments: list[str] | None = None) -> int:
         for line in str(error).splitlines():
             typer.echo(f"skyway: {line}", err=True)
         return error.exit_code
-    except click.exceptions.NoArgsIsHelpError as error:
-        typer.echo(error.format_message())
+    except USAGE_ERROR as error:
+        _tell_usage(error)
         return 2
-    except click.ClickException as error:
-        typer.echo(f"skyway: {error.format_message()}", err=True)
-        return 2
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         typer.echo("skyway: interrupted", err=True)
         return 130
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return code if isinstance(code, int) else 0
+
+
+def _tell_usage(error: Exception) -> None:
+    """Say what was typed wrongly, and where the right way stands; a bare command shows its help."""
+    message = error.format_message()  # type: ignore[attr-defined]
+    if type(error).__name__ == "NoArgsIsHelpError":
+        typer.echo(message)
+        return
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "skyway"
+    typer.echo(f"skyway: {' '.join(message.split())} (see: {command} --help)", err=True)
 
 
 def run() -> None:

@@ -3,20 +3,55 @@
 from __future__ import annotations
 
 import math
+import os
 import re
+from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from models.errors import Fault, InputError
+import typer
+
+from models.errors import Fault, InputError, NoRouteError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
     from models.wind_history import WindSite
 
 WIND = re.compile(r"^\s*([0-9]+(?:\.[0-9]*)?)\s*@\s*([0-9]+(?:\.[0-9]*)?)\s*$")
 POSITION = re.compile(r"^\s*(-?[0-9]+(?:\.[0-9]*)?)\s*,\s*(-?[0-9]+(?:\.[0-9]*)?)\s*$")
+
+YEARS = (1900, 2200)
+"""Departures beyond these years are slips of the pen."""
+TYPED = {
+    "payload_kg": "--payload",
+    "reserve_soc": "--reserve",
+    "state.soc": "--soc",
+    "airspeed_mps": "--airspeed",
+    "seed": "--seed",
+    "drone": "--drone",
+    "destination": "--to",
+    "truth": "--truth",
+    "depart": "--depart",
+}
+"""Option behind each field that a fault may name."""
+
+
+@contextmanager
+def as_typed() -> Iterator[None]:
+    """Name options, not fields, in the faults of what was typed."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError([_as_typed(fault) for fault in error.faults]) from None
+
+
+def _as_typed(fault: Fault) -> Fault:
+    return fault if fault.file is not None else replace(fault, field=TYPED.get(fault.field or "", fault.field))
 
 
 def percent(value: float, option: str, *, high: float = 100.0) -> float:
@@ -54,16 +89,72 @@ def load_scenario(path: Path | None) -> Scenario:
     return read_scenario(path if path is not None else NEW_YORK)
 
 
+def hint_at_warnings(scenario: Scenario, path: Path | None) -> None:
+    """Say in one line on stderr that the input has warnings, and which command tells them."""
+    count = len(scenario.warnings)
+    if count:
+        what = "1 warning" if count == 1 else f"{count} warnings"
+        where = "" if path is None else f" {path}"
+        typer.echo(f"skyway: {what} about the input, see: skyway scenario check{where}", err=True)
+
+
+def refuse_overwriting(*paths: Path | None, force: bool) -> None:
+    """Refuse at the beginning what could not be written at the end."""
+    given = [path for path in paths if path is not None]
+    faults = []
+    for number, path in enumerate(given):
+        folder = path.parent
+        if path in given[:number]:
+            faults.append(Fault("is named for two outputs", str(path), remedy="give each a name of its own"))
+        elif path.is_dir():
+            faults.append(Fault("is a folder", str(path), remedy="name a file"))
+        elif path.exists() and not force:
+            faults.append(Fault("exists already", str(path), remedy="give another name, or --force to overwrite it"))
+        elif not folder.is_dir():
+            faults.append(Fault("no such folder", str(folder), remedy="make it first"))
+        elif not os.access(folder, os.W_OK):
+            faults.append(Fault("cannot be written to", str(folder), remedy="choose another folder"))
+    if faults:
+        raise InputError(faults)
+
+
+def check_picture(path: Path | None) -> None:
+    """Refuse pictures of a format that is not drawn."""
+    if path is not None and path.suffix.lower() not in (".png", ".svg"):
+        raise InputError(Fault("is no picture format", field="--plot", value=path.name, remedy="FILE.png or FILE.svg"))
+
+
 def place(scenario: Scenario, text: str, option: str) -> tuple[Scenario, str]:
     """Find a station by id or part of its name; ``lat,lon`` adds a delivery target. Returns (scenario, station id)."""
     position = parse_position(text)
-    if position is not None:
-        scenario = scenario.with_target(*position)
-        return scenario, scenario.network.stations[-1].id
     try:
-        return scenario, scenario.network.stations[scenario.network.find(text)].id
+        if position is None:
+            return scenario, scenario.network.stations[scenario.network.find(text)].id
+        return _target(scenario, *position)
     except InputError as error:
-        raise InputError([Fault(f.problem, None, None, option, f.value, f.remedy) for f in error.faults]) from None
+        raise InputError([replace(fault, field=option) for fault in error.faults]) from None
+
+
+def _target(scenario: Scenario, lat: float, lon: float) -> tuple[Scenario, str]:
+    """Add a delivery target to the network; a `NoRouteError` where no segment reaches it."""
+    from models.geodesy import inverse
+
+    network = scenario.network
+    wider = scenario.with_target(lat, lon)
+    distance, _ = inverse(lat, lon, network.lat, network.lon)
+    nearest = int(distance.argmin())
+    if len(wider.network) == len(network):
+        return scenario, network.stations[nearest].id
+    if len(wider.network.tail) == len(network.tail):
+        message = (
+            f"no route to {lat:g},{lon:g}: no segment leads there; the nearest station, "
+            f"{network.stations[nearest].id}, is {distance[nearest] / 1000:.1f} km away"
+        )
+        swapped, _ = inverse(lon if abs(lon) <= 90 else 0.0, lat, network.lat, network.lon)
+        if abs(lon) <= 90 and swapped.min() < distance[nearest] / 10:
+            message += "; lat and lon look swapped"
+        raise NoRouteError(message, constraint="disconnected")
+    return wider, wider.network.stations[-1].id
 
 
 def parse_depart(text: str | None) -> datetime:
@@ -72,7 +163,14 @@ def parse_depart(text: str | None) -> datetime:
 
     if text is None:
         return datetime.now(UTC).replace(second=0, microsecond=0)
-    return parse_instant(text, field="--depart")
+    try:
+        instant = parse_instant(text, field="--depart")
+    except InputError as error:
+        raise InputError([replace(fault, field="--depart") for fault in error.faults]) from None
+    if not YEARS[0] <= instant.year <= YEARS[1]:
+        remedy = f"a year from {YEARS[0]} to {YEARS[1]}"
+        raise InputError(Fault("out of range", field="--depart", value=text, remedy=remedy))
+    return instant
 
 
 def wind_forecast(

@@ -60,25 +60,24 @@ Forecast = Annotated[
 Recharge = Annotated[
     str, typer.Option("--recharge", help="At each stop charge to 100 % (full) or what the next flight needs (enough).")
 ]
-Seed = Annotated[int, typer.Option("--seed", help="Of all sampling.")]
+Seed = Annotated[int, typer.Option("--seed", help="Of all sampling.", min=0, max=2**32 - 1)]
 TimeLimit = Annotated[float, typer.Option("--time-limit", help="Seconds after which an exhaustive search stops.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
 
 PLAN_HELP = """Plan a delivery that recharges on the way, under real wind and pad queues.
 
+\b
 Examples:
-
   skyway plan --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00
-
-  skyway plan --from edison --to "Syosset" --payload 2 --wind 8@270 --json
-
-  skyway plan my-scenario --from depot --to 40.75,-73.98 --payload 0.5 -o plan.json --plot plan.png
+  skyway plan --from edison --to Syosset --payload 2 --depart 2013-07-10T14:00-04:00 --wind 8@270 --json
+  skyway plan my-scenario --from depot --to clinic --payload 1.2 -o plan.json --plot plan.png
 """
 COMPARE_HELP = """Put the same request to several planners, side by side.
 
-Example:
-
-  skyway compare --planners pfs,shortest,ies --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00
+\b
+Examples:
+  skyway compare --from bellevue --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00 --drone m200
+  skyway compare --planners pfs,shortest,ies --from bellevue --to jacobi --payload 0.8 --wind 8@270 --json
 """
 
 
@@ -122,12 +121,13 @@ def plan(
     """Plan one delivery."""
     from models.composition_file import save, to_json
 
-    for path in (geojson, plot, output):
-        _refuse_overwriting(path, force=force)
-    _check_picture(plot)
+    options.refuse_overwriting(output, geojson, plot, force=force)
+    options.check_picture(plot)
+    _check_planners([planner], "--planner")
     world = options.load_scenario(scenario)
     asked = _ask(world, start, to, payload, depart, drone, reserve, soc, airspeed, recharge, seed)
     result = _solve(*asked, planner, wind, forecast, truth, time_limit, quiet=as_json)
+    options.hint_at_warnings(world, scenario)
     composition = result.composition
     if output is not None:
         save(composition, output, force=force)
@@ -174,7 +174,7 @@ def compare(
     from planner.result import Comparison
 
     names = [name.strip() for name in planners.split(",") if name.strip()]
-    _check_planners(names)
+    _check_planners(names, "--planners")
     world = options.load_scenario(scenario)
     asked = _ask(world, start, to, payload, depart, drone, reserve, soc, airspeed, recharge, seed)
     answers: list[Comparison] = []
@@ -184,6 +184,7 @@ def compare(
             answers.append(Comparison(name, result, None))
         except InfeasibleError as error:
             answers.append(Comparison(name, None, error))
+    options.hint_at_warnings(world, scenario)
     if as_json:
         plans = [
             {
@@ -226,16 +227,17 @@ def _ask(
     scenario, origin = options.place(scenario, start, "--from")
     scenario, destination = options.place(scenario, to, "--to")
     state = State(options.parse_depart(depart), origin, None, options.percent(soc, "--soc"))
-    request = Request(
-        state=state,
-        destination=destination,
-        payload_kg=payload,
-        drone=drone,
-        airspeed_mps=airspeed,
-        reserve_soc=options.percent(reserve, "--reserve", high=95.0),
-        recharge=mode,
-        seed=seed,
-    )
+    with options.as_typed():
+        request = Request(
+            state=state,
+            destination=destination,
+            payload_kg=payload,
+            drone=drone,
+            airspeed_mps=airspeed,
+            reserve_soc=options.percent(reserve, "--reserve", high=95.0),
+            recharge=mode,
+            seed=seed,
+        )
     return scenario, request
 
 
@@ -254,18 +256,21 @@ def _solve(
     from planner.plan import CLAIRVOYANT_PLANNERS
     from planner.plan import plan as plan_delivery
 
-    _check_planners([planner])
     if not time_limit_s > 0:
         raise InputError(Fault("must be above 0", field="--time-limit", value=time_limit_s))
     depart = request.state.time
     if truth is None and planner in CLAIRVOYANT_PLANNERS and wind is None and forecast is None:
         truth = _own_day(scenario, request)
-    true, day = options.true_wind(scenario, depart, truth)
-    known = options.wind_forecast(scenario, depart, wind, forecast, true, day)
     show = None if quiet or not sys.stderr.isatty() else _progress
-    return plan_delivery(
-        scenario, request, planner=planner, forecast=known, truth=true, time_limit_s=time_limit_s, progress=show
-    )
+    with options.as_typed():
+        true, day = options.true_wind(scenario, depart, truth)
+        known = options.wind_forecast(scenario, depart, wind, forecast, true, day)
+        result = plan_delivery(
+            scenario, request, planner=planner, forecast=known, truth=true, time_limit_s=time_limit_s, progress=show
+        )
+    if show is not None and planner in CLAIRVOYANT_PLANNERS:
+        typer.echo("\r" + " " * 60 + "\r", nl=False, err=True)
+    return result
 
 
 def _own_day(scenario: Scenario, request: Request) -> str | None:
@@ -287,31 +292,19 @@ def _progress(looked_at: int, best_s: float) -> None:
     typer.echo(f"\r  {looked_at} sequences, best {best} ", nl=False, err=True)
 
 
-def _check_planners(names: list[str]) -> None:
+def _check_planners(names: list[str], option: str) -> None:
     from planner.plan import PLANNERS
 
-    for name in names:
-        if name not in PLANNERS:
-            raise InputError(
-                Fault("no such planner", field="planner", value=name, remedy="one of " + ", ".join(PLANNERS))
-            )
+    known = ", ".join(PLANNERS)
+    faults = [
+        Fault("no such planner", field=option, value=name, remedy=f"one of {known}")
+        for name in names
+        if name not in PLANNERS
+    ]
     if not names:
-        raise InputError(Fault("no planner named", field="--planners", remedy="one or more of " + ", ".join(PLANNERS)))
-
-
-def _refuse_overwriting(path: Path | None, *, force: bool) -> None:
-    """Refuse before planning what could not be written after it."""
-    if path is None:
-        return
-    if path.exists() and not force:
-        raise InputError(Fault("exists already", str(path), remedy="give another name, or --force to overwrite it"))
-    if not path.parent.is_dir():
-        raise InputError(Fault("no such folder", str(path.parent)))
-
-
-def _check_picture(path: Path | None) -> None:
-    if path is not None and path.suffix not in (".png", ".svg"):
-        raise InputError(Fault("is no picture format", field="--plot", value=path.name, remedy="FILE.png or FILE.svg"))
+        faults = [Fault("no planner named", field=option, remedy=f"one or more of {known}")]
+    if faults:
+        raise InputError(faults)
 
 
 def _write(path: Path, text: str, *, force: bool) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from models.errors import Fault, InputError
+from models.errors import InputError
 from skyway.cli import options
 from skyway.cli.plan_commands import Depart, Force, Forecast, ScenarioArgument, Truth, WindOption
 
@@ -20,30 +20,28 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print it as JSON.")]
 
 NETWORK_HELP = """Show the stations and segments that were read.
 
+\b
 Examples:
-
   skyway network
-
   skyway network my-scenario --plot network.svg --geojson network.geojson
 """
 WIND_HELP = """Show the wind forecast for a departure: speed by hour, and where it comes from.
 
+\b
 Examples:
-
   skyway wind --depart 2013-07-10T14:00-04:00
-
   skyway wind my-scenario --depart 2026-07-10T14:00-04:00 --plot wind.svg
 """
 INIT_HELP = """Write a commented scenario to start from.
 
+\b
 Example:
-
   skyway scenario init my-scenario
 """
 CHECK_HELP = """Report everything wrong with a scenario at once.
 
+\b
 Example:
-
   skyway scenario check my-scenario
 """
 
@@ -70,9 +68,10 @@ def network(
     """Show the network."""
     from models.network_files import to_geojson, write_geojson
 
-    _refuse(plot, force=force)
-    _check_picture(plot)
+    options.refuse_overwriting(plot, geojson, force=force)
+    options.check_picture(plot)
     world = options.load_scenario(scenario)
+    options.hint_at_warnings(world, scenario)
     if geojson is not None:
         write_geojson(world.network, geojson, force=force)
     if plot is not None:
@@ -90,13 +89,16 @@ def _print_network(world: Scenario) -> None:
     from rich import box
     from rich.table import Table
 
-    from skyway.cli.tables import console
+    from skyway.cli.tables import console, print_table, say
 
     net = world.network
     out = console()
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1))
     for name in ("id", "name", "lat", "lon", "ground m", "pads", "spots", "segments", "nearest"):
-        table.add_column(name, justify="left" if name in ("id", "name", "nearest") else "right")
+        justify: Literal["left", "right"] = "left" if name in ("id", "name", "nearest") else "right"
+        most, least = {"id": (20, 8), "name": (32, 10), "nearest": (26, 10)}.get(name, (9, len(name)))
+        least = {"lat": 8, "lon": 9}.get(name, least)
+        table.add_column(name, justify=justify, no_wrap=True, overflow="ellipsis", min_width=least, max_width=most)
     for number, s in enumerate(net.stations):
         segments = slice(int(net.first[number]), int(net.first[number + 1]))
         nearest = "none"
@@ -115,24 +117,24 @@ def _print_network(world: Scenario) -> None:
             str(segments.stop - segments.start),
             nearest,
         )
-    out.print(table)
+    print_table(out, table)
+    say(out, "")
     zones = len(net.zones.names) if net.zones is not None else 0
     both = len({tuple(sorted(pair)) for pair in zip(net.tail.tolist(), net.head.tolist(), strict=True)})
     parts = len(net.parts())
     joined = "all joined" if parts == 1 else f"in {parts} parts"
     if len(net.distance_m):
         lengths = f"{net.distance_m.min() / 1000:.1f} to {net.distance_m.max() / 1000:.1f} km"
-        out.print(f"{len(net)} stations, {both} segments ({lengths}), {joined}, {zones} no-fly zones")
+        say(out, f"{len(net)} stations, {both} segments ({lengths}), {joined}, {zones} no-fly zones")
     else:
-        out.print(f"{len(net)} stations, no segments, {zones} no-fly zones")
+        say(out, f"{len(net)} stations, no segments, {zones} no-fly zones")
     for drone in world.drones:
-        out.print(
+        say(
+            out,
             f"{drone.id}: {drone.name} of {drone.provider}, lifts {drone.max_payload_kg:g} kg, "
-            f"range {drone.flight_range_m / 1000:.1f} km full, wind up to {drone.wind_limit_mps:g} m/s, "
-            f"recharge {drone.recharge_full_s / 3600:.2f} h"
+            f"still-air range {drone.flight_range_m / 1000:.1f} km fully loaded, wind up to {drone.wind_limit_mps:g} m/s, "
+            f"recharge {drone.recharge_full_s / 3600:.2f} h",
         )
-    for warning in world.warnings:
-        typer.echo(f"warning: {warning}", err=True)
 
 
 def wind(
@@ -147,12 +149,14 @@ def wind(
     force: Force = False,
 ) -> None:
     """Show the wind forecast."""
-    _refuse(plot, force=force)
-    _check_picture(plot)
+    options.refuse_overwriting(plot, force=force)
+    options.check_picture(plot)
     world = options.load_scenario(scenario)
     instant = options.parse_depart(depart)
-    true, day = options.true_wind(world, instant, truth)
-    ensemble = options.wind_forecast(world, instant, constant, forecast, true, day)
+    with options.as_typed():
+        true, day = options.true_wind(world, instant, truth)
+        ensemble = options.wind_forecast(world, instant, constant, forecast, true, day)
+    options.hint_at_warnings(world, scenario)
     from skyway.wind_summary import hourly, print_wind
 
     rows = hourly(ensemble, world, hours, true)
@@ -178,31 +182,26 @@ def init(
 
 
 def check(
-    folder: Annotated[Path, typer.Argument(help="Scenario folder.", show_default=False)],
+    folder: ScenarioArgument = None,
     as_json: AsJson = False,
 ) -> None:
     """Check a scenario."""
-    from models.scenario_file import read_scenario
-
     if as_json:
         _check_json(folder)
         return
-    world = read_scenario(folder)
+    world = options.load_scenario(folder)
     for warning in world.warnings:
         typer.echo(f"warning: {warning}", err=True)
     record = "no wind record" if world.history is None else f"wind of {world.history.covers}"
-    typer.echo(
-        f"{folder}: {world.name}: {len(world.network)} stations, {len(world.drones)} drones, {record}: ready to plan"
-    )
+    drones = "1 drone" if len(world.drones) == 1 else f"{len(world.drones)} drones"
+    typer.echo(f"{world.path}: {world.name}: {len(world.network)} stations, {drones}, {record}: ready to plan")
 
 
-def _check_json(folder: Path) -> None:
-    from models.scenario_file import read_scenario
-
+def _check_json(folder: Path | None) -> None:
     faults: list[dict[str, object]] = []
     warnings: tuple[str, ...] = ()
     try:
-        warnings = read_scenario(folder).warnings
+        warnings = options.load_scenario(folder).warnings
     except InputError as error:
         faults = [
             {
@@ -223,13 +222,3 @@ def _check_json(folder: Path) -> None:
     )
     if faults:
         raise typer.Exit(2)
-
-
-def _refuse(path: Path | None, *, force: bool) -> None:
-    if path is not None and path.exists() and not force:
-        raise InputError(Fault("exists already", str(path), remedy="give another name, or --force to overwrite it"))
-
-
-def _check_picture(path: Path | None) -> None:
-    if path is not None and path.suffix not in (".png", ".svg"):
-        raise InputError(Fault("is no picture format", field="--plot", value=path.name, remedy="FILE.png or FILE.svg"))

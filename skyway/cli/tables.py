@@ -20,11 +20,30 @@ WIDTH = 118
 
 
 def console() -> Console:
-    """Console on standard output, as wide as the terminal and at least wide enough for a plan."""
-    found = Console(highlight=False)
+    """Console on standard output, as wide as the terminal and at least wide enough for a plan.
+
+    Names from files are printed as they are: brackets are no markup.
+    """
+    found = Console(highlight=False, markup=False, emoji=False)
     if not found.is_terminal or found.width < WIDTH:
-        return Console(width=WIDTH, highlight=False)
+        return Console(width=WIDTH, highlight=False, markup=False, emoji=False)
     return found
+
+
+def print_table(out: Console, table: Table) -> None:
+    """Print a table as wide as it needs, without the blanks that would end its lines."""
+    out.width = max(out.width, 250)
+    with out.capture() as capture:
+        out.print(table)
+    lines = [line.rstrip() for line in capture.get().splitlines()]
+    while lines and not lines[-1]:
+        lines.pop()
+    out.file.write("\n".join(lines) + "\n")
+
+
+def say(out: Console, text: str) -> None:
+    """Print a line that a terminal may break and a file may not."""
+    out.print(text, soft_wrap=True)
 
 
 def duration(seconds: float) -> str:
@@ -35,13 +54,20 @@ def duration(seconds: float) -> str:
 
 
 def percent(fraction: float | None, digits: int = 0) -> str:
-    """Return a percentage; a probability just below 1 does not round up to it."""
+    """Return a percentage; a probability just below 1 does not round up to it, nor one just above 0 down."""
     if fraction is None:
         return "unknown"
     text = f"{100 * fraction:.{digits}f}"
     if fraction < 1.0 and float(text) >= 100.0:
         return ">99.9 %"
+    if fraction > 0.0 and float(text) == 0.0:
+        return f"<{10.0**-digits:g} %"
     return f"{text} %"
+
+
+def spent(seconds: float) -> str:
+    """Return computing time such as ``4.1 ms`` or ``12.3 s``."""
+    return f"{1000 * seconds:.1f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
 
 
 def print_plan(result: PlanResult) -> None:
@@ -50,31 +76,33 @@ def print_plan(result: PlanResult) -> None:
     out = console()
     zone = ZoneInfo(result.problem.scenario.timezone)
     first, last = c.stations[c.origin], c.stations[c.destination]
-    out.print(f"{first.name or c.origin}  >  {last.name or c.destination}")
-    out.print(
+    say(out, f"{first.name or c.origin}  >  {last.name or c.destination}")
+    say(
+        out,
         f"{c.drone_parameters.get('name', c.drone)} ({c.drone}), {c.payload_kg:g} kg, airspeed {c.airspeed_mps:g} m/s, "
-        f"departs {_clock(c.depart, zone, date=True)}, planner {c.planner}"
+        f"departs {c.depart.astimezone(zone):%Y-%m-%d %H:%M %Z}, planner {c.planner}",
     )
     for line in course_lines(c, zone):
-        out.print(line, markup=False, soft_wrap=True)
+        say(out, line)
     _print_totals(out, result, zone)
 
 
 def course_lines(c: Composition, zone: ZoneInfo) -> list[str]:
     """The nominal course, leg by leg and stop by stop, in columns."""
     names = {service.id: _leg_name(service) for service in c.services}
-    wide = max(len("leg"), *(len(name) for name in names.values()))
-    wide = min(wide, 44)
-    head = f"{'time':<9}{'leg':<{wide}}{'km':>7}{'course':>8}{'wind':>7}{'from':>6}{'tail':>7}{'cross':>7}{'speed':>7}"
-    head += f"{'takes':>9}{'charge %':>12}{'reserve':>9}{'hold':>6}"
-    unit = f"{'':<9}{'':<{wide}}{'':>7}{'':>8}{'m/s':>7}{'':>6}{'m/s':>7}{'m/s':>7}{'m/s':>7}{'':>9}{'':>12}{'kept':>9}{'wind':>6}"
+    wide = min(max(len("leg"), *(len(name) for name in names.values())) + 1, 44)
+    clock = max(len(_clock(stop.arrive, zone, c.depart)) for stop in (c.services[-1], *c.services)) + 1
+    head = f"{'time':<{clock}}{'leg':<{wide}}{'km':>6}{'course':>8}{'wind':>6}{'from':>6}{'tail':>7}{'cross':>7}{'speed':>7}"
+    head += f"{'takes':>9}{'charge':>12}{'reserve':>9}{'hold':>7}"
+    unit = f"{'':<{clock}}{'':<{wide}}{'':>6}{'':>8}{'m/s':>6}{'':>6}{'m/s':>7}{'m/s':>7}{'m/s':>7}{'':>9}{'%':>12}{'kept':>9}{'wind':>7}"
     lines = ["", head, unit]
     stops = {stop.station: stop for stop in c.stops}
     for service in c.services:
         if service.origin in stops:
-            lines.append(_stop_line(stops.pop(service.origin), zone))
-        lines.append(_leg_line(service, names[service.id], wide, zone))
-    lines.append(f"{_clock(c.arrive, zone):<9}{c.destination}: delivered")
+            stop = stops.pop(service.origin)
+            lines.append(f"{_clock(stop.arrive, zone, c.depart):<{clock}}{_stop_text(stop)}")
+        lines.append(f"{_clock(service.depart, zone, c.depart):<{clock}}{_leg_text(service, names[service.id], wide)}")
+    lines.append(f"{_clock(c.arrive, zone, c.depart):<{clock}}{c.destination}: delivered")
     lines.append("")
     return lines
 
@@ -83,67 +111,65 @@ def _leg_name(leg: DroneService) -> str:
     return f"{leg.origin} > " + "".join(f"({key}) > " for key in leg.via) + leg.destination
 
 
-def _leg_line(leg: DroneService, name: str, wide: int, zone: ZoneInfo) -> str:
+def _leg_text(leg: DroneService, name: str, wide: int) -> str:
     charge = f"{100 * leg.soc_depart:.0f} > {100 * leg.soc_arrive:.0f}"
-    shown = name if len(name) <= wide else name[: wide - 1] + "…"
+    shown = name if len(name) < wide else name[: wide - 2] + "…"
     return (
-        f"{_clock(leg.depart, zone):<9}{shown:<{wide}}{leg.distance_m / 1000:>7.1f}{leg.bearing_deg:>7.0f}°"
-        f"{leg.wind.speed_mps:>7.1f}{leg.wind.from_deg:>5.0f}°{leg.tailwind_mps:>+7.1f}{leg.crosswind_mps:>+7.1f}"
+        f"{shown:<{wide}}{leg.distance_m / 1000:>6.1f}{round(leg.bearing_deg) % 360:>7}°"
+        f"{leg.wind.speed_mps:>6.1f}{round(leg.wind.from_deg) % 360:>5}°{leg.tailwind_mps:>+7.1f}{leg.crosswind_mps:>+7.1f}"
         f"{leg.ground_speed_mps:>7.1f}{duration(leg.flight_time_s):>9}{charge:>12}{percent(leg.p_reserve, 1):>9}"
-        f"{percent(leg.p_hold):>6}"
+        f"{percent(leg.p_hold):>7}"
     )
 
 
-def _stop_line(stop: Stop, zone: ZoneInfo) -> str:
+def _stop_text(stop: Stop) -> str:
     doing = []
     if stop.recharge_s > 0:
         doing.append(f"wait {duration(stop.wait_s)} for a pad (free on arrival {percent(stop.p_pad_free)})")
         doing.append(f"charge {duration(stop.recharge_s)} to {100 * stop.soc_to:.0f} %")
     if stop.hold_s >= 0.5:
         doing.append(f"hold {duration(stop.hold_s)}")
-    return f"{_clock(stop.arrive, zone):<9}  {stop.station}: {', '.join(doing) or 'land and leave'}"
+    return f"  {stop.station}: {', '.join(doing) or 'land and leave'}"
 
 
 def _print_totals(out: Console, result: PlanResult, zone: ZoneInfo) -> None:
     c = result.composition
-    out.print(
+    say(
+        out,
         f"Delivery in {duration(c.delivery_time_s)}: flight {duration(c.flight_time_s)}, wait {duration(c.wait_time_s)}, "
         f"recharge {duration(c.recharge_time_s)}; {c.distance_m / 1000:.1f} km, {c.energy_j / 3600:.0f} Wh, "
-        f"lowest charge {100 * c.min_soc:.0f} % (reserve {100 * c.reserve_soc:.0f} %)"
+        f"lowest charge {100 * c.min_soc:.0f} % (reserve {100 * c.reserve_soc:.0f} %)",
     )
     a = c.arrival
     if a.mean is not None and a.p50 is not None and a.p95 is not None:
+        mean, middle, late = (_clock(instant, zone, c.depart) for instant in (a.mean, a.p50, a.p95))
+        say(out, f"Arrival mean {mean}, p50 {middle}, p95 {late}")
         members = len(result.problem.probability)
-        known = (
-            "the wind and queues given"
-            if members == 1
-            else f"{members} possible courses of the wind and sampled queues"
-        )
-        out.print(
-            f"Arrival mean {_clock(a.mean, zone)}, p50 {_clock(a.p50, zone)}, p95 {_clock(a.p95, zone)}; "
-            f"every landing above reserve with probability {percent(c.success_probability, 1)} ({known})"
-        )
+        known = "the wind given" if members == 1 else f"{members} possible courses of the wind"
+        kept = percent(c.success_probability, 1)
+        say(out, f"Every landing keeps the reserve with probability {kept} ({known}, sampled queues)")
     if result.outcome.p_arrive < 1.0 - 1e-9:
-        out.print(
-            f"With probability {percent(1.0 - result.outcome.p_arrive, 1)} the wind never opens every leg within the forecast"
-        )
+        never = percent(1.0 - result.outcome.p_arrive, 1)
+        say(out, f"With probability {never} the wind does not open every leg within the forecast")
     for note in c.notes:
-        out.print(f"Note: {note}")
+        say(out, f"Note: {note}")
     for drone, why in result.rejected.items():
-        out.print(f"Not {drone}: {why}")
-    out.print(f"Planned in {1000 * result.planning_time_s:.1f} ms, {result.looked_at} evaluated")
+        say(out, f"Not {drone}: {why}")
+    say(out, f"Planned in {spent(result.planning_time_s)}, {result.looked_at} evaluated")
 
 
-def _clock(instant: datetime, zone: ZoneInfo, *, date: bool = False) -> str:
+def _clock(instant: datetime, zone: ZoneInfo, depart: datetime) -> str:
+    """Local time of day, with the days since the departure where it is not the same."""
     local = instant.astimezone(zone)
-    return local.strftime("%Y-%m-%d %H:%M %Z") if date else local.strftime("%H:%M:%S")
+    days = (local.date() - depart.astimezone(zone).date()).days
+    return f"{local:%H:%M:%S}" + (f" +{days}d" if days else "")
 
 
 def print_comparison(answers: list[Comparison]) -> None:
     """Print planners side by side."""
     out = console()
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1))
-    for name in (
+    names = (
         "planner",
         "drone",
         "delivery",
@@ -151,13 +177,14 @@ def print_comparison(answers: list[Comparison]) -> None:
         "wait",
         "recharge",
         "stops",
-        "arrival mean",
+        "mean",
         "p95",
         "kept",
         "km",
         "planned in",
-    ):
-        table.add_column(name, justify="left" if name in ("planner", "drone") else "right")
+    )
+    for name in names:
+        table.add_column(name, justify="left" if name in ("planner", "drone") else "right", no_wrap=True)
     for answer in answers:
         if answer.result is None:
             continue
@@ -172,19 +199,27 @@ def print_comparison(answers: list[Comparison]) -> None:
             duration(c.wait_time_s),
             duration(c.recharge_time_s),
             str(len(c.stops)),
-            f"+{duration(mean)}",
-            f"+{duration(late)}",
+            duration(mean),
+            duration(late),
             percent(c.success_probability, 1),
             f"{c.distance_m / 1000:.1f}",
-            f"{1000 * answer.result.planning_time_s:.1f} ms",
+            spent(answer.result.planning_time_s),
         )
-    out.print(table)
+    if any(answer.result is not None for answer in answers):
+        print_table(out, table)
+        say(
+            out,
+            "delivery = flight + wait + recharge of the nominal course; mean, p95: delivery time over the forecast;",
+        )
+        say(out, "kept: probability that every landing keeps the reserve")
+        if any(answer.planner == "ies" and answer.result is not None for answer in answers):
+            say(
+                out,
+                "ies is told the true wind and queues, the others know the forecast: its figures are for that one truth",
+            )
+        say(out, "")
     for answer in answers:
         if answer.error is not None:
-            out.print(f"{answer.planner}: {answer.error}")
+            say(out, f"{answer.planner}: {answer.error}")
         elif answer.result is not None:
-            out.print(f"{answer.planner}: {' > '.join(answer.result.composition.route)}")
-    if any(answer.planner == "ies" and answer.result is not None for answer in answers):
-        out.print(
-            "ies knows the true wind and queues; the others know the forecast, and their times are for its median course."
-        )
+            say(out, f"{answer.planner}: {' > '.join(answer.result.composition.route)}")
