@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from missions.geofence import Geofence
-from missions.mission import Mission, nothing
+from missions.mission import Mission
 from missions.rally import RallyPoints
 
 if TYPE_CHECKING:
@@ -29,4 +29,4 @@ class MissionDocument:
     mission: Mission = field(default_factory=Mission)
     fence: Geofence = field(default_factory=Geofence)
     rally: RallyPoints = field(default_factory=RallyPoints)
-    extra: Mapping[str, Any] = field(default_factory=nothing, compare=False, repr=False)
+    extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from missions.commands import FENCE_COMMANDS, Command, Frame
 from missions.coordinates import Point
 from missions.geofence import FenceCircle, FencePolygon, Geofence
-from missions.mission import MissionItem, nothing
+from missions.mission import MissionItem
 from missions.rally import RallyPoint, RallyPoints
 from models.errors import Fault, InputError
 
@@ -105,7 +105,7 @@ def _polygon(items: Sequence[MissionItem], first: int, file: str) -> FencePolygo
             Fault("a fence polygon with fewer than 3 vertices", file, None, f"item {first}", alike, remedy)
         )
     vertices = tuple(_point(item, first + i, file) for i, item in enumerate(items[first : first + alike]))
-    claimed = nothing() if alike == head.param1 else {CLAIMED_COUNT: head.param1}
+    claimed = {} if alike == head.param1 else {CLAIMED_COUNT: head.param1}
     return FencePolygon(vertices, _POLYGONS[Command(head.command)], claimed)
 
 

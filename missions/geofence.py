@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from missions.mission import nothing
-
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -29,7 +27,7 @@ class FencePolygon:
 
     vertices: tuple[Point, ...]
     inclusion: bool = True
-    extra: Mapping[str, Any] = field(default_factory=nothing, compare=False, repr=False)
+    extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +49,7 @@ class FenceCircle:
     center: Point
     radius_m: float
     inclusion: bool = True
-    extra: Mapping[str, Any] = field(default_factory=nothing, compare=False, repr=False)
+    extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +75,7 @@ class Geofence:
     circles: tuple[FenceCircle, ...] = ()
     return_point: Point | None = None
     return_altitude_m: float = 0.0
-    extra: Mapping[str, Any] = field(default_factory=nothing, compare=False, repr=False)
+    extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     def __bool__(self) -> bool:
         return bool(self.polygons or self.circles or self.return_point)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from missions.commands import (
@@ -23,13 +22,6 @@ from missions.coordinates import E7, Point
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
-
-NOTHING: Mapping[str, Any] = MappingProxyType({})
-
-
-def nothing() -> Mapping[str, Any]:
-    """Return the one empty mapping."""
-    return NOTHING
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +57,7 @@ class MissionItem:
     y: int | None = 0
     z: float = 0.0
     autocontinue: bool = True
-    extra: Mapping[str, Any] = field(default_factory=nothing, repr=False)
+    extra: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, MissionItem):
@@ -204,7 +196,7 @@ class Mission:
     firmware: int | None = None
     vehicle_type: int | None = None
     complex_items: tuple[ComplexItem, ...] = field(default=(), compare=False, repr=False)
-    extra: Mapping[str, Any] = field(default_factory=nothing, compare=False, repr=False)
+    extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.items)

@@ -17,7 +17,7 @@ from missions.coordinates import to_e7
 from missions.document import MissionDocument
 from missions.geofence import FenceCircle, FencePolygon, Geofence
 from missions.json_fields import MAX_PARAM, fault, integer, mapping, number, place, sequence, without
-from missions.mission import NOTHING, ComplexItem, Home, Mission, MissionItem
+from missions.mission import ComplexItem, Home, Mission, MissionItem
 from missions.rally import RallyPoint, RallyPoints
 from models.errors import Fault, InputError
 
@@ -249,7 +249,7 @@ def _read_item(source: Mapping[str, Any], file: str, field: str) -> MissionItem:
         None if raw[5] is None else to_e7(values[5]),
         values[6],
         bool(autocontinue),
-        extra or NOTHING,
+        extra,
     )
 
 

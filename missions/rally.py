@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from missions.mission import nothing
-
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -29,7 +27,7 @@ class RallyPoint:
 
     point: Point
     altitude_m: float
-    extra: Mapping[str, Any] = field(default_factory=nothing, compare=False, repr=False)
+    extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +43,7 @@ class RallyPoints:
     """
 
     points: tuple[RallyPoint, ...] = ()
-    extra: Mapping[str, Any] = field(default_factory=nothing, compare=False, repr=False)
+    extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.points)

@@ -25,7 +25,7 @@ from missions.commands import (
 from missions.coordinates import Point, to_e7
 from missions.document import MissionDocument
 from missions.json_fields import MAX_FLOAT32, MAX_PARAM
-from missions.mission import NOTHING, Home, Mission, MissionItem
+from missions.mission import Home, Mission, MissionItem
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Ro
         to_e7(y) if y == y else None,  # noqa: PLR0124  NaN
         z,
         autocontinue != 0,
-        {"comment": "\n".join(comment)} if comment else NOTHING,
+        {"comment": "\n".join(comment)} if comment else {},
     )
     return _Row(line, index, item)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from missions.commands import TAKEOFF_COMMANDS, Command
+from missions.commands import LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command
 from missions.finding import Finding
 
 if TYPE_CHECKING:
@@ -129,5 +129,9 @@ def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
             f"{item.name} leaves {names} open: ArduPilot refuses that, so it is sent as 0",
             "write 0",
         )
+    for name, value in (("param5", item.param5_or_zero), ("param6", item.param6_or_zero)):
+        if item.command not in LOCATED_COMMANDS and not value.is_integer():
+            message = f"{name} of {item.name} is {value:g}, and travels to the vehicle as {round(value)}"
+            yield Finding("warning", number, "fraction-lost", message, "use a whole number")
     if item.is_located and item.is_flown_to and math.isnan(item.z):
         yield Finding("error", number, "no-altitude", f"{item.name} has no altitude", "give it one")

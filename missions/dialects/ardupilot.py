@@ -143,7 +143,7 @@ class ArduPilot:
         """Return the items to upload: a placeholder for home first, else the first item would be lost."""
         wire = [to_wire(_home_item(mission.home), 0)]
         for number, item in enumerate(mission.items):
-            wire.append(to_wire(_storable(item), number + 1, current=int(number == current)))
+            wire.append(to_wire(_storable(item), number, shift=1, current=int(number == current)))
         return tuple(wire)
 
     def from_wire(self, items: Sequence[WireItem]) -> Mission:

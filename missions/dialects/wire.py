@@ -57,8 +57,19 @@ class WireItem:
     mission_type: int = MISSION_TYPE_MISSION
 
 
-def to_wire(item: MissionItem, seq: int, *, current: int = 0, mission_type: int = 0) -> WireItem:
+def to_wire(item: MissionItem, number: int, *, shift: int = 0, current: int = 0, mission_type: int = 0) -> WireItem:
     """Put one item on the wire; a place that is not given becomes 0, 0: "here" for take-off, landing, loiter.
+
+    Parameters
+    ----------
+    item : MissionItem
+        The item.
+    number : int
+        Ours, named in errors.
+    shift : int
+        What the autopilot's number is above ours.
+    current, mission_type : int
+        As in the message.
 
     Raises
     ------
@@ -67,27 +78,27 @@ def to_wire(item: MissionItem, seq: int, *, current: int = 0, mission_type: int 
     """
     located = item.command in LOCATED_COMMANDS
     if located and math.isnan(item.z):
-        raise InputError(Fault("has no altitude", field=f"item {seq}", remedy="give each position an altitude"))
+        raise InputError(Fault("has no altitude", field=f"item {number}", remedy="give each position an altitude"))
     return WireItem(
-        seq,
+        number + shift,
         int(item.frame),
         int(item.command),
         current,
         int(item.autocontinue),
         *item.params,
-        _integer(item.x, located, seq),
-        _integer(item.y, located, seq),
+        _integer(item.x, located, number),
+        _integer(item.y, located, number),
         0.0 if math.isnan(item.z) else item.z,
         mission_type,
     )
 
 
-def _integer(value: int | None, located: bool, seq: int) -> int:  # noqa: FBT001  two units, one wire field
+def _integer(value: int | None, located: bool, number: int) -> int:  # noqa: FBT001  two units, one wire field
     if value is None:
         return 0
     plain = value if located else round(value / E7)
     if abs(plain) > _INT32_MAX:
-        raise InputError(Fault("is too large for the wire", field=f"item {seq}", value=value))
+        raise InputError(Fault("is too large for the wire", field=f"item {number}", value=value))
     return plain
 
 

@@ -218,6 +218,7 @@ def check(
 
         typer.echo(json_text.dumps(report.to_json(), indent=1, allow_nan=False))
     else:
+        typer.echo(_circumstances(conditions, wind, depart))
         _print_report(report)
     if not report.ok:
         raise typer.Exit(1)
@@ -298,6 +299,13 @@ def _vehicle(region: Scenario | None, identity: str | None) -> tuple[Drone, bool
         return region.drone(identity), False
     remedy = f"built in: {', '.join(BUILT_IN)}; a scenario brings its own fleet"
     raise InputError(Fault("no such drone", field="--drone", value=identity, remedy=remedy))
+
+
+def _circumstances(conditions: FlightConditions, wind: str | None, depart: str | None) -> str:
+    """Say in one line what the battery was checked with."""
+    air = f"wind {wind}" if wind else f"forecast for {depart}" if depart else "still air"
+    assumed = " (assumed)" if conditions.drone_is_assumed else ""
+    return f"{conditions.drone.name}{assumed}, package {conditions.payload_kg:g} kg, {air}"
 
 
 def _print_report(report: CheckReport) -> None:

@@ -96,8 +96,9 @@ def test_a_plain_value_is_not_scaled_like_a_coordinate():
 
 
 def test_a_position_without_an_altitude_cannot_be_sent():
-    with pytest.raises(InputError, match="has no altitude"):
-        ARDUPILOT.to_wire(Mission((replace(WAYPOINT, z=math.nan),)))
+    for autopilot in (PX4, ARDUPILOT):  # the item is named by our number, not the autopilot's
+        with pytest.raises(InputError, match="item 1: has no altitude"):
+            autopilot.to_wire(Mission((TAKEOFF, replace(WAYPOINT, z=math.nan))))
 
 
 def test_a_place_that_is_not_given_is_here():

@@ -69,3 +69,12 @@ def test_every_name_of_the_package_can_be_had():
         assert callable(getattr(missions, name)) or name == "Dialect"
     with pytest.raises(AttributeError, match="no attribute 'nothing_such'"):
         _ = missions.nothing_such
+
+
+def test_missions_can_be_copied_pickled_and_taken_apart():
+    import copy
+    import pickle
+
+    mission = Mission((MissionItem(Command.NAV_LAND, x=1, y=2),), Home(Point(1, 2)))
+    assert pickle.loads(pickle.dumps(mission)) == copy.deepcopy(mission) == mission
+    assert dataclasses.asdict(mission)["items"][0]["x"] == 1

@@ -130,6 +130,11 @@ def test_parameters_left_open_where_the_command_does_not_allow_it_are_told():
     assert found(TAKEOFF, at(Command.NAV_WAYPOINT, 47.01, param4=math.nan), LAND) == set()
 
 
+def test_a_fraction_that_the_wire_cannot_carry_is_told():
+    actuator = MissionItem(Command.DO_SET_ACTUATOR, Frame.MISSION, 0.5, x=5_000_000)
+    assert ("warning", "fraction-lost", 1) in found(TAKEOFF, actuator, AWAY, LAND)
+
+
 def test_the_route_stays_in_the_fence():
     inside, small = Geofence((square(47.0, 8.0, 0.05),)), Geofence((square(47.0, 8.0, 0.01),))
     assert found(TAKEOFF, AWAY, LAND, fence=inside) == set()
