@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from missions.coordinates import Point
     from missions.mission import Mission, MissionItem
 
-MAX_STEPS = 100_000
+MAX_REPEATED_STEPS = 20_000
+"""Steps followed beyond the number of items, where jumps repeat some."""
 DEFAULT_SPEED_MPS = 5.0
 """Where neither the mission nor its file gives a speed: PX4's default; ArduPilot's is 10."""
 _RELATIVE = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
@@ -127,7 +128,8 @@ class _Walk:
     def run(self) -> Route:
         items = self.mission.items
         number, count = 0, 0
-        while 0 <= number < len(items) and count < MAX_STEPS:
+        most = len(items) + MAX_REPEATED_STEPS
+        while 0 <= number < len(items) and count < most:
             count += 1
             item = items[number]
             target = self._jump(number, item)
@@ -140,7 +142,7 @@ class _Walk:
             number = target
         if self.leg is not None:
             self.legs.append(self.leg)
-        return Route(tuple(self.legs), tuple(self.endless), count >= MAX_STEPS)
+        return Route(tuple(self.legs), tuple(self.endless), count >= most)
 
     def _jump(self, number: int, item: MissionItem) -> int | None:
         """Return where a jump leads, -1 where a loop closes for ever, None where the mission goes straight on."""
