@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from models.errors import Fault, InputError
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
@@ -46,10 +48,23 @@ class ChargingCurve:
         0 to 100 % on a charger that limits nothing, seconds.
     max_rate_per_s : float
         SoC per second that the pad can deliver at most; infinite by default.
+
+    Raises
+    ------
+    InputError
+        A time or rate that is not above 0.
     """
 
     full_time_s: float
     max_rate_per_s: float = math.inf
+
+    def __post_init__(self) -> None:
+        for name, value, limit in (
+            ("recharge_full_s", self.full_time_s, 1e12),
+            ("recharge_power", self.max_rate_per_s, math.inf),
+        ):
+            if not 0.0 < value <= limit:
+                raise InputError(Fault("must be above 0", field=name, value=value))
 
     @property
     def battery_rate_per_s(self) -> float:

@@ -267,8 +267,8 @@ def near_limit_of(air: Air, slot: int, segment: int, suspicious: bool) -> bool:
     return suspicious and min(abs(gap) for gap in gaps) < 1e-6
 
 
-def still_air(slots: int = 3, **changes) -> Air:
-    calm = np.zeros((1, slots, 1))
+def still_air(**changes) -> Air:
+    calm = np.zeros_like(changes.get("north", np.zeros((1, 3, 1))))
     air = Air(
         START,
         3600.0,
