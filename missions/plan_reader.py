@@ -73,6 +73,9 @@ def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
     if "mission" not in plan and "items" in plan:
         mission, strays = _read_mission(plan, file, "")
         return _with_strays(MissionDocument(mission=mission), strays, file)
+    if str(plan.get("schema", "")).startswith("skyway.composition"):
+        remedy = "make missions of it with skyway mission"
+        raise fault("is a composition, not a mission", file, "schema", plan["schema"], remedy)
     kind = plan.get("fileType", "Plan")
     if kind != "Plan" or "mission" not in plan:
         raise fault("is not a mission plan", file, "fileType", kind, 'expected "Plan" and a "mission"')

@@ -130,6 +130,7 @@ class Px4:
 
     def meaning(self, item: MissionItem) -> Meaning:
         """Return what PX4 keeps: not ``current``, not LAND's abort altitude, NaN and 0 as one yaw on reading back."""
+        item = _in_frame(item)
         meaning: Meaning = {"command": item.name, "autocontinue": float(item.autocontinue)}
         kept = _KEPT_PARAMS.get(item.command, (1, 2, 3, 4))
         for number in kept:

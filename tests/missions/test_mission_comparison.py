@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from missions import diff
+from missions import dialect, diff
 from missions.commands import Command, Frame
 from missions.coordinates import Point
 from missions.dialects.wire import fence_from_wire, fence_to_wire
@@ -91,6 +91,15 @@ def test_whatever_changes_the_flight_is_told_by_item_and_field(autopilot, number
     differences = diff(SENT, with_item(SENT, number, **changes), autopilot)
     assert [(d.item, d.field) for d in differences] == [(number, field)]
     assert str(differences[0]).startswith(f"item {number} {field}: sent ")
+
+
+def test_the_frame_of_an_item_without_a_place_does_not_matter():
+    speed_in_any_frame = with_item(SENT, 1, frame=Frame.GLOBAL_RELATIVE_ALT)
+    start = MissionItem(Command.DO_LAND_START, Frame.GLOBAL_RELATIVE_ALT)
+    for autopilot in ("px4", "ardupilot"):
+        assert diff(speed_in_any_frame, SENT, autopilot) == ()
+        own = dialect(autopilot)
+        assert diff(Mission((start,)), own.from_wire(own.to_wire(Mission((start,)))), autopilot) == ()
 
 
 def test_a_yaw_matters_to_px4_and_is_not_kept_by_ardupilot():

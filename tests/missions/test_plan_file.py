@@ -179,6 +179,10 @@ def test_a_pattern_without_its_items_is_not_supported_and_named(kind):
         ({**plan(item()), "version": 3}, "plan version we do not know"),
         ({**plan(item()), "fileType": "Parameters"}, "is not a mission plan"),
         ([], "is not an object"),
+        (
+            {"schema": "skyway.composition/1"},
+            "is a composition, not a mission .*; make missions of it with skyway mission",
+        ),
         (plan(item(params=[0, 0, 0])), "does not have 7 parameters"),
         (plan(item(params=[0, 0, 0, 0, 91, 8, 5])), "latitude is not between -90 and 90"),
         (plan(item(params=["0", 0, 0, 0, 1, 8, 5])), r"items\[0\].params: is not a number"),
