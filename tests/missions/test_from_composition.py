@@ -5,7 +5,6 @@ from datetime import timedelta
 from itertools import pairwise
 
 import pytest
-import small_compositions as small
 
 from missions import MissionOptions, armed_mission, check, dialect, leg_mission, whole_mission
 from missions.commands import Command
@@ -118,7 +117,7 @@ def test_places_of_the_plan_are_flown_hold_by_hold(two_legs, autopilot, export):
     assert [(p.lat, p.lon) for p in landed] == [(40.74, -73.92), (40.76, -73.88)]
 
 
-def test_a_long_leg_is_split_on_the_geodesic_with_its_height_changing_evenly():
+def test_a_long_leg_is_split_on_the_geodesic_with_its_height_changing_evenly(small):
     stations = {"a": Place(60.0, 8.0, 100.0), "b": Place(60.0, 9.0, 400.0)}
     plan = small.compose((small.service(0, "a", "b", depart=small.NOON, stations=stations),), (), stations)
     document = only(leg_mission(plan, 0, PX4))
@@ -224,7 +223,7 @@ def test_a_disarmed_hold_tells_the_operator_how_long_and_how_much_to_charge(two_
     assert armed_mission(two_legs, autopilot).notes == ()
 
 
-def test_a_stop_at_the_origin_is_charged_before_the_first_leg(two_legs):
+def test_a_stop_at_the_origin_is_charged_before_the_first_leg(two_legs, small):
     charging = Stop("hill", small.NOON - timedelta(minutes=10), 0.0, 600.0, 0.0, 0.5, 0.7)
     plan = replace(two_legs, stops=(charging, *two_legs.stops))
     assert whole_mission(plan, PX4).notes[0].startswith("at hill: charge 10.0 min to 70 %, then arm for leg 0")
