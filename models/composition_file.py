@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 
-from models.errors import Fault, InputError
-from models.files import read_bytes, write_atomically
+from models.errors import Fault, InputError, one_line
+from models.files import read_text, write_atomically
 from models.services import ArrivalDistribution, Composition, DroneService, Place, Stop, Wind
 from models.units import J_PER_WH, iso, parse_instant
 
@@ -137,7 +137,7 @@ def load(path: Path) -> Composition:
     InputError
         Unreadable, not JSON, of another schema, or with a field that is missing or out of range.
     """
-    return from_json(read_bytes(path, max_bytes=MAX_BYTES), file=str(path))
+    return from_json(read_text(path, max_bytes=MAX_BYTES), file=str(path))
 
 
 _Soc = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
@@ -237,7 +237,7 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
     """Read a composition from JSON text; `file` is named in errors (`InputError`)."""
     try:
         raw = msgspec.json.decode(data, type=_Composition)
-    except (msgspec.ValidationError, msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
+    except (msgspec.ValidationError, msgspec.DecodeError, RecursionError, UnicodeError) as error:
         raise InputError(Fault(f"not a {SCHEMA} file: {error}", file, remedy="write one with skyway plan -o")) from None
     if raw.schema != SCHEMA:
         raise InputError(Fault("unknown schema", file, field="schema", value=raw.schema, remedy=f"expected {SCHEMA}"))
@@ -265,16 +265,7 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
         )
         for number, leg in enumerate(raw.legs)
     )
-    for number, service in enumerate(services):
-        if service.arrive <= service.depart:
-            raise InputError(
-                Fault(
-                    "arrives before it departs",
-                    file,
-                    field=f"legs[{number}].arrive",
-                    value=iso(service.arrive),
-                )
-            )
+    _check_order(services, file)
     stops = tuple(
         Stop(
             station=stop.station,
@@ -328,6 +319,21 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
     )
 
 
+def _check_order(services: tuple[DroneService, ...], file: str) -> None:
+    faults = [
+        Fault("arrives before it departs", file, field=f"legs[{number}].arrive", value=iso(service.arrive))
+        for number, service in enumerate(services)
+        if service.arrive <= service.depart
+    ]
+    faults += [
+        Fault("departs before the last leg arrived", file, field=f"legs[{number}].depart", value=iso(after.depart))
+        for number, (before, after) in enumerate(pairwise(services), start=1)
+        if after.depart < before.arrive
+    ]
+    if faults:
+        raise InputError(faults)
+
+
 def _check_references(raw: _Composition, file: str) -> None:
     if not raw.legs:
         raise InputError(Fault("has no legs", file, field="legs"))
@@ -337,6 +343,11 @@ def _check_references(raw: _Composition, file: str) -> None:
         Fault("names a station that is not in stations", file, field=where, value=key)
         for where, key in named
         if key not in raw.stations
+    ]
+    faults += [
+        Fault("must be one line of plain text", file, field="stations", value=key)
+        for key in raw.stations
+        if not key or one_line(key) != key
     ]
     faults += [
         Fault("does not start where the last leg ended", file, field=f"legs[{i + 1}].from", value=after.origin)

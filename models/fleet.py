@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from models.drone import M200_V2, Drone
-from models.energy import M100_COEFFICIENTS, EnergyModel, MomentumEnergy, Phase
+from models.energy import M100_COEFFICIENTS, PHASES, EnergyModel, MomentumEnergy, Phase
 from models.errors import Fault, InputError
 from models.fields import Table, read_toml
 from models.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SCHEMA = "skyway.fleet/1"
+MAX_DRONES = 1000
 BUILT_IN = {M200_V2.id: M200_V2}
 """Drones that a fleet may start from with ``base``, and the fleet where none is given."""
 
@@ -31,12 +32,14 @@ def read_fleet(path: Path) -> tuple[Drone, ...]:
     top.text("schema", SCHEMA, choices=(SCHEMA,))
     tables = top.tables("drone")
     top.finish()
-    drones = [_drone(table) for table in tables]
-    if not tables:
+    drones = [_drone(table) for table in tables[:MAX_DRONES]]
+    if len(tables) > MAX_DRONES:
+        top.fault("drone", f"more than {MAX_DRONES} drones", len(tables))
+    if not tables and not faults:
         top.fault("drone", "the fleet is empty", remedy="add a [[drone]] table")
     seen: set[str] = set()
-    for table, drone in zip(tables, drones, strict=True):
-        if drone.id in seen:
+    for table, drone in zip(tables, drones, strict=False):
+        if drone.id and drone.id in seen:
             table.fault("id", "two drones have the same id", drone.id)
         seen.add(drone.id)
     if faults:
@@ -59,12 +62,12 @@ def _drone(table: Table) -> Drone:
     full = number("endurance_full_min", "endurance_full_s", 1, 1e5, S_PER_MIN)
     airspeed = number("max_airspeed_mps", "max_airspeed_mps", 1, 150)
     ground = table.number("max_ground_speed_mps", base.max_ground_speed_mps if base else 20.0, low=1, high=150)
-    limit = number("wind_limit_mps", "wind_limit_mps", 0, 60)
+    limit = number("wind_limit_mps", "wind_limit_mps", 1, 60)
     recharge = number("recharge_full_h", "recharge_full_s", 0.01, 100, S_PER_H)
-    price = table.number("price_per_km", low=0) if "price_per_km" in table else None
+    price = table.number("price_per_km", low=0, high=1e6) if "price_per_km" in table else None
     if full > empty:
         table.fault("endurance_full_min", "is longer than endurance_empty_min", full / S_PER_MIN)
-    energy = _energy(table)
+    energy = _energy(table, mass)
     drone = Drone(
         id=table.text("id"),
         name=table.text("name", base.name if base else None),
@@ -85,18 +88,24 @@ def _drone(table: Table) -> Drone:
     return drone
 
 
-def _energy(table: Table) -> EnergyModel | None:
+def _energy(table: Table, mass_kg: float) -> EnergyModel | None:
     kind = table.text("energy_model", "endurance", choices=("endurance", "momentum"))
     if kind == "endurance":
+        if "momentum" in table:
+            table.table("momentum")
+            table.fault("momentum", "is not used", None, 'energy_model = "momentum" uses it')
         return None
     values = table.table("momentum")
-    phases: tuple[Phase, ...] = ("climb", "cruise", "descent")
     coefficients: dict[Phase, tuple[float, float]] = {}
-    for phase in phases:
+    density = values.number("air_density_kg_m3", AIR_DENSITY_KG_M3, low=0.3, high=2.0)
+    for phase in PHASES:
         slope, offset = M100_COEFFICIENTS[phase]
         part = values.table(phase)
-        coefficients[phase] = (part.number("b1", slope, above=0), part.number("b0", offset))
+        b1, b0 = part.number("b1", slope, above=0, high=1e5), part.number("b0", offset, low=-1e5, high=1e5)
         part.finish()
-    density = values.number("air_density_kg_m3", AIR_DENSITY_KG_M3, low=0.3, high=2.0)
+        coefficients[phase] = (b1, b0)
+        power = MomentumEnergy(coefficients, density).power_w(mass_kg, phase)
+        if power <= 0.0:
+            part.fault("b0", f"makes the power of the empty drone {power:.0f} W", b0, "it must stay above 0 W")
     values.finish()
     return MomentumEnergy(coefficients, density)
