@@ -1,0 +1,296 @@
+"""``skyway plan`` and ``skyway compare`` on the built-in scenario: what they print, write and promise."""
+
+import json
+import subprocess
+import sys
+from datetime import datetime
+from itertools import pairwise
+
+import pytest
+from cli_requests import HOP, ONE_WIND, TRIP
+
+from models.composition_file import load
+from models.wind import wind_triangle
+
+TOP = {
+    "schema": str, "id": str, "scenario": dict, "planner": str, "drone": str, "drone_parameters": dict,
+    "payload_kg": float, "airspeed_mps": float, "max_ground_speed_mps": float, "cruise_height_m": float,
+    "climb_rate_mps": float, "descent_rate_mps": float, "reserve_soc": float, "seed": int, "depart": str, "from": str,
+    "to": str, "stations": dict, "legs": list, "stops": list, "delivery_time_s": float, "flight_time_s": float,
+    "wait_time_s": float, "recharge_time_s": float, "distance_m": float, "energy_wh": float, "min_soc": float,
+    "arrival": dict, "on_time_probability": type(None), "success_probability": float, "planning_time_s": float,
+    "notes": list,
+}  # fmt: skip
+LEG = {
+    "id": str, "from": str, "to": str, "via": list, "distance_m": float, "bearing_deg": float,
+    "ground_speed_mps": float, "depart": str, "arrive": str, "flight_time_s": float, "energy_wh": float,
+    "soc_depart": float, "soc_arrive": float, "p_reserve": float, "p_hold": float, "wind": dict,
+    "tailwind_mps": float, "crosswind_mps": float, "diverts": list,
+}  # fmt: skip
+STOP = {
+    "station": str, "arrive": str, "wait_s": float, "hold_s": float, "p_pad_free": float, "recharge_s": float,
+    "soc_from": float, "soc_to": float, "leave": str,
+}  # fmt: skip
+PLACE = {"lat": float, "lon": float, "elevation_m": float, "name": str, "pads": int}
+
+
+def fits(values, schema) -> None:
+    assert set(values) == set(schema)
+    for key, kind in schema.items():
+        assert isinstance(values[key], (int, float) if kind is float else kind), (key, values[key])
+
+
+def seconds(later: str, earlier: str) -> float:
+    return (datetime.fromisoformat(later) - datetime.fromisoformat(earlier)).total_seconds()
+
+
+@pytest.fixture
+def plan_json(skyway):
+    def run(*arguments):
+        answer = skyway("plan", *arguments, "--json")
+        assert answer.code == 0, answer.err
+        return json.loads(answer.out)
+
+    return run
+
+
+REQUESTS = {
+    "the fleet, forecast": TRIP,
+    "one drone, forecast": (*TRIP, "--drone", "m200"),
+    "one wind": (*TRIP, *ONE_WIND),
+    "full recharge": (*TRIP, *ONE_WIND, "--recharge", "full"),
+    "pfs": (*TRIP, "--drone", "m200", "--planner", "pfs"),
+    "shortest": (*TRIP, "--planner", "shortest"),
+    "the truth": (*HOP, "--drone", "m200", "--planner", "ies"),
+    "charging first": (*HOP, "--drone", "m200", "--soc", "25", "--reserve", "15"),
+    "a delivery target": ("--from", "bellevue", "--to", "40.75,-73.93", *HOP[4:]),
+}
+
+
+@pytest.mark.parametrize("request_", REQUESTS.values(), ids=REQUESTS.keys())
+def test_json_of_a_plan_has_every_field_and_adds_up(plan_json, request_):
+    plan = plan_json(*request_)
+    fits(plan, TOP)
+    assert plan["schema"] == "skyway.composition/1"
+    assert set(plan["scenario"]) == {"path", "sha256"}
+    assert set(plan["arrival"]) == {"mean", "p50", "p95"}
+    for leg in plan["legs"]:
+        fits(leg, LEG)
+        fits(leg["wind"], {"speed_mps": float, "from_deg": float})
+    for stop in plan["stops"]:
+        fits(stop, STOP)
+    for key, place in plan["stations"].items():
+        fits(place, PLACE if key != "target" else PLACE | {"elevation_m": type(None)})
+    legs, stops = plan["legs"], plan["stops"]
+    assert plan["flight_time_s"] == pytest.approx(sum(leg["flight_time_s"] for leg in legs))
+    assert plan["wait_time_s"] == pytest.approx(sum(stop["wait_s"] + stop["hold_s"] for stop in stops))
+    assert plan["recharge_time_s"] == pytest.approx(sum(stop["recharge_s"] for stop in stops))
+    total = plan["flight_time_s"] + plan["wait_time_s"] + plan["recharge_time_s"]
+    assert plan["delivery_time_s"] == pytest.approx(total)
+    assert plan["delivery_time_s"] == pytest.approx(seconds(legs[-1]["arrive"], plan["depart"]), abs=1.0)
+    assert plan["distance_m"] == pytest.approx(sum(leg["distance_m"] for leg in legs))
+    assert plan["energy_wh"] == pytest.approx(sum(leg["energy_wh"] for leg in legs))
+    assert plan["min_soc"] == min(leg["soc_arrive"] for leg in legs) >= plan["reserve_soc"] - 1e-9
+
+
+@pytest.mark.parametrize("request_", REQUESTS.values(), ids=REQUESTS.keys())
+def test_legs_and_stops_of_a_plan_follow_each_other_without_a_gap(plan_json, request_):
+    plan = plan_json(*request_)
+    legs, stops = plan["legs"], {stop["station"]: stop for stop in plan["stops"]}
+    assert (legs[0]["from"], legs[-1]["to"]) == (plan["from"], plan["to"])
+    first = stops.get(plan["from"])
+    assert (first["arrive"] if first else legs[0]["depart"]) == plan["depart"]
+    for before, after in pairwise(legs):
+        assert before["to"] == after["from"]
+        stop = stops[after["from"]]
+        assert abs(seconds(stop["arrive"], before["arrive"])) <= 0.002
+        assert stop["soc_from"] == pytest.approx(before["soc_arrive"])
+    for leg in legs:
+        assert seconds(leg["arrive"], leg["depart"]) == pytest.approx(leg["flight_time_s"], abs=0.002)
+        spent = leg["energy_wh"] / plan["drone_parameters"]["battery_wh"]
+        assert leg["soc_arrive"] == pytest.approx(leg["soc_depart"] - spent, abs=1e-9)
+        if leg["from"] in stops:
+            stop = stops[leg["from"]]
+            stay = stop["wait_s"] + stop["recharge_s"] + stop["hold_s"]
+            assert seconds(leg["depart"], stop["arrive"]) == pytest.approx(stay, abs=0.002)
+            assert leg["soc_depart"] == pytest.approx(stop["soc_to"])
+        assert {leg["from"], leg["to"], *leg["via"], *leg["diverts"]} <= set(plan["stations"])
+
+
+def test_ground_speed_of_each_leg_is_the_wind_triangle_capped_at_what_autopilots_accept(plan_json):
+    capped = 0
+    for recharge in ("full", "enough"):
+        for wind in ("8@270", "8@30"):
+            plan = plan_json(*TRIP, "--wind", wind, "--drone", "m200", "--recharge", recharge)
+            speed, direction = map(float, wind.split("@"))
+            for leg in plan["legs"]:
+                if leg["via"]:
+                    continue
+                assert leg["wind"] == {"speed_mps": pytest.approx(speed), "from_deg": pytest.approx(direction)}
+                triangle = wind_triangle(
+                    plan["airspeed_mps"],
+                    speed,
+                    direction,
+                    leg["bearing_deg"],
+                    max_ground_speed_mps=plan["max_ground_speed_mps"],
+                )
+                assert leg["ground_speed_mps"] == pytest.approx(triangle.ground_speed_mps)
+                assert leg["tailwind_mps"] == pytest.approx(triangle.tailwind_mps)
+                capped += leg["ground_speed_mps"] == plan["max_ground_speed_mps"]
+                climb = plan["cruise_height_m"] / plan["climb_rate_mps"]
+                climb += plan["cruise_height_m"] / plan["descent_rate_mps"]
+                cruise = leg["distance_m"] / leg["ground_speed_mps"]
+                assert leg["flight_time_s"] == pytest.approx(climb + cruise, abs=0.002)
+    assert capped
+
+
+def test_the_table_shows_what_the_json_says(skyway, plan_json):
+    plan = plan_json(*TRIP, *ONE_WIND)
+    answer = skyway("plan", *TRIP, *ONE_WIND)
+    assert answer.code == 0
+    for leg in plan["legs"]:
+        assert f"{leg['from']} > " in answer.out
+        assert f"{leg['distance_m'] / 1000:.1f}" in answer.out
+    for stop in plan["stops"]:
+        assert f"{stop['station']}: " in answer.out
+    minutes, rest = divmod(round(plan["delivery_time_s"]), 60)
+    hours, minutes = divmod(minutes, 60)
+    assert f"Delivery in {hours}:{minutes:02d}:{rest:02d}" in answer.out
+    assert "Arrival mean" in answer.out
+    assert "p95" in answer.out
+    assert not any(line.endswith(" ") for line in answer.out.splitlines())
+
+
+def test_warnings_about_the_input_reach_a_person_who_plans_and_leave_the_json_alone(skyway):
+    answer = skyway("plan", *HOP, "--json")
+    assert answer.err == "skyway: 2 warnings about the input, see: skyway scenario check\n"
+    json.loads(answer.out)
+    told = skyway("scenario", "check")
+    assert told.code == 0
+    assert "1048.36058 mph" in told.err
+
+
+def test_a_station_is_found_by_id_by_part_of_its_name_and_by_position(plan_json):
+    assert plan_json("--from", "bellevue", *HOP[2:])["from"] == "bellevue"
+    assert plan_json("--from", "Elmhurst", *HOP[2:])["from"] == "elmhurst"
+    assert plan_json("--from", "hospitals/ELM", *HOP[2:])["from"] == "elmhurst"
+    plan = plan_json("--from", "bellevue", "--to", "40.75,-73.93", *HOP[4:])
+    assert (plan["stations"]["target"]["lat"], plan["stations"]["target"]["lon"]) == (40.75, -73.93)
+    assert plan["stations"]["target"]["pads"] == 0
+    both = plan_json("--from", "40.73,-73.99", "--to", "40.75,-73.93", *HOP[4:])
+    assert both["from"] != both["to"]
+
+
+def test_every_option_of_plan_shows_in_the_plan(plan_json):
+    plan = plan_json(*HOP, "--drone", "m200", "--airspeed", "15", "--reserve", "30", "--soc", "90", "--seed", "7")
+    assert plan["airspeed_mps"] == 15
+    assert plan["reserve_soc"] == 0.3
+    assert plan["seed"] == 7
+    assert plan["legs"][0]["soc_depart"] <= 1.0
+    assert plan["drone"] == "m200"
+    assert plan_json(*HOP, "--planner", "shortest")["planner"] == "shortest"
+    truth = plan_json(*HOP, "--planner", "ies", "--truth", "2013-07-09", "--drone", "m200", "--time-limit", "30")
+    assert truth["planner"] == "ies"
+    full = plan_json(*TRIP, *ONE_WIND, "--recharge", "full")
+    assert {stop["soc_to"] for stop in full["stops"] if stop["recharge_s"]} == {1.0}
+    enough = plan_json(*TRIP, *ONE_WIND, "--recharge", "enough")
+    assert enough["recharge_time_s"] < full["recharge_time_s"]
+
+
+def test_without_a_departure_the_delivery_starts_now(plan_json):
+    plan = plan_json("--from", "bellevue", "--to", "jacobi", "--payload", "0.5", "--wind", "3@0")
+    age = datetime.now().astimezone() - datetime.fromisoformat(plan["depart"])
+    assert 0 <= age.total_seconds() < 120
+
+
+def test_a_plan_from_a_forecast_file_and_with_a_truth_file(skyway, tmp_path):
+    rows = ["time,site,member,speed_mps,from_deg"]
+    for hour in range(14, 24):
+        for site in ("EWR", "JFK", "LGA"):
+            rows += [f"2013-07-10T{hour}:00Z,{site},a,4,200", f"2013-07-10T{hour}:00Z,{site},b,6,250"]
+    (tmp_path / "forecast.csv").write_text("\n".join(rows))
+    (tmp_path / "truth.csv").write_text("\n".join(row for row in rows if ",b," not in row))
+    forecast = ("--forecast", "forecast.csv")
+    plan = skyway("plan", *HOP, *forecast, "--json")
+    assert plan.code == 0, plan.err
+    winds = {round(leg["wind"]["from_deg"]) for leg in json.loads(plan.out)["legs"]}
+    assert winds <= {200, 250}
+    told = skyway("plan", *HOP, *forecast, "--truth", "truth.csv", "--planner", "ies", "--drone", "m200", "--json")
+    assert told.code == 0, told.err
+    assert {round(leg["wind"]["from_deg"]) for leg in json.loads(told.out)["legs"]} == {200}
+
+
+def test_files_are_written_once_and_overwritten_only_by_force(skyway, tmp_path):
+    outputs = ("-o", "plan.json", "--geojson", "route.geojson", "--plot", "plan.svg")
+    assert skyway("plan", *HOP, *outputs).code == 0
+    composition = load(tmp_path / "plan.json")
+    assert composition.origin == "bellevue"
+    route = json.loads((tmp_path / "route.geojson").read_text())
+    kinds = [feature["geometry"]["type"] for feature in route["features"]]
+    assert kinds.count("LineString") == len(composition.services)
+    assert kinds.count("Point") == len(set(composition.route))
+    picture = (tmp_path / "plan.svg").read_bytes()
+    assert b"<svg" in picture
+    again = skyway("plan", *HOP, *outputs)
+    assert again.code == 2
+    assert again.err.count("exists already") == 3
+    assert (tmp_path / "plan.svg").read_bytes() == picture
+    assert skyway("plan", *HOP, *outputs, "--force").code == 0
+    assert (tmp_path / "plan.svg").read_bytes() == picture  # the same plan gives the same bytes
+
+
+def test_the_same_request_gives_the_same_plan(plan_json):
+    one, two = (plan_json(*TRIP) for _ in range(2))
+    for plan in (one, two):
+        del plan["planning_time_s"]
+    assert one == two
+
+
+def test_planners_are_compared_on_one_request(skyway):
+    answer = skyway("compare", *HOP, "--drone", "m200", "--planners", "pfs,shortest,ies", "--json")
+    assert answer.code == 0
+    found = json.loads(answer.out)
+    assert found["schema"] == "skyway.compare/1"
+    assert [plan["planner"] for plan in found["plans"]] == ["pfs", "shortest", "ies"]
+    for plan in found["plans"]:
+        assert set(plan) == {"planner", "status", "error", "composition"}
+        assert (plan["status"], plan["error"]) == ("ok", None)
+        fits(plan["composition"], TOP)
+        assert plan["composition"]["planner"] == plan["planner"]
+    table = skyway("compare", *HOP, "--drone", "m200", "--planners", "pfs,shortest,ies")
+    assert table.code == 0
+    assert "ies is told the true wind" in table.out
+    assert not any(line.endswith(" ") for line in table.out.splitlines())
+
+
+def test_given_one_wind_no_planner_beats_the_exhaustive_search(skyway):
+    answer = skyway("compare", *HOP, *ONE_WIND, "--json")
+    times = {plan["planner"]: plan["composition"]["delivery_time_s"] for plan in json.loads(answer.out)["plans"]}
+    assert set(times) == {"pfs", "pfs-charge-aware", "shortest", "ies"}
+    assert times["ies"] <= min(times.values()) + 1.0
+
+
+def test_a_comparison_without_any_answer_says_why_for_each_and_ends_with_1(skyway):
+    heavy = [*HOP[:4], "--payload", "50", *HOP[6:]]
+    answer = skyway("compare", *heavy, "--planners", "pfs,shortest", "--json")
+    assert answer.code == 1
+    plans = json.loads(answer.out)["plans"]
+    assert [plan["status"] for plan in plans] == ["infeasible", "infeasible"]
+    assert all("no drone lifts 50 kg" in plan["error"] for plan in plans)
+    assert skyway("compare", *heavy, "--planners", "pfs,shortest").code == 1
+
+
+def test_the_installed_command_and_the_module_answer_alike():
+    command = [sys.executable, "-m", "skyway", "plan", *HOP, *ONE_WIND, "--json"]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
+    assert json.loads(found.stdout)["from"] == "bellevue"
+    missing = subprocess.run([sys.executable, "-m", "skyway", "plan"], capture_output=True, text=True, check=False)
+    assert missing.returncode == 2
+    assert missing.stderr.startswith("skyway: Missing option '--from'. (see: ")
+
+
+def test_output_cut_short_by_its_reader_is_no_traceback():
+    command = f"{sys.executable} -m skyway network --json | head -c 10"
+    found = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert "Traceback" not in found.stderr
