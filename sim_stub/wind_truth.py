@@ -7,7 +7,6 @@ carried to flying height by the power law of `models.wind`; a constant wind is t
 from __future__ import annotations
 
 import math
-import random
 import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
@@ -18,10 +17,13 @@ from models import wind
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from models.wind_history import WindHistory
+    import random
+
+    from models.wind_ensemble import WindEnsemble
 
 HEIGHT_EXPONENT = 0.2
 _LOWEST_M = 2.0
+_MAX_CACHED = 20_000
 
 
 class WindTruth(Protocol):
@@ -58,52 +60,45 @@ class ConstantWind:
 
 @dataclass(frozen=True, slots=True)
 class RecordedWind:
-    """A stretch of a wind record replayed as the truth.
+    """A day of a wind record, or a forecast with one member, as the truth.
 
     Attributes
     ----------
-    history : WindHistory
-        The record.
-    shift_s : float
-        Added to simulated time to find the instant of the record.
+    series : WindEnsemble
+        Its first member is what blows; each slot's wind is that of its middle, joined linearly.
     """
 
-    history: WindHistory
-    shift_s: float = 0.0
+    series: WindEnsemble
     _cache: dict[tuple[int, float, float], tuple[float, float]] = field(default_factory=dict)
 
     def at(self, posix_s: float, lat: float, lon: float, height_m: float) -> tuple[float, float]:
-        """(north, east) m/s towards: sites weighted by inverse distance squared, slots joined linearly."""
-        record = self.history
-        place = (posix_s + self.shift_s - record.start_s) / record.slot_s - 0.5
+        """(north, east) m/s towards: sites weighted by inverse distance squared."""
+        series = self.series
+        place = (posix_s - series.start_s) / series.slot_s - 0.5
         slot = math.floor(place)
         first, second = self._slot(slot, lat, lon), self._slot(slot + 1, lat, lon)
         share = place - slot
-        factor = wind.height_factor(max(height_m, _LOWEST_M), record.measured_at_m, HEIGHT_EXPONENT)
+        factor = wind.height_factor(max(height_m, _LOWEST_M), series.height_m, HEIGHT_EXPONENT)
         return (
             factor * (first[0] + share * (second[0] - first[0])),
             factor * (first[1] + share * (second[1] - first[1])),
         )
 
     def _slot(self, slot: int, lat: float, lon: float) -> tuple[float, float]:
-        key = (slot, round(lat, 3), round(lon, 3))
+        series = self.series
+        row = min(max(slot, 0), series.north.shape[1] - 1)
+        key = (row, round(lat, 3), round(lon, 3))
         found = self._cache.get(key)
         if found is not None:
             return found
-        record = self.history
-        row = min(max(slot, 0), len(record.north) - 1)
-        lats = np.array([site.lat for site in record.sites])
-        lons = np.array([site.lon for site in record.sites])
-        square = (lats - lat) ** 2 + ((lons - lon) * math.cos(math.radians(lat))) ** 2
-        known = np.isfinite(record.north[row])
-        weight = np.where(known, 1.0 / np.maximum(square, 1e-10), 0.0)
-        total = float(weight.sum())
-        north = float(np.where(known, record.north[row], 0.0) @ weight) / total if total else 0.0
-        east = float(np.where(known, record.east[row], 0.0) @ weight) / total if total else 0.0
-        if len(self._cache) > 20_000:
+        shrink = math.cos(math.radians(lat))
+        square = (series.site_lat - lat) ** 2 + ((series.site_lon - lon) * shrink) ** 2
+        weight = 1.0 / np.maximum(square, 1e-10)
+        weight /= weight.sum()
+        if len(self._cache) > _MAX_CACHED:
             self._cache.clear()
-        self._cache[key] = north, east
-        return north, east
+        self._cache[key] = float(series.north[0, row] @ weight), float(series.east[0, row] @ weight)
+        return self._cache[key]
 
 
 @dataclass(slots=True)

@@ -1,0 +1,320 @@
+"""Pads of the stations: who charges, who waits, and the other drones that come and go.
+
+First come, first served, no reservations. Other drones arrive as a Poisson process and charge for exponential times,
+with the rates of `models.load`; they are sampled here, not taken from the queue model that plans are made with. Time
+passes from event to event.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from models.pad_service import DroneOnPad, PadServiceError, StationStatus
+from sim_stub.vehicle import Charge
+
+if TYPE_CHECKING:
+    from models.load import PadLoad
+    from models.network import Station
+    from sim_stub.vehicle import Vehicle
+    from sim_stub.world import World
+
+_WARM_UP_H = 24
+_RATES_H = 24
+_MAX_LINE = 1000
+
+
+@dataclass(eq=False, slots=True)
+class _Guest:
+    """Somebody at a station: another drone, or one of ours.
+
+    Attributes
+    ----------
+    stay_s : float
+        How long another drone charges.
+    end_s : float
+        When it leaves the pad, or when ours is charged; infinite while it waits.
+    drone : str
+        Name of ours; empty for another drone.
+    """
+
+    stay_s: float = 0.0
+    end_s: float = math.inf
+    drone: str = ""
+    to_soc: float = 1.0
+
+
+@dataclass(slots=True)
+class _Site:
+    """One station.
+
+    Attributes
+    ----------
+    on_pads, line : list, deque
+        Who stands on the pads and who waits, in order.
+    next_arrival_s : float
+        When the next other drone comes.
+    """
+
+    station: Station
+    row: int
+    generator: random.Random
+    on_pads: list[_Guest] = field(default_factory=list)
+    line: deque[_Guest] = field(default_factory=deque)
+    next_arrival_s: float = math.inf
+    rates_from_s: float = -math.inf
+    rates: tuple[list[float], list[float]] = ((), ())  # type: ignore[assignment]
+
+    def next_due_s(self) -> float:
+        """When somebody comes or leaves by himself."""
+        leaving = min((guest.end_s for guest in self.on_pads), default=math.inf)
+        return min(leaving, self.next_arrival_s)
+
+
+class Pads:
+    """All pads of a world; satisfies `models.pad_service.PadService`.
+
+    Parameters
+    ----------
+    world : World
+        Its vehicles are ours, its stations have the pads.
+    load : PadLoad or None
+        Other drones, in the order of the world's stations; None is none.
+    seed : int
+        Of the other drones.
+    """
+
+    def __init__(self, world: World, load: PadLoad | None = None, *, seed: int = 1) -> None:
+        self.world, self.load = world, load
+        self._sites = {
+            station.id: _Site(station, row, random.Random(f"{seed}/{station.id}"))  # noqa: S311
+            for row, station in enumerate(world.stations)
+        }
+        self._now = world.sim_s - _WARM_UP_H * 3600.0
+        if load is not None:
+            for site in self._sites.values():
+                if site.station.pads:
+                    site.next_arrival_s = self._arrival_after(site, self._now)
+        self._due = min((site.next_due_s() for site in self._sites.values()), default=math.inf)
+        self.advance(world.sim_s)
+        world.pads = self
+
+    # Time
+
+    def next_due_s(self) -> float:
+        """Simulated instant of the next event."""
+        return self._due
+
+    def advance(self, sim_s: float) -> None:
+        """Let everything up to an instant happen."""
+        while self._due <= sim_s:
+            site = min(self._sites.values(), key=_Site.next_due_s)
+            self._now = site.next_due_s()
+            self._happen(site)
+            self._reschedule()
+        self._now = max(self._now, sim_s)
+        for site in self._sites.values():
+            if any(guest.drone for guest in (*site.on_pads, *site.line)):
+                self._see_off(site)
+
+    def _reschedule(self) -> None:
+        self._due = min((site.next_due_s() for site in self._sites.values()), default=math.inf)
+
+    def _happen(self, site: _Site) -> None:
+        if site.next_arrival_s <= self._now:
+            mean_s = self._rates(site, self._now)[1]
+            if len(site.line) < _MAX_LINE:
+                site.line.append(_Guest(site.generator.expovariate(1.0 / mean_s)))
+            site.next_arrival_s = self._arrival_after(site, self._now)
+        for guest in [guest for guest in site.on_pads if guest.end_s <= self._now]:
+            if guest.drone:
+                guest.end_s = math.inf
+                self._charged(site, guest)
+            else:
+                site.on_pads.remove(guest)
+        self._fill(site)
+
+    def _fill(self, site: _Site) -> None:
+        """Let those who wait onto the pads that are free."""
+        while site.line and len(site.on_pads) < site.station.pads:
+            guest = site.line.popleft()
+            site.on_pads.append(guest)
+            if guest.drone:
+                self._begin(site, guest)
+            else:
+                guest.end_s = self._now + guest.stay_s
+
+    def _see_off(self, site: _Site) -> None:
+        """Take those of ours off the books who have left or started their motors."""
+        for guest in [g for g in (*site.on_pads, *site.line) if g.drone]:
+            vehicle = self._vehicle(guest.drone)
+            if vehicle is None or vehicle.active:
+                self._remove(site, guest)
+
+    def _remove(self, site: _Site, guest: _Guest) -> None:
+        vehicle = self._vehicle(guest.drone)
+        if vehicle is not None:
+            vehicle.tend()
+            vehicle.charging = None
+            vehicle.event(f"leaves the pads of {site.station.id}")
+        if guest in site.on_pads:
+            site.on_pads.remove(guest)
+        else:
+            site.line.remove(guest)
+        self._fill(site)
+        self._reschedule()
+
+    # Charging
+
+    def _begin(self, site: _Site, guest: _Guest) -> None:
+        vehicle = self._vehicle(guest.drone)
+        if vehicle is None:
+            return
+        vehicle.tend()
+        power = site.station.recharge_power_w
+        guest.end_s = self._now + vehicle.battery.time_to_soc_s(guest.to_soc, power)
+        vehicle.charging = Charge(guest.to_soc, power)
+        vehicle.event(f"charges at {site.station.id}: {vehicle.battery.soc:.0%} to {guest.to_soc:.0%}")
+        if guest.end_s <= self._now:
+            guest.end_s = math.inf
+            self._charged(site, guest)
+
+    def _charged(self, site: _Site, guest: _Guest) -> None:
+        vehicle = self._vehicle(guest.drone)
+        if vehicle is None:
+            return
+        vehicle.tend()
+        vehicle.battery.soc = max(vehicle.battery.soc, min(guest.to_soc, 1.0))  # and the pad keeps it there
+        vehicle.event(f"is charged to {vehicle.battery.soc:.0%} at {site.station.id}")
+
+    # Other drones
+
+    def _rates(self, site: _Site, at_s: float) -> tuple[float, float]:
+        """Arrivals per second and mean charging time of an instant."""
+        if self.load is None:
+            return 0.0, 3600.0
+        if not site.rates_from_s <= at_s < site.rates_from_s + _RATES_H * 3600.0:
+            first_h = math.floor((self.world.epoch_s + at_s) / 3600.0)
+            arrivals, charging = self.load.hourly(site.row, first_h * 3600.0, _RATES_H)
+            site.rates_from_s = first_h * 3600.0 - self.world.epoch_s
+            site.rates = (arrivals.tolist(), charging.tolist())
+        hour = min(int((at_s - site.rates_from_s) / 3600.0), _RATES_H - 1)
+        return site.rates[0][hour], site.rates[1][hour]
+
+    def _arrival_after(self, site: _Site, at_s: float) -> float:
+        """Next arrival of a Poisson process whose rate changes by the hour; infinite where nobody comes in a week."""
+        wanted = site.generator.expovariate(1.0)
+        for _ in range(7 * 24):
+            rate = self._rates(site, at_s)[0]
+            hour_ends = (math.floor((self.world.epoch_s + at_s) / 3600.0) + 1) * 3600.0 - self.world.epoch_s
+            if rate > 0.0 and at_s + wanted / rate < hour_ends:
+                return at_s + wanted / rate
+            wanted -= rate * (hour_ends - at_s)
+            at_s = hour_ends
+        return math.inf
+
+    # The service
+
+    def status(self, station: str) -> StationStatus:
+        """Return the pads of a station now."""
+        site = self._site(station)
+        remaining = sorted(g.end_s - self._now for g in site.on_pads if math.isfinite(g.end_s))
+        return StationStatus(
+            station=station,
+            posix_s=self.world.epoch_s + self._now,
+            pads=site.station.pads,
+            busy=len(site.on_pads),
+            remaining_s=tuple(remaining),
+            waiting=len(site.line),
+            holding_spots=site.station.holding_spots,
+            holding_free=max(0, site.station.holding_spots - len(site.line)),
+            drones=tuple(self._tell(site, g) for g in (*site.on_pads, *site.line) if g.drone),
+        )
+
+    def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
+        """Ask for a pad and charging."""
+        site = self._site(station)
+        vehicle = self._vehicle(drone)
+        if vehicle is None:
+            raise PadServiceError(f"no drone {drone!r} here; drones are named by their MAVLink system id")
+        if not 0.0 < to_soc <= 1.0:
+            raise PadServiceError(f"cannot charge to {to_soc:g}: a state of charge is above 0 and at most 1")
+        if vehicle.active or vehicle.station() != station:
+            raise PadServiceError(f"drone {drone} does not stand disarmed at {station}: land there and disarm first")
+        guest = self._find(site, drone)
+        if guest is None:
+            free = len(site.on_pads) < site.station.pads
+            if not free and len(site.line) >= site.station.holding_spots:
+                raise PadServiceError(f"no pad and no holding spot is free at {station}: divert")
+            if site.station.pads == 0:
+                raise PadServiceError(f"{station} has no pads")
+            guest = _Guest(drone=drone, to_soc=to_soc)
+            site.line.append(guest)
+            self._fill(site)
+            if guest in site.line:
+                vehicle.event(f"waits for a pad at {station}, place {len(site.line)} in the line")
+        elif guest.to_soc != to_soc:
+            guest.to_soc = to_soc
+            if guest in site.on_pads:
+                self._begin(site, guest)
+        self._reschedule()
+        return self._tell(site, guest)
+
+    def release(self, station: str, drone: str) -> DroneOnPad:
+        """Give the pad, or the place in the line, back."""
+        site = self._site(station)
+        guest = self._find(site, drone)
+        if guest is not None:
+            self._remove(site, guest)
+        return DroneOnPad(drone=drone, state="absent")
+
+    def _tell(self, site: _Site, guest: _Guest) -> DroneOnPad:
+        vehicle = self._vehicle(guest.drone)
+        if vehicle is not None:
+            vehicle.tend()
+        soc = vehicle.battery.soc if vehicle is not None else None
+        epoch = self.world.epoch_s
+        if guest in site.line:
+            place = site.line.index(guest)
+            free_s = self._pad_free_s(site, place)
+            return DroneOnPad(
+                drone=guest.drone,
+                state="waiting",
+                to_soc=guest.to_soc,
+                place_in_line=place,
+                pad_free_s=None if free_s is None else epoch + free_s,
+            )
+        charging = math.isfinite(guest.end_s)
+        return DroneOnPad(
+            drone=guest.drone,
+            state="charging" if charging else "done",
+            soc=soc,
+            to_soc=guest.to_soc,
+            done_s=epoch + guest.end_s if charging else None,
+        )
+
+    @staticmethod
+    def _pad_free_s(site: _Site, place: int) -> float | None:
+        """When the one at a place in the line gets a pad, where every stay before it is known."""
+        ends = sorted(guest.end_s for guest in site.on_pads)
+        for guest in list(site.line)[:place]:
+            if guest.drone or not ends or not math.isfinite(ends[0]):
+                return None
+            ends = sorted([*ends[1:], ends[0] + guest.stay_s])
+        return ends[0] if ends and math.isfinite(ends[0]) else None
+
+    def _site(self, station: str) -> _Site:
+        site = self._sites.get(station)
+        if site is None:
+            raise PadServiceError(f"no station {station[:40]!r} here")
+        return site
+
+    def _vehicle(self, drone: str) -> Vehicle | None:
+        return self.world.vehicles.get(int(drone)) if drone.isascii() and drone.isdigit() and len(drone) < 4 else None
+
+    @staticmethod
+    def _find(site: _Site, drone: str) -> _Guest | None:
+        return next((g for g in (*site.on_pads, *site.line) if g.drone == drone), None)

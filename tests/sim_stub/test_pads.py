@@ -1,0 +1,123 @@
+"""Pads: charging by the curve, waiting in line, other drones, and what the service says."""
+
+import math
+
+import numpy as np
+import pytest
+from station import LAT, LON, Stage
+
+from models.load import WEEK_H, PadLoad
+from models.network import Station as Place
+from models.pad_service import (
+    PadRequest,
+    PadServiceError,
+    StationStatus,
+    decode_answer,
+    decode_request,
+    encode,
+)
+from sim_stub.pads import Pads
+from sim_stub.vehicle import VehicleConfig
+from sim_stub.world import World
+
+
+def pads_stage(pads=1, spots=1, load=None, soc=0.4, seed=1, **place):
+    stage = Stage("px4", stations=[Place("here", "here", LAT, LON, 5.0, pads, spots, **place)], soc=soc)
+    return stage, Pads(stage.world, load, seed=seed)
+
+
+def test_a_pad_charges_by_the_curve_and_stops_where_it_was_asked_to():
+    stage, pads = pads_stage()
+    told = pads.charge("here", "1", 0.9)
+    assert told.state == "charging"
+    curve = stage.vehicle.airframe.drone.charging_curve()
+    assert told.done_s - stage.world.epoch_s == pytest.approx(float(curve.duration_s(0.4, 0.9)))
+    stage.lockstep.run_for(1000.0)
+    stage.vehicle.tend()
+    assert stage.vehicle.battery.soc == pytest.approx(float(curve.soc(curve.time_from_empty_s(0.4) + 1000.0)), abs=1e-3)
+    assert stage.vehicle.battery.current_a < 0.0
+    stage.lockstep.run_for(5_500.0)
+    status = pads.status("here").drones[0]
+    assert (status.state, status.soc) == ("done", pytest.approx(0.9, abs=1e-3))
+
+
+def test_a_weak_pad_charges_slower():
+    stage, pads = pads_stage(recharge_power_w=60.0)
+    told = pads.charge("here", "1", 0.5)
+    seconds = told.done_s - stage.world.epoch_s
+    assert seconds == pytest.approx(0.1 * stage.vehicle.battery.capacity_j / 60.0, rel=1e-6)
+
+
+def test_two_drones_share_one_pad_first_come_first_served():
+    stage, pads = pads_stage()
+    second = stage.world.add(VehicleConfig(lat=LAT, lon=LON, ground_m=5.0, system=2, soc=0.5, warm=True))
+    assert pads.charge("here", "1", 0.5).state == "charging"
+    waiting = pads.charge("here", "2", 0.6)
+    assert (waiting.state, waiting.place_in_line) == ("waiting", 0)
+    assert waiting.pad_free_s == pytest.approx(pads.status("here").drones[0].done_s)
+    stage.lockstep.run_for(3000.0)
+    assert pads.status("here").drones[1].state == "waiting", "the first one is charged but still on the pad"
+    pads.release("here", "1")
+    assert pads.status("here").drones[0].state == "charging"
+    stage.lockstep.run_for(3000.0)
+    assert second.battery.soc == pytest.approx(0.6, abs=1e-3)
+
+
+def test_arming_takes_a_drone_off_the_pad():
+    stage, pads = pads_stage()
+    pads.charge("here", "1", 0.9)
+    assert stage.station.command(400, 1) == 0
+    stage.lockstep.run_for(0.2)
+    assert pads.status("here").busy == 0
+    assert stage.vehicle.charging is None
+
+
+def test_what_is_refused_says_what_to_do():
+    stage, pads = pads_stage(spots=0)
+    stage.world.add(VehicleConfig(lat=LAT, lon=LON, ground_m=5.0, system=2, warm=True))
+    stage.world.add(VehicleConfig(lat=LAT + 0.1, lon=LON, ground_m=5.0, system=3, warm=True))
+    pads.charge("here", "1", 0.9)
+    for drone, to_soc, words in (("2", 0.9, "divert"), ("3", 0.9, "land there"), ("9", 0.9, "no drone"), ("1", 7, "above 0")):
+        with pytest.raises(PadServiceError, match=words):
+            pads.charge("here", drone, to_soc)
+    with pytest.raises(PadServiceError, match="no station"):
+        pads.status("there")
+
+
+def test_other_drones_come_as_often_and_stay_as_long_as_the_load_says():
+    load = PadLoad(rates := np.full((1, WEEK_H), 2.0 / 3600.0), rates * 0 + 1800.0, "UTC")
+    busy = []
+    for seed in range(20):
+        world = World(stations=[Place("here", "here", LAT, LON, 5.0, 5, 1)])
+        pads = Pads(world, load, seed=seed)
+        for hour in range(100):
+            world.advance(hour * 3600.0, 0.0)
+            busy.append(pads.status("here").busy)
+    assert sum(busy) / len(busy) == pytest.approx(1.0, rel=0.15), "offered load 2/h times half an hour"
+
+
+def test_a_drone_waits_behind_the_others_and_knows_for_how_long():
+    load = PadLoad(rates := np.full((1, WEEK_H), 1.7 / 3600.0), rates * 0 + 1800.0, "UTC")
+    stage, pads = pads_stage(pads=1, spots=500, load=load, seed=6)
+    told = pads.charge("here", "1", 0.5)
+    assert told.state == "waiting"
+    assert told.place_in_line > 0
+    at = told.pad_free_s - stage.world.epoch_s
+    stage.lockstep.run_until(at - 1.0)
+    assert pads.status("here").drones[0].state == "waiting"
+    stage.lockstep.run_until(at + 1.0)
+    assert pads.status("here").drones[0].state == "charging"
+
+
+def test_the_wire_form_is_one_json_line_each_and_garbage_is_named():
+    request = PadRequest(op="charge", station="here", drone="1", to_soc=0.8)
+    line = encode(request)
+    assert line.endswith(b"\n")
+    assert decode_request(line) == request
+    for bad in (b"", b"{}", b"[1]", b'{"op":"fly","station":"x"}', b"\xff\xfe", b'{"op":"status","station":5}'):
+        with pytest.raises(PadServiceError, match="not a request"):
+            decode_request(bad)
+    with pytest.raises(PadServiceError, match="not an answer"):
+        decode_answer(b"no")
+    assert StationStatus.__struct_fields__[0] == "station"
+    assert not math.isnan(request.to_soc)
