@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from missions.checks.route import Route
+    from missions.coordinates import Point
     from missions.document import MissionDocument
 
 FORMATS = (".png", ".svg", ".pdf")
@@ -69,14 +70,12 @@ def _map(axes: Any, document: MissionDocument, route: Route) -> None:
         points = [leg.start, *points] if leg.start else points
         colour = f"C{number % 10}"
         axes.plot([p.lon for p in points], [p.lat for p in points], color=colour, marker=".", linewidth=1.5)
-    for step in route.steps[:MAX_LABELS]:
-        axes.annotate(
-            str(step.item),
-            (step.point.lon, step.point.lat),
-            textcoords="offset points",
-            xytext=(4, 4),
-            fontsize=7,
-        )
+    labels: dict[Point, list[int]] = {}
+    for step in route.steps:
+        labels.setdefault(step.point, []).append(step.item)
+    for point, items in list(labels.items())[:MAX_LABELS]:
+        text = ", ".join(str(item) for item in dict.fromkeys(items[:6]))
+        axes.annotate(text, (point.lon, point.lat), textcoords="offset points", xytext=(4, 4), fontsize=7)
     home = document.mission.home
     if home is not None:
         axes.plot([home.point.lon], [home.point.lat], "k^", label="home")

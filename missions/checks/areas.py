@@ -62,14 +62,25 @@ def check_fence(document: MissionDocument, route: Route, autopilot: str | None) 
     yield from _check_rally(document, route, allowed, forbidden)
 
 
-def check_zones(route: Route, zones: NoFlyZones) -> Iterator[Finding]:
-    """Check the route against no-fly zones."""
+def check_zones(document: MissionDocument, route: Route, zones: NoFlyZones) -> Iterator[Finding]:
+    """Check the route, and the straight ways from it to the nearest rally points, against no-fly zones."""
     ends, items = _segments(route)
     if not items:
         return
     crossed = zones.crossed_by(ends[:, 0, 1], ends[:, 0, 0], ends[:, 1, 1], ends[:, 1, 0])
     message = "the way to this item crosses a no-fly zone"
     yield from _breaches(items, crossed, "no-fly-zone", message, "go around it")
+    ways = _ways_to_rally(document, route)
+    through = zones.crossed_by(ways[:, 0, 1], ways[:, 0, 0], ways[:, 1, 1], ways[:, 1, 0])
+    found = list(dict.fromkeys(route.steps[int(index)].item for index in np.flatnonzero(through)))
+    if found:
+        yield Finding(
+            "warning",
+            found[0],
+            "divert-through-zone",
+            f"the straight way to the nearest rally point crosses a no-fly zone from {len(found)} items",
+            "move the rally point, or add another",
+        )
 
 
 def _broken_areas(fence: Geofence) -> Iterator[Finding]:
@@ -116,6 +127,20 @@ def _segments(route: Route) -> tuple[NDArray[np.float64], list[int]]:
             items.append(step.item)
             before = step.point
     return np.array(ends, dtype=np.float64).reshape(-1, 2, 2), items
+
+
+def _ways_to_rally(document: MissionDocument, route: Route) -> NDArray[np.float64]:
+    """Ends of the straight way from each place on the route to the nearest rally point, shape (steps, 2, 2)."""
+    import shapely
+
+    rally, steps = document.rally.points, route.steps
+    if not rally or not steps:
+        return np.empty((0, 2, 2))
+    at = np.array([(p.point.lon, p.point.lat) for p in rally])
+    here = np.array([(step.point.lon, step.point.lat) for step in steps])
+    scale = (math.cos(math.radians(float(here[0, 1]))), 1.0)
+    nearest = at[shapely.STRtree(shapely.points(at * scale)).nearest(shapely.points(here * scale))]
+    return np.stack((here, nearest), axis=1)
 
 
 def _lines(ends: NDArray[np.float64]) -> NDArray[np.object_]:
@@ -172,12 +197,9 @@ def _check_rally(
         yield Finding("error", None, "rally-outside-fence", message, "move it, or widen the fence")
     if bad.any() or not route.steps:
         return
-    steps = route.steps
-    here = np.array([(step.point.lon, step.point.lat) for step in steps])
-    scale = (math.cos(math.radians(float(here[0, 1]))), 1.0)
-    nearest = at[shapely.STRtree(shapely.points(at * scale)).nearest(shapely.points(here * scale))]
-    ways = _lines(np.stack((here, nearest), axis=1))
+    ways = _lines(_ways_to_rally(document, route))
     leaving = _outside(ways, allowed) | _crossing(ways, forbidden)
+    steps = route.steps
     found = list(dict.fromkeys(steps[int(index)].item for index in np.flatnonzero(leaving)))
     if found:
         yield Finding(

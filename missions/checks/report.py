@@ -119,7 +119,7 @@ def check(
     if autopilot is not None:
         findings += autopilot.cannot_fly(document)
     if zones is not None:
-        findings += check_zones(route, zones)
+        findings += check_zones(document, route, zones)
     findings.sort(key=lambda f: (_ORDER[f.severity], -1 if f.item is None else f.item))
     return CheckReport(tuple(_without_floods(findings)), legs)
 

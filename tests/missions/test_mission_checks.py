@@ -200,6 +200,10 @@ def test_no_fly_zones_are_not_crossed():
 
     zone = NoFlyZones(("airport",), (shapely.box(7.99, 47.005, 8.01, 47.01),))
     assert found(TAKEOFF, AWAY, LAND, zones=zone) == {("error", "no-fly-zone", 1)}
+    aside = NoFlyZones(("airport",), (shapely.box(8.01, 46.99, 8.02, 47.03),))
+    assert found(TAKEOFF, AWAY, LAND, zones=aside) == set()
+    beyond = [RallyPoint(Point.of_degrees(47.0, 8.05), 60.0)]
+    assert found(TAKEOFF, AWAY, LAND, zones=aside, rally=beyond) == {("warning", "divert-through-zone", 0)}
 
 
 def test_what_the_named_autopilot_cannot_fly_is_found_without_asking():
