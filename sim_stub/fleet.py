@@ -1,0 +1,154 @@
+"""A fleet put together: world, vehicles, pads and sockets from what a person asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from models.errors import Fault as Wrong
+from models.errors import InputError
+from sim_stub.airframe import Airframe
+from sim_stub.pads import Pads
+from sim_stub.transports.channel import Impairment
+from sim_stub.transports.loop import SocketLoop
+from sim_stub.transports.pad_server import PadServer
+from sim_stub.transports.sockets import open_endpoint
+from sim_stub.transports.urls import Address
+from sim_stub.vehicle import VehicleConfig
+from sim_stub.world import World
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from models.drone import Drone
+    from models.load import PadLoad
+    from models.network import Station
+    from sim_stub.faults import Fault
+    from sim_stub.wind_truth import WindTruth
+    from sim_stub.world import Event
+
+MAX_VEHICLES = 250
+_TCP_STEP = 10
+"""Ports of consecutive vehicles are this far apart, as with the simulators that people know."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FleetOptions:
+    """What to simulate.
+
+    Attributes
+    ----------
+    stations : tuple of Station
+        All that are known; vehicles stand at `places`, in turn.
+    vehicles : int
+        How many.
+    first_system : int
+        System id of the first; the others follow.
+    warm : bool
+        All have been on for a while and are ready to arm.
+    """
+
+    stations: tuple[Station, ...]
+    places: tuple[Station, ...]
+    vehicles: int = 1
+    first_system: int = 1
+    autopilot: str = "px4"
+    drone: Drone | None = None
+    soc: float = 1.0
+    payload_kg: float = 0.0
+    seed: int = 1
+    warm: bool = False
+    epoch_s: float = 1_373_464_800.0
+    wind: WindTruth | None = None
+    load: PadLoad | None = None
+    faults: tuple[Fault, ...] = ()
+    parameters: tuple[tuple[str, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        faults = []
+        if not 1 <= self.vehicles <= MAX_VEHICLES:
+            remedy = f"1 to {MAX_VEHICLES}"
+            faults.append(Wrong("out of range", field="--vehicles", value=self.vehicles, remedy=remedy))
+        if not 1 <= self.first_system <= 256 - self.vehicles:
+            remedy = "1 to 255 for all vehicles"
+            faults.append(Wrong("out of range", field="--system", value=self.first_system, remedy=remedy))
+        if not self.places:
+            faults.append(Wrong("no place for the vehicles to stand", field="--at"))
+        if faults:
+            raise InputError(faults)
+
+
+def build_world(options: FleetOptions, on_event: Callable[[Event], None] | None = None) -> World:
+    """Make the world with its vehicles and pads."""
+    world = World(
+        epoch_s=options.epoch_s,
+        wind=options.wind,
+        stations=options.stations,
+        faults=options.faults,
+        on_event=on_event,
+    )
+    airframe = Airframe() if options.drone is None else Airframe(drone=options.drone)
+    for number in range(options.vehicles):
+        place = options.places[number % len(options.places)]
+        world.add(
+            VehicleConfig(
+                lat=place.lat,
+                lon=place.lon,
+                ground_m=place.elevation_m or 0.0,
+                system=options.first_system + number,
+                autopilot=options.autopilot,
+                soc=options.soc,
+                payload_kg=options.payload_kg,
+                seed=options.seed,
+                warm=options.warm,
+                airframe=airframe,
+                parameters=options.parameters,
+            )
+        )
+    Pads(world, options.load, seed=options.seed)
+    return world
+
+
+def serve(
+    world: World,
+    *,
+    connect: tuple[Address, ...] = (),
+    tcp_port: int | None = None,
+    pads: Address | None = None,
+    impairment: Impairment | None = None,
+    speedup: float = 1.0,
+    pad_speedup: float | None = None,
+    seed: int = 1,
+) -> tuple[SocketLoop, list[str]]:
+    """Open the sockets of every vehicle and of the pads; returns the loop to run, and where it can be reached.
+
+    Listening ports count up from vehicle to vehicle: by 1 for ``udpin``, by 10 for TCP.
+    """
+    loop = SocketLoop(world, speedup=speedup, pad_speedup=pad_speedup)
+    how = impairment or Impairment()
+    told: list[str] = []
+    try:
+        for number, (system, vehicle) in enumerate(world.vehicles.items()):
+            addresses = [_counted(address, number) for address in connect]
+            if tcp_port is not None:
+                addresses.append(Address("tcpin", "127.0.0.1", tcp_port + _TCP_STEP * number if tcp_port else 0))
+            for place, address in enumerate(addresses):
+                endpoint = open_endpoint(address, vehicle, how, f"{seed}/{system}/{place}", loop.selector)
+                loop.add(endpoint)
+                told.append(f"vehicle {system}: {endpoint.where}")
+        if pads is not None and world.pads is not None:
+            server = PadServer(pads, world.pads, loop.selector)
+            loop.add(server)
+            told.append(f"pads: {server.where}")
+    except InputError:
+        loop.close()
+        raise
+    return loop, told
+
+
+def _counted(address: Address, number: int) -> Address:
+    step = {"udpin": 1, "tcpin": _TCP_STEP}.get(address.kind, 0)
+    port = address.port + step * number if address.port else 0
+    if port > 65535:
+        raise InputError(Wrong("not enough ports for all vehicles", field="--connect", value=address.port))
+    return replace(address, port=port)

@@ -1,0 +1,194 @@
+"""The command that simulates: ``sim``."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from models.errors import Fault, InputError
+from skyway.cli import options
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from models.scenario import Scenario
+    from sim_stub.wind_truth import WindTruth
+    from sim_stub.world import Event
+
+DEFAULT_CONNECT = "udpout:127.0.0.1:14540"
+SIM_HELP = """Simulate vehicles, pads and wind that behave on the wire as the real ones do.
+
+Every vehicle has its own system id. Each line printed is one thing that happened. Ctrl-C ends it.
+
+Examples:
+
+  skyway sim --vehicles 5 --at bellevue
+
+  skyway sim --autopilot ardupilot --tcp 5760 --wind-truth 8@270
+
+  skyway sim --at bellevue --wind-truth 2013-07-10 --depart 2013-07-10T14:00-04:00 --pads tcp:127.0.0.1:5790
+
+  skyway sim --loss 0.1 --delay 0.02 --fault link-loss@60s+20s --fault gust=8@120s
+"""
+
+
+def sim(  # noqa: D417, D103  the help text is SIM_HELP
+    scenario: Annotated[
+        Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.", show_default=False)
+    ] = None,
+    vehicles: Annotated[int, typer.Option("--vehicles", help="How many.")] = 1,
+    at: Annotated[
+        list[str] | None,
+        typer.Option("--at", help="Where they stand: station or lat,lon; several in turn.", show_default=False),
+    ] = None,
+    autopilot: Annotated[
+        Literal["px4", "ardupilot"], typer.Option("--autopilot", help="Whose behaviour.")
+    ] = "px4",
+    connect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--connect",
+            help=f"udpout:, udpin:, tcp: or tcpin:HOST:PORT; repeatable. Without it, and without --tcp: {DEFAULT_CONNECT}.",
+            show_default=False,
+        ),
+    ] = None,
+    tcp: Annotated[
+        int | None,
+        typer.Option("--tcp", help="Listen on this TCP port, ten further for each vehicle.", show_default=False),
+    ] = None,
+    pads: Annotated[
+        str | None, typer.Option("--pads", help="Serve the pads: tcp:HOST:PORT.", show_default=False)
+    ] = None,
+    speedup: Annotated[float, typer.Option("--speedup", help="Simulated seconds to the second, up to 20.")] = 1.0,
+    pad_speedup: Annotated[
+        float | None,
+        typer.Option("--pad-speedup", help="The same while every vehicle stands, up to 2000.", show_default=False),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of gusts, errors, queues and losses.")] = 1,
+    system: Annotated[int, typer.Option("--system", help="System id of the first vehicle.")] = 1,
+    wind_truth: Annotated[
+        str | None,
+        typer.Option(
+            "--wind-truth",
+            help="The wind: 8@270 (m/s@degrees FROM), a day of the record, or a forecast file. Without it: calm.",
+            show_default=False,
+        ),
+    ] = None,
+    depart: Annotated[
+        str | None,
+        typer.Option("--depart", help="When simulated time begins, with UTC offset. Without it: now.", show_default=False),
+    ] = None,
+    soc: Annotated[float, typer.Option("--soc", help="Charge at the start, percent.")] = 100.0,
+    payload: Annotated[float, typer.Option("--payload", help="Mass of the package on board, kg.")] = 0.0,
+    warm: Annotated[bool, typer.Option("--warm", help="They have been on for a while: ready to arm.")] = False,
+    traffic: Annotated[bool, typer.Option(help="Other drones come and go at the pads.")] = True,
+    loss: Annotated[float, typer.Option("--loss", help="Share of packets lost, 0-1.")] = 0.0,
+    delay: Annotated[float, typer.Option("--delay", help="Seconds each packet is late, each way.")] = 0.0,
+    jitter: Annotated[float, typer.Option("--jitter", help="Up to so many seconds more.")] = 0.0,
+    duplicate: Annotated[float, typer.Option("--duplicate", help="Share of packets that come twice, 0-1.")] = 0.0,
+    reorder: Annotated[float, typer.Option("--reorder", help="Share of packets held back, 0-1.")] = 0.0,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fault",
+            help="KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s; repeatable. See docs/reference/sim.md.",
+            show_default=False,
+        ),
+    ] = None,
+    parameter: Annotated[
+        list[str] | None,
+        typer.Option("--parameter", help="NAME=VALUE set on every vehicle; repeatable.", show_default=False),
+    ] = None,
+    lasting: Annotated[
+        float | None, typer.Option("--for", help="End after so many simulated seconds.", show_default=False)
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
+) -> None:
+    from sim_stub.faults import parse_fault
+    from sim_stub.fleet import FleetOptions, build_world, serve
+    from sim_stub.transports.channel import Impairment
+    from sim_stub.transports.urls import parse_address
+
+    known = options.load_scenario(scenario)
+    begins = options.parse_depart(depart)
+    places = []
+    for text in at or [known.network.stations[0].id]:
+        known, station_id = options.place(known, text, "--at")
+        places.append(station_id)
+    stations = {station.id: station for station in known.network.stations}
+    asked = FleetOptions(
+        stations=known.network.stations,
+        places=tuple(stations[place] for place in places),
+        vehicles=vehicles,
+        first_system=system,
+        autopilot=autopilot,
+        drone=known.drones[0] if known.drones else None,
+        soc=options.percent(soc, "--soc"),
+        payload_kg=payload,
+        seed=seed,
+        warm=warm,
+        epoch_s=begins.timestamp(),
+        wind=_wind(known, begins, wind_truth),
+        load=known.load if traffic else None,
+        faults=tuple(parse_fault(text) for text in fault or ()),
+        parameters=tuple(_parameter(text) for text in parameter or ()),
+    )
+    addresses = connect or ([] if tcp is not None else [DEFAULT_CONNECT])
+    if tcp is not None and not 0 <= tcp + 10 * (vehicles - 1) <= 65535:
+        raise InputError(Fault("port out of range", field="--tcp", value=tcp, remedy="0 to 65535 for all vehicles"))
+    world = build_world(asked, _print_json if as_json else _print_line)
+    loop, told = serve(
+        world,
+        connect=tuple(parse_address(text, option="--connect") for text in addresses),
+        tcp_port=tcp,
+        pads=None if pads is None else parse_address(pads, option="--pads", kinds=("tcp",)),
+        impairment=Impairment(loss, delay, jitter, duplicate, reorder),
+        speedup=speedup,
+        pad_speedup=pad_speedup,
+        seed=seed,
+    )
+    for line in told:
+        typer.echo(json.dumps({"listening": line}) if as_json else line)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: loop.stop())
+    loop.run(None if lasting is None else lambda: world.sim_s >= lasting)
+    if not as_json:
+        typer.echo(f"{world.sim_s:10.2f} s  ended")
+
+
+def _print_line(event: Event) -> None:
+    typer.echo(str(event))
+
+
+def _print_json(event: Event) -> None:
+    typer.echo(json.dumps({"sim_s": round(event.sim_s, 3), "system": event.system, "event": event.text}))
+
+
+def _parameter(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        remedy = "NAME=VALUE, for example WPNAV_SPEED=1500"
+        raise InputError(Fault("not a parameter", field="--parameter", value=text, remedy=remedy)) from None
+
+
+def _wind(scenario: Scenario, begins: datetime, text: str | None) -> WindTruth | None:
+    from sim_stub.wind_truth import RecordedWind, parse_constant
+
+    if text is None:
+        return None
+    constant = parse_constant(text)
+    if constant is not None:
+        return constant
+    series, _ = options.true_wind(scenario, begins, text)
+    return None if series is None else RecordedWind(series)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("sim", help=SIM_HELP)(sim)
