@@ -297,7 +297,7 @@ class ExhaustiveSearch:
             heap: list[tuple[float, int, tuple[int, ...]]] = [(leave_s + air.climb_s, origin, ())]
             done: set[int] = set()
             while heap:
-                now, node, walk = heapq.heappop(heap)
+                _, node, walk = heapq.heappop(heap)
                 if node in done:
                     continue
                 done.add(node)

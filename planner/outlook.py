@@ -38,8 +38,12 @@ class Reachable:
         SoC that the flight takes in all but a share epsilon of the members.
     mean_s : float
         Expected time from `leave_s` to touch-down.
+    soc : float
+        SoC on landing in all but a share epsilon of the members.
     charge_to : float or None
         SoC to charge to before; None where the drone leaves as it is.
+    ranked : bool
+        Its rank is final, not a lower bound.
     held : bool
         The drone stays, charged, until `leave_s`, because the wind is better then.
     """
@@ -49,7 +53,9 @@ class Reachable:
     leave_s: float
     charge: float
     mean_s: float
+    soc: float
     charge_to: float | None
+    ranked: bool = True
     held: bool = False
 
 
@@ -110,16 +116,14 @@ class Outlook:
         return float(mean), float(charge), float(p_hold)
 
     def reachable(
-        self, node: int, came_from: int, time_s: float, soc: float, pad_s: float | None, *, full: bool, factor: float
+        self, node: int, time_s: float, soc: float, pad_s: float | None, *, full: bool, factor: float
     ) -> list[tuple[float, Reachable]]:
         """Stations one segment away that a drone at `node` reaches with the reserve, each with its rank.
 
         Parameters
         ----------
-        node, came_from
-            Where the drone stands, and where it came from (-1: nowhere).
-        time_s, soc, pad_s
-            Since when, with which charge, and when it comes onto a pad (None: it cannot charge).
+        node, time_s, soc, pad_s
+            Where the drone stands, since when, with which charge, and when it comes onto a pad (None: it cannot charge).
         full : bool
             Charge to 100 % before leaving, otherwise what the flight needs.
         factor : float
@@ -128,7 +132,7 @@ class Outlook:
         p = self.problem
         rows = options(
             *self._fixed(node),
-            (node, came_from),
+            node,
             (time_s, soc, math.inf if pad_s is None else pad_s),
             (full, p.reserve, factor),
             *p.curve(node),
@@ -136,29 +140,40 @@ class Outlook:
         first = int(p.network.first[node])
         self.looked_at += len(rows)
         found = []
-        for row, (leave, charge, mean, to, rank_s) in enumerate(rows.tolist()):
+        for row, (leave, charge, mean, to, landed, rank_s, final) in enumerate(rows.tolist()):
             if math.isfinite(rank_s):
                 target = int(p.network.head[first + row])
-                found.append(
-                    (rank_s, Reachable(first + row, target, leave, charge, mean, None if math.isnan(to) else to))
-                )
+                to_soc = None if math.isnan(to) else to
+                one = Reachable(first + row, target, leave, charge, mean, landed, to_soc, ranked=final > 0.0)
+                found.append((rank_s, one))
         return found
 
+    def ranked(self, one: Reachable, time_s: float, *, full: bool, factor: float) -> float:
+        """Final rank of a station whose rank was a lower bound so far."""
+        p = self.problem
+        node = int(p.network.tail[one.segment])
+        state = (time_s, one.leave_s + one.mean_s, one.soc)
+        fixed = self._fixed(one.node)
+        return float(rank(*fixed, (node, one.node), state, (full, p.reserve, factor), *p.curve(one.node)))
+
+    def segments(self, node: int) -> list[int]:
+        """Segments that leave a node towards stations with pads or the destination."""
+        p = self.problem
+        leaving = range(int(p.network.first[node]), int(p.network.first[node + 1]))
+        return [s for s in leaving if p.has_pads(int(p.network.head[s])) or int(p.network.head[s]) == p.destination]
+
     def held(
-        self, node: int, came_from: int, time_s: float, soc: float, pad_s: float | None, *, full: bool, factor: float
+        self, segments: list[int], time_s: float, soc: float, pad_s: float | None, *, full: bool, factor: float
     ) -> list[tuple[float, Reachable]]:
         """Stations that wind brings into reach later, while the drone waits, charged; as `reachable`."""
         p = self.problem
         found = []
-        for segment in range(int(p.network.first[node]), int(p.network.first[node + 1])):
+        for segment in segments:
+            node = int(p.network.tail[segment])
             one = self._held(segment, node, time_s, soc, pad_s)
             if one is None:
                 continue
-            landed = (soc if one.charge_to is None else 1.0) - one.charge
-            state = (time_s, one.leave_s + one.mean_s, landed)
-            rank_s = rank(
-                *self._fixed(one.node), (node, one.node), state, (full, p.reserve, factor), *p.curve(one.node)
-            )
+            rank_s = self.ranked(one, time_s, full=full, factor=factor)
             if math.isfinite(rank_s):
                 found.append((rank_s, one))
         return found
@@ -197,5 +212,12 @@ class Outlook:
                 before = middle
         mean, charge, _ = self.flight(segment, leave)
         return Reachable(
-            segment, int(p.network.head[segment]), leave, charge, mean, None if pad_s is None else 1.0, held=True
+            segment,
+            int(p.network.head[segment]),
+            leave,
+            charge,
+            mean,
+            (soc if pad_s is None else 1.0) - charge,
+            None if pad_s is None else 1.0,
+            held=True,
         )

@@ -240,6 +240,20 @@ def charge_time(curve_s: NDArray[np.float64], curve_soc: NDArray[np.float64], so
 
 
 @compiled
+def least_time(air: Air, segment: int) -> float:
+    """Time of a flight that nothing beats, at the greatest ground speed."""
+    return air.climb_s + air.descent_s + air.distance_m[segment] / air.max_ground_speed_mps
+
+
+@compiled
+def _least_beyond(direct: Air, need: Need, node: int, remaining_factor: float) -> float:
+    """Lower bound of what `beyond` adds for a next-to-adjacent station."""
+    if node == need.destination:
+        return 0.0
+    return remaining_factor * least_time(direct, node)
+
+
+@compiled
 def beyond(
     air: Air,
     direct: Air,
@@ -268,6 +282,8 @@ def beyond(
         other = graph.head[segment]
         if other == came_from:
             continue
+        if least_time(air, segment) + _least_beyond(direct, need, other, remaining_factor) >= best:
+            continue
         mean, taken, _ = flight_outlook(air, speeds[0], probability, need, segment, other, time_s)
         if taken > budget:
             continue
@@ -281,8 +297,9 @@ def beyond(
     return best, charge
 
 
-LEAVE, CHARGE, MEAN, CHARGE_TO, RANK = range(5)
-"""Columns of what `options` returns: take-off, SoC taken, mean time to touch-down, SoC to charge to, rank."""
+LEAVE, CHARGE, MEAN, CHARGE_TO, SOC, RANK, FINAL = range(7)
+"""Columns of what `options` returns: take-off, SoC taken, mean time to touch-down, SoC to charge to, SoC on landing,
+rank, and 1 where the rank is final or 0 where it is only a lower bound of it."""
 LAST_RESORT_S = 1e12
 """Rank of a station beyond which nothing is in reach at the moment: after all others, but not left out."""
 _ROUNDS = 20  # the charge needed depends on when the drone leaves, and that on the charge
@@ -296,7 +313,7 @@ def options(
     probability: NDArray[np.float64],
     graph: Graph,
     need: Need,
-    place: tuple[int, int],
+    node: int,
     state: tuple[float, float, float],
     policy: tuple[bool, float, float],
     curve_s: NDArray[np.float64],
@@ -306,8 +323,8 @@ def options(
 
     Parameters
     ----------
-    place : (node, came_from)
-        Where the drone stands, and the station it came from (-1: none).
+    node : int
+        Where the drone stands.
     state : (time_s, soc, pad_s)
         Since when, with which charge, and when it comes onto a pad (infinite: never).
     policy : (full, reserve, remaining_factor)
@@ -317,14 +334,14 @@ def options(
 
     Returns
     -------
-    ndarray, shape (segments leaving, 5)
-        See the column names of this module. Rank is infinite where the station is out of reach.
+    ndarray, shape (segments leaving, 7)
+        See the column names of this module. Rank is infinite where the station is out of reach. Ranks are final for
+        the best station and all that could have been better; the others' are lower bounds (see `rank`).
     """
-    node, came_from = place
     now, soc, pad = state
     full, reserve, factor = policy
     begin, end = graph.first[node], graph.first[node + 1]
-    out = np.full((end - begin, 5), NEVER)
+    out = np.full((end - begin, 7), NEVER)
     for row in range(end - begin):
         segment = begin + row
         other = graph.head[segment]
@@ -354,19 +371,28 @@ def options(
             to = charge + reserve
             have = to
         out[row, LEAVE], out[row, CHARGE], out[row, MEAN], out[row, CHARGE_TO] = leave, charge, mean, to
-        out[row, RANK] = rank(
-            air,
-            direct,
-            speeds,
-            probability,
-            graph,
-            need,
-            (node, other),
-            (now, leave + mean, have - charge),
-            policy,
-            curve_s,
-            curve_soc,
-        )
+        out[row, SOC] = have - charge
+        if other == need.destination:
+            out[row, RANK] = -1.0
+        elif graph.has_pads[other]:
+            # Beyond it lies at least one flight more, towards or to the destination.
+            least = min(least_time(direct, other), factor * direct.distance_m[other] / direct.max_ground_speed_mps)
+            out[row, RANK] = leave + mean - now + least
+    best = NEVER
+    for row in np.argsort(out[:, RANK]):
+        other = graph.head[begin + row]
+        out[row, FINAL] = 1.0
+        if out[row, RANK] == NEVER or other == need.destination:
+            best = min(best, out[row, RANK])
+        elif out[row, RANK] < best:
+            arrival = (now, out[row, LEAVE] + out[row, MEAN], out[row, SOC])
+            place = (node, other)
+            out[row, RANK] = rank(
+                air, direct, speeds, probability, graph, need, place, arrival, policy, curve_s, curve_soc
+            )
+            best = min(best, out[row, RANK])
+        else:
+            out[row, FINAL] = 0.0
     return out
 
 

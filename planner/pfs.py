@@ -3,12 +3,13 @@
 At each station the reachable ones are ranked by expected flight, wait and recharge, and by the best that lies beyond
 them; the best is flown to. Repaired: no station is visited twice, a dead end is left backwards, the charge is part of
 the state, and where no station is in reach now the drone holds for wind that brings one into reach. A dead end is
-remembered with its time: whoever arrives there later finds it dead too, for leaving later never arrives earlier and
-every stop can charge to full.
+remembered: whoever arrives there later finds it dead too, for leaving later never arrives earlier and every stop can
+charge to full; whoever arrives earlier does so too, unless wind or charge closed a way beyond it.
 """
 
 from __future__ import annotations
 
+import heapq
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -30,14 +31,19 @@ def charging_time_per_flight_s(problem: Problem) -> float:
     return problem.soc_per_s / problem.drone.charging_curve().rate_per_s
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Frame:
-    """A station on the path searched: when the drone arrives, where it can go, and the hop that led here."""
+    """A station on the path searched: when the drone arrives, where it can go, and the hop that led here.
+
+    `limited` tells that wind or charge closed a way at or beyond this station: only then can an earlier arrival fare
+    better.
+    """
 
     node: int
     arrive_s: float
     candidates: Iterator[Reachable]
     hop: Hop | None
+    limited: bool = False
 
 
 class ForwardSearch:
@@ -57,7 +63,8 @@ class ForwardSearch:
         self.factor = 1.0 + charging_time_per_flight_s(problem) if charge_aware else 1.0
         self.outlook = Outlook(problem)
         self._dead: dict[int, float] = {}
-        self._soc: dict[int, float] = {}
+        self._on_path = {problem.origin}
+        self._closed_ways: set[int] = set()
 
     @property
     def looked_at(self) -> int:
@@ -78,16 +85,22 @@ class ForwardSearch:
             frame = frames[-1]
             choice = next(frame.candidates, None)
             if choice is None:
-                self._dead[frame.node] = min(self._dead.get(frame.node, math.inf), frame.arrive_s)
                 frames.pop()
+                self._on_path.discard(frame.node)
+                limited = frame.limited or frame.node in self._closed_ways
+                self._dead[frame.node] = frame.arrive_s if limited else -math.inf
+                if frames:
+                    frames[-1].limited |= limited
                 continue
             arrive = choice.leave_s + choice.mean_s
-            visited = any(choice.node == earlier.node for earlier in frames)
-            if visited or arrive >= self._dead.get(choice.node, math.inf):
+            dead_s = self._dead.get(choice.node, math.inf)
+            if choice.node in self._on_path or arrive >= dead_s:
+                frame.limited |= math.isfinite(dead_s)
                 continue
             hop = Hop((choice.segment,), choice.charge_to, choice.leave_s if choice.held else -math.inf)
-            following = self._candidates(choice.node, arrive, self._soc_on_arrival(frame, choice), frame.node)
+            following = self._candidates(choice.node, arrive, max(choice.soc, 0.0), frame.node)
             frames.append(_Frame(choice.node, arrive, following, hop))
+            self._on_path.add(choice.node)
             if choice.node == p.destination:
                 return tuple(frame.hop for frame in frames if frame.hop is not None)
         raise no_route(p, self.outlook)
@@ -97,24 +110,31 @@ class ForwardSearch:
         p, outlook = self.problem, self.outlook
         at_origin = came_from < 0
         pad = time_s + p.waits.at(node, time_s)[0] if p.has_pads(node) and not (at_origin and p.in_flight) else None
-        self._soc[node] = soc
         found: list[tuple[float, Reachable]] = []
         if at_origin and self.full:
-            found = outlook.reachable(node, came_from, time_s, soc, None, full=False, factor=self.factor)
+            found = outlook.reachable(node, time_s, soc, None, full=False, factor=self.factor)
         if not found:
-            found = outlook.reachable(node, came_from, time_s, soc, pad, full=self.full, factor=self.factor)
-        yield from _best_first(found)
+            found = outlook.reachable(node, time_s, soc, pad, full=self.full, factor=self.factor)
+        yield from self._best_first(found, time_s)
         if at_origin and p.in_flight:
             return
         seen = {one.node for _, one in found}
-        held = outlook.held(node, came_from, time_s, soc, pad, full=self.full, factor=self.factor)
-        yield from _best_first([pair for pair in held if pair[1].node not in seen])
+        closed = [s for s in outlook.segments(node) if int(p.network.head[s]) not in seen]
+        if closed:
+            self._closed_ways.add(node)
+        held = outlook.held(closed, time_s, soc, pad, full=self.full, factor=self.factor)
+        yield from self._best_first(held, time_s)
 
-    def _soc_on_arrival(self, frame: _Frame, choice: Reachable) -> float:
-        """Charge that is there on landing in all but a share epsilon of the members: the next flight must not hope for more."""
-        leaving = self._soc[frame.node] if choice.charge_to is None else choice.charge_to
-        return max(leaving - choice.charge, 0.0)
-
-
-def _best_first(found: list[tuple[float, Reachable]]) -> list[Reachable]:
-    return [one for _, one in sorted(found, key=lambda pair: pair[0])]
+    def _best_first(self, found: list[tuple[float, Reachable]], time_s: float) -> Iterator[Reachable]:
+        """Stations in the order of their ranks; a rank that is only a bound is made final when its turn comes."""
+        heap = [(rank_s, number, one.ranked, one) for number, (rank_s, one) in enumerate(found)]
+        heapq.heapify(heap)
+        while heap:
+            _, number, final, one = heapq.heappop(heap)
+            if final:
+                yield one
+                continue
+            if one.node in self._on_path:
+                continue
+            rank_s = self.outlook.ranked(one, time_s, full=self.full, factor=self.factor)
+            heapq.heappush(heap, (rank_s, number, True, one))

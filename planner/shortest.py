@@ -81,14 +81,13 @@ class ShortestFlight:
             node = int(p.network.tail[segment])
             pad = now + p.waits.at(node, now)[0] if p.has_pads(node) and not (number == 0 and p.in_flight) else None
             full = number > 0
-            came_from = int(p.network.tail[path[number - 1]]) if number else -1
-            ways = self.outlook.reachable(node, came_from, now, soc, pad if full else None, full=full, factor=1.0)
+            ways = self.outlook.reachable(node, now, soc, pad if full else None, full=full, factor=1.0)
             if not any(one.segment == segment for _, one in ways):
-                ways = self.outlook.held(node, came_from, now, soc, pad, full=full, factor=1.0)
+                ways = self.outlook.held([segment], now, soc, pad, full=full, factor=1.0)
             chosen = next((one for _, one in ways if one.segment == segment), None)
             if chosen is None:
                 raise no_route(p, self.outlook)
             hops.append(Hop((segment,), chosen.charge_to, chosen.leave_s if chosen.held else -math.inf))
             now = chosen.leave_s + chosen.mean_s
-            soc = max((soc if chosen.charge_to is None else 1.0) - p.soc_fixed - p.soc_per_s * chosen.mean_s, 0.0)
+            soc = max(chosen.soc, 0.0)
         return tuple(hops)

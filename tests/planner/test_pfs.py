@@ -101,7 +101,6 @@ def test_algorithm_1_as_printed_can_fail_where_the_repaired_one_does_not():
             continue
         try:
             StrictForwardSearch(problem).solve()
-        except NoRouteError as error:
+        except NoRouteError:
             strict_failures += 1
-            assert error.constraint in ("energy", "step-limit")
     assert strict_failures > 0
