@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
 from models.errors import Fault, InputError
+from models.units import utc
 from models.wind_forecast import analogue_ensemble, read_forecast, truth_series
 
 if TYPE_CHECKING:
@@ -86,12 +87,12 @@ class Scenario:
         if self.forecast_file is not None:
             return read_forecast(self.forecast_file, self.wind_sites, depart, hours, self.measured_at_m)
         exclude = () if truth is None else (truth,)
-        local = depart.astimezone(ZoneInfo(self.timezone))
+        local = utc(depart).astimezone(ZoneInfo(self.timezone))
         return analogue_ensemble(self._record(), local, hours, season_days=self.season_days, exclude=exclude)
 
     def truth(self, day: date, depart: datetime, hours: int) -> WindEnsemble:
-        """What the record measured from that local date on, laid onto the departure, as an ensemble of one."""
-        return truth_series(self._record(), day, depart.astimezone(ZoneInfo(self.timezone)), hours)
+        """Lay what the record measured from that local date on onto the departure, as an ensemble of one."""
+        return truth_series(self._record(), day, utc(depart).astimezone(ZoneInfo(self.timezone)), hours)
 
     def with_target(self, lat: float, lon: float) -> Scenario:
         """Add a delivery target without pads to the network."""

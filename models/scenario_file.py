@@ -6,9 +6,11 @@ Every part is read even when another is wrong, so that all faults are reported a
 from __future__ import annotations
 
 import hashlib
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+import numpy as np
 
 from models.drone import M200_V2, Drone
 from models.errors import Fault, InputError
@@ -16,22 +18,26 @@ from models.fields import Table, read_toml
 from models.fleet import read_fleet
 from models.flight import FlightRules
 from models.load import PadLoad, read_load, read_occupancy
-from models.network import ConnectionRule, Network, Station
+from models.network import ConnectionRule, Network
 from models.network_builders import RULES, build_network
 from models.network_files import STATION_FIELDS, read_segments, read_stations
 from models.scenario import Scenario
+from models.scenario_checks import fit_warnings, position_faults, zone_faults
 from models.units import SPEED_UNITS_MPS
 from models.wind_columns import WindColumns
 from models.wind_history import WindSite, read_history
-from models.zones import NoFlyZones, read_zones
+from models.zones import read_zones
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
+
+    from models.network import Station
 
 SCHEMA = "skyway.scenario/1"
 FILE = "scenario.toml"
-FAR_M = 1_000_000.0
-"""A station farther than this from the middle of the others, but near it with lat and lon swapped, is a fault."""
+MAX_BYTES = 64 * 1024 * 1024
+"""Of any part: more is refused before it is read."""
 
 T = TypeVar("T")
 
@@ -44,11 +50,15 @@ def read_scenario(path: Path) -> Scenario:
     InputError
         With every fault in every file.
     """
-    file = path / FILE if path.is_dir() or path.suffix != ".toml" else path
-    if not file.is_file():
-        remedy = "skyway scenario init DIR writes one to start from"
-        problem = "no such folder" if not path.exists() else f"the folder holds no {FILE}"
-        raise InputError(Fault(problem, str(path), remedy=remedy))
+    remedy = "skyway scenario init DIR writes one to start from"
+    try:
+        file = path / FILE if path.is_dir() or path.suffix != ".toml" else path
+        if not file.is_file():
+            problem = f"the folder holds no {FILE}" if path.is_dir() else "is no folder with a scenario"
+            problem = problem if path.exists() else "no such folder"
+            raise InputError(Fault(problem, str(path), remedy=remedy))
+    except OSError as error:
+        raise InputError(Fault(f"cannot be read: {error.strerror}", str(path), remedy=remedy)) from None
     return _Reader(file).read()
 
 
@@ -60,6 +70,8 @@ class _Reader:
         self.folder = file.parent
         self.faults: list[Fault] = []
         self.warnings: list[str] = []
+        self.stations: tuple[Station, ...] = ()
+        self.stations_file = ""
         self.digest = hashlib.sha256()
         self.top = Table(read_toml(file), str(file), "", self.faults)
         self._add_to_digest(file)
@@ -72,11 +84,13 @@ class _Reader:
         drones = self._drones(self.top.table("drones"))
         rules = self._rules(self.top.table("flight"))
         wind = self._wind(self.top.table("wind"))
+        if self.stations:
+            self.faults += position_faults(self.stations, wind["wind_sites"], self.stations_file, str(self.file))
         load = self._load(self.top.table("load"), network, timezone)
         self.top.finish()
         if self.faults or network is None:
             raise InputError(self.faults)
-        self._warn_of_parts(network)
+        self.warnings += fit_warnings(network, wind["wind_sites"])
         return Scenario(
             name=name,
             network=network,
@@ -109,7 +123,7 @@ class _Reader:
             nearest=table.whole("nearest", 6, low=1, high=1000),
         )
         columns_table = table.table("columns")
-        columns = {field: columns_table.text(field) for field in STATION_FIELDS if field in columns_table}
+        columns = {field: name for field in STATION_FIELDS if (name := columns_table.text(field, ""))}
         columns_table.finish()
         pads = table.whole("pads", 5, low=0, high=10_000)
         spots = table.whole("holding_spots", 4, low=0, high=10_000)
@@ -118,40 +132,19 @@ class _Reader:
         zones = self._try(read_zones, zones_file)
         if stations is None:
             return None
-        self._check_positions(stations, zones, stations_file)
+        if zones is not None:
+            self.faults += zone_faults(stations, zones, str(stations_file), str(zones_file))
+        self.stations, self.stations_file = stations, str(stations_file)
         if segments_file is None:
             return self._try(lambda _: build_network(stations, rule, zones=zones), self.file)
         pairs = self._try(lambda f: read_segments(f, stations), segments_file)
         if pairs is None:
             return None
-        import numpy as np
-
         network = Network.from_pairs(stations, np.array(pairs, dtype=np.int64).reshape(-1, 2), zones=zones)
         removed = len(set(pairs)) - len(network.tail)
         if removed:
             self.warnings.append(f"{removed} given segments cross a no-fly zone and are left out")
         return network
-
-    def _check_positions(self, stations: tuple[Station, ...], zones: NoFlyZones | None, file: Path | None) -> None:
-        import numpy as np
-
-        from models import geodesy
-
-        lat, lon = np.array([s.lat for s in stations]), np.array([s.lon for s in stations])
-        middle = float(np.median(lat)), float(np.median(lon))
-        far, _ = geodesy.inverse(middle[0], middle[1], lat, lon)
-        for number in np.flatnonzero(far > FAR_M):
-            station = stations[number]
-            if abs(station.lon) <= 90 and geodesy.distance_m(*middle, station.lon, station.lat) < FAR_M:
-                where = f"{station.lat},{station.lon}"
-                fault = Fault("lat and lon look swapped", str(file), None, f"station {station.id}", where)
-                self.faults.append(fault)
-            else:
-                self.warnings.append(f"station {station.id} lies {far[number] / 1000:.0f} km from the others")
-        for station in stations:
-            zone = zones.contains(station.lat, station.lon) if zones is not None else None
-            if zone is not None:
-                self.faults.append(Fault(f"lies in the no-fly zone {zone}", str(file), None, f"station {station.id}"))
 
     def _drones(self, table: Table) -> tuple[Drone, ...]:
         file = self._path(table, "fleet")
@@ -175,39 +168,48 @@ class _Reader:
         ensemble.finish()
         file = self._path(table, "history")
         forecast_file = self._path(table, "forecast")
-        sites = [
-            WindSite(t.text("id"), t.number("lat", low=-90, high=90), t.number("lon", low=-180, high=180))
-            for t in table.tables("sites")
-        ]
+        sites, sound = self._sites(table)
         measured_at = table.number("measured_at_m", 10.0, above=0, high=1000)
-        columns = WindColumns(
-            time=table.text("time", "time"),
-            site=table.text("site") if "site" in table else None,
-            speed=table.text("speed", "speed_mps"),
-            from_=table.text("from", "from_deg"),
-            speed_unit=table.text("speed_unit", "m/s", choices=tuple(SPEED_UNITS_MPS)),
-            time_zone=table.text("time_zone") if "time_zone" in table else None,
-            missing=table.texts("missing", ("", "NA", "NaN")),
-            calm=table.text("calm", "speed-0", choices=("direction-0", "speed-0")),
-            variable=table.texts("variable", ("VRB",)),
-            time_format=table.text("time_format") if "time_format" in table else None,
-            default_site=sites[0].id if len(sites) == 1 else None,
-        )
+        fields: dict[str, Any] = {
+            "time": table.text("time", "time"),
+            "site": table.text("site") if "site" in table else None,
+            "speed": table.text("speed", "speed_mps"),
+            "from_": table.text("from", "from_deg"),
+            "speed_unit": table.text("speed_unit", "m/s", choices=tuple(SPEED_UNITS_MPS)),
+            "time_zone": table.text("time_zone") if "time_zone" in table else None,
+            "missing": table.texts("missing", ("", "NA", "NaN")),
+            "calm": table.text("calm", "speed-0", choices=("direction-0", "speed-0")),
+            "variable": table.texts("variable", ("VRB",)),
+            "time_format": table.text("time_format") if "time_format" in table else None,
+            "default_site": sites[0].id if len(sites) == 1 else None,
+        }
         table.finish()
+        columns = self._try(lambda _: WindColumns(**fields), self.file)
         parts: dict[str, Any] = {
             "season_days": season_days,
-            "wind_sites": tuple(sites),
+            "wind_sites": sites,
             "measured_at_m": measured_at,
             "forecast_file": forecast_file,
             "history": None,
         }
-        if not sites and (file is not None or forecast_file is not None):
+        if sound and not sites and (file is not None or forecast_file is not None):
             table.fault("sites", "is missing", remedy="say where the wind was measured: [[wind.sites]] id, lat, lon")
-        elif file is not None:
+        elif file is not None and columns is not None and sound:
             history = self._try(lambda f: read_history(f, columns, sites, measured_at), file)
             self.warnings += history.warnings if history is not None else ()
             parts["history"] = history
         return parts
+
+    def _sites(self, table: Table) -> tuple[tuple[WindSite, ...], bool]:
+        """Read the places of the wind record, and whether all are sound."""
+        before = len(self.faults)
+        sites = []
+        for part in table.tables("sites"):
+            lat, lon = part.number("lat", low=-90, high=90), part.number("lon", low=-180, high=180)
+            sites.append(WindSite(part.text("id"), lat, lon))
+            part.finish()
+        sound = len(self.faults) == before
+        return tuple(sites) if sound else (), sound
 
     def _load(self, table: Table, network: Network | None, timezone: str) -> PadLoad | None:
         file = self._path(table, "file")
@@ -218,11 +220,10 @@ class _Reader:
             table.fault("occupancy", "file and occupancy are both given", remedy="keep one of them")
         if network is None:
             return None
-        ids = [station.id for station in network.stations]
+        ids, pads = [station.id for station in network.stations], network.pads
         if file is not None:
-            found = self._try(lambda f: read_load(f, ids, timezone), file)
+            found = self._try(lambda f: read_load(f, ids, timezone, pads=pads), file)
         elif occupancy is not None:
-            pads = network.pads
             found = self._try(lambda f: read_occupancy(f, ids, timezone, pads, mean_charging_min), occupancy)
         else:
             self.warnings.append("no [load]: the pads are taken to be free of other drones")
@@ -233,12 +234,6 @@ class _Reader:
         self.warnings += warnings
         return load
 
-    def _warn_of_parts(self, network: Network) -> None:
-        parts = network.parts()
-        if len(parts) > 1:
-            alone = ", ".join(part[0] for part in parts[1:5]) + (", …" if len(parts) > 5 else "")
-            self.warnings.append(f"the network falls into {len(parts)} parts that no segment joins (apart: {alone})")
-
     def _path(self, table: Table, key: str, *, required: bool = False) -> Path | None:
         if not required and key not in table:
             return None
@@ -246,18 +241,24 @@ class _Reader:
         if not text:
             return None
         path = self.folder / text
-        if not path.is_file():
-            table.fault(key, "no such file", text)
-            return None
-        self._add_to_digest(path)
-        return path
+        try:
+            if path.is_dir():
+                table.fault(key, "is a folder, not a file", text)
+            elif not path.is_file():
+                table.fault(key, "no such file", text)
+            elif path.stat().st_size > MAX_BYTES:
+                problem = f"is larger than {MAX_BYTES / 1e6:.0f} MB"
+                table.fault(key, problem, text, "cut it to the part that is needed")
+            else:
+                self._add_to_digest(path)
+                return path
+        except OSError as error:
+            table.fault(key, f"cannot be read: {error.strerror}", text)
+        return None
 
     def _add_to_digest(self, path: Path) -> None:
-        try:
-            with path.open("rb") as stream:
-                self.digest.update(hashlib.file_digest(stream, "sha256").digest())
-        except OSError as error:
-            self.faults.append(Fault(f"cannot be read: {error.strerror}", str(path)))
+        with path.open("rb") as stream:
+            self.digest.update(hashlib.file_digest(stream, "sha256").digest())
 
     def _try(self, read: Callable[[Path], T], path: Path | None) -> T | None:
         """Read a part; its faults join the others."""
@@ -266,5 +267,5 @@ class _Reader:
         try:
             return read(path)
         except InputError as error:
-            self.faults += error.faults
+            self.faults += [fault if fault.file else replace(fault, file=str(path)) for fault in error.faults]
             return None
