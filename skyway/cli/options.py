@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from models.wind_forecast import WindEnsemble
     from models.wind_history import WindSite
 
+BUILT_IN = "builtin:newyork"
+"""What a plan names as its scenario's path when it was made on the built-in one."""
 WIND = re.compile(r"^\s*([0-9]+(?:\.[0-9]*)?)\s*@\s*([0-9]+(?:\.[0-9]*)?)\s*$")
 POSITION = re.compile(r"^\s*(-?[0-9]+(?:\.[0-9]*)?)\s*,\s*(-?[0-9]+(?:\.[0-9]*)?)\s*$")
 
@@ -86,7 +88,9 @@ def load_scenario(path: Path | None) -> Scenario:
     from missions.examples import NEW_YORK
     from models.scenario_file import read_scenario
 
-    return read_scenario(path if path is not None else NEW_YORK)
+    if path is None:
+        return replace(read_scenario(NEW_YORK), path=BUILT_IN)
+    return read_scenario(path)
 
 
 def hint_at_warnings(scenario: Scenario, path: Path | None) -> None:
