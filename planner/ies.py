@@ -229,7 +229,7 @@ class ExhaustiveSearch:
             blocks = [found[offset[node] : offset[node + 1]] for offset, found in tables]
             joined = np.concatenate(blocks) if blocks else np.empty((0, 4))
             if p.in_flight and stay.node == p.origin:
-                return joined[(joined[:, 0] <= begin) & (joined[:, 2] >= begin)]
+                return _only_at(joined, begin)
             return joined
 
         return pieces
@@ -240,8 +240,7 @@ class ExhaustiveSearch:
         p = self.problem
         if not len(pieces):
             return np.empty((0, 6)), 0
-        until = float(stay.g[0, 0]) if p.in_flight and stay.node == p.origin else self._best_s
-        return fly_profile(stay.g, pieces, p.soc_per_s, p.soc_fixed, needed, until)
+        return fly_profile(stay.g, pieces, p.soc_per_s, p.soc_fixed, needed, self._best_s)
 
     def _land(self, stay: _Stay, node: int, pieces: NDArray[np.float64]) -> _Stay | None:
         p = self.problem
@@ -316,3 +315,13 @@ class ExhaustiveSearch:
                     if math.isfinite(over):
                         heapq.heappush(heap, (over, other, (*walk, segment)))
         return best_walk
+
+
+def _only_at(pieces: NDArray[np.float64], take_off_s: float) -> NDArray[np.float64]:
+    """Narrow pieces of an arrival function, shape (pieces, 4), to one take-off."""
+    chosen = pieces[(pieces[:, 0] <= take_off_s) & (pieces[:, 2] >= take_off_s)][:1]
+    if not len(chosen):
+        return chosen
+    t0, a0, t1, a1 = chosen[0]
+    arrive = a0 + (a1 - a0) * (take_off_s - t0) / (t1 - t0) if t1 > t0 else a0
+    return np.array([[take_off_s, arrive, take_off_s, arrive]])
