@@ -195,9 +195,9 @@ def test_sixty_kilometres_need_several_stops_and_pads_that_are_free(roomy, raw):
     composition = plan(roomy, request, planner="pfs-charge-aware").composition
     assert_each_leg_can_be_flown(composition, raw)
     assert_the_course_hangs_together(composition, roomy, "39", "52")
-    assert len(composition.stops) >= 2
-    assert composition.wait_time_s < 600.0
-    assert composition.delivery_time_s < 8 * 3600.0
+    assert len(composition.stops) >= 3
+    assert sum(stop.wait_s for stop in composition.stops) < 60.0
+    assert composition.delivery_time_s < 12 * 3600.0  # about six of them holding for wind that allows the first leg
 
 
 def test_a_target_without_pads_is_reached_with_a_way_out(roomy, raw):
