@@ -156,6 +156,12 @@ def _straighten(t: NDArray[np.float64], a: NDArray[np.float64], n: int) -> int:
 
 
 @compiled
+def _slot_begin(air: Air, slot: int) -> float:
+    """Beginning of a slot; the first one also holds the hour before it, as everywhere."""
+    return air.start_s + slot * air.slot_s if slot > 0 else air.start_s - air.slot_s
+
+
+@compiled
 def _search(
     air: Air,
     member: int,
@@ -171,8 +177,8 @@ def _search(
     t = np.empty((nodes, _POINTS))
     a = np.empty((nodes, _POINTS))
     n = np.zeros(nodes, dtype=np.int64)
-    begin = air.start_s + s0 * air.slot_s
-    end = begin + air.slot_s
+    begin = _slot_begin(air, s0)
+    end = air.start_s + (s0 + 1) * air.slot_s
     t[source, 0], t[source, 1] = begin, end
     a[source, 0], a[source, 1] = begin + air.climb_s, end + air.climb_s
     n[source] = 2
@@ -248,7 +254,7 @@ def arrival_functions(
     reach = min(slot + int(math.ceil(limit_s / air.slot_s)), slots - 1)
     pieces = [np.empty((0, 4))]
     owner = [np.empty(0, dtype=np.int64)]
-    taken = np.full(nodes, air.start_s + slot * air.slot_s)  # up to here earlier last slots have answered
+    taken = np.full(nodes, _slot_begin(air, slot))  # up to here earlier last slots have answered
     for last in range(slot, reach + 1):
         if last < reach:
             same = True
