@@ -3,10 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import pytest
 
 from skyway.cli.main import main
+
+
+@pytest.fixture(scope="session", autouse=True)
+def read_new_york_once():
+    """Keep the built-in scenario between commands; one test reads it in a process of its own."""
+    from missions.examples import NEW_YORK
+    from models import scenario_file
+
+    read = scenario_file.read_scenario
+    kept = cache(read)
+    patch = pytest.MonkeyPatch()
+    patch.setattr(scenario_file, "read_scenario", lambda path: (kept if path == NEW_YORK else read)(path))
+    yield
+    patch.undo()
 
 
 @dataclass(frozen=True)

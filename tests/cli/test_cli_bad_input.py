@@ -193,5 +193,6 @@ def test_a_file_of_200_mb_is_refused_by_its_size(skyway, tmp_path, name):
     more = ("--forecast", "big/forecast.csv") if name == "forecast.csv" else ()
     answer = skyway("plan", "big", *request, *more)
     assert answer.code == 2
-    assert f"{name}: is larger than" in answer.err
+    assert name in answer.err
+    assert "is larger than" in answer.err
     assert len(answer.err.splitlines()) == 1

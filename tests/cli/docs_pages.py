@@ -1,0 +1,111 @@
+"""The commands, outputs and programs that the documentation shows, and how to make them anew.
+
+``python tests/cli/docs_pages.py`` runs every command of README.md and docs/, puts the real output into the blocks
+marked ``<!-- output -->``, draws the pictures of docs/assets and writes docs/reference/commands.md.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import shlex
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+NOT_RUN = "<!-- not run:"
+OUTPUT = "<!-- output -->"
+_FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Block:
+    """One fenced block of a page: its language, text, place in the page, and the line before it."""
+
+    language: str
+    text: str
+    start: int
+    end: int
+    mark: str
+
+    @property
+    def commands(self) -> list[str]:
+        """Commands of skyway in the block, continued lines joined."""
+        if self.language not in ("console", "bash") or self.mark.startswith(NOT_RUN):
+            return []
+        lines = self.text.replace("\\\n", " ").splitlines()
+        return [line for line in lines if line.startswith("skyway ")]
+
+
+def pages() -> list[Path]:
+    """Every page with text of ours, README first."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def blocks(page: Path) -> list[Block]:
+    """Fenced blocks of a page in order."""
+    text = page.read_text()
+    found = []
+    for match in _FENCE.finditer(text):
+        before = text[: match.start()].rstrip("\n").rsplit("\n", 1)[-1].strip()
+        found.append(Block(match[1], match[2], match.start(2), match.end(2), before))
+    return found
+
+
+def arguments(command: str) -> list[str]:
+    """Words of a command as a shell would make them, without ``skyway``."""
+    return shlex.split(command, comments=True)[1:]
+
+
+def shape(output: str) -> list[str]:
+    """Output without what varies between machines: numbers and the width of columns."""
+    text = re.sub(r"[+-]?\d+([.:,]\d+)*( ?ms\b| s\b)?", "#", output)
+    return [" ".join(line.split()) for line in text.strip().splitlines()]
+
+
+def run(command: str) -> tuple[int, str, str]:
+    """Run a command in this process; returns (exit code, stdout, stderr)."""
+    from skyway.cli.main import main
+
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(arguments(command))
+    return code, out.getvalue(), err.getvalue()
+
+
+def refresh(page: Path) -> None:
+    """Put real output into the marked blocks of a page."""
+    text, last, changes = page.read_text(), "", []
+    for block in blocks(page):
+        if block.mark == OUTPUT:
+            changes.append((block, last))
+        for command in block.commands:
+            code, last, err = run(command)
+            if code:
+                raise SystemExit(f"{page}: {command}: exit {code}: {err}")
+    for block, output in reversed(changes):
+        text = text[: block.start] + output.strip("\n") + "\n" + text[block.end :]
+    page.write_text(text)
+
+
+def draw_pictures() -> None:
+    """Draw the pictures of the documentation with the commands that its pages show."""
+    trip = "--from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00"
+    assets = ROOT / "docs" / "assets"
+    run(f"skyway plan {trip} --plot {assets}/newyork-plan.svg --force")
+    run(f"skyway wind --depart 2013-07-10T14:00-04:00 --plot {assets}/newyork-wind.svg --force")
+    run(f"skyway network --plot {assets}/newyork-network.svg --force")
+
+
+if __name__ == "__main__":
+    import command_reference
+
+    command_reference.PAGE.write_text(command_reference.page())
+    draw_pictures()
+    for one in pages():
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+            refresh(one)
+        print(os.fspath(one.relative_to(ROOT)))
