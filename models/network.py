@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from models.zones import NoFlyZones
 
 
+SHORTEST_M = 1.0
+"""A shorter segment counts as this long, so that every flight has a speed and a course."""
+
+
 @dataclass(frozen=True, slots=True)
 class Station:
     """A node of the network.
@@ -84,7 +88,7 @@ class Network:
     tail, head : ndarray of int, shape (segments,)
         Start and end node of each segment.
     distance_m, bearing_deg : ndarray, shape (segments,)
-        Geodesic length and initial bearing from tail to head.
+        Geodesic length (at least `SHORTEST_M`) and initial bearing from tail to head.
     rule : ConnectionRule or None
         The rule the segments were made by; None where they were given.
     zones : NoFlyZones or None
@@ -132,7 +136,7 @@ class Network:
             pairs = pairs[~zones.crossed_by(*ends)]
         tail, head = pairs[:, 0].copy(), pairs[:, 1].copy()
         distance, bearing = geodesy.inverse(lat[tail], lon[tail], lat[head], lon[head])
-        return cls(stations, tail, head, distance, bearing, rule, zones)
+        return cls(stations, tail, head, np.maximum(distance, SHORTEST_M), bearing, rule, zones)
 
     def __len__(self) -> int:
         return len(self.stations)

@@ -79,7 +79,7 @@ def without_energy(composition: Composition) -> Composition:
     return replace(composition, services=tuple(replace(leg, energy_j=0.0) for leg in composition.services))
 
 
-@settings(max_examples=150)
+@settings(max_examples=70)
 @given(compositions())
 def test_a_composition_written_and_read_is_the_same(composition):
     back = from_json(json.dumps(to_json(composition)))
@@ -88,6 +88,7 @@ def test_a_composition_written_and_read_is_the_same(composition):
         assert one.energy_j == pytest.approx(other.energy_j, rel=1e-15)  # Wh in the file: the last digit may turn
 
 
+@settings(max_examples=40)
 @given(compositions())
 def test_delivery_is_flight_plus_waiting_plus_recharge_and_that_is_arrival_minus_departure(composition):
     document = to_json(composition)

@@ -209,10 +209,10 @@ def test_segments_to_a_target_do_not_cross_a_zone_either():
     assert 1 in network.head[network.tail == 4]
 
 
-def test_a_target_on_top_of_a_station_is_a_flight_of_no_distance():
+def test_a_target_on_top_of_a_station_is_a_metre_away():
     network = build_network(CITY, ConnectionRule()).with_target(QUEENS.lat, QUEENS.lon)
     own = (network.tail == 4) & (network.head == 2)
-    assert network.distance_m[own].tolist() == [0.0]
+    assert network.distance_m[own].tolist() == [1.0]
 
 
 def test_another_number_of_pads_leaves_targets_without():
