@@ -50,6 +50,7 @@ _PREARM = 0x10000000
 _BATTERY = 0x2000000
 _GPS = 0x20
 _RC = 0x10000
+_FENCE = 0x100000
 
 
 def _heartbeat(v: Vehicle) -> bytes:
@@ -151,7 +152,11 @@ def _gps_raw(v: Vehicle) -> bytes:
 def _sys_status(v: Vehicle) -> bytes:
     pilot = v.autopilot
     present = _SENSORS | _PREARM | _BATTERY | _RC
-    health = present
+    if pilot.fence.areas:
+        present |= _FENCE
+    health = present | _FENCE  # a station that finds it unhealthy speaks of a breach
+    if "fence" in pilot.failsafes.active:
+        health &= ~_FENCE
     if not v.faults.positioning or v.since_boot_s < 2.0:
         health &= ~_GPS
     if not v.faults.remote_control:

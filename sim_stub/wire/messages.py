@@ -140,6 +140,9 @@ def specs() -> tuple[dict[int, MessageSpec], dict[str, MessageSpec]]:
     by_id: dict[int, MessageSpec] = {}
     for number, cls in dialect.mavlink_map.items():
         by_id[number] = _spec(number, cls)
+    # Two messages of the standard that pymavlink's dialect lacks.
+    cancel = (("command", 0, 0), ("target_system", 1, 0), ("target_component", 2, 0))
+    by_id[80] = MessageSpec(80, "COMMAND_CANCEL", 14, struct.Struct("<HBB"), cancel, 4)
     by_id[300] = MessageSpec(
         300,
         "PROTOCOL_VERSION",

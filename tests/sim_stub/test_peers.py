@@ -6,6 +6,7 @@ import shutil
 import socket
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -214,25 +215,40 @@ def test_mavproxy_scripted(autopilot, tmp_path):
     path.write_text("\n".join(lines) + "\n")
     with served(tcp_port=0, autopilot=autopilot, speedup=10) as running:
         host, port = running.where()
-        arguments = [program, f"--master=tcp:{host}:{port}", "--daemon", "--non-interactive", "--state-basedir", str(tmp_path)]
-        arguments += ["--default-modules=wp,mode,arm,cmdlong,misc,param"]
-        mode = "mode GUIDED; " if autopilot == "ardupilot" else ""
-        cmd = f"wp load {path}; {mode}arm throttle; long MISSION_START"
         process = subprocess.Popen(
-            [*arguments[:2], *arguments[3:], f"--cmd={cmd}"],
+            [program, f"--master=tcp:{host}:{port}", f"--state-basedir={tmp_path}"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             cwd=tmp_path,
         )
+        shown = bytearray()
+        reader = threading.Thread(target=lambda: [shown.extend(line) for line in process.stdout])
+        reader.start()
+
+        def type_in(command):
+            process.stdin.write(command.encode() + b"\n")
+            process.stdin.flush()
+
         try:
             vehicle = running.world.vehicles[1]
+            wait(lambda: b"online system 1" in shown, 30.0)
+            type_in(f"wp load {path}")
             wait(lambda: len(vehicle.autopilot.run.items) == 3 + len(home), 30.0)
+            if autopilot == "ardupilot":
+                type_in("mode GUIDED")
+                wait(lambda: vehicle.autopilot.mode.value == "guided")
+            type_in("arm throttle")
             wait(lambda: vehicle.autopilot.armed, 30.0)
+            type_in("long MISSION_START 0 0 0 0 0 0 0")
+            wait(lambda: not vehicle.autopilot.landed, 30.0)
             wait(lambda: not vehicle.autopilot.armed, 60.0)
             assert landed_north_m(running) == pytest.approx(100.0, abs=3.0)
         finally:
             process.kill()
-            process.communicate()
+            process.wait()
+            reader.join()
+            process.stdin.close()
+            process.stdout.close()
 
 
