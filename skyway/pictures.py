@@ -22,6 +22,10 @@ CALM = "#2e86ab"
 ZONE = "#e8b4b8"
 ZONE_INK = "#8c2f3d"
 
+MARKER_PX = 5.0
+"""Half the size of a marker: labels keep so far from points."""
+PAD_PX = 3.0
+"""Labels keep so far from each other."""
 _PLACES = ((1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1), (0, 1), (0, -1))
 """Where a label may stand about its point: right, left, the corners, above, below."""
 
@@ -54,7 +58,7 @@ def plain_axes(axes: Any) -> None:
 class LabelPlacer:
     """Sets labels beside their points so that they keep off each other, other points and lines.
 
-    Labels are set one by one, the important ones first, each at the least crowded of eight places. The axes must
+    Labels are set one by one, the important ones first, each at the least crowded of sixteen places. The axes must
     have their final limits and the figure its final layout.
 
     Parameters
@@ -80,18 +84,18 @@ class LabelPlacer:
         self.renderer = self.figure.canvas.get_renderer()
         self.frame = axes.get_window_extent(self.renderer)
         to_pixels = axes.transData.transform
-        dots = [to_pixels(np.column_stack((x, y)))] if len(x) else []
-        for a, b in lines:
-            steps = np.linspace(0.0, 1.0, 41)[:, None]
-            dots.append(to_pixels(np.asarray(a) * (1.0 - steps) + np.asarray(b) * steps))
+        self.points = to_pixels(np.column_stack((x, y))) if len(x) else np.empty((0, 2))
+        steps = np.linspace(0.0, 1.0, 41)[:, None]
+        dots = [to_pixels(np.asarray(a) * (1.0 - steps) + np.asarray(b) * steps) for a, b in lines]
         self.dots = np.concatenate(dots) if dots else np.empty((0, 2))
         self.boxes: list[tuple[float, float, float, float]] = []
 
     def place(self, text: str, x: float, y: float, *, gap: float = 5.0, **style: Any) -> None:
         """Write a label beside a point, `gap` typographic points away from it."""
         best: tuple[float, Any, Any] | None = None
-        for rank, (right, up) in enumerate(_PLACES):
-            label = self._write(text, x, y, right, up, gap, style)
+        tries = [(right, up, gap * stretch) for stretch in (1.0, 2.2) for right, up in _PLACES]
+        for rank, (right, up, reach) in enumerate(tries):
+            label = self._write(text, x, y, right, up, reach, style)
             box = label.get_window_extent(self.renderer).extents
             cost = self._crowd(box) + 0.1 * rank
             if best is None or cost < best[0]:
@@ -123,16 +127,22 @@ class LabelPlacer:
     def _crowd(self, box: Any) -> float:
         """How much stands under a label already."""
         x0, y0, x1, y1 = box
-        inside = (self.dots[:, 0] > x0) & (self.dots[:, 0] < x1) & (self.dots[:, 1] > y0) & (self.dots[:, 1] < y1)
-        cost = float(np.minimum(inside.sum(), 20))
+        wider = (x0 - MARKER_PX, y0 - MARKER_PX, x1 + MARKER_PX, y1 + MARKER_PX)
+        cost = 15.0 * _inside(self.points, wider) + min(1.0 * _inside(self.dots, box), 25.0)
         for a0, b0, a1, b1 in self.boxes:
-            wide, high = min(x1, a1) - max(x0, a0), min(y1, b1) - max(y0, b0)
+            wide, high = min(x1, a1) - max(x0, a0) + PAD_PX, min(y1, b1) - max(y0, b0) + PAD_PX
             if wide > 0 and high > 0:
-                cost += 20.0 + 40.0 * wide * high / ((x1 - x0) * (y1 - y0))
+                cost += 40.0 + 60.0 * wide * high / ((x1 - x0) * (y1 - y0))
         f = self.frame
         if x0 < f.x0 or y0 < f.y0 or x1 > f.x1 or y1 > f.y1:
             cost += 30.0
         return cost
+
+
+def _inside(points: NDArray[np.float64], box: tuple[float, float, float, float]) -> int:
+    x0, y0, x1, y1 = box
+    x, y = points[:, 0], points[:, 1]
+    return int(((x > x0) & (x < x1) & (y > y0) & (y < y1)).sum())
 
 
 def save_figure(figure: Figure, path: Path) -> None:

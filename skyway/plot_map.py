@@ -6,7 +6,7 @@ import math
 import textwrap
 from datetime import timedelta
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -18,8 +18,12 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from models.scenario import Scenario
     from models.services import Composition
+
+_Line: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 
 MOST_LABELS = 150
 """Stations up to which a map of the network names them all."""
@@ -31,10 +35,11 @@ _ARROW_SCALE = 130.0
 
 def plot_network(scenario: Scenario, path: Path) -> None:
     """Draw stations, segments and no-fly zones."""
-    figure = new_figure(WIDTH_IN, _map_height_in(scenario) + 0.9)
-    axes = figure.add_subplot()
-    _draw_network(axes, scenario, segment_alpha=0.5)
     net = scenario.network
+    frame = _with_zones(_frame(net.lon, net.lat, 0.45), scenario)
+    figure = new_figure(WIDTH_IN, _height_in(frame) + 0.9)
+    axes = figure.add_subplot()
+    _draw_network(axes, scenario, frame, segment_alpha=0.5)
     both = len({tuple(sorted(pair)) for pair in zip(net.tail.tolist(), net.head.tolist(), strict=True)})
     axes.set_title(f"{scenario.name}: {len(net)} stations, {both} segments", color=INK, loc="left")
     placer = LabelPlacer(axes, net.lon, net.lat)
@@ -46,50 +51,75 @@ def plot_network(scenario: Scenario, path: Path) -> None:
 
 
 def plot_composition(composition: Composition, scenario: Scenario, path: Path) -> None:
-    """Draw the route on the network, and the state of charge over time below it."""
-    tall = _map_height_in(scenario)
+    """Draw the route on the part of the network round it, and the state of charge over time below it."""
+    places = [composition.stations[key] for key in composition.route]
+    lon, lat = np.array([place.lon for place in places]), np.array([place.lat for place in places])
+    frame = _frame(lon, lat, 0.9, least=0.15)
+    tall = _height_in(frame)
     figure = new_figure(WIDTH_IN, tall + _CHARGE_IN + 1.2)
     upper, lower = figure.subplots(2, 1, height_ratios=(tall, _CHARGE_IN))
     zone = ZoneInfo(scenario.timezone)
-    _draw_network(upper, scenario, segment_alpha=0.25)
+    _draw_network(upper, scenario, frame, segment_alpha=0.25)
     _draw_charge(lower, composition, zone)
+    hours, minutes = divmod(round(composition.delivery_time_s / 60.0), 60)
+    time = f"{hours} h {minutes} min" if hours else f"{minutes} min"
     title = f"{composition.origin} > {composition.destination}, {composition.payload_kg:g} kg by {composition.drone}: "
-    title += f"{composition.delivery_time_s / 60:.0f} min, {composition.distance_m / 1000:.1f} km"
-    upper.set_title(title, color=INK, loc="left")
+    upper.set_title(f"{title}{time}, {composition.distance_m / 1000:.1f} km", color=INK, loc="left")
     _draw_route(upper, composition, scenario)
     save_figure(figure, path)
 
 
-def _extent(scenario: Scenario) -> tuple[float, float, float, float]:
-    """(west, east, south, north) of the map, degrees."""
-    net = scenario.network
-    if not len(net):
-        return -1.0, 1.0, -1.0, 1.0
-    west, east = float(net.lon.min()), float(net.lon.max())
-    south, north = float(net.lat.min()), float(net.lat.max())
-    for zone in net.zones.polygons if net.zones is not None else ():
-        left, bottom, right, top = zone.bounds  # zones at the rim are shown whole
-        near = 0.15 * (east - west), 0.15 * (north - south)
+class Frame(NamedTuple):
+    """What a map shows, degrees."""
+
+    west: float
+    east: float
+    south: float
+    north: float
+
+    @property
+    def stretch(self) -> float:
+        """Length of a degree of longitude over one of latitude, in the middle."""
+        return math.cos(math.radians((self.south + self.north) / 2.0))
+
+
+def _frame(lon: NDArray[np.float64], lat: NDArray[np.float64], squareness: float, *, least: float = 0.02) -> Frame:
+    """Frame round some points with a margin.
+
+    The shorter side is at least `squareness` of the longer one, which is at least `least` degrees of latitude.
+    """
+    if not len(lon):
+        return Frame(-1.0, 1.0, -1.0, 1.0)
+    tight = Frame(float(lon.min()), float(lon.max()), float(lat.min()), float(lat.max()))
+    size = max((tight.east - tight.west) * tight.stretch, tight.north - tight.south, least)
+    wide = 0.57 * max(tight.east - tight.west, squareness * size / tight.stretch)
+    high = 0.57 * max(tight.north - tight.south, squareness * size)
+    x, y = (tight.west + tight.east) / 2.0, (tight.south + tight.north) / 2.0
+    return Frame(x - wide, x + wide, y - high, y + high)
+
+
+def _with_zones(frame: Frame, scenario: Scenario) -> Frame:
+    """Widen a frame so that zones at its rim are shown whole."""
+    west, east, south, north = frame
+    near = 0.1 * (east - west), 0.1 * (north - south)
+    zones = scenario.network.zones
+    for zone in zones.polygons if zones is not None else ():
+        left, bottom, right, top = zone.bounds
         if left < east + near[0] and right > west - near[0] and bottom < north + near[1] and top > south - near[1]:
             west, east, south, north = min(west, left), max(east, right), min(south, bottom), max(north, top)
-    stretch = math.cos(math.radians((south + north) / 2.0))
-    size = max((east - west) * stretch, north - south, 0.01)
-    wide, high = max(east - west, 0.45 * size / stretch), max(north - south, 0.45 * size)
-    lon, lat = (west + east) / 2.0, (south + north) / 2.0
-    return lon - 0.55 * wide, lon + 0.55 * wide, lat - 0.55 * high, lat + 0.55 * high
+    return Frame(west, east, south, north)
 
 
-def _map_height_in(scenario: Scenario) -> float:
-    west, east, south, north = _extent(scenario)
-    stretch = math.cos(math.radians((south + north) / 2.0))
-    return float(np.clip((WIDTH_IN - 0.8) * (north - south) / ((east - west) * stretch), 3.0, 14.0))
+def _height_in(frame: Frame) -> float:
+    shape = (frame.north - frame.south) / ((frame.east - frame.west) * frame.stretch)
+    return float(np.clip((WIDTH_IN - 0.8) * shape, 3.0, 11.0))
 
 
 def _degrees(value: float, names: str) -> str:
     return f"{abs(value):.6g}° {names[0] if value >= 0 else names[1]}"
 
 
-def _draw_network(axes: Any, scenario: Scenario, *, segment_alpha: float) -> None:
+def _draw_network(axes: Any, scenario: Scenario, frame: Frame, *, segment_alpha: float) -> None:
     """Segments, zones, stations, axes and a scale; no names."""
     from matplotlib.collections import LineCollection
     from shapely.geometry import mapping
@@ -114,16 +144,15 @@ def _draw_network(axes: Any, scenario: Scenario, *, segment_alpha: float) -> Non
     if not charging.all():
         axes.plot(net.lon[~charging], net.lat[~charging], "s", color=INK, markersize=5, zorder=2, label="no pads")
         axes.legend(fontsize=7, loc="upper left", frameon=False)
-    west, east, south, north = _extent(scenario)
-    axes.set_xlim(west, east)
-    axes.set_ylim(south, north)
-    axes.set_aspect(1.0 / math.cos(math.radians((south + north) / 2.0)))
+    axes.set_xlim(frame.west, frame.east)
+    axes.set_ylim(frame.south, frame.north)
+    axes.set_aspect(1.0 / frame.stretch)
     axes.xaxis.set_major_locator(_few_ticks())
     axes.yaxis.set_major_locator(_few_ticks())
     axes.xaxis.set_major_formatter(lambda value, _: _degrees(value, "EW"))
     axes.yaxis.set_major_formatter(lambda value, _: _degrees(value, "NS"))
     plain_axes(axes)
-    _draw_scale(axes, west, east, south, north)
+    _draw_scale(axes, frame)
 
 
 def _few_ticks() -> Any:
@@ -132,8 +161,9 @@ def _few_ticks() -> Any:
     return MaxNLocator(5, steps=[1, 2, 5, 10])
 
 
-def _draw_scale(axes: Any, west: float, east: float, south: float, north: float) -> None:
+def _draw_scale(axes: Any, frame: Frame) -> None:
     """A bar of a round length, about a sixth of the map's width, in its lower right corner."""
+    west, east, south, north = frame
     middle = (south + north) / 2.0
     metres = geodesy.distance_m(middle, west, middle, min(east, west + 179.0))
     step = 10.0 ** math.floor(math.log10(metres / 6.0))
@@ -160,7 +190,7 @@ def _name_zones(placer: LabelPlacer, scenario: Scenario) -> None:
 def _draw_route(axes: Any, composition: Composition, scenario: Scenario) -> None:
     """Legs, stops with what is done there, and the wind of each leg."""
     places, net = composition.stations, scenario.network
-    lines = []
+    lines: list[_Line] = []
     for service in composition.services:
         path = [(places[key].lon, places[key].lat) for key in (service.origin, *service.via, service.destination)]
         axes.plot(*zip(*path, strict=True), "-", color=ROUTE, linewidth=2.2, zorder=3)
@@ -169,6 +199,7 @@ def _draw_route(axes: Any, composition: Composition, scenario: Scenario) -> None
     landings = dict.fromkeys(key for service in composition.services for key in (service.origin, service.destination))
     for key in landings:
         axes.plot(places[key].lon, places[key].lat, "o", color=ROUTE, markersize=8, zorder=5, markeredgecolor="white")
+    lines += _draw_wind_arrows(axes, composition)
     placer = LabelPlacer(axes, net.lon, net.lat, lines)
     _name_zones(placer, scenario)
     paper = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.8}
@@ -180,25 +211,30 @@ def _draw_route(axes: Any, composition: Composition, scenario: Scenario) -> None
         if key in charging:
             stop = stops[key]
             text += f"\n{100 * stop.soc_from:.0f} > {100 * stop.soc_to:.0f} % in {stop.recharge_s / 60:.0f} min"
-            text += f"\nwait {stop.wait_s / 60:.0f} min" if stop.wait_s >= 30 else ""
-        size = 8 if key in landings else 6.5
+            text += f"\nwait {stop.wait_s / 60:.0f} min" if stop.wait_s >= 90 else ""
+        size = (8 if len(landings) <= 8 else 7) if key in landings else 6.5
         placer.place(text, places[key].lon, places[key].lat, gap=7, fontsize=size, color=INK, zorder=6, bbox=paper)
-    _draw_wind_arrows(axes, composition)
 
 
-def _draw_wind_arrows(axes: Any, composition: Composition) -> None:
-    """One arrow per leg beside its middle: where its wind blows to, as long as it is strong; a key says how strong."""
+def _draw_wind_arrows(axes: Any, composition: Composition) -> list[_Line]:
+    """One arrow per leg beside its middle: where its wind blows to, as long as it is strong; a key says how strong.
+
+    Returns the arrows as lines.
+    """
     places, services = composition.stations, composition.services
     ends = [(places[service.origin], places[service.destination]) for service in services]
     angle = np.radians([service.wind.from_deg + 180.0 for service in services])
     speed = np.array([service.wind.speed_mps for service in services])
+    west, east = axes.get_xlim()
     low, high = axes.get_ylim()
-    aside = 0.035 * (high - low)
     stretch = math.cos(math.radians((low + high) / 2.0))
+    wide = (east - west) * stretch
     course = np.array([math.atan2(b.lat - a.lat, (b.lon - a.lon) * stretch) for a, b in ends]) + math.pi / 2.0
+    x = np.array([(a.lon + b.lon) / 2 for a, b in ends]) + 0.03 * wide * np.cos(course) / stretch
+    y = np.array([(a.lat + b.lat) / 2 for a, b in ends]) + 0.03 * wide * np.sin(course)
     arrows = axes.quiver(
-        [(a.lon + b.lon) / 2 for a, b in ends] + aside * np.cos(course) / stretch,
-        [(a.lat + b.lat) / 2 for a, b in ends] + aside * np.sin(course),
+        x,
+        y,
         speed * np.sin(angle),
         speed * np.cos(angle),
         angles="uv",
@@ -212,6 +248,9 @@ def _draw_wind_arrows(axes: Any, composition: Composition) -> None:
     axes.quiverkey(
         arrows, 0.9, 0.1, 10.0, "wind 10 m/s", labelpos="N", color=CALM, labelcolor=INK, fontproperties={"size": 7}
     )
+    half = 0.5 * speed / _ARROW_SCALE * wide
+    dx, dy = half * np.sin(angle) / stretch, half * np.cos(angle)
+    return [((i - u, j - v), (i + u, j + v)) for i, j, u, v in zip(x, y, dx, dy, strict=True)]
 
 
 def _draw_charge(axes: Any, composition: Composition, zone: ZoneInfo) -> None:

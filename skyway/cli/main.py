@@ -5,6 +5,7 @@ Exit codes: 0 done, 1 the answer is no, 2 wrong usage or input, 3 the vehicle or
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from typing import Annotated
@@ -17,6 +18,9 @@ from skyway.cli import mission_commands, plan_commands, scenario_commands
 
 USAGE_ERROR: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 """Wrong usage: typer brings its own copy of click, or in older releases stands on the package."""
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
 
 app = typer.Typer(
     name="skyway",
@@ -60,11 +64,12 @@ def main(arguments: list[str] | None = None) -> int:
         _tell_usage(error)
         return 2
     except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    except OSError as error:  # standard output: whatever else fails has been made an `InputError`
+        typer.echo(f"skyway: {error.strerror or error}", err=True)
+        return 2
+    if code == INTERRUPTED:
         typer.echo("skyway: interrupted", err=True)
-        return 130
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     return code if isinstance(code, int) else 0
 
 
@@ -81,4 +86,15 @@ def _tell_usage(error: Exception) -> None:
 
 def run() -> None:
     """Entry point of the ``skyway`` command."""
-    sys.exit(main())
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without ° and … gets ? instead
+    code = main()
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            typer.echo(f"skyway: standard output: {error.strerror}", err=True)
+            code = code or 2
+    sys.exit(code)

@@ -185,3 +185,23 @@ def test_names_with_brackets_are_printed_as_they_are(skyway, tmp_path):
     assert "[bold]West[/bold] $1$ :smile:" in skyway("network", "s", "--plot", "n.png").out
     request = ("--from", "west", "--to", "depot", "--payload", "1", *SUMMER)
     assert "[bold]West[/bold] $1$ :smile:" in skyway("plan", "s", *request, "--plot", "p.svg").out
+
+
+def test_labels_of_a_crowded_map_keep_off_each_other():
+    import numpy as np
+
+    from skyway.pictures import LabelPlacer, new_figure
+
+    random = np.random.default_rng(3)
+    x, y = random.uniform(0.05, 0.95, (2, 14))
+    axes = new_figure(9, 9).add_subplot()
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    placer = LabelPlacer(axes, x, y)
+    for number in range(len(x)):
+        placer.place(f"station-{number}", x[number], y[number], fontsize=7)
+    boxes = np.array(placer.boxes)
+    assert len(boxes) == len(x)
+    for number, (x0, y0, x1, y1) in enumerate(boxes):
+        others = np.delete(boxes, number, axis=0)
+        apart = (others[:, 2] <= x0) | (others[:, 0] >= x1) | (others[:, 3] <= y0) | (others[:, 1] >= y1)
+        assert apart.all()
