@@ -242,43 +242,8 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
     if raw.schema != SCHEMA:
         raise InputError(Fault("unknown schema", file, field="schema", value=raw.schema, remedy=f"expected {SCHEMA}"))
     _check_references(raw, file)
-    services = tuple(
-        DroneService(
-            id=leg.id or f"leg-{number}",
-            origin=leg.origin,
-            destination=leg.destination,
-            via=tuple(leg.via),
-            depart=parse_instant(leg.depart, field=f"legs[{number}].depart", file=file),
-            arrive=parse_instant(leg.arrive, field=f"legs[{number}].arrive", file=file),
-            distance_m=leg.distance_m,
-            bearing_deg=leg.bearing_deg,
-            ground_speed_mps=leg.ground_speed_mps,
-            energy_j=leg.energy_wh * J_PER_WH,
-            soc_depart=leg.soc_depart,
-            soc_arrive=leg.soc_arrive,
-            p_reserve=leg.p_reserve,
-            p_hold=leg.p_hold,
-            wind=Wind(leg.wind.speed_mps, leg.wind.from_deg),
-            tailwind_mps=leg.tailwind_mps,
-            crosswind_mps=leg.crosswind_mps,
-            diverts=tuple(leg.diverts),
-        )
-        for number, leg in enumerate(raw.legs)
-    )
+    services = tuple(_service(leg, number, file) for number, leg in enumerate(raw.legs))
     _check_order(services, file)
-    stops = tuple(
-        Stop(
-            station=stop.station,
-            arrive=parse_instant(stop.arrive, field=f"stops[{number}].arrive", file=file),
-            wait_s=stop.wait_s,
-            recharge_s=stop.recharge_s,
-            hold_s=stop.hold_s,
-            soc_from=stop.soc_from,
-            soc_to=stop.soc_to,
-            p_pad_free=stop.p_pad_free,
-        )
-        for number, stop in enumerate(raw.stops)
-    )
 
     def instant_or_none(text: str | None, field: str) -> datetime | None:
         return None if text is None else parse_instant(text, field=field, file=file)
@@ -303,7 +268,7 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
             for key, place in raw.stations.items()
         },
         services=services,
-        stops=stops,
+        stops=tuple(_stop(stop, number, file) for number, stop in enumerate(raw.stops)),
         arrival=ArrivalDistribution(
             mean=instant_or_none(raw.arrival.mean, "arrival.mean"),
             p50=instant_or_none(raw.arrival.p50, "arrival.p50"),
@@ -316,6 +281,42 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
         on_time_probability=raw.on_time_probability,
         success_probability=raw.success_probability,
         notes=tuple(raw.notes),
+    )
+
+
+def _service(leg: _Leg, number: int, file: str) -> DroneService:
+    return DroneService(
+        id=leg.id or f"leg-{number}",
+        origin=leg.origin,
+        destination=leg.destination,
+        via=tuple(leg.via),
+        depart=parse_instant(leg.depart, field=f"legs[{number}].depart", file=file),
+        arrive=parse_instant(leg.arrive, field=f"legs[{number}].arrive", file=file),
+        distance_m=leg.distance_m,
+        bearing_deg=leg.bearing_deg,
+        ground_speed_mps=leg.ground_speed_mps,
+        energy_j=leg.energy_wh * J_PER_WH,
+        soc_depart=leg.soc_depart,
+        soc_arrive=leg.soc_arrive,
+        p_reserve=leg.p_reserve,
+        p_hold=leg.p_hold,
+        wind=Wind(leg.wind.speed_mps, leg.wind.from_deg),
+        tailwind_mps=leg.tailwind_mps,
+        crosswind_mps=leg.crosswind_mps,
+        diverts=tuple(leg.diverts),
+    )
+
+
+def _stop(stop: _Stop, number: int, file: str) -> Stop:
+    return Stop(
+        station=stop.station,
+        arrive=parse_instant(stop.arrive, field=f"stops[{number}].arrive", file=file),
+        wait_s=stop.wait_s,
+        recharge_s=stop.recharge_s,
+        hold_s=stop.hold_s,
+        soc_from=stop.soc_from,
+        soc_to=stop.soc_to,
+        p_pad_free=stop.p_pad_free,
     )
 
 
