@@ -170,6 +170,7 @@ def _search(
     source: int,
     slots: tuple[int, int],
     limit_s: float,
+    useful: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Arrival over every node (before descent) for take-offs in slot ``slots[0]``, on segments open up to ``slots[1]``."""
     s0, s1 = slots
@@ -192,6 +193,8 @@ def _search(
         queued[node] = False
         for segment in range(first[node], first[node + 1]):
             other = head[segment]
+            if not useful[other]:
+                continue
             closed = False
             for slot in range(s0, s1 + 1):
                 closed = closed or segment_speed(air, member, slot, segment) <= 0.0
@@ -228,6 +231,7 @@ def arrival_functions(
     source: int,
     slot: int,
     limit_s: float,
+    useful: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Earliest touch-down at every node for take-offs at `source` within one slot.
 
@@ -241,6 +245,8 @@ def arrival_functions(
         Take-off node and slot.
     limit_s : float
         Longest flight the battery allows.
+    useful : ndarray of bool, shape (nodes,)
+        Stations worth flying to or over; the others are left out.
 
     Returns
     -------
@@ -267,7 +273,7 @@ def arrival_functions(
                     break
             if same:
                 continue  # the next last slot has the same segments and reaches farther
-        t, a, n = _search(air, member, first, head, source, (slot, last), limit_s)
+        t, a, n = _search(air, member, first, head, source, (slot, last), limit_s, useful)
         bound = NEVER if last == slots - 1 else air.start_s + (last + 1) * air.slot_s - _EARLY_S
         for node in range(nodes):
             if node == source or n[node] == 0:

@@ -11,6 +11,7 @@ import numpy as np
 
 from models.errors import Fault, InfeasibleError, InputError
 from models.units import S_PER_MIN
+from planner.exact import ExactSearch
 from planner.ies import ExhaustiveSearch
 from planner.itinerary import compose, fly_sampled, fly_true, outcome, typical_member
 from planner.pfs import ForwardSearch
@@ -48,7 +49,7 @@ FORECAST_PLANNERS: Mapping[str, Callable[[Problem], Search]] = {
     "pfs-charge-aware": lambda problem: ForwardSearch(problem, charge_aware=True),
 }
 """Planners that know the forecast only."""
-CLAIRVOYANT_PLANNERS = ("ies",)
+CLAIRVOYANT_PLANNERS = ("ies", "exact")
 """Planners that are told the truth."""
 PLANNERS = (*FORECAST_PLANNERS, *CLAIRVOYANT_PLANNERS)
 
@@ -192,18 +193,18 @@ def _compose_for(
         composition = compose(problem, itinerary, course, member, summary, planner=planner, planning_time_s=spent)
         return PlanResult(composition, itinerary, problem, summary, spent, search.looked_at, {})
     queues = problem.queue_paths(range(len(problem.network)), 0)
-    exhaustive = ExhaustiveSearch(problem, queues, time_limit_s=time_limit_s, progress=progress)
+    if planner == "exact":
+        clairvoyant: ExactSearch | ExhaustiveSearch = ExactSearch(problem, queues)
+    else:
+        clairvoyant = ExhaustiveSearch(problem, queues, time_limit_s=time_limit_s, progress=progress)
     started = time.perf_counter()
-    itinerary = exhaustive.solve()
+    itinerary = clairvoyant.solve()
     spent = time.perf_counter() - started
+    complete = clairvoyant.complete
     course = fly_true(problem, itinerary, queues)
     summary = outcome(problem, course, np.ones(1))
-    notes = (
-        ()
-        if exhaustive.complete
-        else (f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is",)
-    )
+    notes = () if complete else (f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is",)
     composition = compose(
         problem, itinerary, course[0], 0, summary, planner=planner, planning_time_s=spent, notes=notes
     )
-    return PlanResult(composition, itinerary, problem, summary, spent, exhaustive.looked_at, {}, exhaustive.complete)
+    return PlanResult(composition, itinerary, problem, summary, spent, clairvoyant.looked_at, {}, complete)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from copy import copy
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -184,18 +184,15 @@ class Problem:
         """Whether the drone must be able to fly on from the destination."""
         return self.request.escape and not self.has_pads(self.destination)
 
-    @cached_property
-    def lifted_by_fleet(self) -> bool:
-        """Whether this drone lifts the package."""
-        return self.request.payload_kg <= self.drone.max_payload_kg
+    def with_free_pads(self) -> Problem:
+        """Return the same problem without expected waits, which take time to work out."""
+        free = copy(self)
+        free.__dict__["waits"] = ExpectedWaits.free(self)
+        return free
 
     def with_ensemble(self, ensemble: WindEnsemble) -> Problem:
         """Return the same problem in another wind."""
         return Problem(self.scenario, self.request, self.drone, ensemble)
-
-    def with_reserve(self, reserve_soc: float) -> Problem:
-        """Return the same problem with another reserve."""
-        return Problem(self.scenario, replace(self.request, reserve_soc=reserve_soc), self.drone, self.ensemble)
 
 
 class ExpectedWaits:
@@ -219,6 +216,13 @@ class ExpectedWaits:
         self.wait_s = np.zeros((len(problem.network), points))
         self.p_free = np.ones((len(problem.network), points))
         self._known = np.zeros(len(problem.network), dtype=bool)
+
+    @classmethod
+    def free(cls, problem: Problem) -> ExpectedWaits:
+        """Nobody waits anywhere."""
+        waits = cls(problem)
+        waits._known[:] = True
+        return waits
 
     def need(self, nodes: NDArray[np.int64] | list[int]) -> None:
         """Fill the rows of some nodes."""

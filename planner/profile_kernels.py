@@ -260,7 +260,10 @@ def _keep(
     if len(needed) == 1:
         return _clip(out, count, a0, s0, t0, a1, s1, t1, needed[0, 1], needed[0, 1])
     last = len(needed) - 1
-    for k in range(-1, last + 1):
+    begin = np.searchsorted(needed[:, 0], a0, side="left") - 1
+    for k in range(begin, last + 1):
+        if k >= 0 and needed[k, 0] > a1:
+            break
         low = needed[k, 0] if k >= 0 else -math.inf
         high = needed[k + 1, 0] if k < last else math.inf
         if a1 < low or a0 > high or (a1 > a0 and (a1 <= low or a0 >= high)):
@@ -435,3 +438,42 @@ def _onto_pad(
             break
         last = part
     return count
+
+
+@compiled
+def upper_profile(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Upper envelope of two departure profiles, shape (points, 2)."""
+    return _upper(a, b)
+
+
+@compiled
+def covers(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: float) -> bool:
+    """Tell whether departure profile `a` is nowhere below `b` (by more than a tolerance)."""
+    if a[0, 0] > b[0, 0]:
+        return False
+    k = 0
+    for i in range(len(b)):  # at the points of b, just after jumps
+        x = b[i, 0]
+        while k + 1 < len(a) and a[k + 1, 0] <= x:
+            k += 1
+        if _along(a, k, x) < b[i, 1] - tolerance:
+            return False
+    k = 0
+    for i in range(len(a)):  # at the points of a, just before jumps
+        x = a[i, 0]
+        if x <= b[0, 0]:
+            continue
+        while k + 1 < len(b) and b[k + 1, 0] < x:
+            k += 1
+        if a[i, 1] < _along(b, k, x) - tolerance:
+            return False
+    return True
+
+
+@compiled
+def _along(profile: NDArray[np.float64], k: int, x: float) -> float:
+    """Value at x of the piece that begins at point k."""
+    if k + 1 == len(profile) or profile[k + 1, 0] <= profile[k, 0]:
+        return profile[k, 1]
+    part = (x - profile[k, 0]) / (profile[k + 1, 0] - profile[k, 0])
+    return profile[k, 1] + part * (profile[k + 1, 1] - profile[k, 1])

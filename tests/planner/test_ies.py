@@ -58,7 +58,7 @@ def test_its_plan_flown_in_the_truth_keeps_the_reserve_and_arrives_when_it_says(
         return
     course = fly_true(problem, itinerary, queues)[0]
     assert np.all(course[:, SOC_DOWN] >= problem.reserve - 1e-6)
-    assert course[-1, TOUCH_DOWN] == pytest.approx(search._best_s, abs=0.02)
+    assert course[-1, TOUCH_DOWN] == pytest.approx(search.best_s, abs=0.02)
     assert search.complete
 
 

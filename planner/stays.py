@@ -1,0 +1,298 @@
+"""Stays and flights of one drone in one known wind and queue: what exact searches are made of.
+
+A *stay* is a stop with everything the drone can do there: its profiles of charge over time (`planner.profile_kernels`).
+`Stays` makes the stay at the origin, takes a stay through a flight to the next one, bounds what can follow, and turns
+a chain of stays back into decisions.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from models.flight_kernels import land, segment_speed, slot_of
+from planner.flight_functions import arrival_functions
+from planner.itinerary import Hop
+from planner.outlook import Outlook
+from planner.outlook_kernels import escape_cost
+from planner.profile_kernels import departure_profile, fly_profile, profile_at, stop_profile
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from models.queue_paths import QueuePath
+    from planner.itinerary import Itinerary
+    from planner.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class Stay:
+    """A stop and its profiles; see `planner.profile_kernels`."""
+
+    node: int
+    z: NDArray[np.float64]
+    h: NDArray[np.float64]
+    g: NDArray[np.float64]
+
+    @property
+    def begin_s(self) -> float:
+        """Earliest that the drone can leave, POSIX seconds."""
+        return float(self.g[0, 0])
+
+
+class Stays:
+    """Makes and continues stays.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its ensemble must have one member, the truth.
+    queues : mapping of int to QueuePath
+        The true queue at each station with pads.
+    single_segments : bool
+        Land at the end of every segment, as the forward searches do, instead of overflying stations.
+
+    Attributes
+    ----------
+    best_s : float
+        Arrivals from this time on do not matter any more.
+    """
+
+    def __init__(self, problem: Problem, queues: dict[int, QueuePath], *, single_segments: bool = False) -> None:
+        self.problem = problem
+        self.queues = queues
+        self.single_segments = single_segments
+        self.best_s = math.inf
+        self._flights: dict[tuple[int, int], tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
+        self._useful: dict[tuple[int, int], NDArray[np.bool_]] = {}
+        self._rate = max(float(np.max(np.diff(soc) / np.diff(t))) for t, soc in problem.curves)
+
+    @cached_property
+    def least_s(self) -> NDArray[np.float64]:
+        """Least cruise time from each node to the destination at each segment's best wind, shape (nodes,)."""
+        network, air = self.problem.network, self.problem.air
+        slots = air.north.shape[1]
+        best = np.full(len(network), math.inf)
+        best[self.problem.destination] = 0.0
+        entering: dict[int, list[int]] = {}
+        for segment, head in enumerate(network.head.tolist()):
+            entering.setdefault(head, []).append(segment)
+        heap = [(0.0, self.problem.destination)]
+        while heap:
+            bound, node = heapq.heappop(heap)
+            if bound > best[node]:
+                continue
+            for segment in entering.get(node, ()):
+                speed = max(float(segment_speed(air, 0, slot, segment)) for slot in range(slots))
+                tail = int(network.tail[segment])
+                if speed > 0.0 and bound + air.distance_m[segment] / speed < best[tail]:
+                    best[tail] = bound + air.distance_m[segment] / speed
+                    heapq.heappush(heap, (best[tail], tail))
+        return best
+
+    @cached_property
+    def _needed(self) -> NDArray[np.float64]:
+        """Least charge on touch-down at the destination, by time: the reserve, and the way on where it has no pads."""
+        p = self.problem
+        if not p.needs_escape:
+            return np.array([[p.depart_s, p.reserve]])
+        need = Outlook(p).need
+        step = 60.0
+        slot_s = p.air.slot_s
+        slots = p.air.north.shape[1]
+        ends = p.air.start_s + slot_s * np.arange(1, slots + 1)
+        times = np.unique(np.concatenate((np.arange(p.depart_s, ends[-1], step), ends, ends - 1e-3)))
+        values = [p.reserve + min(float(escape_cost(p.air, 0, need, t)), 2.0) for t in times]
+        return np.column_stack((times, values))
+
+    def _flight_pieces(
+        self, origin: int, slot: int, useful: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Arrival functions from a station for one slot, to at least the useful stations."""
+        key = (origin, slot)
+        if key in self._flights and not np.any(useful & ~self._useful[key]):
+            return self._flights[key]
+        p = self.problem
+        limit = (1.0 - p.reserve - p.soc_fixed) / p.soc_per_s
+        self._useful[key] = useful
+        self._flights[key] = arrival_functions(p.air, 0, p.network.first, p.network.head, origin, slot, limit, useful)
+        return self._flights[key]
+
+    def origin(self) -> Stay:
+        """Return the stay that the delivery begins with."""
+        p = self.problem
+        h = np.array([[p.depart_s, p.soc, p.depart_s]])
+        z = np.empty((0, 3))
+        if p.has_pads(p.origin) and not p.in_flight:
+            pad = float(self.queues[p.origin].pad_time(p.depart_s))
+            curve_s, curve_soc = p.curve(p.origin)
+            z = np.array([[pad, float(np.interp(p.soc, curve_soc, curve_s)) - pad, p.depart_s]])
+        return self._stay(p.origin, z, h)
+
+    def _stay(self, node: int, z: NDArray[np.float64], h: NDArray[np.float64]) -> Stay:
+        curve_s, curve_soc = self.problem.curve(node)
+        return Stay(node, z, h, departure_profile(z, h, curve_s, curve_soc))
+
+    def bound_s(self, stay: Stay) -> float:
+        """Earliest arrival at the destination that any continuation of a stay can have.
+
+        Let L be the least flight time from here at the best wind of any slot, c the charge a second of flight takes, r
+        the greatest rate of charging, and z the greatest charging potential. No arrival is earlier than (a) the stay's
+        beginning plus L, nor than (b) reserve / r + L (1 + c / r) - z: potential is lost by L c / r to energy and by L
+        to time in flight, waiting never gains any, and to land at T with the reserve, T + z must be at least
+        reserve / r.
+        """
+        air = self.problem.air
+        least = float(self.least_s[stay.node]) + air.climb_s + air.descent_s
+        return max(stay.begin_s + least, float(self._by_charge(least)) - self._potential(stay))
+
+    def _potential(self, stay: Stay) -> float:
+        """Greatest charging potential of a stay, for the constant rate that is nowhere exceeded."""
+        landed = float(stay.h[-1, 1]) / self._rate - stay.begin_s if len(stay.h) else -math.inf
+        return max(float(stay.z[-1, 1]) if len(stay.z) else -math.inf, landed)
+
+    def _by_charge(self, flight_s: NDArray[np.float64] | float) -> Any:
+        """Least value of arrival plus potential after flights of that length."""
+        p = self.problem
+        taken = flight_s * p.soc_per_s + min(p.soc_fixed, 0.0)
+        return p.reserve / self._rate + flight_s + taken / self._rate
+
+    def useful_from(self, stay: Stay) -> NDArray[np.bool_]:
+        """Tell which stations can lie on a better way from a stay than the best known, shape (nodes,)."""
+        p, network = self.problem, self.problem.network
+        if math.isinf(self.best_s):
+            return np.isfinite(self.least_s)
+        here = network.stations[stay.node]
+        north = (network.lat - here.lat) * 110_500.0
+        east = (network.lon - here.lon) * 111_300.0 * np.cos(np.radians(np.maximum(np.abs(network.lat), abs(here.lat))))
+        straight = np.hypot(north, east) * 0.995 / self._fastest_mps
+        flight = straight + self.least_s + p.air.climb_s + p.air.descent_s
+        bound = np.maximum(stay.begin_s + flight, self._by_charge(flight) - self._potential(stay))
+        return np.asarray(bound < self.best_s)
+
+    @cached_property
+    def _fastest_mps(self) -> float:
+        """Ground speed that no flight exceeds."""
+        air = self.problem.air
+        gust = float(np.max(np.hypot(air.north, air.east)))
+        return min(air.max_ground_speed_mps, air.airspeed_mps + min(gust, air.wind_limit_mps))
+
+    def pieces_from(
+        self, stay: Stay, useful: NDArray[np.bool_], *, until_s: float = math.inf
+    ) -> Callable[[int], NDArray[np.float64]]:
+        """Arrival functions from a stop to useful stations, over all slots that can matter."""
+        p = self.problem
+        begin = stay.begin_s
+        horizon = p.air.start_s + p.air.slot_s * p.air.north.shape[1] - 1.0
+        end = min(self.best_s - float(self.least_s[stay.node]), horizon, until_s)
+        at_once = p.in_flight and stay.node == p.origin  # a drone in the air cannot stay
+        if at_once:
+            end = begin
+        slots = range(int(slot_of(p.air, begin)), int(slot_of(p.air, max(end, begin))) + 1)
+        tables = [self._flight_pieces(stay.node, slot, useful) for slot in slots]
+        adjacent = set(p.network.head[p.network.first[stay.node] : p.network.first[stay.node + 1]].tolist())
+
+        def pieces(node: int) -> NDArray[np.float64]:
+            if self.single_segments and node not in adjacent:
+                return np.empty((0, 4))
+            joined = np.concatenate([found[offset[node] : offset[node + 1]] for offset, found in tables])
+            return _only_at(joined, begin) if at_once else joined
+
+        return pieces
+
+    def _fly(
+        self, stay: Stay, pieces: NDArray[np.float64], needed: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], int]:
+        p = self.problem
+        if not len(pieces):
+            return np.empty((0, 6)), 0
+        return fly_profile(stay.g, pieces, p.soc_per_s, p.soc_fixed, needed, self.best_s)
+
+    def land(self, stay: Stay, node: int, pieces: NDArray[np.float64]) -> Stay | None:
+        """Fly on to a station and land there; None where the reserve forbids it or it is too late."""
+        p = self.problem
+        flown, count = self._fly(stay, pieces, np.array([[p.depart_s, p.reserve]]))
+        if count == 0:
+            return None
+        queue = self.queues[node]
+        curve_s, curve_soc = p.curve(node)
+        z, h = stop_profile(
+            flown, count, p.soc_per_s, p.reserve, queue.arrival_s, queue.pad_s, queue.land_s, curve_s, curve_soc
+        )
+        return self._stay(node, z, h) if len(h) else None
+
+    def arrive(self, stay: Stay, pieces: NDArray[np.float64]) -> tuple[float, float]:
+        """Earliest arrival at the destination from a stay and the take-off for it; infinite where there is none."""
+        flown, count = self._fly(stay, pieces, self._needed)
+        return (float(flown[0, 0]), float(flown[0, 2])) if count else (math.inf, math.nan)
+
+    def trace(self, path: Sequence[Stay], leave_s: float) -> Itinerary:
+        """Turn a chain of stays and the last take-off back into decisions."""
+        p = self.problem
+        hops: list[Hop] = []
+        target = p.destination
+        for stay in reversed(path):
+            segments = self._walk(stay.node, target, leave_s)
+            charge_to, arrived_by = self._charge(stay, leave_s)
+            hops.append(Hop(segments, charge_to, leave_s))
+            target, leave_s = stay.node, arrived_by
+        return tuple(reversed(hops))
+
+    def _charge(self, stay: Stay, leave_s: float) -> tuple[float | None, float]:
+        """Charge with which the drone leaves a stop (None: it used no pad), and when it left the stop before."""
+        potential, by_pad = profile_at(stay.z, leave_s)
+        landed, by_spot = profile_at(stay.h, leave_s)
+        curve_s, curve_soc = self.problem.curve(stay.node)
+        charged = float(np.interp(leave_s + potential, curve_s, curve_soc)) if math.isfinite(potential) else -math.inf
+        if charged > landed + 1e-9:
+            return charged, float(by_pad)
+        return None, float(by_spot)
+
+    def _walk(self, origin: int, target: int, leave_s: float) -> tuple[int, ...]:
+        """Segments of the earliest flight between two stations at a take-off (time-dependent Dijkstra)."""
+        p = self.problem
+        network, air = p.network, p.air
+        best_land = math.inf
+        best_walk: tuple[int, ...] = ()
+        first = int(slot_of(air, leave_s))
+        last_possible = int(slot_of(air, leave_s + p.longest_flight_s))
+        for last in range(first, last_possible + 1):
+            heap: list[tuple[float, int, tuple[int, ...]]] = [(leave_s + air.climb_s, origin, ())]
+            done: set[int] = set()
+            while heap:
+                _, node, walk = heapq.heappop(heap)
+                if node in done:
+                    continue
+                done.add(node)
+                if node == target:
+                    down = float(land(air, 0, np.array(walk, dtype=np.int64), leave_s))
+                    if down < best_land:
+                        best_land, best_walk = down, walk
+                    break
+                for segment in range(int(network.first[node]), int(network.first[node + 1])):
+                    other = int(network.head[segment])
+                    closed = any(segment_speed(air, 0, slot, segment) <= 0.0 for slot in range(first, last + 1))
+                    if other in done or closed:
+                        continue
+                    after = float(land(air, 0, np.array([*walk, segment], dtype=np.int64), leave_s))
+                    over = after - air.descent_s if math.isfinite(after) else math.inf
+                    if math.isfinite(over):
+                        heapq.heappush(heap, (over, other, (*walk, segment)))
+        return best_walk
+
+
+def _only_at(pieces: NDArray[np.float64], take_off_s: float) -> NDArray[np.float64]:
+    """Narrow pieces of an arrival function, shape (pieces, 4), to one take-off."""
+    chosen = pieces[(pieces[:, 0] <= take_off_s) & (pieces[:, 2] >= take_off_s)][:1]
+    if not len(chosen):
+        return chosen
+    t0, a0, t1, a1 = chosen[0]
+    arrive = a0 + (a1 - a0) * (take_off_s - t0) / (t1 - t0) if t1 > t0 else a0
+    return np.array([[take_off_s, arrive, take_off_s, arrive]])
