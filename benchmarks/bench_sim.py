@@ -19,7 +19,7 @@ from sim_stub.fleet import FleetOptions, build_world, serve
 from sim_stub.pads import Pads
 from sim_stub.transports.lockstep import Lockstep
 from sim_stub.transports.urls import Address
-from sim_stub.vehicle import VehicleConfig
+from sim_stub.vehicle import Vehicle, VehicleConfig
 from sim_stub.wind_truth import ConstantWind
 from sim_stub.wire.messages import spec
 from sim_stub.world import World
@@ -34,7 +34,7 @@ def report(what: str, figure: str, ratio: float) -> None:
     print(f"{what:<52} {figure:>16}   {ratio:6.2f} x what is asked for")
 
 
-def mission(vehicle, far_m: float = 8000.0) -> None:
+def mission(vehicle: Vehicle, far_m: float = 8000.0) -> None:
     """Give a vehicle a long way to go, and start it."""
     north = far_m / 111_045.0
     x, y = round(vehicle.config.lat * 1e7), round(vehicle.config.lon * 1e7)
@@ -76,7 +76,7 @@ def hundred(seconds: float) -> float:
     """Share of a core that a hundred flying vehicles need at 1x, with 4 Hz position and 10 Hz attitude each."""
     sink = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     sink.bind(("127.0.0.1", 0))
-    sink.setblocking(False)
+    sink.settimeout(0.0)
     address = Address("udpout", "127.0.0.1", sink.getsockname()[1])
     options = FleetOptions(stations=(HERE,), places=(HERE,), vehicles=100, warm=True, wind=ConstantWind.of(6.0, 300.0))
     world = build_world(options)

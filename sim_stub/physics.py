@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from models.units import GRAVITY_MPS2
-from sim_stub.airframe import Airframe
+
+if TYPE_CHECKING:
+    from sim_stub.airframe import Airframe
 
 STEP_S = 0.05
 """Physics is advanced in steps of this length; attitude and vertical lag are exact over a step."""

@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from models.units import AIR_DENSITY_KG_M3
-from sim_stub.airframe import Airframe
+
+if TYPE_CHECKING:
+    from sim_stub.airframe import Airframe
 
 AVIONICS_W = 15.0
 _INDUCED_FACTOR = 1.15
@@ -78,7 +81,7 @@ class PowerModel:
         inflow = math.sqrt(max(math.sqrt(half * half + 1.0) - half, 0.0))
         induced = _INDUCED_FACTOR * thrust_n * math.sqrt(max(hover_speed_sq, 0.0)) * inflow
         advance = airspeed_mps / frame.blade_tip_mps
-        profile = self.profile_w * load**1.5 * (1.0 + _PROFILE_RISE * advance * advance)
+        profile = self.profile_w * load * math.sqrt(load) * (1.0 + _PROFILE_RISE * advance * advance)
         climb = thrust_n * climb_mps * (1.0 if climb_mps > 0.0 else 0.35)
         shaft = (induced + drag_power_w + climb) * self.induced_scale
-        return self.error * max(shaft + profile + self.loss_w * load**3, 60.0) + AVIONICS_W
+        return self.error * max(shaft + profile + self.loss_w * load * load * load, 60.0) + AVIONICS_W

@@ -582,6 +582,6 @@ class Vehicle:
 
 
 def _name(command: int) -> str:
-    from sim_stub.autopilot.items import Command  # noqa: PLC0415
+    from sim_stub.autopilot.items import Command
 
     return Command(command).name.lower() if command in Command.__members__.values() else str(command)

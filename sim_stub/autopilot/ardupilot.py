@@ -178,7 +178,7 @@ class ArduPilot(Autopilot):
         if self.parameters["ARMING_CHECK"] == 0.0:
             return reasons
         volts = self.parameters["BATT_ARM_VOLT"]
-        if 0.0 < volts > self.vehicle.battery.voltage_v:
+        if self.vehicle.battery.voltage_v < max(volts, 0.0):
             reasons.append("Battery 1 below minimum arming voltage")
         if self.parameters["FENCE_ENABLE"] == 1.0 and self.ready and self.fence_breached():
             reasons.append("vehicle outside Polygon fence")
@@ -271,9 +271,9 @@ class ArduPilot(Autopilot):
         left_mah = self.remaining_share() * p.clamped("BATT_CAPACITY", 1.0, 1e6)
         level = 0
         for number, name in ((1, "LOW"), (2, "CRT")):
-            by_charge = 0.0 < p[f"BATT_{name}_MAH"] and left_mah < p[f"BATT_{name}_MAH"]
+            by_charge = left_mah < max(p[f"BATT_{name}_MAH"], 0.0)
             volts = p[f"BATT_{name}_VOLT"]
-            if 0.0 < volts and self.vehicle.battery.voltage_v < volts:
+            if self.vehicle.battery.voltage_v < max(volts, 0.0):
                 since = self.low_volt_since.setdefault(number, self.sim_s)
                 by_voltage = self.sim_s - since >= p.clamped("BATT_LOW_TIMER", 0.0, 120.0)
             else:

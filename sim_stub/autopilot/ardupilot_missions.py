@@ -36,7 +36,7 @@ _P1_WHOLE = frozenset(
         Command.DO_SET_MODE,
     }
 )
-_KEPT = {
+_KEPT: dict[int, tuple[int, ...]] = {
     # Which of p1..p4 are stored at all; the rest come back as 0.
     Command.WAYPOINT: (1,),
     Command.SPLINE_WAYPOINT: (1,),
@@ -80,7 +80,7 @@ def accept(item: Item, kind: int) -> Item | Answer:
     if kind == RALLY:
         if item.command != Command.RALLY_POINT:
             return Answer.UNSUPPORTED
-        return replace(item, frame=_FRAMES.get(Frame(item.frame), Frame.RELATIVE) if _known(item) else Frame.RELATIVE)
+        return replace(item, frame=_FRAMES[Frame(item.frame)] if _known(item) else Frame.RELATIVE)
     if item.command not in _KEPT:
         return Answer.UNSUPPORTED
     for number, answer in enumerate(_INVALID_PARAM, start=1):
@@ -104,18 +104,19 @@ def _known(item: Item) -> bool:
 
 
 def _stored(item: Item) -> Item:
-    kept = _KEPT[Command(item.command) if item.command in Command.__members__.values() else item.command]
-    values = {f"p{n}": getattr(item, f"p{n}") if n in kept else 0.0 for n in (1, 2, 3, 4)}
-    values = {name: 0.0 if math.isnan(value) else value for name, value in values.items()}
-    if item.command in _P1_WHOLE:
-        values["p1"] = float(int(max(-32768.0, min(65535.0, values["p1"]))))
-    if item.command == Command.LAND:
-        values["p4"] = 1.0
-    if item.command == Command.LOITER_TIME:
-        values["p3"] = -1.0 if values["p3"] < 0 else 1.0
-    if item.command not in _STORED_IN_LOCATION:
-        return replace(item, frame=Frame.GLOBAL, x=0, y=0, z=0.0, autocontinue=1, **values)
-    centimetres = int(as_float32(item.z * 100.0))
-    return replace(
-        item, frame=_FRAMES[Frame(item.frame)], z=centimetres / 100.0, autocontinue=1, **values
+    kept = _KEPT[item.command]
+    given = (item.p1, item.p2, item.p3, item.p4)
+    p1, p2, p3, p4 = (
+        value if number in kept and not math.isnan(value) else 0.0 for number, value in enumerate(given, start=1)
     )
+    if item.command in _P1_WHOLE:
+        p1 = float(int(max(-32768.0, min(65535.0, p1))))
+    if item.command == Command.LAND:
+        p4 = 1.0
+    if item.command == Command.LOITER_TIME:
+        p3 = -1.0 if p3 < 0 else 1.0
+    if item.command not in _STORED_IN_LOCATION:
+        return Item(item.command, Frame.GLOBAL, p1, p2, p3, p4)
+    centimetres = int(as_float32(item.z * 100.0))
+    frame = _FRAMES[Frame(item.frame)]
+    return Item(item.command, frame, p1, p2, p3, p4, item.x, item.y, centimetres / 100.0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Land, ReturnHome, Wait
+from sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Land, Wait
 from sim_stub.autopilot.items import NAV_COMMANDS, RELATIVE_FRAMES, Command, Item
 from sim_stub.physics import Demand, offset_m
 
@@ -88,11 +88,9 @@ class MissionRun:
             self._begin(pilot, self.current)
         if self.behaviour is None:
             return self._hold(pilot)
+        behaviour = self.behaviour
         self.state = MissionState.ACTIVE
         self._run_pending(pilot)
-        behaviour = self.behaviour
-        if behaviour is None:
-            return self._hold(pilot)
         demand = behaviour.step(pilot)
         if behaviour.done and pilot.armed and self.behaviour is behaviour:
             pilot.item_done(self.current)
@@ -229,5 +227,3 @@ class MissionRun:
 def _yaw(degrees: float) -> float | None:
     return degrees if math.isfinite(degrees) else None
 
-
-__all__ = ["MissionRun", "MissionState", "ReturnHome"]

@@ -64,7 +64,7 @@ _PLAIN = frozenset(
     }
 )
 _FENCE_COMMANDS = frozenset(range(5000, 5005))
-_KEPT = {
+_KEPT: dict[int, tuple[int, ...]] = {
     # Which of p1..p4 survive in an item with a position; the rest come back as 0.
     Command.WAYPOINT: (1, 2, 4),
     Command.LOITER_UNLIM: (3, 4),
@@ -100,22 +100,19 @@ def accept(item: Item, kind: int) -> Item | Answer:
             return Answer.ERROR
     if item.frame == Frame.MISSION:
         return item
-    kept = _KEPT.get(Command(item.command), ())
-    values = {f"p{n}": getattr(item, f"p{n}") if n in kept else 0.0 for n in (1, 2, 3, 4)}
-    return replace(item, frame=_GLOBAL[Frame(item.frame)], **values)
+    kept = _KEPT.get(item.command, ())
+    given = (item.p1, item.p2, item.p3, item.p4)
+    p1, p2, p3, p4 = (value if n in kept else 0.0 for n, value in enumerate(given, start=1))
+    return replace(item, frame=_GLOBAL[Frame(item.frame)], p1=p1, p2=p2, p3=p3, p4=p4)
 
 
 def present(item: Item, *, as_int: bool) -> Item:
     """Give an item back as PX4 does: NaN as 0, and the _INT frames in INT messages."""
-    values = {f"p{n}": _not_nan(getattr(item, f"p{n}")) for n in (1, 2, 3, 4)}
+    p1, p2, p3, p4 = (0.0 if math.isnan(value) else value for value in (item.p1, item.p2, item.p3, item.p4))
     frame = item.frame
     if as_int and frame in (Frame.GLOBAL, Frame.RELATIVE):
         frame = Frame.RELATIVE_INT if frame == Frame.RELATIVE else Frame.GLOBAL_INT
-    return replace(item, frame=frame, **values)
-
-
-def _not_nan(value: float) -> float:
-    return 0.0 if math.isnan(value) else value
+    return replace(item, frame=frame, p1=p1, p2=p2, p3=p3, p4=p4)
 
 
 def infeasible(

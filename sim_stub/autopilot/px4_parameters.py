@@ -42,7 +42,7 @@ TABLE = (
     ("GF_SOURCE", INT32, 0),
     ("MAV_0_RATE", INT32, 0),
     ("MAV_COMP_ID", INT32, 1),
-    ("MAV_PROTO_VER", INT32, 0),
+    ("MAV_PROTO_VER", INT32, 2),  # PX4 says 0; its own simulator sets 2, as do most boards
     ("MAV_SYS_ID", INT32, 1),
     ("MAV_TYPE", INT32, 2),
     ("MIS_DIST_1WP", REAL32, 10000.0),

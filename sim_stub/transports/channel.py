@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import heapq
 import math
-import random
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from models.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    import random
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,7 +54,7 @@ class PadClient:
         self.received = b""
         self.backlog = b""
         self.closed = False
-        connection.setblocking(False)
+        connection.settimeout(0.0)
         selector.register(connection, selectors.EVENT_READ, self)
 
     def readable(self) -> None:
@@ -123,7 +123,7 @@ class PadServer:
         family, target = resolve(address, socket.SOCK_STREAM)
         self.socket = socket.socket(family, socket.SOCK_STREAM)
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        self.socket.setblocking(False)
+        self.socket.settimeout(0.0)
         bind(self.socket, target, address)
         self.socket.listen(_MAX_CLIENTS)
         self.where = f"tcp:{address.host}:{self.socket.getsockname()[1]}"

@@ -6,7 +6,7 @@ import errno
 import random
 import selectors
 import socket
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from models.errors import Fault, InputError
 from sim_stub.transports.channel import Channel, Impairment
@@ -120,9 +120,9 @@ class UdpEndpoint:
         self.vehicle, self.impairment, self.seed = vehicle, impairment, seed
         family, target = resolve(address, socket.SOCK_DGRAM)
         self.socket = socket.socket(family, socket.SOCK_DGRAM)
-        self.socket.setblocking(False)
+        self.socket.settimeout(0.0)
         self.selector = selector
-        self.peers: dict[object, Lane] = {}
+        self.peers: dict[tuple[Any, ...], Lane] = {}
         self.outgoing = address.kind == "udpout"
         if self.outgoing:
             self._peer(target)
@@ -131,7 +131,7 @@ class UdpEndpoint:
         self.where = f"{address.kind}:{address.host}:{address.port or self.socket.getsockname()[1]}"
         selector.register(self.socket, selectors.EVENT_READ, self)
 
-    def _peer(self, address: object) -> Lane | None:
+    def _peer(self, address: tuple[Any, ...]) -> Lane | None:
         lane = self.peers.get(address)
         if lane is None and len(self.peers) < _MAX_PEERS:
             seed = f"{self.seed}/{len(self.peers)}"
@@ -165,7 +165,7 @@ class UdpEndpoint:
                 continue
             for packet in _packed(frames) if lane.perfect else frames:
                 try:
-                    self.socket.sendto(packet, address)  # type: ignore[arg-type]
+                    self.socket.sendto(packet, address)
                 except BlockingIOError:
                     break
                 except OSError as error:
@@ -201,7 +201,7 @@ class TcpConnection:
         self.socket, self.lane, self.selector = connection, lane, selector
         self.backlog = b""
         self.closed = False
-        connection.setblocking(False)
+        connection.settimeout(0.0)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         selector.register(connection, selectors.EVENT_READ, self)
 
@@ -274,7 +274,7 @@ class TcpServer:
         family, target = resolve(address, socket.SOCK_STREAM)
         self.socket = socket.socket(family, socket.SOCK_STREAM)
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        self.socket.setblocking(False)
+        self.socket.settimeout(0.0)
         bind(self.socket, target, address)
         self.socket.listen(_MAX_PEERS)
         self.where = f"tcp:{address.host}:{self.socket.getsockname()[1]}"
@@ -349,11 +349,14 @@ def open_endpoint(
     InputError
         The address is taken, unknown or not reachable.
     """
-    made = {"udpout": UdpEndpoint, "udpin": UdpEndpoint, "tcpin": TcpServer, "tcp": TcpClient}[address.kind]
-    return made(address, vehicle, impairment, seed, selector)
+    if address.kind == "tcp":
+        return TcpClient(address, vehicle, impairment, seed, selector)
+    if address.kind == "tcpin":
+        return TcpServer(address, vehicle, impairment, seed, selector)
+    return UdpEndpoint(address, vehicle, impairment, seed, selector)
 
 
-def resolve(address: Address, kind: int) -> tuple[int, tuple[object, ...]]:
+def resolve(address: Address, kind: int) -> tuple[int, tuple[Any, ...]]:
     """Family and address of a host."""
     try:
         found = socket.getaddrinfo(address.host, address.port, type=kind)
@@ -364,7 +367,7 @@ def resolve(address: Address, kind: int) -> tuple[int, tuple[object, ...]]:
     return found[0][0], found[0][4]
 
 
-def bind(listener: socket.socket, target: tuple[object, ...], address: Address) -> None:
+def bind(listener: socket.socket, target: tuple[Any, ...], address: Address) -> None:
     """Bind a socket, or say why not."""
     try:
         listener.bind(target)

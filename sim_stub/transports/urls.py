@@ -1,4 +1,4 @@
-"""Connection strings as everyone writes them: ``udpout:host:port``, ``udpin:host:port``, ``tcp:host:port``…"""
+"""Connection strings as everyone writes them, such as ``udpout:host:port`` or ``tcp:host:port``."""
 
 from __future__ import annotations
 

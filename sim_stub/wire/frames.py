@@ -200,6 +200,10 @@ class FrameReader:
             position += size
             yield message
 
+    def _trusted(self, body: bytes, signature: bytes) -> bool:
+        """Whether a frame may pass: with a key, only well signed ones."""
+        return self.signing is None or (bool(signature) and self.signing.accepts(body, signature))
+
     @staticmethod
     def _frame_size(data: bytes, position: int, end: int) -> int | None:
         if end - position < 3:
@@ -229,10 +233,9 @@ class FrameReader:
         if crc != int.from_bytes(body[-2:], "little"):
             self.rejected += 1
             return None
-        if self.signing is not None and number not in _UNSIGNED_ALLOWED:
-            if not tail or not self.signing.accepts(body, frame[-_SIGNATURE_BYTES:]):
-                self.rejected += 1
-                return None
+        if not (number in _UNSIGNED_ALLOWED or self._trusted(body, frame[len(body) :])):
+            self.rejected += 1
+            return None
         payload = body[head:-2]
         return Message(message, system, component, message.unpack(payload), version, payload)
 

@@ -114,7 +114,7 @@ def _clip(layout: str, values: list[Any]) -> list[Any]:
             size = struct.calcsize("<" + code) * 8
             low, high = (-(1 << size - 1), (1 << size - 1) - 1) if code.islower() else (0, (1 << size) - 1)
             number = float(value)
-            whole = int(number) if abs(number) < 1e30 else (high if number > 0 else low)  # noqa: PLR0124
+            whole = int(number) if abs(number) < 1e30 else (high if number > 0 else low)
             clipped.append(max(low, min(high, whole)))
     return clipped
 
@@ -135,7 +135,7 @@ def _codes(layout: str) -> tuple[str, ...]:
 @cache
 def specs() -> tuple[dict[int, MessageSpec], dict[str, MessageSpec]]:
     """Every message of the dialect, by id and by name."""
-    from pymavlink.dialects.v20 import ardupilotmega as dialect  # noqa: PLC0415  50 ms, not needed for --help
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
 
     by_id: dict[int, MessageSpec] = {}
     for number, cls in dialect.mavlink_map.items():

@@ -36,7 +36,7 @@ Examples:
 """
 
 
-def sim(  # noqa: D417, D103  the help text is SIM_HELP
+def sim(  # noqa: D103  the help text is SIM_HELP
     scenario: Annotated[
         Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.", show_default=False)
     ] = None,

@@ -208,8 +208,8 @@ def test_mavproxy_scripted(autopilot, tmp_path):
     lines = ["QGC WPL 110"]
     home = [item(16, z=0, frame=0)] if autopilot == "ardupilot" else []
     for seq, (frame, command, *p, x, y, z) in enumerate([*home, *leg(distance=100)]):
-        p = [0.0 if math.isnan(v) else v for v in p]
-        fields = [seq, int(seq == 0), frame, command, *p, x * 1e-7, y * 1e-7, z, 1]
+        plain = [0.0 if math.isnan(v) else v for v in p]
+        fields = [seq, int(seq == 0), frame, command, *plain, x * 1e-7, y * 1e-7, z, 1]
         lines.append("\t".join(str(v) for v in fields))
     path = tmp_path / "mission.txt"
     path.write_text("\n".join(lines) + "\n")
