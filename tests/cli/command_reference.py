@@ -77,7 +77,7 @@ def page() -> str:
 
 
 def order(item) -> int:
-    names = ["plan", "compare", "network", "wind", "init", "check", "mission", "convert", "show"]
+    names = ["plan", "compare", "network", "wind", "init", "check", "mission", "convert", "show", "sim"]
     words = item[0]
     key = words[-1] if len(words) == 2 or words[-1] == "init" else "init"
     return names.index(key) if key in names else len(names)

@@ -8,7 +8,7 @@ from skyway.cli.main import app
 
 SUMMER = ("--depart", "2025-06-15T12:00+02:00")
 CASES = {
-    "plan": 3, "compare": 2, "network": 2, "wind": 2, "mission": 3, "convert": 1, "check": 1, "show": 1,
+    "plan": 3, "compare": 2, "network": 2, "wind": 2, "mission": 3, "convert": 1, "check": 1, "show": 1, "sim": 3,
     "scenario init": 1, "scenario check": 1,
 }  # fmt: skip
 
@@ -24,7 +24,7 @@ def test_the_help_of_every_command_shows_examples_that_can_be_copied(skyway, com
 
 
 def test_no_command_is_left_without_this_test():
-    known = {name.split()[0] for name in CASES} | {"simulate"}
+    known = {name.split()[0] for name in CASES}
     assert {command.name for command in app.registered_commands} <= known
 
 
