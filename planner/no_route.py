@@ -11,22 +11,27 @@ from models.errors import NoRouteError
 from models.units import S_PER_MIN
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from planner.outlook import Outlook
     from planner.problem import Problem
 
 
-def _connected(problem: Problem, usable: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> set[int]:
-    """Nodes that the origin is joined to over usable segments."""
-    network = problem.network
-    found, queue = {problem.origin}, [problem.origin]
-    while queue:
-        node = queue.pop()
-        for segment in range(int(network.first[node]), int(network.first[node + 1])):
-            other = int(network.head[segment])
-            if usable[segment] and other not in found:
-                found.add(other)
-                queue.append(other)
-    return found
+def _reached(problem: Problem, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell which nodes usable segments join to the origin, shape (nodes,)."""
+    tail, head = problem.network.tail[usable], problem.network.head[usable]
+    found = np.zeros(len(problem.network), dtype=np.bool_)
+    found[problem.origin] = True
+    while True:
+        new = head[found[tail] & ~found[head]]
+        if not len(new):
+            return found
+        found[new] = True
+
+
+def joined(problem: Problem) -> bool:
+    """Tell whether any chain of segments leads from the origin to the destination."""
+    return bool(_reached(problem, np.ones(len(problem.network.tail), dtype=np.bool_))[problem.destination])
 
 
 def no_route(problem: Problem, outlook: Outlook) -> NoRouteError:
@@ -37,19 +42,18 @@ def no_route(problem: Problem, outlook: Outlook) -> NoRouteError:
     network = problem.network
     start = network.stations[problem.origin].id
     goal = network.stations[problem.destination].id
-    every = np.ones(len(network.tail), dtype=bool)
-    if problem.destination not in _connected(problem, every):
+    if not joined(problem):
         message = f"no route from {start} to {goal}: no chain of segments joins them (the network is in parts)"
         return NoRouteError(message, constraint="disconnected")
     charge = np.array([outlook.flight(segment, problem.depart_s)[1] for segment in range(len(network.tail))])
-    reached = _connected(problem, charge <= outlook.budget)
-    if problem.destination in reached:
+    reached = _reached(problem, charge <= outlook.budget)
+    if reached[problem.destination]:
         message = (
             f"no route from {start} to {goal} within the forecast: each segment can be flown on a full battery now, "
             f"but not one after the other as wind, queues and charge ({100 * problem.soc:.0f} % now) develop"
         )
         return NoRouteError(message, constraint="energy")
-    out = [i for i in range(len(charge)) if int(network.tail[i]) in reached and int(network.head[i]) not in reached]
+    out = np.flatnonzero(reached[network.tail] & ~reached[network.head]).tolist()
     least = min(out, key=lambda i: (charge[i], network.distance_m[i]))
     a, b = network.stations[int(network.tail[least])].id, network.stations[int(network.head[least])].id
     where = f"segment {a} > {b} ({network.distance_m[least] / 1000:.1f} km)"

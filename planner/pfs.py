@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from planner.itinerary import Hop
-from planner.no_route import no_route
+from planner.no_route import joined, no_route
 from planner.outlook import Outlook
 
 if TYPE_CHECKING:
@@ -86,6 +86,8 @@ class ForwardSearch:
             choice = next(frame.candidates, None)
             if choice is None:
                 frames.pop()
+                if not self._dead and not joined(p):
+                    break  # no need to find out by trying
                 self._on_path.discard(frame.node)
                 limited = frame.limited or frame.node in self._closed_ways
                 self._dead[frame.node] = frame.arrive_s if limited else -math.inf

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from models.errors import Fault, InfeasibleError, InputError
-from models.units import S_PER_MIN
+from models.units import S_PER_H, S_PER_MIN
+from planner.course_kernels import TOUCH_DOWN
 from planner.exact import ExactSearch
 from planner.ies import ExhaustiveSearch
 from planner.itinerary import compose, fly_sampled, fly_true, outcome, typical_member
@@ -24,10 +25,12 @@ from planner.skyline import skyline
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from models.drone import Drone
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
-    from planner.itinerary import Itinerary
+    from planner.itinerary import Itinerary, Outcome
     from planner.request import Request
 
 
@@ -160,6 +163,19 @@ def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -
     return chosen
 
 
+def _doubts(problem: Problem, course: NDArray[np.float64], summary: Outcome) -> tuple[str, ...]:
+    """Say where the plan promises less than was asked for."""
+    doubts = []
+    if summary.p_success < 1.0 - problem.epsilon - 1e-9:
+        doubts.append(
+            f"flown as it stands, every landing keeps the reserve with probability {summary.p_success:.3f} only, "
+            f"{1.0 - problem.epsilon:g} were asked for: look at the charge again at each stop"
+        )
+    if not np.isfinite(course[-1, TOUCH_DOWN]) or course[-1, TOUCH_DOWN] > problem.depart_s + HORIZON_H * S_PER_H:
+        doubts.append(f"the delivery takes longer than the {HORIZON_H} h that the forecast covers: do not rely on it")
+    return tuple(doubts)
+
+
 def _truth(forecast: WindEnsemble, truth: WindEnsemble | None, planner: str) -> WindEnsemble:
     if truth is None and len(forecast.probability) == 1:
         return forecast
@@ -190,7 +206,10 @@ def _compose_for(
         spent = time.perf_counter() - started
         member, course = typical_member(problem, itinerary)
         summary = outcome(problem, *fly_sampled(problem, itinerary))
-        composition = compose(problem, itinerary, course, member, summary, planner=planner, planning_time_s=spent)
+        notes = _doubts(problem, course, summary)
+        composition = compose(
+            problem, itinerary, course, member, summary, planner=planner, planning_time_s=spent, notes=notes
+        )
         return PlanResult(composition, itinerary, problem, summary, spent, search.looked_at, {})
     queues = problem.queue_paths(range(len(problem.network)), 0)
     if planner == "exact":
