@@ -12,17 +12,21 @@ import socket
 import sys
 import time
 import tracemalloc
+from typing import TYPE_CHECKING
 
 from models.network import Station
 from sim_stub.autopilot.items import Command, Frame, Item
+from sim_stub.config import VehicleConfig
 from sim_stub.fleet import FleetOptions, build_world, serve
 from sim_stub.pads import Pads
 from sim_stub.transports.lockstep import Lockstep
 from sim_stub.transports.urls import Address
-from sim_stub.vehicle import Vehicle, VehicleConfig
 from sim_stub.wind_truth import ConstantWind
 from sim_stub.wire.messages import spec
 from sim_stub.world import World
+
+if TYPE_CHECKING:
+    from sim_stub.vehicle import Vehicle
 
 HERE = Station("here", "Here", 40.74, -73.97, 5.0, 2, 2)
 RATES = {"GLOBAL_POSITION_INT": 4.0, "ATTITUDE": 10.0}
@@ -54,7 +58,9 @@ def mission(vehicle: Vehicle, far_m: float = 8000.0) -> None:
 def lockstep(*, flying: bool) -> float:
     """Simulated seconds to the second of one vehicle with its telemetry on."""
     world = World(wind=ConstantWind.of(6.0, 300.0), stations=[HERE])
-    vehicle = world.add(VehicleConfig(lat=HERE.lat, lon=HERE.lon, ground_m=5.0, soc=0.3 if not flying else 1.0, warm=True))
+    vehicle = world.add(
+        VehicleConfig(lat=HERE.lat, lon=HERE.lon, ground_m=5.0, soc=0.3 if not flying else 1.0, warm=True)
+    )
     run = Lockstep(world)
     link = run.connect(vehicle)
     for name, rate in RATES.items():

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from models.errors import Fault as Wrong
 from models.errors import InputError
 from sim_stub.airframe import Airframe
+from sim_stub.config import VehicleConfig
 from sim_stub.pads import Pads
 from sim_stub.transports.channel import Impairment
 from sim_stub.transports.loop import SocketLoop
 from sim_stub.transports.pad_server import PadServer
 from sim_stub.transports.sockets import open_endpoint
 from sim_stub.transports.urls import Address
-from sim_stub.vehicle import VehicleConfig
 from sim_stub.world import World
 
 if TYPE_CHECKING:

@@ -57,9 +57,7 @@ class PowerModel:
         scale = (rest - profile) / (_INDUCED_FACTOR * ideal)
         return cls(airframe, profile, scale, loss, error)
 
-    def electrical_w(
-        self, thrust_n: float, airspeed_mps: float, climb_mps: float, drag_power_w: float
-    ) -> float:
+    def electrical_w(self, thrust_n: float, airspeed_mps: float, climb_mps: float, drag_power_w: float) -> float:
         """Power drawn from the battery in flight.
 
         Parameters

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from models.errors import Fault as Wrong
 from models.errors import InputError
-from sim_stub.airframe import Airframe
 from sim_stub.autopilot.ardupilot import ArduPilot
 from sim_stub.autopilot.modes import Mode
 from sim_stub.autopilot.px4 import Px4
@@ -38,9 +37,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sim_stub.autopilot.base import Autopilot
+    from sim_stub.config import VehicleConfig
     from sim_stub.world import World
 
 AUTOPILOTS: dict[str, type[Px4 | ArduPilot]] = {"px4": Px4, "ardupilot": ArduPilot}
+"""The families, by the names of `sim_stub.config.FAMILIES`."""
 _SERVERS = {"px4": Px4MissionServer, "ardupilot": ArduPilotMissionServer}
 _POWER_ERROR = 0.05
 _IDLE_ARMED_W = 90.0
@@ -52,67 +53,6 @@ _MIN_INTERVAL_S = 0.02
 _REACHED_REPEATS = 10
 _MAX_PORTS = 16
 _AT_STATION_M = 60.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleConfig:
-    """What one vehicle is made of.
-
-    Attributes
-    ----------
-    lat, lon : float
-        Where it stands at the start, degrees.
-    ground_m : float
-        Height of the ground there above mean sea level.
-    system : int
-        MAVLink system id, 1-255.
-    autopilot : str
-        ``px4`` or ``ardupilot``.
-    soc : float
-        State of charge at the start.
-    payload_kg : float
-        Package on board.
-    seed : int
-        Seeds gusts and errors; together with the system id.
-    warm : bool
-        It has been on for two minutes: ready to arm at once.
-    power_error : float or None
-        Factor on the power drawn; None draws one within 5 % from the seed.
-    signing_key : bytes or None
-        32 bytes; None speaks unsigned.
-    parameters : tuple of (name, value)
-        Set before the start.
-    """
-
-    lat: float
-    lon: float
-    ground_m: float = 0.0
-    system: int = 1
-    autopilot: str = "px4"
-    soc: float = 1.0
-    payload_kg: float = 0.0
-    seed: int = 1
-    warm: bool = False
-    power_error: float | None = None
-    signing_key: bytes | None = None
-    airframe: Airframe = field(default_factory=Airframe)
-    parameters: tuple[tuple[str, float], ...] = ()
-
-    def __post_init__(self) -> None:
-        faults = []
-        if not 1 <= self.system <= 255:
-            faults.append(Wrong("system id out of range", field="system", value=self.system, remedy="1 to 255"))
-        if self.autopilot not in AUTOPILOTS:
-            known = "one of " + ", ".join(AUTOPILOTS)
-            faults.append(Wrong("unknown autopilot", field="autopilot", value=self.autopilot, remedy=known))
-        if not 0.0 <= self.soc <= 1.0:
-            faults.append(Wrong("out of range", field="soc", value=self.soc, remedy="0 to 1"))
-        if not 0.0 <= self.payload_kg <= 10.0:
-            faults.append(Wrong("out of range", field="payload_kg", value=self.payload_kg, remedy="0 to 10"))
-        if self.signing_key is not None and len(self.signing_key) != 32:
-            faults.append(Wrong("not 32 bytes", field="signing_key"))
-        if faults:
-            raise InputError(faults)
 
 
 @dataclass(slots=True)

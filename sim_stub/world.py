@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 from models.errors import Fault as Wrong
 from models.errors import InputError
 from sim_stub.physics import offset_m
-from sim_stub.vehicle import Vehicle, VehicleConfig
+from sim_stub.vehicle import Vehicle
 from sim_stub.wind_truth import ConstantWind, WindTruth
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from models.network import Station
+    from sim_stub.config import VehicleConfig
     from sim_stub.faults import Fault
     from sim_stub.pads import Pads
 

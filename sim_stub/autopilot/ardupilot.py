@@ -310,9 +310,7 @@ class ArduPilot(Autopilot):
         )
         if excepted:
             return Action.NONE
-        return self._unless_landing(
-            _GCS_ACTIONS.get(int(self.parameters["FS_GCS_ENABLE"]), Action.NONE)
-        )
+        return self._unless_landing(_GCS_ACTIONS.get(int(self.parameters["FS_GCS_ENABLE"]), Action.NONE))
 
     def _unless_landing(self, action: Action) -> Action:
         landing = self.mode == Mode.LAND or self.landed_state == 4

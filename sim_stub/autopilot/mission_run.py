@@ -226,4 +226,3 @@ class MissionRun:
 
 def _yaw(degrees: float) -> float | None:
     return degrees if math.isfinite(degrees) else None
-

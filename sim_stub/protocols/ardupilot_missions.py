@@ -196,9 +196,7 @@ class ArduPilotMissionServer(MissionServer):
         if home is None:
             return Item(Command.WAYPOINT, Frame.GLOBAL)
         height = int(home.alt_m * 100.0) / 100.0
-        return Item(
-            Command.WAYPOINT, Frame.GLOBAL, x=round(home.lat * 1e7), y=round(home.lon * 1e7), z=height
-        )
+        return Item(Command.WAYPOINT, Frame.GLOBAL, x=round(home.lat * 1e7), y=round(home.lon * 1e7), z=height)
 
     def clear(self, port: Port, message: Message) -> None:
         """Clear one kind of items; not all kinds at once, and not a mission that is being flown."""

@@ -185,9 +185,7 @@ class CommandServer:
         self._answer_to(order.port, order.system, order.component, order.number, result, progress)
 
     @staticmethod
-    def _answer_to(
-        port: Port, system: int, component: int, number: int, result: Result, progress: int = 0
-    ) -> None:
+    def _answer_to(port: Port, system: int, component: int, number: int, result: Result, progress: int = 0) -> None:
         port.reply(
             "COMMAND_ACK",
             command=number,
@@ -224,9 +222,7 @@ class CommandServer:
             result = Result.ACCEPTED if done else Result.IN_PROGRESS
             if done:
                 self.calibration = None
-            self._answer_to(
-                order.port, order.system, order.component, order.number, result, calibration.told
-            )
+            self._answer_to(order.port, order.system, order.component, order.number, result, calibration.told)
 
     def cancel(self, port: Port, message: Message) -> None:  # noqa: ARG002
         """Cancel what takes long."""

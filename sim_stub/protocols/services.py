@@ -150,8 +150,7 @@ def text_frames(severity: int, text: str, number: int) -> list[dict[str, Any]]:
     if len(chunks[-1]) == 50:
         chunks.append("")  # a full last chunk does not end the text
     return [
-        {"severity": severity, "text": chunk, "id": number, "chunk_seq": index}
-        for index, chunk in enumerate(chunks)
+        {"severity": severity, "text": chunk, "id": number, "chunk_seq": index} for index, chunk in enumerate(chunks)
     ]
 
 

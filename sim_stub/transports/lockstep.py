@@ -119,9 +119,7 @@ class Lockstep:
         self.clock = VirtualClock(self)
         self._links: list[LockstepTransport] = []
 
-    def connect(
-        self, vehicle: Vehicle, impairment: Impairment | None = None, *, seed: int = 1
-    ) -> LockstepTransport:
+    def connect(self, vehicle: Vehicle, impairment: Impairment | None = None, *, seed: int = 1) -> LockstepTransport:
         """Open a link to a vehicle."""
         link = LockstepTransport(self, vehicle, impairment or Impairment(), seed)
         self._links.append(link)
@@ -153,5 +151,3 @@ class Lockstep:
     def run_for(self, duration_s: float) -> None:
         """Let time pass."""
         self.run_until(self.now_s + duration_s)
-
-

@@ -195,9 +195,7 @@ class TcpConnection:
         Its port.
     """
 
-    def __init__(
-        self, connection: socket.socket, lane: Lane, selector: selectors.BaseSelector
-    ) -> None:
+    def __init__(self, connection: socket.socket, lane: Lane, selector: selectors.BaseSelector) -> None:
         self.socket, self.lane, self.selector = connection, lane, selector
         self.backlog = b""
         self.closed = False

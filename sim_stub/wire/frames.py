@@ -134,9 +134,7 @@ class FrameWriter:
             if message.id > 255:
                 return None
             payload = payload[: message.base_size]
-            head = _HEADER_1.pack(
-                MAGIC_1, len(payload), sequence, self.system, self.component, message.id
-            )
+            head = _HEADER_1.pack(MAGIC_1, len(payload), sequence, self.system, self.component, message.id)
             body = head + payload
             return body + mcrf4xx(body[1:] + seed).to_bytes(2, "little")
         payload = payload.rstrip(b"\0") or b"\0"

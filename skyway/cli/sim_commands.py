@@ -15,9 +15,11 @@ from skyway.cli import options
 if TYPE_CHECKING:
     from datetime import datetime
 
+    from models.network import Station
     from models.scenario import Scenario
+    from sim_stub.transports.loop import SocketLoop
     from sim_stub.wind_truth import WindTruth
-    from sim_stub.world import Event
+    from sim_stub.world import Event, World
 
 DEFAULT_CONNECT = "udpout:127.0.0.1:14540"
 SIM_HELP = """Simulate vehicles, pads and wind that behave on the wire as the real ones do.
@@ -36,93 +38,97 @@ Examples:
 """
 
 
-def sim(  # noqa: D103  the help text is SIM_HELP
-    scenario: Annotated[
-        Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.", show_default=False)
-    ] = None,
-    vehicles: Annotated[int, typer.Option("--vehicles", help="How many.")] = 1,
-    at: Annotated[
-        list[str] | None,
-        typer.Option("--at", help="Where they stand: station or lat,lon; several in turn.", show_default=False),
-    ] = None,
-    autopilot: Annotated[
-        Literal["px4", "ardupilot"], typer.Option("--autopilot", help="Whose behaviour.")
-    ] = "px4",
-    connect: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--connect",
-            help=f"udpout:, udpin:, tcp: or tcpin:HOST:PORT; repeatable. Without it, and without --tcp: {DEFAULT_CONNECT}.",
-            show_default=False,
-        ),
-    ] = None,
-    tcp: Annotated[
-        int | None,
-        typer.Option("--tcp", help="Listen on this TCP port, ten further for each vehicle.", show_default=False),
-    ] = None,
-    pads: Annotated[
-        str | None, typer.Option("--pads", help="Serve the pads: tcp:HOST:PORT.", show_default=False)
-    ] = None,
-    speedup: Annotated[float, typer.Option("--speedup", help="Simulated seconds to the second, up to 20.")] = 1.0,
-    pad_speedup: Annotated[
-        float | None,
-        typer.Option("--pad-speedup", help="The same while every vehicle stands, up to 2000.", show_default=False),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of gusts, errors, queues and losses.")] = 1,
-    system: Annotated[int, typer.Option("--system", help="System id of the first vehicle.")] = 1,
-    wind_truth: Annotated[
-        str | None,
-        typer.Option(
-            "--wind-truth",
-            help="The wind: 8@270 (m/s@degrees FROM), a day of the record, or a forecast file. Without it: calm.",
-            show_default=False,
-        ),
-    ] = None,
-    depart: Annotated[
-        str | None,
-        typer.Option("--depart", help="When simulated time begins, with UTC offset. Without it: now.", show_default=False),
-    ] = None,
-    soc: Annotated[float, typer.Option("--soc", help="Charge at the start, percent.")] = 100.0,
-    payload: Annotated[float, typer.Option("--payload", help="Mass of the package on board, kg.")] = 0.0,
-    warm: Annotated[bool, typer.Option("--warm", help="They have been on for a while: ready to arm.")] = False,
-    traffic: Annotated[bool, typer.Option(help="Other drones come and go at the pads.")] = True,
-    loss: Annotated[float, typer.Option("--loss", help="Share of packets lost, 0-1.")] = 0.0,
-    delay: Annotated[float, typer.Option("--delay", help="Seconds each packet is late, each way.")] = 0.0,
-    jitter: Annotated[float, typer.Option("--jitter", help="Up to so many seconds more.")] = 0.0,
-    duplicate: Annotated[float, typer.Option("--duplicate", help="Share of packets that come twice, 0-1.")] = 0.0,
-    reorder: Annotated[float, typer.Option("--reorder", help="Share of packets held back, 0-1.")] = 0.0,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fault",
-            help="KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s; repeatable. See docs/reference/sim.md.",
-            show_default=False,
-        ),
-    ] = None,
-    parameter: Annotated[
-        list[str] | None,
-        typer.Option("--parameter", help="NAME=VALUE set on every vehicle; repeatable.", show_default=False),
-    ] = None,
-    lasting: Annotated[
-        float | None, typer.Option("--for", help="End after so many simulated seconds.", show_default=False)
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
+ScenarioArgument = Annotated[
+    Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.", show_default=False)
+]
+Vehicles = Annotated[int, typer.Option("--vehicles", help="How many.")]
+At = Annotated[
+    list[str] | None,
+    typer.Option("--at", help="Where they stand: station or lat,lon; several in turn.", show_default=False),
+]
+Family = Annotated[Literal["px4", "ardupilot"], typer.Option("--autopilot", help="Whose behaviour.")]
+CONNECT_HELP = (
+    f"udpout:, udpin:, tcp: or tcpin:HOST:PORT; repeatable. Without it, and without --tcp: {DEFAULT_CONNECT}."
+)
+Connect = Annotated[list[str] | None, typer.Option("--connect", help=CONNECT_HELP, show_default=False)]
+Tcp = Annotated[
+    int | None,
+    typer.Option("--tcp", help="Listen on this TCP port, ten further for each vehicle.", show_default=False),
+]
+PadAddress = Annotated[str | None, typer.Option("--pads", help="Serve the pads: tcp:HOST:PORT.", show_default=False)]
+Speedup = Annotated[float, typer.Option("--speedup", help="Simulated seconds to the second, up to 20.")]
+PadSpeedup = Annotated[
+    float | None,
+    typer.Option("--pad-speedup", help="The same while every vehicle stands, up to 2000.", show_default=False),
+]
+Seed = Annotated[int, typer.Option("--seed", help="Of gusts, errors, queues and losses.")]
+FirstSystem = Annotated[int, typer.Option("--system", help="System id of the first vehicle.")]
+WIND_HELP = "The wind: 8@270 (m/s@degrees FROM), a day of the record, or a forecast file. Without it: calm."
+Wind = Annotated[str | None, typer.Option("--wind-truth", help=WIND_HELP, show_default=False)]
+Depart = Annotated[
+    str | None,
+    typer.Option("--depart", help="When simulated time begins, with UTC offset. Without it: now.", show_default=False),
+]
+Soc = Annotated[float, typer.Option("--soc", help="Charge at the start, percent.")]
+Payload = Annotated[float, typer.Option("--payload", help="Mass of the package on board, kg.")]
+Warm = Annotated[bool, typer.Option("--warm", help="They have been on for a while: ready to arm.")]
+Traffic = Annotated[bool, typer.Option(help="Other drones come and go at the pads.")]
+Loss = Annotated[float, typer.Option("--loss", help="Share of packets lost, 0-1.")]
+Delay = Annotated[float, typer.Option("--delay", help="Seconds each packet is late, each way.")]
+Jitter = Annotated[float, typer.Option("--jitter", help="Up to so many seconds more.")]
+Duplicate = Annotated[float, typer.Option("--duplicate", help="Share of packets that come twice, 0-1.")]
+Reorder = Annotated[float, typer.Option("--reorder", help="Share of packets held back, 0-1.")]
+FAULT_HELP = "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s; repeatable."
+Faults = Annotated[list[str] | None, typer.Option("--fault", help=FAULT_HELP, show_default=False)]
+Parameters = Annotated[
+    list[str] | None,
+    typer.Option("--parameter", help="NAME=VALUE set on every vehicle; repeatable.", show_default=False),
+]
+Lasting = Annotated[
+    float | None, typer.Option("--for", help="End after so many simulated seconds.", show_default=False)
+]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a line.")]
+
+
+def sim(
+    scenario: ScenarioArgument = None,
+    vehicles: Vehicles = 1,
+    at: At = None,
+    autopilot: Family = "px4",
+    connect: Connect = None,
+    tcp: Tcp = None,
+    pads: PadAddress = None,
+    speedup: Speedup = 1.0,
+    pad_speedup: PadSpeedup = None,
+    seed: Seed = 1,
+    system: FirstSystem = 1,
+    wind_truth: Wind = None,
+    depart: Depart = None,
+    soc: Soc = 100.0,
+    payload: Payload = 0.0,
+    warm: Warm = False,
+    traffic: Traffic = True,
+    loss: Loss = 0.0,
+    delay: Delay = 0.0,
+    jitter: Jitter = 0.0,
+    duplicate: Duplicate = 0.0,
+    reorder: Reorder = 0.0,
+    fault: Faults = None,
+    parameter: Parameters = None,
+    lasting: Lasting = None,
+    as_json: AsJson = False,
 ) -> None:
+    """Simulate vehicles, pads and wind (the help text is `SIM_HELP`)."""
     from sim_stub.faults import parse_fault
     from sim_stub.fleet import FleetOptions, build_world, serve
     from sim_stub.transports.channel import Impairment
     from sim_stub.transports.urls import parse_address
 
-    known = options.load_scenario(scenario)
     begins = options.parse_depart(depart)
-    places = []
-    for text in at or [known.network.stations[0].id]:
-        known, station_id = options.place(known, text, "--at")
-        places.append(station_id)
-    stations = {station.id: station for station in known.network.stations}
+    known, places = _placed(options.load_scenario(scenario), at)
     asked = FleetOptions(
         stations=known.network.stations,
-        places=tuple(stations[place] for place in places),
+        places=places,
         vehicles=vehicles,
         first_system=system,
         autopilot=autopilot,
@@ -138,19 +144,38 @@ def sim(  # noqa: D103  the help text is SIM_HELP
         parameters=tuple(_parameter(text) for text in parameter or ()),
     )
     addresses = connect or ([] if tcp is not None else [DEFAULT_CONNECT])
-    if tcp is not None and not 0 <= tcp + 10 * (vehicles - 1) <= 65535:
-        raise InputError(Fault("port out of range", field="--tcp", value=tcp, remedy="0 to 65535 for all vehicles"))
     world = build_world(asked, _print_json if as_json else _print_line)
     loop, told = serve(
         world,
         connect=tuple(parse_address(text, option="--connect") for text in addresses),
-        tcp_port=tcp,
+        tcp_port=_tcp_port(tcp, vehicles),
         pads=None if pads is None else parse_address(pads, option="--pads", kinds=("tcp",)),
         impairment=Impairment(loss, delay, jitter, duplicate, reorder),
         speedup=speedup,
         pad_speedup=pad_speedup,
         seed=seed,
     )
+    _run(world, loop, told, lasting, as_json=as_json)
+
+
+def _placed(scenario: Scenario, at: list[str] | None) -> tuple[Scenario, tuple[Station, ...]]:
+    """Stations where the vehicles stand; a position becomes a station of its own."""
+    places = []
+    for text in at or [scenario.network.stations[0].id]:
+        scenario, station_id = options.place(scenario, text, "--at")
+        places.append(station_id)
+    stations = {station.id: station for station in scenario.network.stations}
+    return scenario, tuple(stations[place] for place in places)
+
+
+def _tcp_port(tcp: int | None, vehicles: int) -> int | None:
+    if tcp is not None and not 0 <= tcp + 10 * (vehicles - 1) <= 65535:
+        raise InputError(Fault("port out of range", field="--tcp", value=tcp, remedy="0 to 65535 for all vehicles"))
+    return tcp
+
+
+def _run(world: World, loop: SocketLoop, told: list[str], lasting: float | None, *, as_json: bool) -> None:
+    """Run until the time is over or somebody stops it; Ctrl-C is the usual end and no error."""
     for line in told:
         typer.echo(json.dumps({"listening": line}) if as_json else line)
     for number in (signal.SIGINT, signal.SIGTERM):

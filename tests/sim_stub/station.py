@@ -4,8 +4,8 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from sim_stub.config import VehicleConfig
 from sim_stub.transports.lockstep import Lockstep
-from sim_stub.vehicle import VehicleConfig
 from sim_stub.wind_truth import ConstantWind
 from sim_stub.world import World
 

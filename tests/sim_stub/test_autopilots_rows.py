@@ -148,9 +148,7 @@ def test_row_ardupilot_what_a_download_rewrites_and_the_second_round_trip_is_sta
     assert near.z == pytest.approx(50.12)
     assert (far.frame, far.param4) == (0, 0)
     assert land.param4 == 1
-    again = [
-        (m.frame, m.command, m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z) for m in first
-    ]
+    again = [(m.frame, m.command, m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z) for m in first]
     assert s.upload(again) == 0
     assert [m.to_dict() for m in s.download()] == [m.to_dict() for m in first]
 
@@ -263,13 +261,17 @@ def test_row_lossy_links_a_careful_client_answering_every_request(loss, low_s, h
 def test_row_multirotors_hold_ground_speed_whatever_type_the_item_names(autopilot, kind):
     stage = Stage(autopilot, wind=ConstantWind.of(6, 180))
     stage.vehicle.gusts.intensity = 0.0
-    stage.station.upload(stage.mission(item(TAKEOFF), plain(SPEED, kind, 8, -1), item(WAYPOINT, 2000), item(LAND, 2000)))
+    stage.station.upload(
+        stage.mission(item(TAKEOFF), plain(SPEED, kind, 8, -1), item(WAYPOINT, 2000), item(LAND, 2000))
+    )
     stage.start()
     stage.station.run(60.0)
     assert stage.vehicle.body.ground_speed_mps == pytest.approx(8.0, abs=0.05)
 
 
-@pytest.mark.parametrize(("autopilot", "name", "cruise"), [("px4", "MPC_XY_CRUISE", 5.0), ("ardupilot", "WPNAV_SPEED", 10.0)])
+@pytest.mark.parametrize(
+    ("autopilot", "name", "cruise"), [("px4", "MPC_XY_CRUISE", 5.0), ("ardupilot", "WPNAV_SPEED", 10.0)]
+)
 def test_row_speed_parameters_cap_the_plan(autopilot, name, cruise):
     most = 12.0 if autopilot == "px4" else 10.0
     for item_speed, flown in ((None, cruise), (40.0, most)):

@@ -17,7 +17,9 @@ def test_a_leg_is_flown_from_take_off_to_disarmed_on_the_ground(autopilot):
     assert stage.station.upload(stage.mission(*leg())) == 0
     assert set(stage.start()) == {0}
     stage.rest()
-    north, east = offset_m(stage.vehicle.config.lat, stage.vehicle.config.lon, stage.vehicle.body.lat, stage.vehicle.body.lon)
+    north, east = offset_m(
+        stage.vehicle.config.lat, stage.vehicle.config.lon, stage.vehicle.body.lat, stage.vehicle.body.lon
+    )
     assert math.hypot(north - 400, east) < 2.0
     assert stage.vehicle.body.alt_m == 5.0
     assert 0.9 < stage.vehicle.battery.soc < 0.99
@@ -57,9 +59,7 @@ def test_do_jump_repeats_a_leg_as_often_as_it_says(autopilot):
 def test_a_waypoint_holds_as_long_as_it_says_and_a_gripper_lets_go(autopilot):
     stage = Stage(autopilot, payload_kg=1.0)
     stage.station.upload(
-        stage.mission(
-            item(TAKEOFF), item(WAYPOINT, 100, p=(20, 0, 0, NAN)), plain(211, 1, 0), item(LAND, 100, z=0)
-        )
+        stage.mission(item(TAKEOFF), item(WAYPOINT, 100, p=(20, 0, 0, NAN)), plain(211, 1, 0), item(LAND, 100, z=0))
     )
     stage.start()
     stage.station.until(lambda: stage.vehicle.body.payload_kg == 0.0)

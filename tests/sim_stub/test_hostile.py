@@ -50,7 +50,11 @@ def throw(stage, packets, generator):
             for _ in range(generator.randint(1, 6)):
                 packet[generator.randrange(len(packet))] = generator.randrange(256)
         else:  # a random payload that passes every check
-            spec = by_id[generator.choice((11, 20, 21, 22, 23, 37, 38, 39, 40, 41, 43, 44, 45, 47, 51, 66, 73, 75, 76, 76, 76, 86))]
+            spec = by_id[
+                generator.choice(
+                    (11, 20, 21, 22, 23, 37, 38, 39, 40, 41, 43, 44, 45, 47, 51, 66, 73, 75, 76, 76, 76, 86)
+                )
+            ]
             payload = bytearray(generator.randbytes(spec.layout.size))
             offsets = {name: i for i, (name, _, _) in enumerate(spec.fields)}
             values = list(spec.layout.unpack(payload))

@@ -16,8 +16,8 @@ from models.pad_service import (
     decode_request,
     encode,
 )
+from sim_stub.config import VehicleConfig
 from sim_stub.pads import Pads
-from sim_stub.vehicle import VehicleConfig
 from sim_stub.world import World
 
 
@@ -77,7 +77,12 @@ def test_what_is_refused_says_what_to_do():
     stage.world.add(VehicleConfig(lat=LAT, lon=LON, ground_m=5.0, system=2, warm=True))
     stage.world.add(VehicleConfig(lat=LAT + 0.1, lon=LON, ground_m=5.0, system=3, warm=True))
     pads.charge("here", "1", 0.9)
-    for drone, to_soc, words in (("2", 0.9, "divert"), ("3", 0.9, "land there"), ("9", 0.9, "no drone"), ("1", 7, "above 0")):
+    for drone, to_soc, words in (
+        ("2", 0.9, "divert"),
+        ("3", 0.9, "land there"),
+        ("9", 0.9, "no drone"),
+        ("1", 7, "above 0"),
+    ):
         with pytest.raises(PadServiceError, match=words):
             pads.charge("here", drone, to_soc)
     with pytest.raises(PadServiceError, match="no station"):

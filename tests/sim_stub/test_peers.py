@@ -47,9 +47,7 @@ def test_mavsdk_arms_flies_a_mission_and_moves_fence_rally_parameters_and_teleme
 
     port = free_port()
     with served(connect=[f"udpout:127.0.0.1:{port}"], autopilot=autopilot, speedup=20) as running:
-        sdk = mavsdk.Mavsdk(
-            mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION)
-        )
+        sdk = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION))
         sdk.add_any_connection(f"udpin://127.0.0.1:{port}")
         system = sdk.first_autopilot(5.0)
         telemetry, action, missions, parameters = Telemetry(system), Action(system), MissionRaw(system), Param(system)
@@ -131,9 +129,7 @@ def test_two_ground_stations_at_once_over_udp_each_get_their_answers():
 
     with served(connect=["udpin:127.0.0.1:0"], autopilot="ardupilot") as running:
         host, port = running.where()
-        links = [
-            mavutil.mavlink_connection(f"udpout:{host}:{port}", source_system=number) for number in (255, 254)
-        ]
+        links = [mavutil.mavlink_connection(f"udpout:{host}:{port}", source_system=number) for number in (255, 254)]
         for link in links:
             link.mav.heartbeat_send(6, 8, 0, 0, 4)
         for link in links:
@@ -250,5 +246,3 @@ def test_mavproxy_scripted(autopilot, tmp_path):
             reader.join()
             process.stdin.close()
             process.stdout.close()
-
-

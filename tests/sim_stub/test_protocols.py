@@ -28,7 +28,13 @@ def test_heartbeats_come_every_second_and_carry_the_real_mode_numbers(autopilot)
     assert len(beats) == pytest.approx(10, abs=1)
     assert beats[0].autopilot == {"px4": 12, "ardupilot": 3}[autopilot]
     numbers = {
-        "px4": {(1, 7): 7 << 16, (1, 2): 2 << 16, (1, 3): 3 << 16, (1, 4, 3): 4 << 16 | 3 << 24, (1, 4, 5): 4 << 16 | 5 << 24},
+        "px4": {
+            (1, 7): 7 << 16,
+            (1, 2): 2 << 16,
+            (1, 3): 3 << 16,
+            (1, 4, 3): 4 << 16 | 3 << 24,
+            (1, 4, 5): 4 << 16 | 5 << 24,
+        },
         "ardupilot": {(1, 0): 0, (1, 2): 2, (1, 4): 4, (1, 5): 5, (1, 6): 6, (1, 9): 9, (1, 17): 17},
     }[autopilot]
     for parameters, number in numbers.items():
@@ -209,7 +215,10 @@ def test_ardupilot_refuses_places_off_the_globe_by_parameter():
 def test_fence_and_rally_go_up_and_come_down(autopilot):
     stage = Stage(autopilot)
     s = stage.station
-    fence = [item(5003, 0, p=(500, 0, 0, 0)), *(item(5002, n, e, p=(3, 0, 0, 0)) for n, e in ((90, 0), (120, 0), (90, 30)))]
+    fence = [
+        item(5003, 0, p=(500, 0, 0, 0)),
+        *(item(5002, n, e, p=(3, 0, 0, 0)) for n, e in ((90, 0), (120, 0), (90, 30))),
+    ]
     assert s.upload(fence, kind=1) == 0
     assert [m.command for m in s.download(1)] == [5003, 5002, 5002, 5002]
     assert s.upload([item(5100, 40), item(5100, 80)], kind=2) == 0
@@ -400,7 +409,9 @@ def test_voltage_sags_under_load_and_more_with_the_fault(autopilot):
     assert stage.vehicle.battery.voltage_v < load - 1.0
     assert stage.station.command(512, 147) == 0
     status = [m for m in stage.station.seen if m.get_type() == "BATTERY_STATUS"][-1]
-    assert sum(v for v in status.voltages if v != 65535) == pytest.approx(stage.vehicle.battery.voltage_v * 1e3, rel=0.01)
+    assert sum(v for v in status.voltages if v != 65535) == pytest.approx(
+        stage.vehicle.battery.voltage_v * 1e3, rel=0.01
+    )
     assert status.current_battery == pytest.approx(stage.vehicle.battery.current_a * 100, rel=0.05)
 
 

@@ -1,0 +1,72 @@
+"""What one simulated vehicle is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from models.errors import Fault as Wrong
+from models.errors import InputError
+from sim_stub.airframe import Airframe
+
+FAMILIES = ("px4", "ardupilot")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleConfig:
+    """What one vehicle is made of.
+
+    Attributes
+    ----------
+    lat, lon : float
+        Where it stands at the start, degrees.
+    ground_m : float
+        Height of the ground there above mean sea level.
+    system : int
+        MAVLink system id, 1-255.
+    autopilot : str
+        ``px4`` or ``ardupilot``.
+    soc : float
+        State of charge at the start.
+    payload_kg : float
+        Package on board.
+    seed : int
+        Seeds gusts and errors; together with the system id.
+    warm : bool
+        It has been on for two minutes: ready to arm at once.
+    power_error : float or None
+        Factor on the power drawn; None draws one within 5 % from the seed.
+    signing_key : bytes or None
+        32 bytes; None speaks unsigned.
+    parameters : tuple of (name, value)
+        Set before the start.
+    """
+
+    lat: float
+    lon: float
+    ground_m: float = 0.0
+    system: int = 1
+    autopilot: str = "px4"
+    soc: float = 1.0
+    payload_kg: float = 0.0
+    seed: int = 1
+    warm: bool = False
+    power_error: float | None = None
+    signing_key: bytes | None = None
+    airframe: Airframe = field(default_factory=Airframe)
+    parameters: tuple[tuple[str, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        faults = []
+        if not 1 <= self.system <= 255:
+            faults.append(Wrong("system id out of range", field="system", value=self.system, remedy="1 to 255"))
+        if self.autopilot not in FAMILIES:
+            known = "one of " + ", ".join(FAMILIES)
+            faults.append(Wrong("unknown autopilot", field="autopilot", value=self.autopilot, remedy=known))
+        if not 0.0 <= self.soc <= 1.0:
+            faults.append(Wrong("out of range", field="soc", value=self.soc, remedy="0 to 1"))
+        if not 0.0 <= self.payload_kg <= 10.0:
+            faults.append(Wrong("out of range", field="payload_kg", value=self.payload_kg, remedy="0 to 10"))
+        if self.signing_key is not None and len(self.signing_key) != 32:
+            faults.append(Wrong("not 32 bytes", field="signing_key"))
+        if faults:
+            raise InputError(faults)
