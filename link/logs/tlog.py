@@ -1,0 +1,252 @@
+"""MAVLink telemetry logs (``.tlog``): every message found and checked at millions a second, in little memory.
+
+A log is read in chunks, so that one of any size needs the memory of a chunk. What counts as a message is what pymavlink
+counts (`link.logs.tlog_kernels`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from link.logs import tlog_kernels as kernels
+from link.logs.dialect import crc_extras, message_type, name_of
+from models.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+CHUNK_BYTES = 4 * 1024 * 1024
+SEEK_EVERY = 64 * 1024
+"""Bytes between the points that a replay can jump to."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frames:
+    """The messages of one chunk of a log, in the order they were recorded.
+
+    Attributes
+    ----------
+    data : ndarray of uint8
+        The chunk.
+    base : int
+        Place of its first byte in the log.
+    offset : ndarray of int64, shape (messages,)
+        Place of each frame in the log; -1 where it is not in one piece there.
+    time_s : ndarray of float64
+        Stamp of the recorder's clock, POSIX seconds, unchecked.
+    number, system, component, length : ndarray
+        Message id, who sent it, and bytes of the frame.
+    """
+
+    data: NDArray[np.uint8]
+    base: int
+    offset: NDArray[np.int64]
+    time_s: NDArray[np.float64]
+    number: NDArray[np.int32]
+    system: NDArray[np.uint8]
+    component: NDArray[np.uint8]
+    length: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.offset)
+
+    def rows_of(self, name: str) -> NDArray[np.int64]:
+        """Rows of one type of message whose payload can be read."""
+        return np.flatnonzero((self.number == message_type(name).id) & (self.offset >= 0))
+
+    def decoded(self, name: str, rows: NDArray[np.int64]) -> NDArray[np.void]:
+        """Fields of messages of one type, as a structured array, shape (rows,)."""
+        layout = message_type(name).layout
+        start = self.offset[rows] - self.base
+        second = self.data[start] == kernels.V2
+        signed = second & ((self.data[np.minimum(start + 2, len(self.data) - 1)] & kernels.SIGNED) != 0)
+        payload = start + np.where(second, 10, 6)
+        length = self.length[rows] - np.where(second, 12, 8) - np.where(signed, 13, 0)
+        table = np.empty((len(rows), layout.itemsize), dtype=np.uint8)
+        kernels.gather(self.data, payload.astype(np.int64), length.astype(np.int64), table)
+        return np.asarray(table.view(layout).reshape(len(rows)))
+
+
+@dataclass(slots=True)
+class ScanState:
+    """What the parser remembers between chunks; a copy of it at a place lets the reading go on from there."""
+
+    state: NDArray[np.int64] = field(default_factory=lambda: _fresh_state())
+    clock: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    kept: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(2048, dtype=np.uint8))
+
+
+def _fresh_state() -> NDArray[np.int64]:
+    state = np.zeros(kernels.STATE_SIZE, dtype=np.int64)
+    state[kernels.EXPECTED] = 8
+    return state
+
+
+def read_frames(
+    path: Path, *, chunk_bytes: int = CHUNK_BYTES, begin: int = 0, memory: ScanState | None = None
+) -> Iterator[Frames]:
+    """Read the messages of a log chunk by chunk.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    chunk_bytes : int
+        Bytes held at a time, at least 64 kB.
+    begin : int
+        Where to begin, at the stamp before a frame; 0 is the start of the log.
+    memory : ScanState, optional
+        Filled with the counts of what was skipped.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    memory = memory or ScanState()
+    extras, table = crc_extras(), kernels.CRC_TABLE
+    buffer = np.empty(max(chunk_bytes, 1 << 16), dtype=np.uint8)
+    try:
+        with path.open("rb") as stream:
+            stream.seek(begin)
+            base, held = begin, 0
+            while not memory.state[kernels.ENDED]:
+                got = stream.readinto(memoryview(buffer)[held:])  # type: ignore[arg-type]
+                size = held + got
+                final = size < len(buffer)
+                out = _rows(size // 8 + 64)
+                count = kernels.scan_chunk(
+                    buffer, size, base, final, memory.state, memory.clock, memory.kept, extras, table, out
+                )
+                yield Frames(buffer, base, *(column[:count] for column in out))
+                cut = max(int(memory.state[kernels.POS]) - kernels.KEPT_BACK, 0)
+                buffer[: size - cut] = buffer[cut:size].copy()
+                held = size - cut
+                base += cut
+                memory.state[kernels.POS] -= cut
+    except OSError as error:
+        raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
+
+
+def _rows(most: int) -> tuple[NDArray[Any], ...]:
+    kinds = (np.int64, np.float64, np.int32, np.uint8, np.uint8, np.int32)
+    return tuple(np.empty(most, dtype=kind) for kind in kinds)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TlogIndex:
+    """What a log holds, and where its times lie.
+
+    Attributes
+    ----------
+    messages : int
+        Valid messages, as pymavlink counts them without BAD_DATA.
+    by_type : dict of str to int
+        By name.
+    by_system : dict of int to int
+        By MAVLink system id.
+    skipped_bytes, bad_records : int
+        Bytes that belong to no message, and the pieces they come in.
+    first_s, last_s : float
+        First and last believable stamp; NaN where there is none.
+    seek_time_s, seek_offset : ndarray, shape (points,)
+        Stamps, never decreasing, and places from which the log can be read on.
+    """
+
+    messages: int
+    by_type: dict[str, int]
+    by_system: dict[int, int]
+    skipped_bytes: int
+    bad_records: int
+    first_s: float
+    last_s: float
+    seek_time_s: NDArray[np.float64]
+    seek_offset: NDArray[np.int64]
+
+    def offset_at(self, time_s: float) -> int:
+        """Return a place in the log before everything recorded at `time_s` or later."""
+        point = int(np.searchsorted(self.seek_time_s, time_s, side="left")) - 1
+        return int(self.seek_offset[point]) if point >= 0 else 0
+
+
+class StampCheck:
+    """Believes a stamp that lies within 30 days of the last one believed; the first is the median of its chunk."""
+
+    REACH_S = 30 * 86_400.0
+
+    def __init__(self) -> None:
+        self.last_s = math.nan
+        self.highest_s = -math.inf
+        self.disbelieved = 0
+        self.backwards = 0
+        self.most_back_s = 0.0
+
+    def clean(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return times that never decrease: absurd stamps become the one before, and a clock set back stands still."""
+        if not len(time_s):
+            return time_s
+        middle = float(np.median(time_s)) if math.isnan(self.last_s) else self.last_s
+        good = np.abs(time_s - middle) <= self.REACH_S
+        self.disbelieved += int((~good).sum())
+        carried = np.where(good, time_s, -np.inf)
+        back = np.maximum.accumulate(np.concatenate(([self.highest_s], carried)))
+        drop = np.where(good, back[:-1] - time_s, 0.0)
+        self.backwards += int((np.diff(time_s, prepend=time_s[0]) < 0.0)[good].sum())
+        self.most_back_s = max(self.most_back_s, float(drop.max(initial=0.0)))
+        self.highest_s = float(back[-1])
+        if good.any():
+            self.last_s = float(time_s[good][-1])
+        return np.maximum(back[1:], middle - self.REACH_S)
+
+
+def scan(path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> TlogIndex:
+    """Find and count every message of a log; memory does not grow with it.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    memory, check = ScanState(), StampCheck()
+    types: Counter[int] = Counter()
+    systems = np.zeros(256, dtype=np.int64)
+    points: list[tuple[float, int]] = []
+    first_s = math.nan
+    for frames in read_frames(path, chunk_bytes=chunk_bytes, memory=memory):
+        if not len(frames):
+            continue
+        times = check.clean(frames.time_s)
+        first_s = float(times[0]) if math.isnan(first_s) else first_s
+        dense = frames.number < kernels.DENSE_IDS
+        counted = np.bincount(frames.number[dense])
+        types.update({int(number): int(counted[number]) for number in np.flatnonzero(counted)})
+        types.update(frames.number[~dense].tolist())
+        systems += np.bincount(frames.system, minlength=256)
+        points += _seek_points(frames, times)
+    state = memory.state
+    return TlogIndex(
+        messages=sum(types.values()),
+        by_type={name_of(number): count for number, count in sorted(types.items())},
+        by_system={int(system): int(systems[system]) for system in np.flatnonzero(systems)},
+        skipped_bytes=int(state[kernels.BAD_BYTES] + state[kernels.STAMP_BYTES]),
+        bad_records=int(state[kernels.BAD]),
+        first_s=first_s,
+        last_s=check.highest_s if math.isfinite(check.highest_s) else math.nan,
+        seek_time_s=np.array([time_s for time_s, _ in points], dtype=np.float64),
+        seek_offset=np.array([offset for _, offset in points], dtype=np.int64),
+    )
+
+
+def _seek_points(frames: Frames, times: NDArray[np.float64]) -> list[tuple[float, int]]:
+    """Return one frame for every so many bytes: time, and place of the stamp before it."""
+    whole = np.flatnonzero(frames.offset >= 8)
+    first = whole[np.flatnonzero(np.diff(frames.offset[whole] // SEEK_EVERY, prepend=-1))]
+    return [(float(times[row]), int(frames.offset[row]) - 8) for row in first]
