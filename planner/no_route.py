@@ -58,9 +58,11 @@ def no_route(problem: Problem, outlook: Outlook) -> NoRouteError:
     a, b = network.stations[int(network.tail[least])].id, network.stations[int(network.head[least])].id
     where = f"segment {a} > {b} ({network.distance_m[least] / 1000:.1f} km)"
     if not math.isfinite(charge[least]):
+        drone = problem.drone
         message = (
-            f"no route from {start} to {goal}: the wind stays above the limits of {problem.drone.id} "
-            f"({problem.drone.wind_limit_mps:g} m/s) on {where} throughout the forecast"
+            f"no route from {start} to {goal}: throughout the forecast the wind on {where} is above the limit of "
+            f"{drone.id} ({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of "
+            f"{problem.air.airspeed_mps:g} m/s"
         )
         return NoRouteError(message, constraint="wind")
     escape = ""

@@ -54,7 +54,8 @@ class ForwardSearch:
     problem : Problem
         What to solve.
     charge_aware : bool
-        Judge the rest of the way by flight and charging time, not by flight time alone.
+        Judge the rest of the way by flight and charging time, not by flight time alone, and overfly stations at which
+        there is nothing to do.
     """
 
     def __init__(self, problem: Problem, *, charge_aware: bool = False) -> None:
@@ -62,6 +63,7 @@ class ForwardSearch:
         self.full = problem.request.recharge == "full"
         self.factor = 1.0 + charging_time_per_flight_s(problem) if charge_aware else 1.0
         self.outlook = Outlook(problem)
+        self.overfly = charge_aware
         self._dead: dict[int, float] = {}
         self._on_path = {problem.origin}
         self._closed_ways: set[int] = set()
@@ -104,7 +106,8 @@ class ForwardSearch:
             frames.append(_Frame(choice.node, arrive, following, hop))
             self._on_path.add(choice.node)
             if choice.node == p.destination:
-                return tuple(frame.hop for frame in frames if frame.hop is not None)
+                hops = [frame.hop for frame in frames if frame.hop is not None]
+                return _overflying(hops) if self.overfly else tuple(hops)
         raise no_route(p, self.outlook)
 
     def _candidates(self, node: int, time_s: float, soc: float, came_from: int) -> Iterator[Reachable]:
@@ -140,3 +143,15 @@ class ForwardSearch:
                 continue
             rank_s = self.outlook.ranked(one, time_s, full=self.full, factor=self.factor)
             heapq.heappush(heap, (rank_s, number, True, one))
+
+
+def _overflying(hops: list[Hop]) -> Itinerary:
+    """Join flights between which the drone would land only to leave: each landing saved saves time and charge."""
+    joined_hops: list[Hop] = []
+    for hop in hops:
+        if joined_hops and hop.charge_to is None and math.isinf(hop.not_before_s):
+            before = joined_hops[-1]
+            joined_hops[-1] = Hop(before.segments + hop.segments, before.charge_to, before.not_before_s)
+        else:
+            joined_hops.append(hop)
+    return tuple(joined_hops)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from models.errors import Fault, InfeasibleError, InputError
+from models.errors import Fault, InfeasibleError, InputError, NoRouteError
 from models.units import S_PER_H, S_PER_MIN
 from planner.course_kernels import TOUCH_DOWN
 from planner.exact import ExactSearch
@@ -52,6 +52,8 @@ FORECAST_PLANNERS: Mapping[str, Callable[[Problem], Search]] = {
     "pfs-charge-aware": lambda problem: ForwardSearch(problem, charge_aware=True),
 }
 """Planners that know the forecast only."""
+SMALL_NETWORK = 200
+"""Up to this many stations the waits are forecast for all of them beforehand; else as the search meets them."""
 CLAIRVOYANT_PLANNERS = ("ies", "exact")
 """Planners that are told the truth."""
 PLANNERS = (*FORECAST_PLANNERS, *CLAIRVOYANT_PLANNERS)
@@ -114,7 +116,7 @@ def plan(
             errors.append(error)
             rejected[drone.id] = str(error)
     if not answers:
-        raise errors[0]
+        raise _none(errors)
     best = min(answers, key=lambda answer: answer.outcome.mean_s)
     for answer in answers:
         if answer is not best:
@@ -163,6 +165,12 @@ def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -
     return chosen
 
 
+def _none(errors: list[InfeasibleError]) -> InfeasibleError:
+    """Tell why no drone of the fleet has a composition, a line for each different reason."""
+    reasons = list(dict.fromkeys(str(error) for error in errors))
+    return errors[0] if len(reasons) == 1 else NoRouteError("\n".join(reasons), constraint=errors[0].constraint)
+
+
 def _doubts(problem: Problem, course: NDArray[np.float64], summary: Outcome) -> tuple[str, ...]:
     """Say where the plan promises less than was asked for."""
     doubts = []
@@ -200,6 +208,8 @@ def _compose_for(
     if problem.origin == problem.destination:
         raise InputError(Fault("start and destination are the same", field="destination", value=request.destination))
     if planner in FORECAST_PLANNERS:
+        if len(problem.network) <= SMALL_NETWORK:
+            problem.waits.need(np.arange(len(problem.network)))
         search = FORECAST_PLANNERS[planner](problem)
         started = time.perf_counter()
         itinerary = search.solve()

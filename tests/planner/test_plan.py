@@ -154,7 +154,7 @@ def test_no_route_names_the_constraint_that_binds(newyork, steady):
         plan(far, ask("siuh-north", far.network.stations[-1].id), planner="pfs", forecast=steady)
     assert caught.value.constraint == "disconnected"
     storm = constant_wind(25.0, 0.0, AFTERNOON, HORIZON_H, 40.75, -73.95, 60.0)
-    with pytest.raises(NoRouteError, match="wind stays above the limits") as caught:
+    with pytest.raises(NoRouteError, match="throughout the forecast the wind on") as caught:
         plan(newyork, ask("siuh-north", "montefiore"), planner="pfs", forecast=storm)
     assert caught.value.constraint == "wind"
     with pytest.raises(NoRouteError, match="% of the battery") as caught:
