@@ -78,7 +78,9 @@ Delay = Annotated[float, typer.Option("--delay", help="Seconds each packet is la
 Jitter = Annotated[float, typer.Option("--jitter", help="Up to so many seconds more.")]
 Duplicate = Annotated[float, typer.Option("--duplicate", help="Share of packets that come twice, 0-1.")]
 Reorder = Annotated[float, typer.Option("--reorder", help="Share of packets held back, 0-1.")]
-FAULT_HELP = "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s; repeatable."
+FAULT_HELP = (
+    "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s; repeatable. See docs/reference/sim.md."
+)
 Faults = Annotated[list[str] | None, typer.Option("--fault", help=FAULT_HELP, show_default=False)]
 Parameters = Annotated[
     list[str] | None,
@@ -178,9 +180,12 @@ def _run(world: World, loop: SocketLoop, told: list[str], lasting: float | None,
     """Run until the time is over or somebody stops it; Ctrl-C is the usual end and no error."""
     for line in told:
         typer.echo(json.dumps({"listening": line}) if as_json else line)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: loop.stop())
-    loop.run(None if lasting is None else lambda: world.sim_s >= lasting)
+    before = {number: signal.signal(number, lambda *_: loop.stop()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        loop.run(None if lasting is None else lambda: world.sim_s >= lasting)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
     if not as_json:
         typer.echo(f"{world.sim_s:10.2f} s  ended")
 
