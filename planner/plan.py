@@ -17,7 +17,7 @@ from planner.ies import ExhaustiveSearch
 from planner.itinerary import compose, fly_sampled, fly_true, outcome, typical_member
 from planner.pfs import ForwardSearch
 from planner.pfs_strict import StrictForwardSearch
-from planner.problem import HORIZON_H, Problem
+from planner.problem import HORIZON_H, ExpectedWaits, Problem
 from planner.result import Comparison, PlanResult
 from planner.shortest import ShortestFlight
 from planner.skyline import skyline
@@ -109,9 +109,12 @@ def plan(
     answers: list[PlanResult] = []
     rejected: dict[str, str] = {}
     errors: list[InfeasibleError] = []
+    waits: ExpectedWaits | None = None
     for drone in candidates(scenario, request, rejected):
+        problem = Problem(scenario, request, drone, wind, waits=waits)
+        waits = problem.waits
         try:
-            answers.append(_compose_for(drone, scenario, request, planner, wind, time_limit_s, progress))
+            answers.append(_solve(problem, planner, time_limit_s, progress))
         except InfeasibleError as error:
             errors.append(error)
             rejected[drone.id] = str(error)
@@ -195,18 +198,13 @@ def _truth(forecast: WindEnsemble, truth: WindEnsemble | None, planner: str) -> 
     return truth
 
 
-def _compose_for(
-    drone: Drone,
-    scenario: Scenario,
-    request: Request,
-    planner: str,
-    wind: WindEnsemble,
-    time_limit_s: float,
-    progress: Callable[[int, float], None] | None,
+def _solve(
+    problem: Problem, planner: str, time_limit_s: float, progress: Callable[[int, float], None] | None
 ) -> PlanResult:
-    problem = Problem(scenario, request, drone, wind)
+    """Compose for one drone."""
     if problem.origin == problem.destination:
-        raise InputError(Fault("start and destination are the same", field="destination", value=request.destination))
+        value = problem.request.destination
+        raise InputError(Fault("start and destination are the same", field="destination", value=value))
     if planner in FORECAST_PLANNERS:
         if len(problem.network) <= SMALL_NETWORK:
             problem.waits.need(np.arange(len(problem.network)))

@@ -53,7 +53,15 @@ class Problem:
         On a full battery, keeping the reserve.
     """
 
-    def __init__(self, scenario: Scenario, request: Request, drone: Drone, ensemble: WindEnsemble) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        request: Request,
+        drone: Drone,
+        ensemble: WindEnsemble,
+        *,
+        waits: ExpectedWaits | None = None,
+    ) -> None:
         self.scenario = scenario
         self.request = request
         self.drone = drone
@@ -82,6 +90,8 @@ class Problem:
             climb = drone.energy_model.power_w(drone.mass_kg + request.payload_kg, "climb") / drone.battery_j
             self.depart_s -= self.rules.climb_s
             self.soc += climb * self.rules.climb_s
+        if waits is not None:
+            self.__dict__["waits"] = waits  # they do not depend on the drone
 
     def _node(self, identity: str, field: str) -> int:
         if identity not in self.network.index:
@@ -209,7 +219,7 @@ class ExpectedWaits:
     """
 
     def __init__(self, problem: Problem) -> None:
-        self._problem = problem
+        self._load, self._pads, self._busy = problem.load, problem.network.pads, problem.busy
         self.start_s = problem.depart_s
         self.step_s = 600.0
         points = round(HORIZON_H * 3600.0 / self.step_s) + 1
@@ -230,9 +240,8 @@ class ExpectedWaits:
         wanted = wanted[~self._known[wanted]]
         if not len(wanted):
             return
-        p = self._problem
         found = forecast_waits(
-            p.load, p.network.pads, wanted.tolist(), self.start_s, HORIZON_H, p.busy, step_s=self.step_s
+            self._load, self._pads, wanted.tolist(), self.start_s, HORIZON_H, self._busy, step_s=self.step_s
         )
         for node, forecast in found.items():
             count = min(self.wait_s.shape[1], len(forecast.wait_s))
