@@ -54,6 +54,7 @@ class ArduPilot(Autopilot):
     REMOTE_CONTROL_LOST: ClassVar[str] = "Radio Failsafe"
     POSITION_LOST: ClassVar[str] = "EKF Failsafe: changed to LAND Mode"
     FENCE_BREACHED: ClassVar[str] = "Fence Breached"
+    GRIPPER_ENABLE: ClassVar[str] = "GRIP_ENABLE"
     READY_AFTER_S: ClassVar[float] = 40.0
     BOOT_S: ClassVar[float] = 4.0
     MODE_REFUSED: ClassVar[Result] = Result.FAILED
@@ -245,8 +246,8 @@ class ArduPilot(Autopilot):
         return math.nan
 
     def delay_s(self, item: Item) -> float:
-        """p1 seconds, or until the UTC time of day in p2, p3, p4 where p1 is negative."""
-        if item.p1 >= 0.0:
+        """p1 seconds; where that is 0 or less, until the UTC time of day in p2, p3, p4: midnight, if they are 0."""
+        if item.p1 > 0.0:
             return min(item.p1, 1e7)
         wanted = max(item.p2, 0.0) * 3600.0 + max(item.p3, 0.0) * 60.0 + max(item.p4, 0.0)
         return (wanted - self.vehicle.posix_s) % 86_400.0

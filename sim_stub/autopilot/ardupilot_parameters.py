@@ -51,6 +51,8 @@ TABLE = (
     ("FS_OPTIONS", INT32, 16),
     ("FS_THR_ENABLE", INT8, 1),
     ("FS_VIBE_ENABLE", INT8, 1),
+    ("GRIP_ENABLE", INT8, 0),
+    ("GRIP_TYPE", INT8, 0),
     ("GUID_OPTIONS", INT32, 0),
     ("GUID_TIMEOUT", REAL32, 3.0),
     ("INS_GYR_CAL", INT8, 1),

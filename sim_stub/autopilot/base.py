@@ -51,6 +51,7 @@ class Autopilot(ABC):
     REMOTE_CONTROL_LOST: ClassVar[str]
     POSITION_LOST: ClassVar[str]
     FENCE_BREACHED: ClassVar[str]
+    GRIPPER_ENABLE: ClassVar[str]
     READY_AFTER_S: ClassVar[float]
     BOOT_S: ClassVar[float]
     conditions_wait: ClassVar[bool] = True
@@ -348,12 +349,16 @@ class Autopilot(ABC):
             case _:
                 pass
 
-    def move_gripper(self, *, close: bool) -> None:
-        """Close the gripper, or open it and let the package go."""
+    def move_gripper(self, *, close: bool) -> bool:
+        """Close the gripper, or open it and let the package go; False where none is enabled."""
+        if self.parameters[self.GRIPPER_ENABLE] != 1.0:
+            self.event("no gripper is enabled: nothing moves")
+            return False
         if self.gripper_closed and not close and self.body.payload_kg > 0.0:
             self.event(f"package of {self.body.payload_kg:g} kg released {self.vehicle.place()}")
             self.body.payload_kg = 0.0
         self.gripper_closed = close
+        return True
 
     def item_begun(self, index: int) -> None:
         """Report the new current item."""

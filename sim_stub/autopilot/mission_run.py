@@ -120,6 +120,8 @@ class MissionRun:
             if item.command in NAV_COMMANDS:
                 break
             if item.command == Command.COMPONENT_ARM_DISARM and item.p1 == 0.0:
+                for number in passed:
+                    pilot.execute(self.items[number])
                 self.current = index + 1
                 self.state = MissionState.ACTIVE
                 pilot.disarm_in_mission()

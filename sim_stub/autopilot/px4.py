@@ -50,6 +50,7 @@ class Px4(Autopilot):
     REMOTE_CONTROL_LOST: ClassVar[str] = "Manual control lost"
     POSITION_LOST: ClassVar[str] = "Failsafe activated: position estimate lost, blind land"
     FENCE_BREACHED: ClassVar[str] = "Geofence violation"
+    GRIPPER_ENABLE: ClassVar[str] = "PD_GRIPPER_EN"
     READY_AFTER_S: ClassVar[float] = 8.0
     BOOT_S: ClassVar[float] = 3.0
     MODE_REFUSED: ClassVar[Result] = Result.DENIED

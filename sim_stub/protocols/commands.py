@@ -380,8 +380,8 @@ class CommandServer:
     def _gripper(self, order: Order) -> Result:
         if order.p[1] not in (0.0, 1.0):
             return Result.DENIED
-        self.vehicle.autopilot.move_gripper(close=order.p[1] == 1.0)
-        return Result.ACCEPTED
+        moved = self.vehicle.autopilot.move_gripper(close=order.p[1] == 1.0)
+        return Result.ACCEPTED if moved else Result.FAILED
 
     def _land_start(self, order: Order) -> Result:
         pilot = self.vehicle.autopilot

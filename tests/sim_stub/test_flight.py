@@ -8,6 +8,7 @@ from station import JUMP, LAND, LAT, NAN, SPEED, TAKEOFF, WAYPOINT, Stage, item,
 from sim_stub.physics import offset_m
 from sim_stub.wind_truth import ConstantWind
 
+GRIPPER = {"px4": (("PD_GRIPPER_EN", 1),), "ardupilot": (("GRIP_ENABLE", 1),)}
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 
 
@@ -57,7 +58,7 @@ def test_do_jump_repeats_a_leg_as_often_as_it_says(autopilot):
 
 @BOTH
 def test_a_waypoint_holds_as_long_as_it_says_and_a_gripper_lets_go(autopilot):
-    stage = Stage(autopilot, payload_kg=1.0)
+    stage = Stage(autopilot, payload_kg=1.0, parameters=GRIPPER[autopilot])
     stage.station.upload(
         stage.mission(item(TAKEOFF), item(WAYPOINT, 100, p=(20, 0, 0, NAN)), plain(211, 1, 0), item(LAND, 100, z=0))
     )

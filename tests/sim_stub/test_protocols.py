@@ -114,6 +114,8 @@ def test_home_can_be_set_and_asked_for(autopilot):
 @BOTH
 def test_a_gripper_obeys_and_says_so(autopilot):
     stage = Stage(autopilot, payload_kg=0.7)
+    assert stage.station.command(211, 1, 0) == 4, "none is enabled"
+    stage.pilot.parameters.set({"px4": "PD_GRIPPER_EN", "ardupilot": "GRIP_ENABLE"}[autopilot], 1.0)
     assert stage.station.command(211, 1, 0) == 0
     assert stage.vehicle.body.payload_kg == 0.0
     assert stage.happened("package of 0.7 kg released")
