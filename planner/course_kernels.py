@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from models.compiled import compiled
-from models.flight_kernels import NEVER, land, next_opening, segment_speed, slot_end, slot_of
+from models.flight_kernels import NEVER, next_opening, segment_speed, slot_end, slot_of
+from planner.evaluation_kernels import gusty_land, plain_sky
 from planner.profile_kernels import interpolate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from models.flight import Air
+    from planner.evaluation_kernels import Sky
 
 PAD, TAKE_OFF, TOUCH_DOWN, SOC_OFF, SOC_DOWN, READY = range(6)
 """Columns of what `fly` returns: pad reached (the arrival where no pad is used), take-off, touch-down, charge at both,
@@ -43,7 +45,7 @@ class Hops(NamedTuple):
 
 
 class Queues(NamedTuple):
-    """Queue paths of each run at the stop before each hop, packed by `models.queue_paths.pack` in order (run, hop)."""
+    """Sets of queue paths, one path for the stop before each hop, packed by `models.queue_paths.pack` in order (set, hop)."""
 
     offset: NDArray[np.int64]
     arrival_s: NDArray[np.float64]
@@ -78,7 +80,6 @@ def _sampled(ready_s: NDArray[np.float64], queues: Queues, entry: int, time_s: f
     return max(time_s, ready_s[max(k, low)])
 
 
-@compiled
 def fly(
     air: Air,
     members: NDArray[np.int64],
@@ -88,10 +89,27 @@ def fly(
     start: tuple[float, float],
     cost: tuple[float, float],
 ) -> NDArray[np.float64]:
-    """Fly an itinerary in several runs.
+    """Fly an itinerary in several runs with one set of queues each; see `fly_under`."""
+    return fly_under(plain_sky(len(members)), air, members, hops, queues, waits, start, cost)
+
+
+@compiled
+def fly_under(
+    sky: Sky,
+    air: Air,
+    members: NDArray[np.int64],
+    hops: Hops,
+    queues: Queues,
+    waits: Waits,
+    start: tuple[float, float],
+    cost: tuple[float, float],
+) -> NDArray[np.float64]:
+    """Fly an itinerary in several runs, through gusts and with errors of energy.
 
     Parameters
     ----------
+    sky : Sky
+        Gusts, errors of energy, and which set of queues each run meets.
     air : Air
         The wind.
     members : ndarray of int, shape (runs,)
@@ -99,7 +117,7 @@ def fly(
     hops : Hops
         The itinerary.
     queues : Queues
-        One sampled path per run and hop; with no entries, the expected waits are used instead.
+        One sampled path per set and hop; with no entries, the expected waits are used instead.
     waits : Waits
         Expected waits.
     start : (time_s, soc)
@@ -119,11 +137,11 @@ def fly(
         now, soc = start
         for hop in range(count):
             segments = hops.segments[hops.offset[hop] : hops.offset[hop + 1]]
-            entry = run * count + hop
+            entry = sky.queue[run] * count + hop
             joined = now  # a drone that hovers for a spot keeps its place in the queue
             if hop > 0 and sampled:
                 spot = _sampled(queues.land_s, queues, entry, now)
-                soc -= cost[0] * (spot - now)
+                soc -= sky.energy[run] * cost[0] * (spot - now)
                 out[run, hop - 1, TOUCH_DOWN], out[run, hop - 1, SOC_DOWN] = spot, soc
                 now = spot
             pad = now
@@ -150,8 +168,8 @@ def fly(
                 off,
                 soc,
             )
-            now = land(air, members[run], segments, off)
-            soc -= cost[1] + cost[0] * (now - off)
+            now = gusty_land(air, members[run], segments, off, sky.gust_key[run], sky.gust_sd, sky.gust_time_s)
+            soc -= sky.energy[run] * (cost[1] + cost[0] * (now - off))
             out[run, hop, TOUCH_DOWN], out[run, hop, SOC_DOWN] = now, soc
     return out
 

@@ -68,7 +68,7 @@ Itinerary = tuple[Hop, ...]
 
 def fly_expected(problem: Problem, itinerary: Itinerary) -> NDArray[np.float64]:
     """Fly an itinerary in every member with expected waits, shape (members, hops, 6); see `course_kernels`."""
-    nodes = _stop_nodes(problem, itinerary)
+    nodes = stop_nodes(problem, itinerary)
     problem.waits.need(nodes)
     waits = Waits(problem.waits.start_s, problem.waits.step_s, problem.waits.wait_s[nodes])
     none = Queues(np.zeros(1, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0))
@@ -80,25 +80,25 @@ def fly_sampled(
     problem: Problem, itinerary: Itinerary, samples: int = SAMPLES_PER_MEMBER
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly an itinerary in every member with sampled queues: (runs, shape (runs, hops, 6); probability, shape (runs,))."""
-    nodes = _stop_nodes(problem, itinerary)
+    nodes = stop_nodes(problem, itinerary)
     sets = [problem.queue_paths(dict.fromkeys(nodes), sample) for sample in range(samples)]
     members = np.repeat(np.arange(len(problem.probability)), samples)
     paths = [sets[run % samples][node] for run in range(len(members)) for node in nodes]
-    runs = _fly(problem, itinerary, members, Queues(*pack(paths)), _no_waits(len(itinerary)))
+    runs = _fly(problem, itinerary, members, Queues(*pack(paths)), no_waits(len(itinerary)))
     return runs, np.repeat(problem.probability / samples, samples)
 
 
 def fly_true(problem: Problem, itinerary: Itinerary, queues: dict[int, QueuePath]) -> NDArray[np.float64]:
     """Fly an itinerary in the first member with given queues, shape (1, hops, 6)."""
-    paths = [queues.get(node) or no_queue() for node in _stop_nodes(problem, itinerary)]
-    return _fly(problem, itinerary, np.zeros(1, dtype=np.int64), Queues(*pack(paths)), _no_waits(len(itinerary)))
+    paths = [queues.get(node) or no_queue() for node in stop_nodes(problem, itinerary)]
+    return _fly(problem, itinerary, np.zeros(1, dtype=np.int64), Queues(*pack(paths)), no_waits(len(itinerary)))
 
 
-def _no_waits(hops: int) -> Waits:
+def no_waits(hops: int) -> Waits:
     return Waits(0.0, 1.0, np.zeros((hops, 1)))
 
 
-def _stop_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
+def stop_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
     """Node of the stop before each hop."""
     return [int(problem.network.tail[hop.segments[0]]) for hop in itinerary]
 
@@ -106,10 +106,17 @@ def _stop_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
 def _fly(
     problem: Problem, itinerary: Itinerary, members: NDArray[np.int64], queues: Queues, waits: Waits
 ) -> NDArray[np.float64]:
+    start = (float(problem.depart_s), float(problem.soc))
+    cost = (float(problem.soc_per_s), float(problem.soc_fixed))
+    return fly(problem.air, members, hops_of(problem, itinerary), queues, waits, start, cost)
+
+
+def hops_of(problem: Problem, itinerary: Itinerary) -> Hops:
+    """Lay an itinerary out as arrays for `course_kernels`."""
     offset = np.cumsum([0, *(len(hop.segments) for hop in itinerary)])
-    curves = [problem.curve(node) for node in _stop_nodes(problem, itinerary)]
+    curves = [problem.curve(node) for node in stop_nodes(problem, itinerary)]
     points = max(len(time) for time, _ in curves)
-    hops = Hops(
+    return Hops(
         offset=offset.astype(np.int64),
         segments=np.array([segment for hop in itinerary for segment in hop.segments], dtype=np.int64),
         charge_to=np.array([math.nan if hop.charge_to is None else hop.charge_to for hop in itinerary]),
@@ -117,9 +124,6 @@ def _fly(
         curve_s=np.array([np.pad(time, (0, points - len(time)), mode="edge") for time, _ in curves]),
         curve_soc=np.array([np.pad(soc, (0, points - len(soc)), mode="edge") for _, soc in curves]),
     )
-    start = (float(problem.depart_s), float(problem.soc))
-    cost = (float(problem.soc_per_s), float(problem.soc_fixed))
-    return fly(problem.air, members, hops, queues, waits, start, cost)
 
 
 def weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64], q: float) -> float:
