@@ -47,8 +47,9 @@ class TelemetrySample:
         0 to 1.
     soc : float
         State of charge, 0 to 1 of nameplate.
-    voltage_v, current_a : float
-        Of the main battery; the current is positive when it is discharged.
+    voltage_v, current_a, power_w : float
+        Of the main battery; current and power are positive when it is discharged. Power is their product where both are
+        known, else what the log says.
     armed, landed : float
         1 yes, 0 no.
     fixed_wing : float
@@ -78,16 +79,12 @@ class TelemetrySample:
     soc: float = math.nan
     voltage_v: float = math.nan
     current_a: float = math.nan
+    power_w: float = math.nan
     armed: float = math.nan
     landed: float = math.nan
     fixed_wing: float = math.nan
     mission_item: float = math.nan
     mode: float = math.nan
-
-    @property
-    def power_w(self) -> float:
-        """Electrical power taken from the battery, W; NaN where it is not known."""
-        return self.voltage_v * self.current_a
 
     @property
     def ground_speed_mps(self) -> float:
@@ -148,11 +145,6 @@ class TelemetryTrack:
     def __getitem__(self, quantity: str) -> NDArray[np.float64]:
         """Return one quantity, shape (samples,)."""
         return self.values[:, COLUMN[quantity]]
-
-    @property
-    def power_w(self) -> NDArray[np.float64]:
-        """Electrical power, W, shape (samples,)."""
-        return self["voltage_v"] * self["current_a"]
 
     def part(self, chosen: NDArray[np.bool_] | slice) -> TelemetryTrack:
         """Return some of the samples."""

@@ -157,8 +157,8 @@ class TlogIndex:
         Bytes that belong to no message, and the pieces they come in.
     first_s, last_s : float
         First and last believable stamp; NaN where there is none.
-    seek_time_s, seek_offset : ndarray, shape (points,)
-        Stamps, never decreasing, and places from which the log can be read on.
+    seek_time_s, seek_offset, seek_shift_s : ndarray, shape (points,)
+        Times, never decreasing; places from which the log can be read on; how far the clock had been set back by then.
     """
 
     messages: int
@@ -170,41 +170,56 @@ class TlogIndex:
     last_s: float
     seek_time_s: NDArray[np.float64]
     seek_offset: NDArray[np.int64]
+    seek_shift_s: NDArray[np.float64]
 
-    def offset_at(self, time_s: float) -> int:
-        """Return a place in the log before everything recorded at `time_s` or later."""
+    def offset_at(self, time_s: float) -> tuple[int, float]:
+        """Return a place in the log before everything recorded at `time_s` or later, and the clock's shift there."""
         point = int(np.searchsorted(self.seek_time_s, time_s, side="left")) - 1
-        return int(self.seek_offset[point]) if point >= 0 else 0
+        return (int(self.seek_offset[point]), float(self.seek_shift_s[point])) if point >= 0 else (0, 0.0)
 
 
 class StampCheck:
-    """Believes a stamp that lies within 30 days of the last one believed; the first is the median of its chunk."""
+    """Makes stamps into times that never decrease.
+
+    A stamp is believed within 30 days of the last one believed (the first: of the median of its chunk), else it is taken as
+    the one before. Steps back of up to `JITTER_S` are held; where the clock was set back by more, what follows is shifted.
+
+    Parameters
+    ----------
+    shift_s : float
+        Shift already in force where the reading begins.
+    """
 
     REACH_S = 30 * 86_400.0
+    JITTER_S = 1.0
 
-    def __init__(self) -> None:
+    def __init__(self, shift_s: float = 0.0) -> None:
+        self.shift_s = shift_s
         self.last_s = math.nan
         self.highest_s = -math.inf
         self.disbelieved = 0
-        self.backwards = 0
-        self.most_back_s = 0.0
+        self.held = 0
+        self.set_back: list[float] = []
 
     def clean(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return times that never decrease: absurd stamps become the one before, and a clock set back stands still."""
+        """Return the times of stamps, shape (messages,)."""
         if not len(time_s):
             return time_s
         middle = float(np.median(time_s)) if math.isnan(self.last_s) else self.last_s
         good = np.abs(time_s - middle) <= self.REACH_S
         self.disbelieved += int((~good).sum())
-        carried = np.where(good, time_s, -np.inf)
-        back = np.maximum.accumulate(np.concatenate(([self.highest_s], carried)))
-        drop = np.where(good, back[:-1] - time_s, 0.0)
-        self.backwards += int((np.diff(time_s, prepend=time_s[0]) < 0.0)[good].sum())
-        self.most_back_s = max(self.most_back_s, float(drop.max(initial=0.0)))
-        self.highest_s = float(back[-1])
-        if good.any():
-            self.last_s = float(time_s[good][-1])
-        return np.maximum(back[1:], middle - self.REACH_S)
+        place = np.maximum.accumulate(np.where(good, np.arange(len(time_s)), -1))
+        filled = np.where(place >= 0, time_s[place], middle)
+        step = np.diff(filled, prepend=middle if not math.isnan(self.last_s) else filled[0])
+        jumps = np.where(step < -self.JITTER_S, -step, 0.0)
+        self.set_back += jumps[jumps > 0.0].tolist()
+        self.held += int(((step < 0.0) & (jumps == 0.0)).sum())
+        times = filled + self.shift_s + np.cumsum(jumps)
+        times = np.maximum.accumulate(np.maximum(times, self.highest_s))
+        self.shift_s += float(jumps.sum())
+        self.highest_s = float(times[-1])
+        self.last_s = float(filled[-1])
+        return np.asarray(times)
 
 
 def scan(path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> TlogIndex:
@@ -218,7 +233,7 @@ def scan(path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> TlogIndex:
     memory, check = ScanState(), StampCheck()
     types: Counter[int] = Counter()
     systems = np.zeros(256, dtype=np.int64)
-    points: list[tuple[float, int]] = []
+    points: list[tuple[float, int, float]] = []
     first_s = math.nan
     for frames in read_frames(path, chunk_bytes=chunk_bytes, memory=memory):
         if not len(frames):
@@ -240,13 +255,15 @@ def scan(path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> TlogIndex:
         bad_records=int(state[kernels.BAD]),
         first_s=first_s,
         last_s=check.highest_s if math.isfinite(check.highest_s) else math.nan,
-        seek_time_s=np.array([time_s for time_s, _ in points], dtype=np.float64),
-        seek_offset=np.array([offset for _, offset in points], dtype=np.int64),
+        seek_time_s=np.array([point[0] for point in points], dtype=np.float64),
+        seek_offset=np.array([point[1] for point in points], dtype=np.int64),
+        seek_shift_s=np.array([point[2] for point in points], dtype=np.float64),
     )
 
 
-def _seek_points(frames: Frames, times: NDArray[np.float64]) -> list[tuple[float, int]]:
-    """Return one frame for every so many bytes: time, and place of the stamp before it."""
-    whole = np.flatnonzero(frames.offset >= 8)
+def _seek_points(frames: Frames, times: NDArray[np.float64]) -> list[tuple[float, int, float]]:
+    """Return one frame for every so many bytes: time, place of the stamp before it, and shift of the clock there."""
+    shift = times - frames.time_s
+    whole = np.flatnonzero((frames.offset >= 8) & (np.abs(shift) < StampCheck.REACH_S))
     first = whole[np.flatnonzero(np.diff(frames.offset[whole] // SEEK_EVERY, prepend=-1))]
-    return [(float(times[row]), int(frames.offset[row]) - 8) for row in first]
+    return [(float(times[row]), int(frames.offset[row]) - 8, float(shift[row])) for row in first]

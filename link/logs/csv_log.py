@@ -1,0 +1,271 @@
+"""Logs as tables (``.csv``, ``.csv.gz``), by a mapping of their columns to the quantities of telemetry.
+
+Columns that carry the names of `models.telemetry.TelemetrySample` need no mapping; `skyway replay --csv` writes such
+a table. A mapping is a TOML file (``schema = "skyway.log-columns/1"``), see ``docs/how-to/replay.md``.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from link.logs.log import LogSummary
+from link.logs.messages import euler
+from models.errors import Fault, InputError
+from models.fields import Table, finite, read_toml
+from models.files import read_text
+from models.telemetry import QUANTITIES, TelemetryTrack, TimeBase
+from models.units import parse_instant
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+SCHEMA = "skyway.log-columns/1"
+MAX_BYTES = 512 * 1024 * 1024
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_TIME_NAMES = {"time_utc": "iso", "time_s": "s", "time": "s", "timestamp": "s"}
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnOf:
+    """Where a quantity stands: ``column * factor + offset``."""
+
+    column: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class LogColumns:
+    """Which column of a table is what.
+
+    Attributes
+    ----------
+    time, time_unit : str
+        Column of the time, and ``iso``, ``s``, ``ms`` or ``us``; numbers count from the log's own zero unless they are
+        plainly POSIX seconds.
+    quantities : dict of str to ColumnOf
+        By the names of `TelemetrySample`.
+    quaternion_ned_frd : tuple of str
+        Columns w, x, y, z of the attitude that turns the body (forward, right, down) into north-east-down.
+    quaternion_enu_flu : tuple of str
+        Columns x, y, z, w of the attitude that turns the body (forward, left, up) into east-north-up.
+    velocity_flu : tuple of str
+        Columns of the velocity in that body frame (forward, left, up).
+    payload : ColumnOf or None
+        Mass of the package, kg.
+    """
+
+    time: str
+    time_unit: str
+    quantities: dict[str, ColumnOf] = field(default_factory=dict)
+    quaternion_ned_frd: tuple[str, ...] = ()
+    quaternion_enu_flu: tuple[str, ...] = ()
+    velocity_flu: tuple[str, ...] = ()
+    payload: ColumnOf | None = None
+
+
+M100 = LogColumns(
+    time="time",
+    time_unit="s",
+    quantities={
+        "lat_deg": ColumnOf("position_y"),
+        "lon_deg": ColumnOf("position_x"),
+        "height_m": ColumnOf("position_z"),
+        "power_w": ColumnOf("y"),
+    },
+    quaternion_enu_flu=("orientation_x", "orientation_y", "orientation_z", "orientation_w"),
+    velocity_flu=("twist_linear_x", "twist_linear_y", "twist_linear_z"),
+    payload=ColumnOf("payload", 1e-3),
+)
+"""The DJI Matrice 100 flights of Rodrigues et al. (2021), known by their header."""
+
+
+def read_columns(path: Path) -> LogColumns:
+    """Read a mapping.
+
+    Raises
+    ------
+    InputError
+        With every fault in the file.
+    """
+    faults: list[Fault] = []
+    top = Table(read_toml(path), str(path), "", faults)
+    top.text("schema", SCHEMA, choices=(SCHEMA,))
+    quantities = {}
+    part = top.table("columns")
+    for name in (*QUANTITIES, "payload_kg"):
+        if name in part:
+            one = part.table(name)
+            factor, offset = one.number("factor", 1.0), one.number("offset", 0.0)
+            quantities[name] = ColumnOf(one.text("column"), factor, offset)
+            one.finish()
+    part.finish()
+    columns = LogColumns(
+        time=top.text("time"),
+        time_unit=top.text("time_unit", "s", choices=("iso", *TIME_UNITS)),
+        payload=quantities.pop("payload_kg", None),
+        quantities=quantities,
+        quaternion_ned_frd=_several(top, "quaternion_ned_frd", 4),
+        quaternion_enu_flu=_several(top, "quaternion_enu_flu", 4),
+        velocity_flu=_several(top, "velocity_flu", 3),
+    )
+    top.finish()
+    if columns.velocity_flu and not columns.quaternion_enu_flu:
+        top.fault("velocity_flu", "needs quaternion_enu_flu")
+    if faults:
+        raise InputError(faults)
+    return columns
+
+
+def _several(table: Table, key: str, count: int) -> tuple[str, ...]:
+    names = table.texts(key, ())
+    if names and len(names) != count:
+        table.fault(key, f"must name {count} columns", len(names))
+    return names
+
+
+class CsvLog:
+    """A table of telemetry of one vehicle.
+
+    Parameters
+    ----------
+    path : Path
+        Read whole.
+    columns : LogColumns, optional
+        Which column is what; by default found out from the header.
+
+    Raises
+    ------
+    InputError
+        No table, or a column is missing.
+    """
+
+    def __init__(self, path: Path, columns: LogColumns | None = None) -> None:
+        self._path = path
+        header, rows = self._read()
+        self._place = {name: number for number, name in reversed(list(enumerate(header)))}
+        columns = columns or self._guess(header)
+        times, absolute = self._times(rows, columns)
+        good = np.isfinite(times)
+        kept = [row for row, fine in zip(rows, good, strict=True) if fine]
+        time_s, doubts = _in_order(times[good])
+        self.payload_kg = self._payload(kept, columns)
+        self._track = TelemetryTrack.of_columns(1, time_s, self._values(kept, columns))
+        if not absolute:
+            doubts += ("the times are no instants: they count from the log's own zero",)
+        self.summary = LogSummary(
+            format="csv",
+            messages=len(kept),
+            by_type={"row": len(kept)},
+            skipped_bytes=sum(len(",".join(row)) + 1 for row, fine in zip(rows, good, strict=True) if not fine),
+            systems=(1,) if kept else (),
+            others=(),
+            time_base=TimeBase("the table's time column", absolute, doubts),
+            start_s=float(time_s[0]) if len(time_s) else math.nan,
+            end_s=float(time_s[-1]) if len(time_s) else math.nan,
+        )
+
+    def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
+        """Return the telemetry in one piece."""
+        track = self._track.between(from_s, to_s)
+        if len(track):
+            yield track
+
+    def _read(self) -> tuple[list[str], list[list[str]]]:
+        try:
+            lines = list(csv.reader(io.StringIO(read_text(self._path, max_bytes=MAX_BYTES), newline="")))
+        except csv.Error as error:
+            raise InputError(Fault(f"is not CSV: {error}", str(self._path))) from None
+        if not lines:
+            raise InputError(Fault("is empty", str(self._path)))
+        return [name.strip() for name in lines[0]], [line for line in lines[1:] if line]
+
+    def _guess(self, header: list[str]) -> LogColumns:
+        if {"twist_linear_x", "orientation_w", "payload", "y"} <= set(header):
+            return M100
+        known = {name: ColumnOf(name) for name in QUANTITIES if name in header}
+        time = next((name for name in _TIME_NAMES if name in header), None)
+        if time is None or not known:
+            remedy = "give a mapping with --columns, see docs/how-to/replay.md"
+            raise InputError(Fault("has no columns that are known as telemetry", str(self._path), 1, remedy=remedy))
+        return LogColumns(time, _TIME_NAMES[time], known, payload=ColumnOf("payload_kg") if "payload_kg" in header else None)
+
+    def _numbers(self, rows: list[list[str]], where: ColumnOf) -> NDArray[np.float64]:
+        place = self._column(where.column)
+        cells = [finite(row[place]) if place < len(row) else None for row in rows]
+        values = np.array([math.nan if cell is None else cell for cell in cells], dtype=np.float64)
+        return values * where.factor + where.offset
+
+    def _column(self, name: str) -> int:
+        if name not in self._place:
+            raise InputError(Fault("no such column", str(self._path), 1, name, None, "it has: " + ", ".join(self._place)))
+        return self._place[name]
+
+    def _times(self, rows: list[list[str]], columns: LogColumns) -> tuple[NDArray[np.float64], bool]:
+        if columns.time_unit != "iso":
+            times = self._numbers(rows, ColumnOf(columns.time)) * TIME_UNITS[columns.time_unit]
+            finite_times = times[np.isfinite(times)]
+            return times, bool(len(finite_times) and float(np.median(finite_times)) > 631_152_000.0)
+        place = self._column(columns.time)
+        return np.array([_instant(row[place]) if place < len(row) else math.nan for row in rows]), True
+
+    def _payload(self, rows: list[list[str]], columns: LogColumns) -> float:
+        if columns.payload is None or not rows:
+            return math.nan
+        return float(np.nanmedian(self._numbers(rows, columns.payload)))
+
+    def _values(self, rows: list[list[str]], columns: LogColumns) -> dict[str, NDArray[np.float64]]:
+        values = {name: self._numbers(rows, where) for name, where in columns.quantities.items()}
+        ned, enu, velocity = (
+            [self._numbers(rows, ColumnOf(name)) for name in names]
+            for names in (columns.quaternion_ned_frd, columns.quaternion_enu_flu, columns.velocity_flu)
+        )
+        if ned:
+            values |= euler(*ned)
+        if enu:
+            x, y, z, w = enu
+            values |= _from_enu(x, y, z, w)
+            if velocity:
+                values |= _turned(velocity, x, y, z, w)
+        if "power_w" not in values and {"voltage_v", "current_a"} <= values.keys():
+            values["power_w"] = values["voltage_v"] * values["current_a"]
+        return values
+
+
+def _instant(text: str) -> float:
+    try:
+        return parse_instant(text).timestamp()
+    except InputError:
+        return math.nan
+
+
+def _in_order(times: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Hold times that go backwards."""
+    ordered = np.maximum.accumulate(times) if len(times) else times
+    back = int((ordered != times).sum())
+    return ordered, (f"{back} rows are earlier than the ones before them and are held",) if back else ()
+
+
+def _from_enu(x: Any, y: Any, z: Any, w: Any) -> dict[str, NDArray[np.float64]]:
+    """Attitude in north-east-down of one in east-north-up with the body forward, left, up."""
+    turned = euler(w, x, -y, -z)
+    yaw = np.mod(math.pi / 2.0 + turned["yaw_rad"] + math.pi, 2.0 * math.pi) - math.pi
+    return {"roll_rad": turned["roll_rad"], "pitch_rad": turned["pitch_rad"], "yaw_rad": yaw}
+
+
+def _turned(velocity: list[NDArray[np.float64]], x: Any, y: Any, z: Any, w: Any) -> dict[str, NDArray[np.float64]]:
+    """Velocity in north-east-down of one in the body frame (forward, left, up)."""
+    forward, left, up = velocity
+    east = (1 - 2 * (y * y + z * z)) * forward + 2 * (x * y - w * z) * left + 2 * (x * z + w * y) * up
+    north = 2 * (x * y + w * z) * forward + (1 - 2 * (x * x + z * z)) * left + 2 * (y * z - w * x) * up
+    rise = 2 * (x * z - w * y) * forward + 2 * (y * z + w * x) * left + (1 - 2 * (x * x + y * y)) * up
+    return {"vel_north_mps": north, "vel_east_mps": east, "vel_down_mps": -rise}

@@ -1,0 +1,168 @@
+"""What MAVLink messages say, in the words of `models.telemetry`; serves logs (arrays) and live links (numbers).
+
+Traps kept here: WIND says where the wind comes FROM, WIND_COV where the air goes; both are 0 until they are alive;
+0 V, -1 A and -1 % stand for unknown; a position of exactly 0, 0 is no fix; a heartbeat of a ground station, radio or
+camera is not the vehicle's.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from models.wind import vector
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+Columns = dict[str, "NDArray[np.float64]"]
+
+GROUND_TYPES = (5, 6, 18, 26, 27, 30)
+"""MAV_TYPE of an antenna tracker, a ground station, an on-board controller, a gimbal, ADSB, a camera."""
+PLANE_TYPES = (1,)
+ROTOR_TYPES = (2, 3, 4, 13, 14, 15, 29, 35)
+ARMED_FLAG = 128
+
+
+def _real(values: Any, unknown: Any, scale: float = 1.0) -> NDArray[np.float64]:
+    """Scaled numbers, NaN where `unknown` holds."""
+    return np.where(unknown, np.nan, np.asarray(values, dtype=np.float64) * scale)
+
+
+def _attitude(fields: Any) -> Columns:
+    return {
+        "roll_rad": np.asarray(fields["roll"], dtype=np.float64),
+        "pitch_rad": np.asarray(fields["pitch"], dtype=np.float64),
+        "yaw_rad": np.asarray(fields["yaw"], dtype=np.float64),
+    }
+
+
+def euler(w: Any, x: Any, y: Any, z: Any) -> Columns:
+    """Roll, pitch and yaw of a quaternion that turns the body (forward, right, down) into north-east-down."""
+    w, x, y, z = (np.asarray(value, dtype=np.float64) for value in (w, x, y, z))
+    sine = np.clip(2.0 * (w * y - z * x), -1.0, 1.0)
+    return {
+        "roll_rad": np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
+        "pitch_rad": np.arcsin(sine),
+        "yaw_rad": np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+    }
+
+
+def _quaternion(fields: Any) -> Columns:
+    return euler(fields["q1"], fields["q2"], fields["q3"], fields["q4"])
+
+
+def _position(fields: Any) -> Columns:
+    nowhere = (np.asarray(fields["lat"]) == 0) & (np.asarray(fields["lon"]) == 0)
+    return {
+        "lat_deg": _real(fields["lat"], nowhere, 1e-7),
+        "lon_deg": _real(fields["lon"], nowhere, 1e-7),
+        "alt_msl_m": _real(fields["alt"], nowhere, 1e-3),
+        "height_m": np.asarray(fields["relative_alt"], dtype=np.float64) * 1e-3,
+        "vel_north_mps": _real(fields["vx"], nowhere, 1e-2),
+        "vel_east_mps": _real(fields["vy"], nowhere, 1e-2),
+        "vel_down_mps": _real(fields["vz"], nowhere, 1e-2),
+    }
+
+
+def _hud(fields: Any) -> Columns:
+    airspeed = np.asarray(fields["airspeed"], dtype=np.float64)
+    return {
+        "airspeed_mps": _real(airspeed, (airspeed == 0.0) | ~np.isfinite(airspeed)),
+        "throttle": np.asarray(fields["throttle"], dtype=np.float64) / 100.0,
+    }
+
+
+def _wind(fields: Any) -> Columns:
+    speed = np.asarray(fields["speed"], dtype=np.float64)
+    north, east = vector(speed, fields["direction"])
+    dead = (speed == 0.0) | ~np.isfinite(speed)
+    return {"wind_north_mps": _real(north, dead), "wind_east_mps": _real(east, dead)}
+
+
+def _wind_cov(fields: Any) -> Columns:
+    north, east = (np.asarray(fields[name], dtype=np.float64) for name in ("wind_x", "wind_y"))
+    dead = ((north == 0.0) & (east == 0.0)) | ~np.isfinite(north) | ~np.isfinite(east)
+    return {"wind_north_mps": _real(north, dead), "wind_east_mps": _real(east, dead)}
+
+
+def _status(fields: Any) -> Columns:
+    volts, amperes, percent = (
+        np.asarray(fields[name]) for name in ("voltage_battery", "current_battery", "battery_remaining")
+    )
+    return {
+        "voltage_v": _real(volts, (volts == 0) | (volts == 65535), 1e-3),
+        "current_a": _real(amperes, amperes < 0, 1e-2),
+        "soc": _real(percent, (percent < 0) | (percent > 100), 1e-2),
+    }
+
+
+def _battery(fields: Any) -> Columns:
+    percent = np.asarray(fields["battery_remaining"])
+    unknown = (percent < 0) | (percent > 100) | (np.asarray(fields["id"]) != 0)
+    return {} if np.all(unknown) else {"soc": _real(percent, unknown, 1e-2)}
+
+
+def _heartbeat(fields: Any) -> Columns:
+    kind = np.asarray(fields["type"])
+    vehicle = ~np.isin(kind, GROUND_TYPES) & (np.asarray(fields["autopilot"]) != 8)
+    if not np.any(vehicle):
+        return {}
+    armed = (np.asarray(fields["base_mode"]) & ARMED_FLAG) != 0
+    columns = {
+        "armed": _real(armed, ~vehicle),
+        "mode": _real(fields["custom_mode"], ~vehicle),
+    }
+    if np.any(np.isin(kind, PLANE_TYPES + ROTOR_TYPES)):
+        columns["fixed_wing"] = _real(np.isin(kind, PLANE_TYPES), ~np.isin(kind, PLANE_TYPES + ROTOR_TYPES))
+    return columns
+
+
+def _extended(fields: Any) -> Columns:
+    state, vtol = np.asarray(fields["landed_state"]), np.asarray(fields["vtol_state"])
+    columns = {"landed": _real(state == 1, state == 0)}
+    if np.any(vtol > 0):
+        columns["fixed_wing"] = _real(vtol == 4, vtol == 0)
+    return columns
+
+
+def _mission(fields: Any) -> Columns:
+    return {"mission_item": np.asarray(fields["seq"], dtype=np.float64)}
+
+
+SPOKEN: Mapping[str, Callable[[Any], Columns]] = {
+    "ATTITUDE": _attitude,
+    "ATTITUDE_QUATERNION": _quaternion,
+    "GLOBAL_POSITION_INT": _position,
+    "VFR_HUD": _hud,
+    "WIND": _wind,
+    "WIND_COV": _wind_cov,
+    "SYS_STATUS": _status,
+    "BATTERY_STATUS": _battery,
+    "HEARTBEAT": _heartbeat,
+    "EXTENDED_SYS_STATE": _extended,
+    "MISSION_CURRENT": _mission,
+}
+"""Messages that telemetry is made of, and what each says."""
+
+
+def quantities(name: str, fields: Any) -> Columns:
+    """Return what a message says.
+
+    Parameters
+    ----------
+    name : str
+        Type of message, such as ``ATTITUDE``.
+    fields : mapping of str to number or array
+        As MAVLink sends them, in its units; a structured array does.
+
+    Returns
+    -------
+    dict of str to ndarray
+        By the names of `models.telemetry`; empty where the message says nothing about the vehicle.
+    """
+    speak = SPOKEN.get(name)
+    return {} if speak is None else speak(fields)

@@ -1,0 +1,97 @@
+"""Opening a log: its format is told by its first bytes, not by its name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from models.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from link.logs.csv_log import LogColumns
+    from link.logs.log import Log
+
+SUFFIX = {"tlog": "tlog", "dataflash": "bin", "ulog": "ulg", "csv": "csv"}
+"""Usual name ending of each format."""
+_LOOK = 65_536
+
+
+def format_of(path: Path) -> str:
+    """Tell the format of a log by what it begins with.
+
+    Returns
+    -------
+    str
+        ``tlog``, ``dataflash``, ``ulog`` or ``csv``.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is empty, or is none of these.
+    """
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(_LOOK)
+    except OSError as error:
+        raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
+    if not head:
+        raise InputError(Fault("is empty", str(path)))
+    if head.startswith(b"ULog"):
+        return "ulog"
+    if head.startswith(b"\xa3\x95"):
+        return "dataflash"
+    if head.startswith(b"\x1f\x8b") and ".csv" in path.suffixes:
+        return "csv"
+    if len(head) >= 10 and head[8] in (0xFD, 0xFE) and head[0] == 0:
+        return "tlog"
+    if _is_text(head):
+        return "csv"
+    ending = path.suffix.lower()
+    found = {".tlog": "tlog", ".bin": "dataflash"}.get(ending)
+    if found is None:
+        remedy = "a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"
+        raise InputError(Fault("is no flight log that is known", str(path), remedy=remedy))
+    return found
+
+
+def open_log(path: Path, columns: LogColumns | None = None) -> Log:
+    """Open and index a log of any format.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    columns : LogColumns, optional
+        For a CSV: which column is what.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is no log.
+    """
+    kind = format_of(path)
+    if kind == "tlog":
+        from link.logs.tlog_track import Tlog
+
+        return Tlog(path)
+    if kind == "dataflash":
+        from link.logs.dataflash import DataFlash
+
+        return DataFlash(path)
+    if kind == "ulog":
+        from link.logs.ulog import ULogFile
+
+        return ULogFile(path)
+    from link.logs.csv_log import CsvLog
+
+    return CsvLog(path, columns)
+
+
+def _is_text(head: bytes) -> bool:
+    try:
+        head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - 4:
+            return False
+    return b"\0" not in head

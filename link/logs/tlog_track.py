@@ -1,0 +1,133 @@
+"""A tlog as telemetry."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from link.logs.assembly import Assembler, Stretch
+from link.logs.log import MAX_EVENTS, LogEvent, LogSummary
+from link.logs.messages import SPOKEN, quantities
+from link.logs.tlog import StampCheck, read_frames, scan
+from models.errors import one_line
+from models.telemetry import TimeBase
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from link.logs.tlog import Frames, TlogIndex
+    from models.telemetry import TelemetryTrack
+
+WARM_UP_S = 15.0
+"""A replay that begins in the middle reads from so much earlier, so that slow quantities are known."""
+
+
+class Tlog:
+    """A MAVLink telemetry log.
+
+    Parameters
+    ----------
+    path : Path
+        Read once to index it; again for each use.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.index = scan(path)
+        self.summary = self._summary(self.index)
+
+    def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
+        """Return the telemetry of every vehicle piece by piece."""
+        begin, shift_s = self.index.offset_at(from_s - WARM_UP_S) if math.isfinite(from_s) else (0, 0.0)
+        check = StampCheck(shift_s)
+        assemblers: dict[int, Assembler] = {}
+        for frames in read_frames(self.path, begin=begin):
+            times = check.clean(frames.time_s)
+            for system, stretch in _stretches(frames, times).items():
+                if system not in assemblers:
+                    assemblers[system] = Assembler(system)
+                track = assemblers[system].feed(stretch).between(from_s, to_s)
+                if len(track):
+                    yield track
+            if len(times) and times[-1] >= to_s:
+                return
+
+    def _summary(self, index: TlogIndex) -> LogSummary:
+        check, told, events = StampCheck(), set(), []
+        if index.messages:
+            for frames in read_frames(self.path):
+                times = check.clean(frames.time_s)
+                told |= {int(system) for system in np.unique(frames.system[frames.rows_of("ATTITUDE")])}
+                told |= {int(system) for system in np.unique(frames.system[frames.rows_of("GLOBAL_POSITION_INT")])}
+                if len(events) < MAX_EVENTS:
+                    events += _events(frames, times)
+        return LogSummary(
+            format="tlog",
+            messages=index.messages,
+            by_type=index.by_type,
+            skipped_bytes=index.skipped_bytes,
+            systems=tuple(sorted(told)),
+            others=tuple(sorted(set(index.by_system) - told)),
+            time_base=TimeBase("clock of the recorder (ground station)", True, _doubts(check, index)),
+            start_s=index.first_s,
+            end_s=index.last_s,
+            events=tuple(events[:MAX_EVENTS]),
+        )
+
+
+def _doubts(check: StampCheck, index: TlogIndex) -> tuple[str, ...]:
+    doubts = []
+    if check.held:
+        doubts.append(f"{check.held} stamps are up to {check.JITTER_S:g} s before the ones before them and are held")
+    if check.set_back:
+        most = max(check.set_back)
+        doubts.append(f"the clock was set back {len(check.set_back)} times, by {most:.1f} s at most; later times are shifted")
+    if check.disbelieved:
+        doubts.append(f"{check.disbelieved} stamps are more than 30 days off and are taken as the ones before them")
+    if index.first_s < 946_684_800.0:
+        doubts.append("the clock stands before the year 2000, so it was probably never set")
+    return tuple(doubts)
+
+
+def _stretches(frames: Frames, times: NDArray[np.float64]) -> dict[int, Stretch]:
+    """What each system says about itself in a chunk."""
+    stretches: dict[int, Stretch] = defaultdict(Stretch)
+    for name in SPOKEN:
+        rows = frames.rows_of(name)
+        if not len(rows):
+            continue
+        fields = frames.decoded(name, rows)
+        senders = frames.system[rows]
+        for system in np.unique(senders):
+            chosen = senders == system
+            if name == "HEARTBEAT":
+                chosen &= frames.component[rows] == 1
+            columns = quantities(name, fields[chosen]) if chosen.any() else {}
+            if columns:
+                stretches[int(system)].add(times[rows[chosen]], columns)
+    return stretches
+
+
+def _events(frames: Frames, times: NDArray[np.float64]) -> list[LogEvent]:
+    events = []
+    for name in ("STATUSTEXT", "MISSION_ITEM_REACHED"):
+        rows = frames.rows_of(name)[:MAX_EVENTS]
+        fields = frames.decoded(name, rows)
+        for row, values in zip(rows, fields, strict=True):
+            if name == "STATUSTEXT":
+                text = one_line(bytes(values["text"]).rstrip(b"\0").decode("utf-8", "replace"))
+            else:
+                text = f"mission item {int(values['seq'])} reached"
+            events.append(LogEvent(float(times[row]), int(frames.system[row]), text))
+    return sorted(events, key=lambda event: event.time_s)
