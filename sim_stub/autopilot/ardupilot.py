@@ -58,6 +58,12 @@ class ArduPilot(Autopilot):
     READY_AFTER_S: ClassVar[float] = 40.0
     BOOT_S: ClassVar[float] = 4.0
     MODE_REFUSED: ClassVar[Result] = Result.FAILED
+    LOITER_MODE: ClassVar[Mode] = Mode.POSITION
+    REPOSITION_MODE: ClassVar[Mode] = Mode.GUIDED
+    BAD_VALUE: ClassVar[Result] = Result.FAILED
+    UNKNOWN_MESSAGE: ClassVar[Result] = Result.UNSUPPORTED
+    LONG_HEIGHTS_RELATIVE: ClassVar[bool] = True
+    MINUS_ONE_RESETS_SPEED: ClassVar[bool] = False
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle, ParameterStore(ardupilot_parameters.TABLE))
@@ -127,8 +133,41 @@ class ArduPilot(Autopilot):
         if not self.landed or self.parameters.bit("AUTO_OPTIONS", 1):
             self.auto_armed = True
 
-    def start_mission(self) -> Result:
-        """Do MISSION_START."""
+    def mode_of_command(self, main: int, sub: int) -> Mode | None:  # noqa: ARG002
+        """The number is in p2 alone."""
+        return self.mode_of(main)
+
+    def take_off(self, height_m: float, by: str) -> Result:
+        """Only armed, on the ground, in GUIDED; the height is above home."""
+        if self.mode != Mode.GUIDED or not self.armed or not self.landed:
+            return Result.FAILED
+        if not math.isfinite(height_m) or not 0.0 < height_m <= 1000.0:
+            return Result.FAILED
+        self.behaviour = self.take_off_behaviour(self.home_alt_m + height_m)
+        self.event(f"take-off to {height_m:g} m ({by})")
+        return Result.ACCEPTED
+
+    def reposition_refusal(self, *, here: bool, as_int: bool, flags: float) -> Result | None:
+        """Obeyed in the air, as COMMAND_INT, in GUIDED or with the flag that changes to it."""
+        if not self.armed or self.landed:
+            return Result.FAILED
+        if not as_int:
+            return Result.UNSUPPORTED
+        may_change = math.isfinite(flags) and flags > 0.0 and int(min(flags, 255.0)) & 1
+        return Result.DENIED if here or not (self.mode == Mode.GUIDED or may_change) else None
+
+    def reposition_yaw(self, degrees: float) -> float | None:  # noqa: ARG002
+        """Not taken over."""
+        return None
+
+    def mission_refused(self) -> bool:
+        """Nothing is judged before it is flown."""
+        return False
+
+    def start_mission(self, first: float, last: float, by: str) -> Result:  # noqa: ARG002
+        """Do MISSION_START, from where the mission is."""
+        if first or last:
+            return Result.DENIED
         if self.mode != Mode.MISSION and self.request_mode(Mode.MISSION, "mission start") != Result.ACCEPTED:
             return Result.FAILED
         self.auto_armed = True

@@ -54,6 +54,13 @@ class Autopilot(ABC):
     GRIPPER_ENABLE: ClassVar[str]
     READY_AFTER_S: ClassVar[float]
     BOOT_S: ClassVar[float]
+    LOITER_MODE: ClassVar[Mode]
+    REPOSITION_MODE: ClassVar[Mode]
+    BAD_VALUE: ClassVar[Result]
+    UNKNOWN_MESSAGE: ClassVar[Result]
+    UNSUPPORTED: ClassVar[frozenset[int]] = frozenset()
+    LONG_HEIGHTS_RELATIVE: ClassVar[bool]
+    MINUS_ONE_RESETS_SPEED: ClassVar[bool]
     conditions_wait: ClassVar[bool] = True
 
     def __init__(self, vehicle: Vehicle, parameters: ParameterStore) -> None:
@@ -394,6 +401,30 @@ class Autopilot(ABC):
     @abstractmethod
     def mode_of(self, custom_mode: int) -> Mode | None:
         """Mode of a number, None where there is none such."""
+
+    @abstractmethod
+    def mode_of_command(self, main: int, sub: int) -> Mode | None:
+        """Mode that DO_SET_MODE names in p2 and p3, or None."""
+
+    @abstractmethod
+    def take_off(self, height_m: float, by: str) -> Result:
+        """Do NAV_TAKEOFF; the height is p7."""
+
+    @abstractmethod
+    def start_mission(self, first: float, last: float, by: str) -> Result:
+        """Do MISSION_START."""
+
+    @abstractmethod
+    def reposition_refusal(self, *, here: bool, as_int: bool, flags: float) -> Result | None:
+        """Why DO_REPOSITION is not obeyed, or None."""
+
+    @abstractmethod
+    def reposition_yaw(self, degrees: float) -> float | None:
+        """Heading that DO_REPOSITION asks for, or None."""
+
+    @abstractmethod
+    def mission_refused(self) -> bool:
+        """Whether the stored mission is known to be not flyable."""
 
     @abstractmethod
     def mode_refusal(self, mode: Mode) -> str | None:

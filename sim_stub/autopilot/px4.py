@@ -59,6 +59,21 @@ class Px4(Autopilot):
     ARMED_TEXT: ClassVar[str] = "Armed by external command"
     DISARMED_TEXT: ClassVar[str] = "Disarmed"
     DISARM_DENIED: ClassVar[str] = "Disarming denied: not landed"
+    LOITER_MODE: ClassVar[Mode] = Mode.HOLD
+    REPOSITION_MODE: ClassVar[Mode] = Mode.HOLD
+    BAD_VALUE: ClassVar[Result] = Result.DENIED
+    UNKNOWN_MESSAGE: ClassVar[Result] = Result.DENIED
+    UNSUPPORTED: ClassVar[frozenset[int]] = frozenset(
+        {
+            Command.DO_SET_MISSION_CURRENT,
+            Command.DO_PAUSE_CONTINUE,
+            Command.DO_FENCE_ENABLE,
+            Command.CONDITION_YAW,
+            Command.BATTERY_RESET,
+        }
+    )
+    LONG_HEIGHTS_RELATIVE: ClassVar[bool] = False
+    MINUS_ONE_RESETS_SPEED: ClassVar[bool] = True
     conditions_wait: ClassVar[bool] = False
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -92,6 +107,41 @@ class Px4(Autopilot):
         if custom_mode == _AUTO:
             return Mode.HOLD
         return _BY_NUMBER.get(custom_mode)
+
+    def mode_of_command(self, main: int, sub: int) -> Mode | None:
+        """Main and sub mode come in parameters of their own."""
+        return self.mode_of(main << 16 | sub << 24)
+
+    def take_off(self, height_m: float, by: str) -> Result:
+        """Enter the take-off mode; the height is above sea level, and may be left out."""
+        if not self.landed:
+            return Result.TEMPORARILY_REJECTED
+        result = self.request_mode(Mode.TAKEOFF, by)
+        if result == Result.ACCEPTED and math.isfinite(height_m) and height_m > self.body.alt_m:
+            self.behaviour = self.take_off_behaviour(min(height_m, 20_000.0))
+        return result
+
+    def start_mission(self, first: float, last: float, by: str) -> Result:  # noqa: ARG002
+        """Start at an item; DENIED where the mission is infeasible."""
+        refusal = self.mode_refusal(Mode.MISSION)
+        if refusal is not None:
+            self.say(3, refusal)
+            return Result.DENIED
+        if math.isfinite(first) and 0.0 <= first < len(self.run.items):
+            self.run.jump(int(first))
+        return self.request_mode(Mode.MISSION, by)
+
+    def reposition_refusal(self, *, here: bool, as_int: bool, flags: float) -> Result | None:  # noqa: ARG002
+        """Obeyed in the air."""
+        return None if self.armed and not self.landed else Result.TEMPORARILY_REJECTED
+
+    def reposition_yaw(self, degrees: float) -> float | None:
+        """Taken over."""
+        return degrees if math.isfinite(degrees) else None
+
+    def mission_refused(self) -> bool:
+        """Whether it was found infeasible."""
+        return self.infeasible is not None
 
     def mode_refusal(self, mode: Mode) -> str | None:
         """Refuse what the state does not allow."""

@@ -16,6 +16,7 @@ from sim_stub.wire.messages import specs
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from sim_stub.autopilot.base import Autopilot
     from sim_stub.ports import Port
     from sim_stub.vehicle import Vehicle
     from sim_stub.wire.frames import Message
@@ -94,7 +95,7 @@ class CommandServer:
             c.TAKEOFF: self._take_off,
             c.LAND: lambda o: self._mode(o, Mode.LAND),
             c.RETURN_TO_LAUNCH: lambda o: self._mode(o, Mode.RTL),
-            c.LOITER_UNLIM: lambda o: self._mode(o, Mode.HOLD if self._px4 else Mode.POSITION),
+            c.LOITER_UNLIM: lambda o: self._mode(o, self._pilot.LOITER_MODE),
             c.DO_SET_MODE: self._set_mode,
             c.MISSION_START: self._mission_start,
             c.DO_SET_MISSION_CURRENT: self._set_current,
@@ -121,8 +122,8 @@ class CommandServer:
         }
 
     @property
-    def _px4(self) -> bool:
-        return self.vehicle.autopilot.FAMILY == "px4"
+    def _pilot(self) -> Autopilot:
+        return self.vehicle.autopilot
 
     def handlers(self) -> dict[str, object]:
         """Message names with what handles them."""
@@ -136,7 +137,7 @@ class CommandServer:
         """Execute a command whose place is in floats."""
         f = message.fields
         p = (f["param1"], f["param2"], f["param3"], f["param4"])
-        relative = not self._px4  # of a COMMAND_LONG, PX4 takes heights as above sea level, ArduPilot as relative
+        relative = self._pilot.LONG_HEIGHTS_RELATIVE
         self._run(
             Order(
                 f["command"],
@@ -177,7 +178,7 @@ class CommandServer:
         )
 
     def _run(self, order: Order) -> None:
-        handler = self.table.get(order.number)
+        handler = None if order.number in self._pilot.UNSUPPORTED else self.table.get(order.number)
         result = Result.UNSUPPORTED if handler is None else handler(order)
         progress = 0
         if result == Result.IN_PROGRESS and self.calibration is not None:
@@ -199,7 +200,7 @@ class CommandServer:
 
     def _calibrate(self, order: Order) -> Result:
         """Take two seconds and tell the progress; asked again meanwhile, tell the progress again."""
-        pilot = self.vehicle.autopilot
+        pilot = self._pilot
         if pilot.armed:
             return Result.TEMPORARILY_REJECTED
         if self.calibration is None:
@@ -240,7 +241,7 @@ class CommandServer:
     # Flying
 
     def _arm_disarm(self, order: Order) -> Result:
-        pilot = self.vehicle.autopilot
+        pilot = self._pilot
         force = order.p[1] in (_FORCE, _FORCE_OLD)
         if order.p[0] == 1.0:
             return pilot.arm(force=force, by=order.by)
@@ -249,70 +250,34 @@ class CommandServer:
         return Result.UNSUPPORTED
 
     def _take_off(self, order: Order) -> Result:
-        pilot = self.vehicle.autopilot
-        if self._px4:
-            if not pilot.landed:
-                return Result.TEMPORARILY_REJECTED
-            result = pilot.request_mode(Mode.TAKEOFF, order.by)
-            if result == Result.ACCEPTED and math.isfinite(order.z) and order.z > pilot.body.alt_m:
-                pilot.behaviour = pilot.take_off_behaviour(order.z)
-            return result
-        if pilot.mode != Mode.GUIDED or not pilot.armed or not pilot.landed:
-            return Result.FAILED
-        if not math.isfinite(order.z) or not 0.0 < order.z <= 1000.0:
-            return Result.FAILED
-        pilot.behaviour = pilot.take_off_behaviour(pilot.home_alt_m + order.z)
-        pilot.event(f"take-off to {order.z:g} m ({order.by})")
-        return Result.ACCEPTED
+        return self._pilot.take_off(order.z, order.by)
 
     def _mode(self, order: Order, mode: Mode) -> Result:
-        return self.vehicle.autopilot.request_mode(mode, order.by)
+        return self._pilot.request_mode(mode, order.by)
 
     def _set_mode(self, order: Order) -> Result:
-        pilot = self.vehicle.autopilot
-        values = [v if math.isfinite(v) and 0.0 <= v < 256.0 else -1.0 for v in order.p[:3]]
-        if values[0] < 0.0 or values[1] < 0.0 or not int(values[0]) & 1:
+        values = [int(v) if math.isfinite(v) and 0.0 <= v < 256.0 else -1 for v in order.p[:3]]
+        if values[0] < 0 or values[1] < 0 or not values[0] & 1:
             return Result.DENIED
-        custom = int(values[1])
-        if self._px4:
-            custom = int(values[1]) << 16 | int(max(values[2], 0.0)) << 24
-        mode = pilot.mode_of(custom)
-        if mode is None:
-            return Result.DENIED if self._px4 else Result.FAILED
-        return pilot.request_mode(mode, order.by)
+        mode = self._pilot.mode_of_command(values[1], max(values[2], 0))
+        return self._pilot.BAD_VALUE if mode is None else self._pilot.request_mode(mode, order.by)
 
     def _mission_start(self, order: Order) -> Result:
-        pilot = self.vehicle.autopilot
-        start = getattr(pilot, "start_mission", None)
-        if start is not None:
-            if order.p[0] or order.p[1]:
-                return Result.DENIED
-            result: Result = start()
-            return result
-        if pilot.mode_refusal(Mode.MISSION) is not None:
-            pilot.say(3, pilot.mode_refusal(Mode.MISSION) or "")
-            return Result.DENIED
-        if math.isfinite(order.p[0]) and 0.0 <= order.p[0] < len(pilot.run.items):
-            pilot.run.jump(int(order.p[0]))
-        return pilot.request_mode(Mode.MISSION, order.by)
+        return self._pilot.start_mission(order.p[0], order.p[1], order.by)
 
     def _set_current(self, order: Order) -> Result:
-        if self._px4:
-            return Result.UNSUPPORTED
         number = order.p[0]
         if not math.isfinite(number) or number < -1.0:
             return Result.DENIED
         if order.p[1] == 1.0:
-            self.vehicle.autopilot.run.reset(self.vehicle.autopilot.run.current)
+            self._pilot.run.reset(self._pilot.run.current)
         if number >= 0.0 and not self.vehicle.set_mission_current(int(number)):
             return Result.FAILED
         self.vehicle.broadcast_mission_current()
         return Result.ACCEPTED
 
     def _pause_continue(self, order: Order) -> Result:
-        pilot = self.vehicle.autopilot
-        if self._px4:
-            return Result.UNSUPPORTED
+        pilot = self._pilot
         if pilot.mode != Mode.MISSION:
             return Result.FAILED
         run = pilot.run
@@ -328,112 +293,101 @@ class CommandServer:
         return Result.DENIED
 
     def _reposition(self, order: Order) -> Result:
-        pilot = self.vehicle.autopilot
+        pilot = self._pilot
         here = not (math.isfinite(order.lat) and math.isfinite(order.lon))
         if not here and (abs(order.lat) > 90.0 or abs(order.lon) > 180.0):
             return Result.DENIED
-        if not pilot.armed or pilot.landed:
-            return Result.FAILED if not self._px4 else Result.TEMPORARILY_REJECTED
-        if not self._px4:
-            if not order.as_int or here:
-                return Result.UNSUPPORTED if not order.as_int else Result.DENIED
-            if pilot.mode != Mode.GUIDED and not int(max(order.p[1], 0.0)) & 1:
-                return Result.DENIED
+        refusal = pilot.reposition_refusal(here=here, as_int=order.as_int, flags=order.p[1])
+        if refusal is not None:
+            return refusal
         body = pilot.body
         height = body.alt_m
         if math.isfinite(order.z):
             height = order.z + (pilot.home_alt_m if order.relative else 0.0)
-        result = pilot.request_mode(Mode.HOLD if self._px4 else Mode.GUIDED, order.by)
+        result = pilot.request_mode(pilot.REPOSITION_MODE, order.by)
         if result == Result.ACCEPTED:
             if order.p[0] > 0.0:
                 pilot.change_speed(order.p[0])
             lat, lon = (body.lat, body.lon) if here else (order.lat, order.lon)
-            height = max(-1000.0, min(height, 20_000.0))
-            yaw = order.p[3] if math.isfinite(order.p[3]) and self._px4 else None
-            pilot.fly_to(lat, lon, height, yaw)
+            pilot.fly_to(lat, lon, max(-1000.0, min(height, 20_000.0)), pilot.reposition_yaw(order.p[3]))
         return result
 
     def _change_speed(self, order: Order) -> Result:
-        pilot = self.vehicle.autopilot
-        if order.p[1] == -1.0 and self._px4:
+        pilot = self._pilot
+        if order.p[1] == -1.0 and pilot.MINUS_ONE_RESETS_SPEED:
             pilot.commanded_mps = None
             return Result.ACCEPTED
-        kind = order.p[0]
-        if kind not in (0.0, 1.0) or not pilot.change_speed(order.p[1]):
-            return Result.DENIED if self._px4 else Result.FAILED
+        if order.p[0] not in (0.0, 1.0) or not pilot.change_speed(order.p[1]):
+            return pilot.BAD_VALUE
         pilot.event(f"speed {pilot.cruise_mps:.1f} m/s ({order.by})")
         return Result.ACCEPTED
 
     def _set_home(self, order: Order) -> Result:
-        pilot = self.vehicle.autopilot
+        pilot = self._pilot
         if order.p[0] == 1.0:
             pilot.set_home(Home(pilot.body.lat, pilot.body.lon, pilot.body.alt_m))
             return Result.ACCEPTED
         place = (order.lat, order.lon, order.z)
         if not all(map(math.isfinite, place)) or abs(order.lat) > 90.0 or abs(order.lon) > 180.0:
-            return Result.DENIED if self._px4 else Result.FAILED
+            return pilot.BAD_VALUE
         if not -1000.0 < order.z < 20_000.0:
-            return Result.DENIED if self._px4 else Result.FAILED
+            return pilot.BAD_VALUE
         pilot.set_home(Home(*place))
         return Result.ACCEPTED
 
     def _gripper(self, order: Order) -> Result:
         if order.p[1] not in (0.0, 1.0):
             return Result.DENIED
-        moved = self.vehicle.autopilot.move_gripper(close=order.p[1] == 1.0)
+        moved = self._pilot.move_gripper(close=order.p[1] == 1.0)
         return Result.ACCEPTED if moved else Result.FAILED
 
     def _land_start(self, order: Order) -> Result:
-        pilot = self.vehicle.autopilot
+        pilot = self._pilot
         marks = [n for n, i in enumerate(pilot.run.items) if i.command == Command.DO_LAND_START]
         if not marks or pilot.landed:
-            return Result.DENIED if self._px4 else Result.FAILED
+            return pilot.BAD_VALUE
         pilot.run.jump(marks[0])
         return pilot.request_mode(Mode.MISSION, order.by)
 
     def _fence_enable(self, order: Order) -> Result:
-        if self._px4 or order.p[0] not in (0.0, 1.0):
+        if order.p[0] not in (0.0, 1.0):
             return Result.UNSUPPORTED
-        self.vehicle.autopilot.parameters.set("FENCE_ENABLE", order.p[0])
+        self._pilot.parameters.set("FENCE_ENABLE", order.p[0])
         return Result.ACCEPTED
 
     def _terminate(self, order: Order) -> Result:
         if order.p[0] != 1.0:
             return Result.DENIED
-        self.vehicle.autopilot.terminate()
+        self._pilot.terminate()
         return Result.ACCEPTED
 
     def _yaw(self, order: Order) -> Result:
-        if self._px4:
-            return Result.UNSUPPORTED
-        self.vehicle.autopilot.execute(order.item())
+        self._pilot.execute(order.item())
         return Result.ACCEPTED
 
     # The vehicle itself
 
     def _battery_reset(self, order: Order) -> Result:
-        """Set the count of ArduPilot's battery monitor; PX4 knows no such command."""
-        if self._px4:
-            return Result.UNSUPPORTED
+        """Set the count of the battery monitor."""
         percent = order.p[1]
         if not 0.0 <= percent <= 100.0:
             return Result.FAILED
-        capacity = self.vehicle.autopilot.parameters.clamped("BATT_CAPACITY", 1.0, 1e6)
+        capacity = self._pilot.parameters.clamped("BATT_CAPACITY", 1.0, 1e6)
         self.vehicle.counted_mah = capacity * (1.0 - percent / 100.0)
-        self.vehicle.autopilot.failsafes.battery_level = 0
+        self._pilot.failsafes.battery_level = 0
         self.vehicle.event(f"battery counter set to {percent:g} %")
         return Result.ACCEPTED
 
     def _reboot(self, order: Order) -> Result:
-        if self.vehicle.autopilot.armed:
-            return Result.FAILED if not self._px4 else Result.TEMPORARILY_REJECTED
+        if self._pilot.armed:
+            return self._pilot.ARM_REFUSED
         if order.p[0] not in (1.0, 3.0):
             return Result.DENIED
         self.vehicle.reboot_soon()
         return Result.ACCEPTED
 
     def _check(self, order: Order) -> Result:  # noqa: ARG002
-        pilot = self.vehicle.autopilot
+        pilot = self._pilot
         if pilot.armed:
             return Result.TEMPORARILY_REJECTED
         for reason in pilot.arming_refusals():
@@ -448,14 +402,14 @@ class CommandServer:
         message = specs()[0].get(whole)
         if message is None or whole not in BUILDERS:
             return None
-        if FAMILY_ONLY.get(message.name, self.vehicle.autopilot.FAMILY) != self.vehicle.autopilot.FAMILY:
+        if FAMILY_ONLY.get(message.name, self._pilot.FAMILY) != self._pilot.FAMILY:
             return None
         return whole
 
     def _set_interval(self, order: Order) -> Result:
         number, interval_us = self._known(order.p[0]), order.p[1]
         if number is None or not math.isfinite(interval_us) or interval_us < _NO_INTERVAL:
-            return Result.FAILED if not self._px4 else Result.DENIED
+            return self._pilot.BAD_VALUE
         self.vehicle.set_interval(order.port, number, interval_us)
         return Result.ACCEPTED
 
@@ -477,7 +431,7 @@ class CommandServer:
             return Result.ACCEPTED
         known = self._known(number)
         if known is None:
-            return Result.UNSUPPORTED if not self._px4 else Result.DENIED
+            return self._pilot.UNKNOWN_MESSAGE
         payload = BUILDERS[known](self.vehicle)
         if payload is None:
             return Result.FAILED

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from models import wind
+from sim_stub.autopilot.mission_run import MissionState
 from sim_stub.autopilot.modes import MANUAL_MODES, Mode
 from sim_stub.wire.messages import spec
 
@@ -210,8 +211,7 @@ def mission_current(v: Vehicle) -> bytes:
     pilot = v.autopilot
     run = pilot.run
     px4 = pilot.FAMILY == "px4"
-    infeasible = getattr(pilot, "infeasible", None)
-    state = 1 if px4 and infeasible is not None else int(run.state)
+    state = int(MissionState.NO_MISSION if pilot.mission_refused() else run.state)
     in_mission = 2 if pilot.mode != Mode.MISSION else 1
     return spec("MISSION_CURRENT").pack(
         {
