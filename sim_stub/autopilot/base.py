@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Idle, Land, ReturnHome, Speeds
+from sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Idle, Land, ReturnHome
 from sim_stub.autopilot.failsafe import Failsafes
+from sim_stub.autopilot.family import Family
 from sim_stub.autopilot.fence import Fence
 from sim_stub.autopilot.items import FENCE, MISSION, RALLY, Command, Item, Result
 from sim_stub.autopilot.mission_run import MissionRun
-from sim_stub.autopilot.modes import MANUAL_MODES, Action, Mode
+from sim_stub.autopilot.modes import MANUAL_MODES, Mode
 from sim_stub.physics import Demand, metres_per_degree
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class Home:
     alt_m: float
 
 
-class Autopilot(ABC):
+class Autopilot(Family):
     """One autopilot.
 
     Parameters
@@ -45,23 +45,6 @@ class Autopilot(ABC):
     parameters : ParameterStore
         With the family's defaults.
     """
-
-    FAMILY: ClassVar[str]
-    AUTOPILOT_ID: ClassVar[int]
-    REMOTE_CONTROL_LOST: ClassVar[str]
-    POSITION_LOST: ClassVar[str]
-    FENCE_BREACHED: ClassVar[str]
-    GRIPPER_ENABLE: ClassVar[str]
-    READY_AFTER_S: ClassVar[float]
-    BOOT_S: ClassVar[float]
-    LOITER_MODE: ClassVar[Mode]
-    REPOSITION_MODE: ClassVar[Mode]
-    BAD_VALUE: ClassVar[Result]
-    UNKNOWN_MESSAGE: ClassVar[Result]
-    UNSUPPORTED: ClassVar[frozenset[int]] = frozenset()
-    LONG_HEIGHTS_RELATIVE: ClassVar[bool]
-    MINUS_ONE_RESETS_SPEED: ClassVar[bool]
-    conditions_wait: ClassVar[bool] = True
 
     def __init__(self, vehicle: Vehicle, parameters: ParameterStore) -> None:
         self.vehicle = vehicle
@@ -220,8 +203,6 @@ class Autopilot(ABC):
         self.switch(mode, reason=by)
         return Result.ACCEPTED
 
-    MODE_REFUSED: ClassVar[Result] = Result.TEMPORARILY_REJECTED
-
     def switch(self, mode: Mode, *, reason: str) -> None:
         """Enter a mode."""
         if mode == self.mode and mode == Mode.MISSION:
@@ -286,9 +267,7 @@ class Autopilot(ABC):
         self.has_armed()
         return Result.ACCEPTED
 
-    ARM_PREFIX: ClassVar[str] = "Arm: "
     ARM_REFUSED: ClassVar[Result] = Result.FAILED
-    ARMED_TEXT: ClassVar[str] = "Arming motors"
     DISARMED_TEXT: ClassVar[str] = "Disarming motors"
 
     def disarm(self, *, force: bool, by: str) -> Result:
@@ -303,8 +282,6 @@ class Autopilot(ABC):
         self.say(6, self.DISARMED_TEXT)
         self.has_disarmed()
         return Result.ACCEPTED
-
-    DISARM_DENIED: ClassVar[str] = "Disarm: vehicle is not landed"
 
     def disarm_in_mission(self) -> None:
         """Do what COMPONENT_ARM_DISARM(0) in a mission says."""
@@ -383,153 +360,3 @@ class Autopilot(ABC):
     def fence_stored(self) -> None:
         """Read the fence items anew."""
         self.fence = Fence.from_items(self.stores[FENCE])
-
-    # The family's own
-
-    @abstractmethod
-    def read_speeds(self) -> Speeds:
-        """Limits from the parameters."""
-
-    @abstractmethod
-    def default_takeoff_m(self) -> float:
-        """Height of a take-off that names none."""
-
-    @abstractmethod
-    def custom_mode(self) -> int:
-        """custom_mode of HEARTBEAT."""
-
-    @abstractmethod
-    def mode_of(self, custom_mode: int) -> Mode | None:
-        """Mode of a number, None where there is none such."""
-
-    @abstractmethod
-    def mode_of_command(self, main: int, sub: int) -> Mode | None:
-        """Mode that DO_SET_MODE names in p2 and p3, or None."""
-
-    @abstractmethod
-    def take_off(self, height_m: float, by: str) -> Result:
-        """Do NAV_TAKEOFF; the height is p7."""
-
-    @abstractmethod
-    def start_mission(self, first: float, last: float, by: str) -> Result:
-        """Do MISSION_START."""
-
-    @abstractmethod
-    def reposition_refusal(self, *, here: bool, as_int: bool, flags: float) -> Result | None:
-        """Why DO_REPOSITION is not obeyed, or None."""
-
-    @abstractmethod
-    def reposition_yaw(self, degrees: float) -> float | None:
-        """Heading that DO_REPOSITION asks for, or None."""
-
-    @abstractmethod
-    def mission_refused(self) -> bool:
-        """Whether the stored mission is known to be not flyable."""
-
-    @abstractmethod
-    def mode_refusal(self, mode: Mode) -> str | None:
-        """Why a mode cannot be entered now, or None."""
-
-    @abstractmethod
-    def entered_mission(self) -> None:
-        """Start or resume the mission, as the family does on entering the mode."""
-
-    @abstractmethod
-    def mission_may_run(self) -> bool:
-        """Whether the mission flies once the mode is entered and the vehicle armed."""
-
-    @abstractmethod
-    def arming_refusals(self) -> list[str]:
-        """Why it does not arm, in the family's words."""
-
-    @abstractmethod
-    def has_armed(self) -> None:
-        """React to arming."""
-
-    @abstractmethod
-    def has_disarmed(self) -> None:
-        """React to disarming."""
-
-    @abstractmethod
-    def touched_down(self) -> None:
-        """React to a landing."""
-
-    @abstractmethod
-    def disarm_on_ground(self) -> None:
-        """Disarm after a landing when it is time; called at every step on the ground."""
-
-    @abstractmethod
-    def return_home(self) -> ReturnHome:
-        """Return to home or a rally point."""
-
-    @abstractmethod
-    def acceptance_m(self, item: Item) -> float:
-        """Radius within which a waypoint counts as reached."""
-
-    @abstractmethod
-    def heading(self, item: Item) -> float:
-        """Heading that a waypoint asks for, degrees, or NaN."""
-
-    @abstractmethod
-    def delay_s(self, item: Item) -> float:
-        """How long a NAV_DELAY lasts."""
-
-    @abstractmethod
-    def battery_level(self) -> int:
-        """0 fine, 1 low, 2 critical, 3 emergency."""
-
-    @abstractmethod
-    def battery_action(self, level: int) -> Action:
-        """What to do at a level."""
-
-    @abstractmethod
-    def battery_warning(self, level: int) -> None:
-        """Say that a level is reached."""
-
-    @abstractmethod
-    def reported_percent(self) -> int:
-        """Battery percentage as reported, -1 unknown."""
-
-    @abstractmethod
-    def ground_heard_s(self) -> float | None:
-        """When a ground station that counts was last heard; None is never."""
-
-    @abstractmethod
-    def link_timeout_s(self) -> float:
-        """Silence after which the link counts as lost."""
-
-    @abstractmethod
-    def link_action(self) -> Action:
-        """What to do when the link is lost, in the present mode."""
-
-    @abstractmethod
-    def link_warning(self, *, lost: bool) -> None:
-        """Say that the link is lost or back."""
-
-    @abstractmethod
-    def remote_control_action(self) -> Action:
-        """What to do when the remote control is lost, in the present mode."""
-
-    @abstractmethod
-    def position_delay_s(self) -> float:
-        """Time without position after which the vehicle acts."""
-
-    @abstractmethod
-    def fence_breached(self) -> bool:
-        """Whether the vehicle is where the fence forbids it."""
-
-    @abstractmethod
-    def fence_action(self) -> Action:
-        """What to do at a breach."""
-
-    @abstractmethod
-    def failsafe_on_ground(self, name: str) -> None:
-        """React to a failsafe while armed on the ground."""
-
-    @abstractmethod
-    def wind_estimate(self) -> tuple[float, float] | None:
-        """(north, east) towards as its own estimator has it; None where that is off."""
-
-    @abstractmethod
-    def missions_stored(self, *, replaced: bool, current: int | None) -> None:
-        """React to a new mission having been stored."""

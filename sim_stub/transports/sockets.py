@@ -135,7 +135,10 @@ class UdpEndpoint:
         lane = self.peers.get(address)
         if lane is None and len(self.peers) < _MAX_PEERS:
             seed = f"{self.seed}/{len(self.peers)}"
-            lane = Lane(self.vehicle, self.impairment, seed, datagrams=True)
+            try:
+                lane = Lane(self.vehicle, self.impairment, seed, datagrams=True)
+            except InputError:
+                return None  # too many speak with this vehicle already
             self.peers[address] = lane
         return lane
 
@@ -149,7 +152,7 @@ class UdpEndpoint:
             except OSError as error:
                 if error.errno in _GONE:  # nobody listens there yet
                     continue
-                raise
+                return  # the network is down: datagrams are lost, as they may be
             if self.outgoing and len(self.peers) == 1:
                 lane: Lane | None = next(iter(self.peers.values()))
             else:
@@ -166,11 +169,8 @@ class UdpEndpoint:
             for packet in _packed(frames) if lane.perfect else frames:
                 try:
                     self.socket.sendto(packet, address)
-                except BlockingIOError:
-                    break
-                except OSError as error:
-                    if error.errno not in _GONE:
-                        raise
+                except OSError:
+                    break  # full, or nobody there: datagrams are lost, as they may be
 
     def next_s(self) -> float:
         """When a delayed packet is due."""
@@ -289,7 +289,11 @@ class TcpServer:
         if len(self.connections) >= _MAX_PEERS:
             connection.close()
             return
-        lane = Lane(self.vehicle, self.impairment, f"{self.seed}/{len(self.connections)}", datagrams=False)
+        try:
+            lane = Lane(self.vehicle, self.impairment, f"{self.seed}/{len(self.connections)}", datagrams=False)
+        except InputError:
+            connection.close()  # too many speak with this vehicle already
+            return
         self.connections.append(TcpConnection(connection, lane, self.selector))
 
     def flush(self, now_s: float) -> None:

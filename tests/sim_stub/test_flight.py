@@ -119,3 +119,77 @@ def test_hover_lasts_as_long_as_the_maker_says():
         used = before - stage.vehicle.battery.soc
         assert (stage.lockstep.now_s - start) / used / 60.0 == pytest.approx(minutes, rel=0.01)
         assert LAT
+
+
+def test_px4_takes_heading_and_acceptance_radius_of_a_waypoint():
+    stage = Stage("px4")
+    waypoint = item(WAYPOINT, 200, p=(20, 3, 0, 135))
+    stage.station.upload((item(TAKEOFF), waypoint, item(LAND, 200, z=0)))
+    stage.start()
+    stage.station.until(lambda: stage.pilot.run.current == 1 and stage.pilot.run.behaviour.arrived_s is not None)
+    north, _ = offset_m(LAT, stage.vehicle.config.lon, stage.vehicle.body.lat, stage.vehicle.body.lon)
+    assert 196.0 < north < 199.0, "3 m before it"
+    stage.station.run(10.0)
+    assert math.degrees(stage.vehicle.body.yaw) == pytest.approx(135.0, abs=1.0)
+
+
+def test_ardupilot_looks_along_the_way_whatever_an_item_says():
+    stage = Stage("ardupilot")
+    stage.station.upload(stage.mission(item(TAKEOFF), item(WAYPOINT, 400, 400, p=(0, 0, 0, 270)), item(LAND, 400, 400)))
+    stage.start()
+    stage.station.run(40.0)
+    assert math.degrees(stage.vehicle.body.yaw) == pytest.approx(45.0, abs=3.0)
+
+
+@BOTH
+def test_loiter_unlimited_stays_until_told_otherwise(autopilot):
+    stage = Stage(autopilot)
+    stage.station.upload(stage.mission(item(TAKEOFF), item(17, 60, p=(0, 0, 0, 0)), item(LAND, 0, z=0)))
+    stage.start()
+    stage.station.run(300.0)
+    assert stage.pilot.armed
+    assert stage.vehicle.body.ground_speed_mps < 0.3
+    assert stage.station.command(20) == 0
+    stage.rest()
+
+
+def test_ardupilot_loiters_turns_for_as_long_as_they_would_take():
+    stage = Stage("ardupilot")
+    stage.station.upload(stage.mission(item(TAKEOFF), item(18, 60, p=(2, 0, 50, 0)), item(LAND, 60)))
+    stage.start()
+    stage.station.until(lambda: stage.happened("item 2 begins"))
+    begun = stage.lockstep.now_s
+    stage.station.until(lambda: stage.happened("item 2 reached"))
+    assert stage.lockstep.now_s - begun > 2 * 2 * math.pi * 50 / 10
+
+
+@BOTH
+def test_a_return_item_ends_a_mission_at_home(autopilot):
+    stage = Stage(autopilot)
+    stage.station.upload(stage.mission(item(TAKEOFF), item(WAYPOINT, 120), plain(20)))
+    stage.start()
+    stage.rest()
+    north, east = offset_m(LAT, stage.vehicle.config.lon, stage.vehicle.body.lat, stage.vehicle.body.lon)
+    assert math.hypot(north, east) < 2.0
+
+
+def test_ardupilot_waits_until_midnight_where_a_delay_is_nothing():
+    stage = Stage("ardupilot")
+    stage.station.upload(stage.mission(item(TAKEOFF), plain(93, 0, 0, 0, 0), item(LAND, 0, z=0)))
+    stage.start()
+    stage.station.run(120.0)
+    assert stage.pilot.armed
+    assert stage.pilot.run.current == 2
+
+
+@pytest.mark.parametrize(("level", "mode"), [("LOW", "return"), ("CRT", "land")])
+def test_ardupilot_acts_on_voltage_only_after_its_timer(level, mode):
+    act = 2 if level == "LOW" else 1
+    stage = Stage("ardupilot", soc=0.5)
+    stage.take_off(20.0)
+    for name, value in ((f"BATT_FS_{level}_ACT", act), (f"BATT_{level}_VOLT", 25.0), ("BATT_LOW_TIMER", 10)):
+        stage.pilot.parameters.set(name, value)
+    stage.station.run(8.0)
+    assert not stage.happened("failsafe battery")
+    stage.station.run(4.0)
+    assert stage.pilot.mode.value == mode
