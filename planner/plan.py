@@ -108,7 +108,7 @@ def plan(
         wind = _truth(forecast, truth, planner)
     answers: list[PlanResult] = []
     rejected: dict[str, str] = {}
-    errors: list[InfeasibleError] = []
+    errors: dict[str, InfeasibleError] = {}
     waits: ExpectedWaits | None = None
     for drone in candidates(scenario, request, rejected):
         problem = Problem(scenario, request, drone, wind, waits=waits)
@@ -116,7 +116,7 @@ def plan(
         try:
             answers.append(_solve(problem, planner, time_limit_s, progress))
         except InfeasibleError as error:
-            errors.append(error)
+            errors[drone.id] = error
             rejected[drone.id] = str(error)
     if not answers:
         raise _none(errors)
@@ -168,10 +168,13 @@ def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -
     return chosen
 
 
-def _none(errors: list[InfeasibleError]) -> InfeasibleError:
-    """Tell why no drone of the fleet has a composition, a line for each different reason."""
-    reasons = list(dict.fromkeys(str(error) for error in errors))
-    return errors[0] if len(reasons) == 1 else NoRouteError("\n".join(reasons), constraint=errors[0].constraint)
+def _none(errors: dict[str, InfeasibleError]) -> InfeasibleError:
+    """Tell why no drone of the fleet has a composition: the first one's reason, and which others have none either."""
+    first, *others = errors
+    if not others:
+        return errors[first]
+    message = f"{errors[first]}; nor is there one for {', '.join(others)}"
+    return NoRouteError(message, constraint=errors[first].constraint)
 
 
 def _doubts(problem: Problem, course: NDArray[np.float64], summary: Outcome) -> tuple[str, ...]:

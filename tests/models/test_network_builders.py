@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 from geographiclib.geodesic import Geodesic
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from models import network_builders
@@ -57,6 +57,7 @@ def test_max_length_joins_all_pairs_not_farther_apart(region, offsets, limit):
     assert_joined(build_network(stations, ConnectionRule("max-length", limit)), wanted)
 
 
+@example((0.0, 0.0), [(0.0, 0.0), (0.0, 0.015625), (3.7e-182, 0.0)], 1, 1740.0)
 @given(REGIONS, OFFSETS, st.integers(1, 5), st.floats(1000.0, 60_000.0))
 def test_nearest_joins_each_station_to_its_nearest_and_them_to_it(region, offsets, count, limit):
     stations = around(region, offsets)
