@@ -21,6 +21,7 @@ _MAX_BACKLOG_BYTES = 1_000_000
 _READ_BYTES = 65536
 _READS_PER_TURN = 64
 _MAX_DATAGRAM = 1200
+_GONE_AFTER_MS = 30_000
 _GONE = frozenset({errno.ECONNREFUSED, errno.ECONNRESET, errno.ENETUNREACH, errno.EHOSTUNREACH})
 
 
@@ -65,6 +66,7 @@ class Lane:
         self.up = Channel(impairment, random.Random(f"up/{seed}"))  # noqa: S311
         self.down = Channel(impairment, random.Random(f"down/{seed}"))  # noqa: S311
         self.out: list[bytes] = []
+        self.heard_s = vehicle.wall_s
         self.port: Port = vehicle.connect(self._from_vehicle, datagrams=datagrams)
 
     def _from_vehicle(self, frame: bytes) -> None:
@@ -75,6 +77,7 @@ class Lane:
 
     def arrived(self, data: bytes, now_s: float) -> None:
         """Take bytes from the peer."""
+        self.heard_s = now_s
         if self.perfect:
             self.vehicle.receive(self.port, data)
         else:
@@ -123,6 +126,7 @@ class UdpEndpoint:
         self.socket.settimeout(0.0)
         self.selector = selector
         self.peers: dict[tuple[Any, ...], Lane] = {}
+        self.known = 0
         self.outgoing = address.kind == "udpout"
         if self.outgoing:
             self._peer(target)
@@ -133,10 +137,13 @@ class UdpEndpoint:
 
     def _peer(self, address: tuple[Any, ...]) -> Lane | None:
         lane = self.peers.get(address)
-        if lane is None and len(self.peers) < _MAX_PEERS:
-            seed = f"{self.seed}/{len(self.peers)}"
+        if lane is None:
+            if len(self.peers) >= _MAX_PEERS:  # whoever has been silent longest makes room
+                silent = min(self.peers, key=lambda peer: self.peers[peer].heard_s)
+                self.peers.pop(silent).close()
+            self.known += 1
             try:
-                lane = Lane(self.vehicle, self.impairment, seed, datagrams=True)
+                lane = Lane(self.vehicle, self.impairment, f"{self.seed}/{self.known}", datagrams=True)
             except InputError:
                 return None  # too many speak with this vehicle already
             self.peers[address] = lane
@@ -201,6 +208,8 @@ class TcpConnection:
         self.closed = False
         connection.settimeout(0.0)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):  # a peer that is gone without a word does not keep its place
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _GONE_AFTER_MS)
         selector.register(connection, selectors.EVENT_READ, self)
 
     def readable(self) -> None:

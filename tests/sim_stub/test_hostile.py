@@ -239,6 +239,21 @@ def test_too_many_connections_are_turned_away():
             client.close()
 
 
+def test_over_udp_the_newest_station_is_served_however_many_came_before():
+    beat = good_frames()[0]
+    with served(connect=["udpin:127.0.0.1:0"]) as running:
+        sockets = []
+        for _ in range(20):
+            one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            one.settimeout(5.0)
+            one.sendto(beat, running.where())
+            assert one.recv(2000)
+            sockets.append(one)
+        for one in sockets:
+            one.close()
+        assert len(running.world.vehicles[1].ports) <= 8
+
+
 @BOTH
 def test_a_bad_link_with_everything_at_once(autopilot):
     bad = Impairment(loss=0.1, delay_s=0.02, jitter_s=0.03, duplicate=0.1, reorder=0.1)
