@@ -94,7 +94,7 @@ def plan(
     scenario: ScenarioArgument = None,
     depart: Depart = None,
     planner: Annotated[
-        str, typer.Option("--planner", help="pfs, pfs-charge-aware, pfs-strict, shortest or ies.")
+        str, typer.Option("--planner", help="pfs, pfs-charge-aware, pfs-strict, shortest; told the truth: exact, ies.")
     ] = "pfs-charge-aware",
     truth: Truth = None,
     drone: Drone = None,
