@@ -108,7 +108,7 @@ def gusty_speed(air: Air, member: int, slot: int, segment: int, gust: tuple[floa
     tail = gust_north * air.cos_bearing[segment] + gust_east * air.sin_bearing[segment]
     cross = gust_east * air.cos_bearing[segment] - gust_north * air.sin_bearing[segment]
     speed = tail + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - cross * cross, 0.0))
-    return min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
+    return float(min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps))
 
 
 @compiled

@@ -95,6 +95,7 @@ def fly_true(problem: Problem, itinerary: Itinerary, queues: dict[int, QueuePath
 
 
 def no_waits(hops: int) -> Waits:
+    """Make the expected waits that `fly` does not read where queues are sampled."""
     return Waits(0.0, 1.0, np.zeros((hops, 1)))
 
 

@@ -1,0 +1,286 @@
+"""Deliveries flown through sampled truths: fixed itineraries all at once, policies decision by decision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from models.errors import InfeasibleError
+from models.queue_paths import pack
+from models.services import State
+from models.units import from_posix
+from planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN, Queues, fly_under
+from planner.itinerary import hops_of, no_waits, stop_nodes
+from planner.plan import plan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from models.scenario import Scenario
+    from models.wind_forecast import WindEnsemble
+    from planner.evaluation_truths import Truths
+    from planner.itinerary import Hop, Itinerary, Outcome
+    from planner.problem import Problem
+    from planner.request import Request
+
+DELIVERED, STRANDED, UNFLYABLE, GAVE_UP = range(4)
+"""How a run ends: delivered; the charge was used up in flight; the wind never opened a flight within the horizon; the
+policy found no way on."""
+LEVELS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
+"""On-time probabilities at which promises are compared with what happens."""
+MOST_STOPS = 60
+"""A policy that stops more often has given up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """What became of simulated deliveries.
+
+    Attributes
+    ----------
+    block : ndarray of int, shape (runs,)
+        Ordinal of the day of each run.
+    ending : ndarray of int, shape (runs,)
+        ``DELIVERED``, ``STRANDED``, ``UNFLYABLE`` or ``GAVE_UP``.
+    below_reserve : ndarray of bool, shape (runs,)
+        A landing was below the reserve (a stranded run's was).
+    lowest_soc : ndarray, shape (runs,)
+        Lowest charge at a landing; negative: stranded.
+    delivery_s, flight_s, wait_s, recharge_s : ndarray, shape (runs,)
+        Of delivered runs, else NaN; the first is the sum of the others. Hovering for a holding spot is flight, holding
+        for wind is waiting.
+    kept : ndarray of bool, shape (runs, levels)
+        The delivery came no later than what was promised with probability `LEVELS`; empty without promises.
+    clairvoyant_s : ndarray, shape (runs,)
+        Delivery time of a planner that is told this truth (without gusts and error of energy), NaN where unknown.
+    """
+
+    block: NDArray[np.int64]
+    ending: NDArray[np.int64]
+    below_reserve: NDArray[np.bool_]
+    lowest_soc: NDArray[np.float64]
+    delivery_s: NDArray[np.float64]
+    flight_s: NDArray[np.float64]
+    wait_s: NDArray[np.float64]
+    recharge_s: NDArray[np.float64]
+    kept: NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, len(LEVELS)), dtype=bool))
+    clairvoyant_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    def __len__(self) -> int:
+        return len(self.block)
+
+    @property
+    def delivered(self) -> NDArray[np.bool_]:
+        """Whether the package arrived, shape (runs,)."""
+        return np.asarray(self.ending == DELIVERED)
+
+    def judged(self, promise: Outcome, depart_s: float) -> Flown:
+        """Compare with what was promised at planning time."""
+        due = np.array([promise.quantile_s(level) for level in LEVELS]) - depart_s
+        time = np.where(self.delivered, self.delivery_s, np.inf)
+        return replace(self, kept=time[:, None] <= due + 1e-6)
+
+    def chosen(self, runs: NDArray[np.bool_] | NDArray[np.int64]) -> Flown:
+        """Some of the runs."""
+        columns: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
+        return Flown(**{name: values[runs] if len(values) == len(self) else values for name, values in columns.items()})
+
+
+def pooled(parts: Sequence[Flown]) -> Flown:
+    """Join runs of several plans; promises and clairvoyant times stay where all parts have them."""
+    total = sum(len(part) for part in parts)
+    joined: dict[str, Any] = {f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Flown)}
+    for name in ("kept", "clairvoyant_s"):
+        if len(joined[name]) != total:
+            joined[name] = joined[name][:0]
+    return Flown(**joined)
+
+
+def fly_itinerary(truths: Truths, drone: str, itinerary: Itinerary) -> Flown:
+    """Fly a fixed itinerary in all truths."""
+    problem = truths.problem(drone)
+    runs = np.arange(len(truths))
+    return tally(problem, itinerary, truths.block, courses(truths, problem, itinerary, runs))
+
+
+def courses(truths: Truths, problem: Problem, itinerary: Itinerary, runs: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Course of an itinerary in some truths, shape (runs, hops, 6); see `course_kernels`."""
+    nodes = stop_nodes(problem, itinerary)
+    wanted, position = np.unique(truths.queue[runs], return_inverse=True)
+    paths = []
+    for queue in wanted.tolist():
+        found = truths.queues(problem, nodes, queue)
+        paths += [found[node] for node in nodes]
+    sky = truths.sky(runs)._replace(queue=position.astype(np.int64))
+    start = (float(problem.depart_s), float(problem.soc))
+    cost = (float(problem.soc_per_s), float(problem.soc_fixed))
+    hops, queues = hops_of(problem, itinerary), Queues(*pack(paths))
+    return fly_under(sky, problem.air, truths.day[runs], hops, queues, no_waits(len(itinerary)), start, cost)
+
+
+def tally(problem: Problem, itinerary: Itinerary, block: NDArray[np.int64], course: NDArray[np.float64]) -> Flown:
+    """Tell what became of runs of one itinerary from their courses, shape (runs, hops, 6)."""
+    down, soc = course[:, :, TOUCH_DOWN], course[:, :, SOC_DOWN]
+    begun = np.isfinite(down)
+    lowest = np.where(begun, soc, np.inf).min(axis=1)
+    ending = np.full(len(course), DELIVERED)
+    ending[~begun.all(axis=1)] = UNFLYABLE
+    ending[lowest < 0.0] = STRANDED
+    whole = ending == DELIVERED
+    flown = course[whole]
+    recharge = np.zeros(len(flown))
+    for number, node in enumerate(stop_nodes(problem, itinerary)):
+        before = flown[:, number - 1, SOC_DOWN] if number else np.full(len(flown), problem.soc)
+        time, level = problem.curve(node)
+        after = np.maximum(flown[:, number, SOC_OFF], before)
+        recharge += np.interp(after, level, time) - np.interp(before, level, time)
+    delivery = flown[:, -1, TOUCH_DOWN] - problem.depart_s
+    flight = (flown[:, :, TOUCH_DOWN] - flown[:, :, TAKE_OFF]).sum(axis=1)
+
+    def spread(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        out = np.full(len(course), np.nan)
+        out[whole] = values
+        return out
+
+    return Flown(
+        block=block,
+        ending=ending,
+        below_reserve=lowest < problem.reserve - 1e-9,
+        lowest_soc=lowest,
+        delivery_s=spread(delivery),
+        flight_s=spread(flight),
+        wait_s=spread(delivery - flight - recharge),
+        recharge_s=spread(recharge),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What a policy knows when it decides: a drone that has just landed, or is about to leave its origin.
+
+    Attributes
+    ----------
+    node, station
+        Where it stands.
+    time_s, soc : float
+        POSIX seconds and charge at the landing.
+    visited : tuple of str
+        Stations landed at before, in order.
+    wind : tuple of ndarray, shape (sites,)
+        (north, east) m/s TOWARDS measured at the sites in this hour, at the height of measurement.
+    """
+
+    node: int
+    station: str
+    time_s: float
+    soc: float
+    visited: tuple[str, ...]
+    wind: tuple[NDArray[np.float64], NDArray[np.float64]]
+
+    def state(self) -> State:
+        """The same as the state that a request starts from."""
+        soc = min(max(self.soc, 0.0), 1.0)
+        return State(from_posix(self.time_s), self.station, None, soc, visited=frozenset(self.visited))
+
+
+class Policy(Protocol):
+    """Decides at every stop, knowing what is known there; must not look into the truth."""
+
+    def decide(self, standing: Standing) -> Hop | None:
+        """The next flight and the stay before it, or None where there is no way on."""
+
+
+@dataclass(frozen=True)
+class OpenLoop:
+    """A fixed itinerary as a policy."""
+
+    itinerary: Itinerary
+
+    def decide(self, standing: Standing) -> Hop | None:
+        """The hop that the itinerary has at this stop."""
+        number = len(standing.visited)
+        return self.itinerary[number] if number < len(self.itinerary) else None
+
+
+@dataclass(frozen=True)
+class Rolling:
+    """Plans anew at every stop with a planner by name, and flies the first hop of each plan.
+
+    Attributes
+    ----------
+    scenario, request
+        As at the departure; the drone is named.
+    planner : str
+        See `planner.plan`.
+    forecast : callable
+        The forecast of a moment: held out, perhaps weighted by the wind measured until then.
+    """
+
+    scenario: Scenario
+    request: Request
+    planner: str
+    forecast: Callable[[Standing], WindEnsemble]
+
+    def decide(self, standing: Standing) -> Hop | None:
+        """The first hop of the plan from here."""
+        request = replace(self.request, state=standing.state())
+        try:
+            return plan(self.scenario, request, planner=self.planner, forecast=self.forecast(standing)).itinerary[0]
+        except InfeasibleError:
+            return None
+
+
+def fly_policy(
+    truths: Truths, drone: str, policy: Policy, runs: NDArray[np.int64] | None = None
+) -> tuple[Flown, list[Itinerary]]:
+    """Fly a policy in some truths (all by default), run by run; also returns what it did in each."""
+    problem = truths.problem(drone)
+    chosen = np.arange(len(truths)) if runs is None else runs
+    parts, done = [], []
+    for run in chosen.tolist():
+        flown, itinerary = _fly_decisions(truths, problem, policy, run)
+        parts.append(flown)
+        done.append(itinerary)
+    return pooled(parts), done
+
+
+def _fly_decisions(truths: Truths, problem: Problem, policy: Policy, run: int) -> tuple[Flown, Itinerary]:
+    """Fly decision by decision. Each time the whole way is flown again: that it is a pure function keeps one set of rules."""
+    network = problem.network
+    one = np.array([run])
+    block = truths.block[one]
+    hops: Itinerary = ()
+    node, time_s, soc = problem.origin, problem.depart_s, problem.soc
+    visited: tuple[str, ...] = ()
+    flown: Flown | None = None
+    while len(hops) < MOST_STOPS:
+        slot = truths.wind.slot_at(time_s)
+        wind = truths.wind.north[truths.day[run], slot], truths.wind.east[truths.day[run], slot]
+        station = network.stations[node].id
+        hop = policy.decide(Standing(node, station, time_s, soc, visited, wind))
+        if hop is None:
+            break
+        hops = (*hops, hop)
+        visited = (*visited, station)
+        course = courses(truths, problem, hops, one)
+        flown = tally(problem, hops, block, course)
+        node = int(network.head[hop.segments[-1]])
+        if node == problem.destination or flown.ending[0] != DELIVERED:
+            return flown, hops
+        landed = float(course[0, -1, TOUCH_DOWN])
+        queue = truths.queues(problem, [node], int(truths.queue[run]))[node]
+        time_s = float(queue.land_time(landed))
+        soc = float(course[0, -1, SOC_DOWN] - truths.energy[run] * problem.soc_per_s * (time_s - landed))
+    return _given_up(flown, block, problem.soc), hops
+
+
+def _given_up(flown: Flown | None, block: NDArray[np.int64], soc: float) -> Flown:
+    none = np.full(1, np.nan)
+    ending = np.full(1, GAVE_UP)
+    if flown is None:
+        return Flown(block, ending, np.zeros(1, dtype=bool), np.full(1, soc), none, none, none, none)
+    return replace(flown, ending=ending, delivery_s=none, flight_s=none, wait_s=none, recharge_s=none)

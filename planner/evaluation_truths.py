@@ -1,0 +1,250 @@
+"""Sampled truths: what deliveries are evaluated in, the same for all planners.
+
+A truth is the wind of a day of the record that the planner's forecast did not contain, gusts about it, a set of queues,
+and the error of one vehicle's energy model. Run `r` of a day is the same truth whoever flies in it: gusts, queues and
+errors depend on the seed, the day and the run alone (common random numbers).
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+import numpy as np
+
+from models.errors import Fault, InputError
+from models.units import utc
+from models.wind_forecast import WindEnsemble, analogue_ensemble
+from planner.evaluation_kernels import Sky
+from planner.problem import HORIZON_H, Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from datetime import date
+
+    from numpy.typing import NDArray
+
+    from models.queue_paths import QueuePath
+    from models.scenario import Scenario
+    from planner.request import Request
+
+MOST_QUEUES = 1000
+"""Sets of queues that are sampled at most; with more runs, runs on different days share a set."""
+_QUEUES, _VEHICLE = 0x51, 0x56  # words of seeds, so that streams are apart
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errors:
+    """What the truth has that no forecast tells.
+
+    Attributes
+    ----------
+    gust_sd : float
+        Standard deviation of gusts along the wind, as a share of the hourly speed.
+    gust_time_s : float
+        Time constant of gusts, as a drone meets them.
+    energy : float
+        A vehicle's flights take up to this share more or less than the model's, evenly distributed.
+    """
+
+    gust_sd: float = 0.15
+    gust_time_s: float = 180.0
+    energy: float = 0.05
+
+    def __post_init__(self) -> None:
+        faults = []
+        for field, low, high in (("gust_sd", 0.0, 1.0), ("gust_time_s", 1.0, 86_400.0), ("energy", 0.0, 0.9)):
+            value = getattr(self, field)
+            if not low <= value <= high:
+                faults.append(Fault("out of range", field=field, value=value, remedy=f"from {low:g} to {high:g}"))
+        if faults:
+            raise InputError(faults)
+
+
+NO_ERRORS = Errors(gust_sd=0.0, energy=0.0)
+"""The truth is the hourly wind, and the energy model is right."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truths:
+    """Sampled truths of one request; make them with `sample_truths`.
+
+    Attributes
+    ----------
+    scenario, request
+        Whose.
+    days : tuple of date
+        Days of the record, local dates.
+    wind : WindEnsemble
+        Their winds, one member a day.
+    day : ndarray of int, shape (runs,)
+        Index into `days` of each run.
+    queue : ndarray of int, shape (runs,)
+        Set of queues of each run.
+    queue_seed : int
+        Set q is what a request with the seed ``queue_seed + q`` would sample first.
+    energy : ndarray, shape (runs,)
+        Multiple of the energy that flights take.
+    gust_key : ndarray of uint64, shape (runs,)
+        Of each run's gusts.
+    errors : Errors
+        As asked for.
+    """
+
+    scenario: Scenario
+    request: Request
+    days: tuple[date, ...]
+    wind: WindEnsemble
+    day: NDArray[np.int64]
+    queue: NDArray[np.int64]
+    queue_seed: int
+    energy: NDArray[np.float64]
+    gust_key: NDArray[np.uint64]
+    errors: Errors
+
+    def __len__(self) -> int:
+        return len(self.day)
+
+    @property
+    def block(self) -> NDArray[np.int64]:
+        """Ordinal of the day of each run, shape (runs,): runs that share it are not independent."""
+        return np.array([day.toordinal() for day in self.days])[self.day]
+
+    def problem(self, drone: str) -> Problem:
+        """The request in the winds of all days, for one drone of the fleet."""
+        return Problem(self.scenario, self.request, self.scenario.drone(drone), self.wind)
+
+    def sky(self, runs: NDArray[np.int64] | slice = slice(None)) -> Sky:
+        """What kernels need to know of some runs."""
+        return Sky(
+            self.queue[runs], self.energy[runs], self.gust_key[runs], self.errors.gust_sd, self.errors.gust_time_s
+        )
+
+    def queues(self, problem: Problem, nodes: Sequence[int], queue: int) -> dict[int, QueuePath]:
+        """One set of queues at some nodes."""
+        return self.seeded(problem, queue).queue_paths(dict.fromkeys(nodes), 0)
+
+    def seeded(self, problem: Problem, queue: int) -> Problem:
+        """The problem with the seed of a set of queues, as a clairvoyant planner would be given it."""
+        twin = copy.copy(problem)
+        twin.request = replace(problem.request, seed=self.queue_seed + queue)
+        return twin
+
+    def told(self, run: int) -> tuple[Request, WindEnsemble]:
+        """What to tell a clairvoyant planner of one run: request (with the seed of its queues) and hourly wind."""
+        request = replace(self.request, seed=self.queue_seed + int(self.queue[run]))
+        return request, self.wind.member(int(self.day[run]))
+
+
+def sample_truths(
+    scenario: Scenario,
+    request: Request,
+    days: Sequence[date],
+    *,
+    runs: int,
+    errors: Errors = Errors(),
+    seed: int = 0,
+) -> Truths:
+    """Sample truths of a request.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With a wind record.
+    request : Request
+        Its departure decides the hour from which the winds of the days are taken.
+    days : sequence of date
+        Local dates of the record; leave them out of the forecast (`held_out_forecast`).
+    runs : int
+        How many, spread evenly over the days.
+    errors : Errors
+        Gusts and errors of energy.
+    seed : int
+        Of everything sampled; independent of the request's own seed, which planners sample with.
+
+    Raises
+    ------
+    InputError
+        No day, no run, or a day that the record does not hold.
+    """
+    if not days or runs < len(days):
+        remedy = "at least one run of each day"
+        raise InputError(Fault("too few", field="runs" if days else "days", value=runs, remedy=remedy))
+    winds = [scenario.truth(day, request.state.time, HORIZON_H) for day in days]
+    day = np.arange(runs) % len(days)
+    replicate = np.arange(runs) // len(days)
+    first = min(days).toordinal()
+    energy, key = np.empty(runs), np.empty(runs, dtype=np.uint64)
+    for number, date_ in enumerate(days):
+        rng = np.random.default_rng((seed, date_.toordinal(), _VEHICLE))
+        mine = day == number
+        count = int(mine.sum())
+        # Both from rows of one table: the first runs are the same however many there are.
+        table = rng.integers(0, 2**64, (count, 2), dtype=np.uint64)
+        energy[mine] = 1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0)
+        key[mine] = table[:, 1]
+    queue = np.arange(runs) % MOST_QUEUES if len(days) > 1 else replicate
+    stream = np.random.SeedSequence((seed, first, _QUEUES))
+    return Truths(
+        scenario=scenario,
+        request=request,
+        days=tuple(days),
+        wind=_joined(winds),
+        day=day,
+        queue=queue % MOST_QUEUES,
+        queue_seed=int(stream.generate_state(1, np.uint64)[0] >> np.uint64(2)),
+        energy=energy,
+        gust_key=key,
+        errors=errors,
+    )
+
+
+def _joined(winds: Sequence[WindEnsemble]) -> WindEnsemble:
+    """Several ensembles of one as one ensemble, equally probable."""
+    return replace(
+        winds[0],
+        north=np.concatenate([wind.north for wind in winds]),
+        east=np.concatenate([wind.east for wind in winds]),
+        probability=np.full(len(winds), 1.0 / len(winds)),
+        labels=tuple(label for wind in winds for label in wind.labels),
+    )
+
+
+def held_out_forecast(scenario: Scenario, request: Request, days: Sequence[date]) -> WindEnsemble:
+    """Forecast of a request that contains none of some days, nor days whose series overlap theirs.
+
+    Raises
+    ------
+    InputError
+        The scenario has no record, or no day of the season is left.
+    """
+    if scenario.history is None:
+        remedy = "give [wind] history in scenario.toml"
+        raise InputError(Fault("the scenario has no wind record to hold days out of", scenario.path, remedy=remedy))
+    local = utc(request.state.time).astimezone(ZoneInfo(scenario.timezone))
+    return analogue_ensemble(scenario.history, local, HORIZON_H, season_days=scenario.season_days, exclude=days)
+
+
+def season_days(scenario: Scenario, request: Request, count: int, *, seed: int = 0) -> tuple[date, ...]:
+    """Days of the request's season drawn to be held out, at least the planning horizon apart; fewer where no more fit."""
+    from datetime import date as date_
+
+    labels = held_out_forecast(scenario, request, ()).labels
+    rng = np.random.default_rng((seed, _VEHICLE))
+    apart = -(-HORIZON_H // 24)
+    chosen: list[date_] = []
+    for label in rng.permutation(np.array(labels)).tolist():
+        day = date_.fromisoformat(label)
+        if len(chosen) < count and all(abs((day - other).days) >= apart for other in chosen):
+            chosen.append(day)
+    return tuple(sorted(chosen))
+
+
+def check_held_out(truths: Truths, forecast: WindEnsemble) -> None:
+    """Raise an `InputError` where a forecast contains a day that the truths are of."""
+    known = {day.isoformat() for day in truths.days} & set(forecast.labels)
+    if known:
+        remedy = "forecast with held_out_forecast, or name the day as --truth"
+        raise InputError(Fault("the forecast contains the truth", field="days", value=min(known), remedy=remedy))
