@@ -4,7 +4,7 @@ import contextlib
 import socket
 import threading
 
-from station import LAT, LON
+from sim_station import LAT, LON
 
 from models.network import Station as Place
 from sim_stub.fleet import FleetOptions, build_world, serve

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from station import LAT, LON, Stage
+from sim_station import LAT, LON, Stage
 
 from models.load import WEEK_H, PadLoad
 from models.network import Station as Place

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from station import JUMP, LAND, LAT, NAN, SPEED, TAKEOFF, WAYPOINT, Stage, item, leg, plain
+from sim_station import JUMP, LAND, LAT, NAN, SPEED, TAKEOFF, WAYPOINT, Stage, item, leg, plain
 
 from sim_stub.physics import offset_m
 from sim_stub.wind_truth import ConstantWind

@@ -4,7 +4,7 @@ import math
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from station import Station
+from sim_station import Station
 
 import missions
 from models import geodesy

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from station import LAT, LON, Stage, dialect, item
+from sim_station import LAT, LON, Stage, dialect, item
 
 from models.errors import InputError
 from models.geodesy import inverse

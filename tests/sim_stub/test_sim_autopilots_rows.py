@@ -5,7 +5,23 @@ import statistics
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
-from station import DELAY, DISARM, JUMP, LAND, LAT, LON, NAN, SPEED, TAKEOFF, WAYPOINT, Stage, Station, item, leg, plain
+from sim_station import (
+    DELAY,
+    DISARM,
+    JUMP,
+    LAND,
+    LAT,
+    LON,
+    NAN,
+    SPEED,
+    TAKEOFF,
+    WAYPOINT,
+    Stage,
+    Station,
+    item,
+    leg,
+    plain,
+)
 
 from models.network import Station as Place
 from sim_stub.autopilot.modes import Mode

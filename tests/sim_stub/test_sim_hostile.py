@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
-from serving import served
-from station import LAT, LON, NAN, Stage, Station, item, leg
+from sim_serving import served
+from sim_station import LAT, LON, NAN, Stage, Station, item, leg
 
 from sim_stub.transports.channel import Impairment
 from sim_stub.wire.messages import specs

@@ -5,7 +5,7 @@ import struct
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
-from station import LAT, LON, NAN, TAKEOFF, WAYPOINT, Stage, Station, item, leg, plain
+from sim_station import LAT, LON, NAN, TAKEOFF, WAYPOINT, Stage, Station, item, leg, plain
 
 from sim_stub.autopilot.modes import Mode
 from sim_stub.faults import parse_fault

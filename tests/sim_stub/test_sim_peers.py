@@ -10,8 +10,8 @@ import threading
 import time
 
 import pytest
-from serving import free_port, served
-from station import LAT, LON, item, leg
+from sim_serving import free_port, served
+from sim_station import LAT, LON, item, leg
 
 from models.pad_service import PadRequest, decode_answer, encode
 from sim_stub.physics import offset_m
