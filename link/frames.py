@@ -31,10 +31,16 @@ _MAX_SENDERS = 64
 _MAX_REST_BYTES = 512
 _UNSIGNED_ALLOWED = frozenset({109, 166})
 """RADIO_STATUS and RADIO: radios cannot sign."""
-_BASE_FIELDS = {name: "mission_type" for name in (
-    "MISSION_ACK", "MISSION_CLEAR_ALL", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_REQUEST",
-    "MISSION_REQUEST_INT", "MISSION_REQUEST_LIST",
-)} | {"COMMAND_ACK": "progress", "TIMESYNC": "target_system"}  # fmt: skip
+_TYPED = (
+    "MISSION_ACK",
+    "MISSION_CLEAR_ALL",
+    "MISSION_COUNT",
+    "MISSION_ITEM_INT",
+    "MISSION_REQUEST",
+    "MISSION_REQUEST_INT",
+    "MISSION_REQUEST_LIST",
+)
+_BASE_FIELDS = dict.fromkeys(_TYPED, "mission_type") | {"COMMAND_ACK": "progress", "TIMESYNC": "target_system"}
 """First extension field of what we send: MAVLink 1 frames end before it."""
 
 

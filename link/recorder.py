@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import struct
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from io import BufferedWriter
+    from pathlib import Path
 
     from models.clock import Clock
 

@@ -114,3 +114,61 @@ class LinkError(SkywayError):
     """The vehicle or the link to it failed."""
 
     exit_code = 3
+
+
+class LinkLostError(LinkError):
+    """The connection cannot be opened, or its other end is gone."""
+
+
+class VehicleTimeoutError(LinkError):
+    """The vehicle did not answer.
+
+    Parameters
+    ----------
+    what : str
+        What was asked.
+    waited_s : float
+        For how long.
+    """
+
+    def __init__(self, what: str, waited_s: float) -> None:
+        super().__init__(f"the vehicle did not answer within {waited_s:.0f} s: {what}")
+        self.what, self.waited_s = what, waited_s
+
+
+class CommandRefusedError(LinkError):
+    """The vehicle refused a command.
+
+    Parameters
+    ----------
+    what : str
+        What was asked.
+    result : str
+        Its answer, in words.
+    reasons : sequence of str
+        What it said besides.
+    """
+
+    def __init__(self, what: str, result: str, reasons: Sequence[str] = ()) -> None:
+        said = f" ({'; '.join(reasons)})" if reasons else ""
+        super().__init__(one_line(f"the vehicle refused to {what}: {result}{said}"))
+        self.what, self.result, self.reasons = what, result, tuple(reasons)
+
+
+class UploadRefusedError(LinkError):
+    """The vehicle refused a mission, a fence or rally points."""
+
+
+class UploadMismatchError(LinkError):
+    """What the vehicle holds is not what was sent; a start is blocked."""
+
+
+class StationConflictError(LinkError):
+    """Another ground station speaks with our system id."""
+
+    def __init__(self, system: int, component: int) -> None:
+        super().__init__(
+            f"another ground station speaks with our system id {system} (component {component}): the vehicle cannot "
+            "tell us apart, and its failsafe would count either; choose another id with --gcs-system"
+        )
+        self.system, self.component = system, component

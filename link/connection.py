@@ -1,0 +1,310 @@
+"""A connection: frames in and out of one transport, told apart by system id, recorded, with a heartbeat of our own."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from link.exchange import RoundTrip, Target
+from link.frames import FrameReader, FrameWriter, Message, Rejected, Signing
+from link.transport import Routed
+from models.errors import StationConflictError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from link.exchange import Exchange, Steps
+    from link.recorder import Recorder
+    from link.transport import Transport
+    from models.clock import Clock
+
+T = TypeVar("T")
+HEARTBEAT_S = 1.0
+SILENT_S = 5.0
+"""A vehicle not heard for so long is out of reach."""
+GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
+_GROUND_STATION, _INVALID_AUTOPILOT = 6, 8
+_MAX_SYSTEMS = 255
+_MAX_TEXTS = 200
+
+
+@dataclass(slots=True)
+class Peer:
+    """One vehicle heard on a connection.
+
+    Attributes
+    ----------
+    system, component : int
+        Of its autopilot.
+    autopilot, kind : int
+        MAV_AUTOPILOT and MAV_TYPE of its heartbeat.
+    heard_s : float
+        When it was heard last, by the connection's clock.
+    received, lost : int
+        Packets, and gaps in their numbers.
+    texts : list of (severity, text)
+        What it said, the newest last.
+    latest : dict
+        Newest message of each name.
+    """
+
+    system: int
+    component: int
+    autopilot: int = 0
+    kind: int = 0
+    version: int = 2
+    heard_s: float = -math.inf
+    beat_s: float = -math.inf
+    received: int = 0
+    lost: int = 0
+    sequence: int | None = None
+    texts: list[tuple[int, str]] = field(default_factory=list)
+    latest: dict[str, Message] = field(default_factory=dict)
+    round_trip: RoundTrip = field(default_factory=RoundTrip)
+
+    @property
+    def target(self) -> Target:
+        """Whom to speak with."""
+        return Target(self.system, self.component)
+
+    @property
+    def loss(self) -> float:
+        """Share of its packets that did not arrive, 0-1."""
+        return self.lost / max(1, self.lost + self.received)
+
+
+class Connection:
+    """Frames in and out of one transport.
+
+    Parameters
+    ----------
+    transport : Transport
+        The bytes.
+    clock : Clock
+        The wall's, or a simulation's.
+    recorder : Recorder or None
+        Takes every frame.
+    system, component : int
+        Ours.
+    signing : Signing or None
+        With a key, only well signed packets are believed.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        clock: Clock,
+        *,
+        recorder: Recorder | None = None,
+        system: int = GROUND_SYSTEM,
+        component: int = GROUND_COMPONENT,
+        signing: Signing | None = None,
+    ) -> None:
+        if signing is not None:
+            signing.advance_to(clock.posix_s())
+        self.transport, self.clock, self.recorder = transport, clock, recorder
+        self.system, self.component = system, component
+        self.peers: dict[int, Peer] = {}
+        self.listeners: list[Callable[[Peer, Message], None]] = []
+        self.conflict: StationConflictError | None = None
+        self._writer = FrameWriter(system, component, signing=signing)
+        self._reader = FrameReader(signing)
+        self._routed = transport if isinstance(transport, Routed) else None
+        self._beat_s = -math.inf
+        self._own_beats: deque[bytes] = deque(maxlen=16)
+        self._exchanges: list[Exchange] = []
+
+    @property
+    def rejected(self) -> Rejected:
+        """Packets that were not believed."""
+        return self._reader.rejected
+
+    def send(self, name: str, system: int = 0, **fields: Any) -> None:
+        """Send a message; MAVLink 1 to a vehicle that speaks nothing else."""
+        peer = self.peers.get(system)
+        data = self._writer.frame(name, fields, None if peer is None else peer.version)
+        if self.recorder is not None:
+            self.recorder.frame(data)
+        if system and self._routed is not None:
+            self._routed.write_to(system, data)
+        else:
+            self.transport.write(data)
+
+    def pump(self, timeout_s: float = 0.0) -> None:
+        """Take what has come, waiting for it at most so long; keep our heart beating."""
+        now = self.clock.now_s()
+        if now >= self._beat_s + HEARTBEAT_S:
+            self._beat_s = now
+            version = 1 if self._only_version_1() else 2
+            fields = {
+                "type": _GROUND_STATION,
+                "autopilot": _INVALID_AUTOPILOT,
+                "system_status": 4,
+                "mavlink_version": 3,
+            }
+            data = self._writer.frame("HEARTBEAT", fields, version)
+            self._own_beats.append(data)
+            if self.recorder is not None:
+                self.recorder.frame(data)
+            self.transport.write(data)
+        data = self.transport.read(max(0.0, min(timeout_s, self._beat_s + HEARTBEAT_S - now)))
+        if data:
+            self._take(data)
+        if self.recorder is not None:
+            self.recorder.tend()
+
+    def _only_version_1(self) -> bool:
+        return bool(self.peers) and all(peer.version == 1 for peer in self.peers.values())
+
+    def _take(self, data: bytes) -> None:
+        now = self.clock.now_s()
+        for frame, message in self._reader.feed(data):
+            if self.recorder is not None:
+                self.recorder.frame(frame)
+            if message is not None and frame not in self._own_beats:  # routers send our own words back
+                self._hear(message, now)
+
+    def _hear(self, message: Message, now: float) -> None:
+        name = message.name
+        if message.system == self.system:
+            if name == "HEARTBEAT" and message["type"] == _GROUND_STATION and self.conflict is None:
+                self.conflict = StationConflictError(message.system, message.component)
+            return
+        peer = self.peers.get(message.system)
+        if peer is None:
+            peer = self._meet(message)
+            if peer is None:
+                return
+        if message.component != peer.component:
+            return
+        self._count(peer, message, now)
+        if name == "STATUSTEXT":
+            peer.texts.append((message["severity"], message["text"]))
+            del peer.texts[:-_MAX_TEXTS]
+        peer.latest[name] = message
+        for listener in self.listeners:
+            listener(peer, message)
+        for exchange in self._exchanges:
+            if exchange.target.system == message.system and not exchange.done and self._for_us(message):
+                exchange.hear(message, now)
+
+    def _meet(self, message: Message) -> Peer | None:
+        """A vehicle is somebody whose autopilot's heartbeat was heard."""
+        if message.name != "HEARTBEAT" or message["autopilot"] == _INVALID_AUTOPILOT or message.system == 0:
+            return None
+        if message["type"] == _GROUND_STATION or len(self.peers) >= _MAX_SYSTEMS:
+            return None
+        peer = Peer(message.system, message.component)
+        self.peers[message.system] = peer
+        return peer
+
+    def _count(self, peer: Peer, message: Message, now: float) -> None:
+        if peer.sequence is not None:
+            gap = (message.sequence - peer.sequence - 1) & 0xFF
+            if gap < 128:
+                peer.lost += gap
+        peer.sequence = message.sequence
+        peer.received += 1
+        peer.heard_s = now
+        if message.name == "HEARTBEAT":
+            peer.beat_s = now
+            peer.autopilot, peer.kind, peer.version = message["autopilot"], message["type"], message.version
+        if self._routed is not None:
+            self._routed.learn(peer.system)
+
+    def _for_us(self, message: Message) -> bool:
+        system = message.fields.get("target_system", 0)
+        component = message.fields.get("target_component", 0)
+        return system in (0, self.system) and component in (0, self.component)
+
+    def perform(self, steps: Steps[T]) -> T:
+        """Carry a procedure out.
+
+        Raises
+        ------
+        StationConflictError
+            Another station speaks with our system id.
+        """
+        return self.perform_all([steps])[0]
+
+    def perform_all(self, procedures: Iterable[Steps[T]]) -> Sequence[T]:
+        """Carry procedures with several vehicles out side by side."""
+        running: dict[int, tuple[Steps[T], Exchange | None]] = {}
+        results: dict[int, T] = {}
+        for number, steps in enumerate(procedures):
+            running[number] = (steps, None)
+        try:
+            while running:
+                for number, (steps, current) in list(running.items()):
+                    self._advance(number, steps, current, running, results)
+                if running:
+                    self._turn()
+        finally:
+            self._exchanges = []
+            for steps, _ in running.values():
+                steps.close()
+        return [results[number] for number in sorted(results)]
+
+    def _advance(
+        self,
+        number: int,
+        steps: Steps[T],
+        current: Exchange | None,
+        running: dict[int, tuple[Steps[T], Exchange | None]],
+        results: dict[int, T],
+    ) -> None:
+        """Go on with one procedure as far as it goes without waiting."""
+        while current is None or current.done:
+            if current is not None:
+                self._flush(current)
+                self._exchanges.remove(current)
+            try:
+                current = next(steps)
+            except StopIteration as end:
+                results[number] = end.value
+                del running[number]
+                return
+            self._exchanges.append(current)
+            current.begin(self.clock.now_s())
+            self._flush(current)
+        running[number] = (steps, current)
+
+    def _turn(self) -> None:
+        due = min((exchange.next_s for exchange in self._exchanges), default=math.inf)
+        self.pump(min(due - self.clock.now_s(), HEARTBEAT_S))
+        if self.conflict is not None:
+            raise self.conflict
+        now = self.clock.now_s()
+        for exchange in self._exchanges:
+            if not exchange.done and now >= exchange.next_s:
+                exchange.tick(now)
+            self._flush(exchange)
+
+    def _flush(self, exchange: Exchange) -> None:
+        for name, fields in exchange.outbox:
+            self.send(name, exchange.target.system, **fields)
+        exchange.outbox.clear()
+
+    def wait(self, condition: Callable[[], bool], longest_s: float) -> bool:
+        """Take what comes until a condition holds; False where it has not in time."""
+        end = self.clock.now_s() + longest_s
+        while not condition():
+            left = end - self.clock.now_s()
+            if left <= 0.0:
+                return False
+            self.pump(left)
+        return True
+
+    def run_for(self, duration_s: float) -> None:
+        """Take what comes for a while."""
+        self.wait(lambda: False, duration_s)
+
+    def close(self) -> None:
+        """Close transport and recording."""
+        try:
+            self.transport.close()
+        finally:
+            if self.recorder is not None:
+                self.recorder.close()

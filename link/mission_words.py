@@ -1,0 +1,52 @@
+"""What the mission protocol's numbers mean, in words."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class MissionKind(IntEnum):
+    """What is transferred: MAV_MISSION_TYPE."""
+
+    MISSION = 0
+    FENCE = 1
+    RALLY = 2
+
+    @property
+    def word(self) -> str:
+        """For people."""
+        return ("mission", "fence", "rally points")[self]
+
+
+ACCEPTED = 0
+ERROR = 1
+INVALID_SEQUENCE = 13
+DENIED = 14
+CANCELLED = 15
+PASSING = frozenset({ERROR, DENIED, CANCELLED})
+"""Answers that also come to a packet that was late or doubled, or while somebody else is being served."""
+
+RESULTS = {
+    0: "accepted",
+    1: "an error, without saying which",
+    2: "the frame (what altitudes count from) is not supported",
+    3: "the command is not supported",
+    4: "there is no room for so many items",
+    5: "an item is invalid",
+    6: "parameter 1 is invalid",
+    7: "parameter 2 is invalid",
+    8: "parameter 3 is invalid",
+    9: "parameter 4 is invalid",
+    10: "the latitude (parameter 5) is invalid",
+    11: "the longitude (parameter 6) is invalid",
+    12: "the altitude (parameter 7) is invalid",
+    13: "an item out of sequence",
+    14: "not from this ground station, or not now",
+    15: "the transfer was cancelled",
+}
+"""MAV_MISSION_RESULT."""
+
+
+def in_words(result: int) -> str:
+    """Return an answer in words."""
+    return RESULTS.get(result, f"answer {result}")
