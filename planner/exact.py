@@ -164,8 +164,8 @@ class ExactSearch:
                     after = stays.land(label.stay, target, pieces_of(target))
                     if after is None:
                         continue
-                    there = envelope.get(target)
-                    if there is not None and covers(there, after.g, 0.0):
+                    bound = stays.bound_s(after)
+                    if bound >= stays.best_s - GAIN_S:
                         continue
                     count += 1
-                    heapq.heappush(heap, (stays.bound_s(after), count, _Label(after, label)))
+                    heapq.heappush(heap, (bound, count, _Label(after, label)))

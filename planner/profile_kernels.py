@@ -84,7 +84,7 @@ def running_max(pieces: NDArray[np.float64], count: int) -> NDArray[np.float64]:
             out[size, 0], out[size, 1], out[size, 2] = x0, y0, d0
             size += 1
             best = y0
-        elif x1 > x0:
+        else:  # the piece crosses the best so far, which is flat up to there
             part = (best - y0) / (y1 - y0)
             out[size, 0], out[size, 1] = x0 + part * (x1 - x0), best
             out[size, 2] = d0 + part * (d1 - d0)

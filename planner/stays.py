@@ -39,12 +39,17 @@ class Stay:
     node: int
     z: NDArray[np.float64]
     h: NDArray[np.float64]
-    g: NDArray[np.float64]
+    curve: tuple[NDArray[np.float64], NDArray[np.float64]]
+
+    @cached_property
+    def g(self) -> NDArray[np.float64]:
+        """Charge the drone can leave with, by time, shape (points, 2)."""
+        return departure_profile(self.z, self.h, *self.curve)
 
     @property
     def begin_s(self) -> float:
         """Earliest that the drone can leave, POSIX seconds."""
-        return float(self.g[0, 0])
+        return float(self.h[0, 0])
 
 
 class Stays:
@@ -134,11 +139,7 @@ class Stays:
             pad = float(self.queues[p.origin].pad_time(p.depart_s))
             curve_s, curve_soc = p.curve(p.origin)
             z = np.array([[pad, float(np.interp(p.soc, curve_soc, curve_s)) - pad, p.depart_s]])
-        return self._stay(p.origin, z, h)
-
-    def _stay(self, node: int, z: NDArray[np.float64], h: NDArray[np.float64]) -> Stay:
-        curve_s, curve_soc = self.problem.curve(node)
-        return Stay(node, z, h, departure_profile(z, h, curve_s, curve_soc))
+        return Stay(p.origin, z, h, p.curve(p.origin))
 
     def bound_s(self, stay: Stay) -> float:
         """Earliest arrival at the destination that any continuation of a stay can have.
@@ -226,7 +227,7 @@ class Stays:
         z, h = stop_profile(
             flown, count, p.soc_per_s, p.reserve, queue.arrival_s, queue.pad_s, queue.land_s, curve_s, curve_soc
         )
-        return self._stay(node, z, h) if len(h) else None
+        return Stay(node, z, h, (curve_s, curve_soc)) if len(h) else None
 
     def arrive(self, stay: Stay, pieces: NDArray[np.float64]) -> tuple[float, float]:
         """Earliest arrival at the destination from a stay and the take-off for it; infinite where there is none."""
