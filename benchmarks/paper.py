@@ -2,7 +2,7 @@
 
 As printed: as many runs as half the nodes, random pairs, DJI M200 V2 at 81 km/h, 5 pads at each station, the exhaustive
 search told the truth. The paper says neither how its networks are joined nor how busy they are, nor the wind, nor any
-figure of its results: we strew the nodes over a square that grows with their number, join those within 16 km, take the
+figure of its results: we strew the nodes over a square that grows with their number, join those within 12 km, take the
 wind of New York 2013 and a pad utilisation of 0.7, and compare shapes. All planners are flown through the same truth.
 """
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 NODES = (5, 10, 15, 20, 25, 30, 35, 40)
 PLANNERS = ("pfs-strict", "pfs", "pfs-charge-aware", "ies")
-SEGMENT_M, NEIGHBOURS = 16_000.0, 6.0
+SEGMENT_M, NEIGHBOURS = 12_000.0, 6.0
 AIRSPEED_MPS = 22.5
 PAYLOAD_KG = 0.8
 UTILISATION = 0.7
@@ -238,17 +238,11 @@ def rows(runs: Sequence[PaperRun]) -> list[PaperRow]:
             mine = [run for run in here if run.planner == name]
             times = [run.delivery_s for run in mine if run.run in common and _whole(run)]
             known = [value for value in times if value is not None]
-            found.append(
-                PaperRow(
-                    size,
-                    name,
-                    len(mine),
-                    *(sum(run.status == status for run in mine) for status in (SOLVED, CUT_OFF, NO_ROUTE)),
-                    float(np.mean([run.execution_s for run in mine])),
-                    float(np.mean(known)) if known else None,
-                    len(known),
-                )
-            )
+            count = {status: sum(run.status == status for run in mine) for status in (SOLVED, CUT_OFF, NO_ROUTE)}
+            spent = float(np.mean([run.execution_s for run in mine]))
+            mean = float(np.mean(known)) if known else None
+            solved, cut_off, no_route = (count[status] for status in (SOLVED, CUT_OFF, NO_ROUTE))
+            found.append(PaperRow(size, name, len(mine), solved, cut_off, no_route, spent, mean, len(known)))
     return found
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from models.scenario import Scenario
     from planner.request import Request
 
-MOST_QUEUES = 1000
+MOST_QUEUES = 500
 """Sets of queues that are sampled at most; with more runs, runs on different days share a set."""
 _QUEUES, _VEHICLE = 0x51, 0x56  # words of seeds, so that streams are apart
 

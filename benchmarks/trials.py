@@ -1,0 +1,291 @@
+"""Planners tried on an instance: each plans every delivery, and all are flown in the same truths."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.errors import InfeasibleError
+from planner.evaluate import Evaluation, Flown, clairvoyant_times, fly_itinerary, pooled, sample_truths, summarise
+from planner.itinerary import fly_sampled, outcome
+from planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, plan
+from planner.problem import HORIZON_H, Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from datetime import date
+    from typing import TypeAlias
+
+    from numpy.typing import NDArray
+
+    from benchmarks.instances import Instance
+    from models.scenario import Scenario
+    from models.wind_forecast import WindEnsemble
+    from planner.evaluate import Truths
+    from planner.itinerary import Itinerary, Outcome
+    from planner.request import Request
+
+    Floats: TypeAlias = NDArray[np.float64]
+
+TWO_WAYS = ("pfs", "pfs-charge-aware")
+"""Planners that recharge as they are told: both options are tried."""
+APART = ("pfs-strict",)
+"""Planners whose failures do not take requests from the comparison of the others."""
+MOST_FLIGHTS = 150
+"""A plan of more flights takes longer than the horizon; it counts as wandering and is not flown."""
+SMALL = 200
+"""The exhaustive search is tried on networks of up to so many stations."""
+PLANNED, NO_ROUTE, WANDERED = "planned", "no-route", "wandered"
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A planner with a recharge option."""
+
+    planner: str
+    recharge: str
+
+    @property
+    def label(self) -> str:
+        """For tables."""
+        return f"{self.planner}, {self.recharge}" if self.planner in TWO_WAYS else self.planner
+
+
+def contenders() -> list[Contender]:
+    """All planners that do not need the truth, those that recharge as told in both ways."""
+    found = []
+    for name in PLANNERS:
+        if name not in CLAIRVOYANT_PLANNERS:
+            ways = ("full", "enough") if name in TWO_WAYS else ("full" if name in {*APART, "shortest"} else "enough",)
+            found += [Contender(name, way) for way in ways]
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One contender on one delivery.
+
+    Attributes
+    ----------
+    contender, delivery
+        Which.
+    status : str
+        ``planned``, ``no-route`` or ``wandered`` (more than `MOST_FLIGHTS` flights).
+    planning_s : float
+        Wall time of the search.
+    flights : int
+        Of the plan.
+    flown : Flown or None
+        None without a plan.
+    """
+
+    contender: Contender
+    delivery: int
+    status: str
+    planning_s: float
+    flights: int
+    flown: Flown | None
+
+
+@dataclass(frozen=True)
+class Row:
+    """One planner on one instance.
+
+    Attributes
+    ----------
+    instance, planner : str
+        Which.
+    clairvoyant : bool
+        It was told the truth: a bound, not a rival.
+    deliveries, planned, no_route, wandered, cut_off : int
+        Requests, and how planning them ended.
+    whole : Evaluation or None
+        All simulated runs of its plans: failures, promises.
+    common : Evaluation or None
+        The runs that all planners (but `APART`) delivered: times.
+    """
+
+    instance: str
+    planner: str
+    clairvoyant: bool
+    deliveries: int
+    planned: int
+    no_route: int
+    wandered: int
+    cut_off: int
+    whole: Evaluation | None
+    common: Evaluation | None
+
+    def document(self) -> dict[str, object]:
+        """The row for a JSON file."""
+        plain = {key: value for key, value in vars(self).items() if not isinstance(value, Evaluation)}
+        return plain | {
+            "whole": None if self.whole is None else self.whole.document(),
+            "common": None if self.common is None else self.common.document(),
+        }
+
+
+def try_instance(
+    instance: Instance, *, clairvoyant_runs: int = 1, time_limit_s: float = 5.0, progress: Callable[[str], None]
+) -> list[Row]:
+    """Try all planners on an instance.
+
+    Parameters
+    ----------
+    instance : Instance
+        Which.
+    clairvoyant_runs : int
+        Runs of each delivery that the clairvoyant planners are told.
+    time_limit_s : float
+        Of each clairvoyant plan.
+    progress : callable
+        Told in words how far it is.
+    """
+    scenario = instance.scenario()
+    rivals = contenders()
+    trials: list[Trial] = []
+    known: dict[str, list[Floats]] = {}
+    spent: dict[str, float] = {}
+    cut: dict[str, int] = {}
+    started = time.perf_counter()
+    for number, delivery in enumerate(instance.deliveries):
+        request, day = instance.request(delivery, "enough")
+        forecast = scenario.forecast(request.state.time, HORIZON_H, truth=day)
+        truths = sample_truths(
+            scenario, request, [day], runs=instance.runs, errors=instance.errors, seed=instance.truth_seed + number
+        )
+        trials += [_try(scenario, instance, number, rival, forecast, truths, day) for rival in rivals]
+        for name in CLAIRVOYANT_PLANNERS:
+            if name == "ies" and len(scenario.network) > SMALL:
+                continue
+            runs = range(min(clairvoyant_runs, instance.runs))
+            found, took, off = clairvoyant_times(truths, instance.drone, name, runs, time_limit_s=time_limit_s)
+            known.setdefault(name, []).append(found)
+            spent[name] = spent.get(name, 0.0) + took
+            cut[name] = cut.get(name, 0) + off
+        progress(f"{instance.name}: {number + 1} of {len(instance.deliveries)}, {time.perf_counter() - started:.0f} s")
+    return _rows(instance, rivals, trials, known, spent, cut)
+
+
+def _try(
+    scenario: Scenario,
+    instance: Instance,
+    number: int,
+    rival: Contender,
+    forecast: WindEnsemble,
+    truths: Truths,
+    day: date,
+) -> Trial:
+    request, _ = instance.request(instance.deliveries[number], rival.recharge)
+    if day.isoformat() in forecast.labels:
+        raise AssertionError("the truth is in the forecast")
+    started = time.perf_counter()
+    try:
+        itinerary, promise, spent = _solve(scenario, request, rival.planner, forecast)
+    except InfeasibleError:
+        return Trial(rival, number, NO_ROUTE, time.perf_counter() - started, 0, None)
+    if promise is None:
+        return Trial(rival, number, WANDERED, spent, len(itinerary), None)
+    flown = fly_itinerary(truths, instance.drone, itinerary).judged(promise, truths.request.state.time.timestamp())
+    return Trial(rival, number, PLANNED, spent, len(itinerary), flown)
+
+
+def _solve(
+    scenario: Scenario, request: Request, name: str, forecast: WindEnsemble
+) -> tuple[Itinerary, Outcome | None, float]:
+    """Itinerary, what the forecast makes of it (None where it is too long to be told), and planning time."""
+    if name not in FORECAST_PLANNERS:
+        result = plan(scenario, request, planner=name, forecast=forecast)
+        return result.itinerary, result.outcome, result.planning_time_s
+    problem = Problem(scenario, request, scenario.drone(request.drone or ""), forecast)
+    search = FORECAST_PLANNERS[name](problem)
+    started = time.perf_counter()
+    itinerary = search.solve()
+    spent = time.perf_counter() - started
+    if len(itinerary) > MOST_FLIGHTS:
+        return itinerary, None, spent
+    return itinerary, outcome(problem, *fly_sampled(problem, itinerary)), spent
+
+
+def _rows(
+    instance: Instance,
+    rivals: Sequence[Contender],
+    trials: Sequence[Trial],
+    known: dict[str, list[Floats]],
+    spent: dict[str, float],
+    cut: dict[str, int],
+) -> list[Row]:
+    common = _common(instance, trials)
+    bound = next((known[name] for name in ("exact", "ies") if name in known), [])
+    rows = []
+    for rival in rivals:
+        mine = [trial for trial in trials if trial.contender == rival]
+        planning = tuple(trial.planning_s for trial in mine)
+        whole, shared = [], []
+        for trial in mine:
+            if trial.flown is None:
+                continue
+            flown = trial.flown
+            if bound:
+                flown = replace(flown, clairvoyant_s=bound[trial.delivery])
+            whole.append(flown)
+            shared.append(flown.chosen(common[trial.delivery] & flown.delivered))
+        rows.append(
+            Row(
+                instance.name,
+                rival.label,
+                clairvoyant=False,
+                deliveries=len(mine),
+                planned=len(whole),
+                no_route=sum(trial.status == NO_ROUTE for trial in mine),
+                wandered=sum(trial.status == WANDERED for trial in mine),
+                cut_off=0,
+                whole=summarise(rival.label, pooled(whole), planning) if whole else None,
+                common=summarise(rival.label, pooled(shared)) if any(len(part) for part in shared) else None,
+            )
+        )
+    for name, times in known.items():
+        rows.append(_clairvoyant_row(instance, name, times, spent[name], cut[name], common))
+    return rows
+
+
+def _common(instance: Instance, trials: Sequence[Trial]) -> list[NDArray[np.bool_]]:
+    """Runs of each delivery that all planners but those set apart delivered."""
+    masks = [np.ones(instance.runs, dtype=bool) for _ in instance.deliveries]
+    for trial in trials:
+        if trial.contender.planner not in APART:
+            masks[trial.delivery] &= trial.flown.delivered if trial.flown is not None else False
+    return masks
+
+
+def _clairvoyant_row(
+    instance: Instance, name: str, times: list[Floats], spent_s: float, cut_off: int, common: list[NDArray[np.bool_]]
+) -> Row:
+    """Times that a planner who is told the truth plans: hourly wind, no gusts, no error of energy."""
+    parts = []
+    tried = 0
+    for number, (found, mask) in enumerate(zip(times, common, strict=True)):
+        block = np.full(len(found), number)
+        tried += 1
+        chosen = np.isfinite(found) & mask
+        none = np.full(len(found), np.nan)
+        zero = np.zeros(len(found), dtype=np.int64)
+        flown = Flown(block, zero, np.zeros(len(found), dtype=bool), none, found, none, none, none)
+        parts.append(flown.chosen(chosen))
+    solved = sum(bool(np.isfinite(found).any()) for found in times)
+    evaluation = summarise(name, pooled(parts), (spent_s / max(tried, 1),)) if any(map(len, parts)) else None
+    return Row(
+        instance.name,
+        name,
+        clairvoyant=True,
+        deliveries=len(times),
+        planned=solved,
+        no_route=len(times) - solved - min(cut_off, len(times) - solved),
+        wandered=0,
+        cut_off=cut_off,
+        whole=None,
+        common=evaluation,
+    )
