@@ -23,8 +23,6 @@ AIRSPEED_SIGMA_MPS = 0.7
 """Of a pitot tube, along the heading."""
 SLIP_SIGMA_RAD = math.radians(5.0)
 """Side slip and heading error of a plane."""
-ACROSS_SIGMA_MPS = 30.0
-"""A multirotor's pitot tube says nothing about the air from the side."""
 AUTOPILOT_SIGMA_MPS = 1.0
 AUTOPILOT_EVERY_S = 10.0
 """The autopilot's estimate is a filtered one: it is taken this often and no oftener."""
@@ -136,8 +134,8 @@ def blocks(track: TelemetryTrack, period_s: float = 1.0) -> Blocks:
     )
 
 
-def tilt_wind(air: Blocks, drag: DragModel) -> Measurements:
-    """Wind by tilt and drag: ground velocity minus the air velocity that explains the lean. Multirotors only."""
+def tilt_air_velocity(air: Blocks, drag: DragModel) -> NDArray[np.float64]:
+    """Air velocity that explains the lean, the level's bias taken off, shape (blocks, 2)."""
     cos_yaw, sin_yaw = np.cos(air.yaw_rad), np.sin(air.yaw_rad)
     bias = np.stack(
         [
@@ -146,17 +144,25 @@ def tilt_wind(air: Blocks, drag: DragModel) -> Measurements:
         ],
         axis=1,
     )
-    through_air = drag.air_velocity(air.drag - bias)
+    return drag.air_velocity(air.drag - bias)
+
+
+def tilt_wind(air: Blocks, drag: DragModel) -> Measurements:
+    """Wind by tilt and drag: ground velocity minus the air velocity that explains the lean. Multirotors only."""
+    through_air = tilt_air_velocity(air, drag)
     wind = air.velocity - through_air
     return _chosen(air, wind, drag.noise(through_air), air.flying & ~air.winged, "tilt")
 
 
 def airspeed_wind(air: Blocks) -> Measurements:
-    """Wind by an airspeed sensor: ground velocity minus airspeed along the heading."""
+    """Wind by an airspeed sensor: ground velocity minus airspeed along the heading.
+
+    On wings only: a multirotor without a sensor reports a made-up airspeed, and one with a sensor feels the air from ahead only.
+    """
     cos_yaw, sin_yaw = np.cos(air.yaw_rad), np.sin(air.yaw_rad)
     wind = air.velocity - air.airspeed_mps[:, None] * np.stack([cos_yaw, sin_yaw], axis=1)
     along = AIRSPEED_SIGMA_MPS**2
-    across = np.where(air.winged, (SLIP_SIGMA_RAD * air.airspeed_mps) ** 2 + along, ACROSS_SIGMA_MPS**2)
+    across = (SLIP_SIGMA_RAD * air.airspeed_mps) ** 2 + along
     noise = np.stack(
         [
             along * cos_yaw**2 + across * sin_yaw**2,
@@ -165,8 +171,8 @@ def airspeed_wind(air: Blocks) -> Measurements:
         ],
         axis=1,
     )
-    fast = air.airspeed_mps > np.where(air.winged, MIN_AIRSPEED_MPS, 2.0)
-    return _chosen(air, wind, noise, air.flying & fast, "airspeed")
+    fast = air.airspeed_mps > MIN_AIRSPEED_MPS
+    return _chosen(air, wind, noise, air.flying & air.winged & fast, "airspeed")
 
 
 def autopilot_wind(air: Blocks) -> Measurements:

@@ -40,7 +40,9 @@ class Stretch:
     def add(self, time_s: ArrayLike, columns: Mapping[str, ArrayLike]) -> None:
         """Add reports of one kind, in the order of time."""
         times = np.atleast_1d(np.asarray(time_s, dtype=np.float64))
-        known = {name: np.broadcast_to(np.asarray(values, dtype=np.float64), times.shape) for name, values in columns.items()}
+        known = {
+            name: np.broadcast_to(np.asarray(values, dtype=np.float64), times.shape) for name, values in columns.items()
+        }
         if len(times) and known:
             self.reports.append((times, known))
 
@@ -96,7 +98,9 @@ class Assembler:
     def _ticks(self, stretch: Stretch) -> NDArray[np.float64]:
         """Times at which samples are taken: every attitude, and positions where attitudes are missing."""
         main = [times for times, columns in stretch.reports if "roll_rad" in columns]
-        other = [times for times, columns in stretch.reports if "vel_north_mps" in columns and "roll_rad" not in columns]
+        other = [
+            times for times, columns in stretch.reports if "vel_north_mps" in columns and "roll_rad" not in columns
+        ]
         ticks = np.sort(np.concatenate([np.array([self._last_tick]), *main]))
         if other:
             extra = np.sort(np.concatenate(other))

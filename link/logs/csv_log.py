@@ -197,7 +197,9 @@ class CsvLog:
         if time is None or not known:
             remedy = "give a mapping with --columns, see docs/how-to/replay.md"
             raise InputError(Fault("has no columns that are known as telemetry", str(self._path), 1, remedy=remedy))
-        return LogColumns(time, _TIME_NAMES[time], known, payload=ColumnOf("payload_kg") if "payload_kg" in header else None)
+        return LogColumns(
+            time, _TIME_NAMES[time], known, payload=ColumnOf("payload_kg") if "payload_kg" in header else None
+        )
 
     def _numbers(self, rows: list[list[str]], where: ColumnOf) -> NDArray[np.float64]:
         place = self._column(where.column)
@@ -207,7 +209,9 @@ class CsvLog:
 
     def _column(self, name: str) -> int:
         if name not in self._place:
-            raise InputError(Fault("no such column", str(self._path), 1, name, None, "it has: " + ", ".join(self._place)))
+            raise InputError(
+                Fault("no such column", str(self._path), 1, name, None, "it has: " + ", ".join(self._place))
+            )
         return self._place[name]
 
     def _times(self, rows: list[list[str]], columns: LogColumns) -> tuple[NDArray[np.float64], bool]:

@@ -266,7 +266,9 @@ def _battery(fields: Any) -> dict[str, NDArray[np.float64]]:
     columns = {"voltage_v": volts, "current_a": amperes}
     connected = bool((volts > 1.0).any()) and bool((amperes != 0.0).any())
     soc = {"soc": np.asarray(fields["RemPct"], dtype=np.float64) / 100.0} if "RemPct" in fields else {}
-    return {name: np.where(volts > 1.0, values, np.nan) for name, values in (columns | soc).items()} if connected else {}
+    return (
+        {name: np.where(volts > 1.0, values, np.nan) for name, values in (columns | soc).items()} if connected else {}
+    )
 
 
 def _airspeed(fields: Any) -> dict[str, NDArray[np.float64]]:

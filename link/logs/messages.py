@@ -1,7 +1,8 @@
 """What MAVLink messages say, in the words of `models.telemetry`; serves logs (arrays) and live links (numbers).
 
 Traps kept here: WIND says where the wind comes FROM, WIND_COV where the air goes; both are 0 until they are alive;
-0 V, -1 A and -1 % stand for unknown; a position of exactly 0, 0 is no fix; a heartbeat of a ground station, radio or
+0 V, -1 A and -1 % stand for unknown; a position of exactly 0, 0 is no fix; VFR_HUD has
+indicated airspeed, of which true airspeed is made by the standard density at its height; a heartbeat of a ground station, radio or
 camera is not the vehicle's.
 """
 
@@ -70,10 +71,16 @@ def _position(fields: Any) -> Columns:
 
 def _hud(fields: Any) -> Columns:
     airspeed = np.asarray(fields["airspeed"], dtype=np.float64)
+    height = np.clip(np.nan_to_num(np.asarray(fields["alt"], dtype=np.float64)), -500.0, 9000.0)
     return {
-        "airspeed_mps": _real(airspeed, (airspeed == 0.0) | ~np.isfinite(airspeed)),
+        "airspeed_mps": _real(airspeed, (airspeed == 0.0) | ~np.isfinite(airspeed)) / np.sqrt(density_ratio(height)),
         "throttle": np.asarray(fields["throttle"], dtype=np.float64) / 100.0,
     }
+
+
+def density_ratio(height_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Density of the standard atmosphere over that at sea level (ISO 2533, troposphere)."""
+    return np.asarray((1.0 - 2.25577e-5 * height_m) ** 4.25588)
 
 
 def _wind(fields: Any) -> Columns:

@@ -16,7 +16,7 @@ from models.errors import one_line
 from models.telemetry import TimeBase
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -45,6 +45,7 @@ class Tlog:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.index = scan(path)
+        self._climbs: dict[int, float] = defaultdict(float)
         self.summary = self._summary(self.index)
 
     def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
@@ -54,7 +55,7 @@ class Tlog:
         assemblers: dict[int, Assembler] = {}
         for frames in read_frames(self.path, begin=begin):
             times = check.clean(frames.time_s)
-            for system, stretch in _stretches(frames, times).items():
+            for system, stretch in _stretches(frames, times, self._climbs).items():
                 if system not in assemblers:
                     assemblers[system] = Assembler(system)
                 track = assemblers[system].feed(stretch).between(from_s, to_s)
@@ -70,6 +71,7 @@ class Tlog:
                 times = check.clean(frames.time_s)
                 told |= {int(system) for system in np.unique(frames.system[frames.rows_of("ATTITUDE")])}
                 told |= {int(system) for system in np.unique(frames.system[frames.rows_of("GLOBAL_POSITION_INT")])}
+                self._watch_climbs(frames, times)
                 if len(events) < MAX_EVENTS:
                     events += _events(frames, times)
         return LogSummary(
@@ -79,20 +81,38 @@ class Tlog:
             skipped_bytes=index.skipped_bytes,
             systems=tuple(sorted(told)),
             others=tuple(sorted(set(index.by_system) - told)),
-            time_base=TimeBase("clock of the recorder (ground station)", True, _doubts(check, index)),
+            time_base=TimeBase("clock of the recorder (ground station)", True, _doubts(check, index, self._climbs)),
             start_s=index.first_s,
             end_s=index.last_s,
             events=tuple(events[:MAX_EVENTS]),
         )
 
+    def _watch_climbs(self, frames: Frames, times: NDArray[np.float64]) -> None:
+        """Add up climb times vertical speed of each vehicle: negative where the speed is positive down, as it should."""
+        rows = frames.rows_of("GLOBAL_POSITION_INT")
+        fields = frames.decoded("GLOBAL_POSITION_INT", rows)
+        for system in np.unique(frames.system[rows]):
+            chosen = frames.system[rows] == system
+            height = fields["relative_alt"][chosen].astype(np.float64) / 1000.0
+            speed = fields["vz"][chosen].astype(np.float64) / 100.0
+            step = np.diff(times[rows[chosen]])
+            steady = (step > 0.0) & (step < 2.0) & (np.abs(speed[1:]) > 0.5)
+            self._climbs[int(system)] += float((np.diff(height) * speed[1:])[steady].sum())
 
-def _doubts(check: StampCheck, index: TlogIndex) -> tuple[str, ...]:
-    doubts = []
+
+def _doubts(check: StampCheck, index: TlogIndex, climbs: Mapping[int, float]) -> tuple[str, ...]:
+    doubts = [
+        f"vehicle {system} reports its vertical speed upwards, as ArduPilot did until 2018; it is turned"
+        for system, agreement in sorted(climbs.items())
+        if agreement > 0.0
+    ]
     if check.held:
         doubts.append(f"{check.held} stamps are up to {check.JITTER_S:g} s before the ones before them and are held")
     if check.set_back:
         most = max(check.set_back)
-        doubts.append(f"the clock was set back {len(check.set_back)} times, by {most:.1f} s at most; later times are shifted")
+        doubts.append(
+            f"the clock was set back {len(check.set_back)} times, by {most:.1f} s at most; later times are shifted"
+        )
     if check.disbelieved:
         doubts.append(f"{check.disbelieved} stamps are more than 30 days off and are taken as the ones before them")
     if index.first_s < 946_684_800.0:
@@ -100,8 +120,8 @@ def _doubts(check: StampCheck, index: TlogIndex) -> tuple[str, ...]:
     return tuple(doubts)
 
 
-def _stretches(frames: Frames, times: NDArray[np.float64]) -> dict[int, Stretch]:
-    """What each system says about itself in a chunk."""
+def _stretches(frames: Frames, times: NDArray[np.float64], climbs: Mapping[int, float]) -> dict[int, Stretch]:
+    """What each system says about itself in a chunk; vertical speed is turned where it agrees with the climb."""
     stretches: dict[int, Stretch] = defaultdict(Stretch)
     for name in SPOKEN:
         rows = frames.rows_of(name)
@@ -114,6 +134,8 @@ def _stretches(frames: Frames, times: NDArray[np.float64]) -> dict[int, Stretch]
             if name == "HEARTBEAT":
                 chosen &= frames.component[rows] == 1
             columns = quantities(name, fields[chosen]) if chosen.any() else {}
+            if "vel_down_mps" in columns and climbs.get(int(system), 0.0) > 0.0:
+                columns["vel_down_mps"] = -columns["vel_down_mps"]
             if columns:
                 stretches[int(system)].add(times[rows[chosen]], columns)
     return stretches

@@ -45,7 +45,16 @@ class ULogFile:
         from pyulog import ULog
         from pyulog.exceptions import ULogException
 
-        damaged = (ULogException, struct.error, ValueError, KeyError, IndexError, TypeError, OverflowError, AttributeError)
+        damaged = (
+            ULogException,
+            struct.error,
+            ValueError,
+            KeyError,
+            IndexError,
+            TypeError,
+            OverflowError,
+            AttributeError,
+        )
         try:
             self._log: Any = ULog(str(path))
         except OSError as error:
@@ -92,7 +101,9 @@ class ULogFile:
                 boot = np.asarray(data["timestamp"], dtype=np.float64)
                 fixed = np.flatnonzero(utc > 1e15)
                 if len(fixed):
-                    return float(np.median(utc[fixed] - boot[fixed])) * 1e-6, TimeBase("the autopilot's clock, set by GPS")
+                    return float(np.median(utc[fixed] - boot[fixed])) * 1e-6, TimeBase(
+                        "the autopilot's clock, set by GPS"
+                    )
         doubt = "no GPS time was logged: times count from the start of the autopilot"
         return 0.0, TimeBase("the autopilot's clock since its start", False, (doubt,))
 
@@ -144,8 +155,12 @@ def _local(data: dict[str, Any]) -> Columns:
     lat, lon = _numbers(data, "ref_lat"), _numbers(data, "ref_lon")
     placed = np.isfinite(lat) & (lat != 0.0) & (_numbers(data, "xy_global") > 0)
     if placed.any():
-        per_lat = geodesy.distance_m(lat[placed][0] - 0.005, lon[placed][0], lat[placed][0] + 0.005, lon[placed][0]) * 100
-        per_lon = geodesy.distance_m(lat[placed][0], lon[placed][0] - 0.005, lat[placed][0], lon[placed][0] + 0.005) * 100
+        per_lat = (
+            geodesy.distance_m(lat[placed][0] - 0.005, lon[placed][0], lat[placed][0] + 0.005, lon[placed][0]) * 100
+        )
+        per_lon = (
+            geodesy.distance_m(lat[placed][0], lon[placed][0] - 0.005, lat[placed][0], lon[placed][0] + 0.005) * 100
+        )
         columns["lat_deg"] = np.where(placed, lat + _numbers(data, "x") / per_lat, np.nan)
         columns["lon_deg"] = np.where(placed, lon + _numbers(data, "y") / per_lon, np.nan)
         columns["alt_msl_m"] = np.where(placed, _numbers(data, "ref_alt") - _numbers(data, "z"), np.nan)

@@ -1,0 +1,262 @@
+"""Drag and level bias of a drone, found in a log of its flight, or the reason why that flight cannot tell them.
+
+Flown on one course only, or standing in the wind, a drone leans by an amount that a strong wind and little drag explain
+as well as a weak wind and much drag. On two courses the wind stays and the course turns, which tells them apart. So the fit
+looks for drag, bias and a wind that changes slowly, all at once, and says how sure it is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.drag import DragModel
+from models.errors import Fault, InputError
+from models.wind_filter import WindFilterSettings, filter_log
+from models.wind_filter_measurement import tilt_wind
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from models.wind_filter_measurement import Blocks
+
+KNOT_S = 120.0
+"""The wind of the fit is linear between knots so far apart."""
+KNOT_SIGMA_MPS = 1.5
+"""How much it may change from knot to knot."""
+BIAS_SIGMA_MPS2 = 0.15
+"""A level that is off by about 1 degree."""
+FAST_MPS = 8.0
+"""Quadratic drag is fitted where airspeeds differ by more than this."""
+MIN_BLOCKS = 60
+MIN_SPEED_MPS = 3.0
+MAX_RELATIVE_SIGMA = 0.20
+"""A drag that is less sure than this is not identified."""
+
+
+@dataclass(frozen=True, slots=True)
+class DragFit:
+    """What a flight tells about the drag.
+
+    Attributes
+    ----------
+    identified : bool
+        Whether the flight can tell it at all.
+    reason : str
+        Why not, or what it was found from.
+    drag : DragModel or None
+        None where it was not identified.
+    relative_sigma : float
+        Relative standard deviation of the drag at the typical airspeed; infinite where nothing was fitted.
+    wind_north_mps, wind_east_mps : float
+        Mean wind of the flight, TOWARDS, found along with it; NaN where nothing was fitted.
+    course_spread_deg : float
+        How far the courses flown differ, 0 to 180.
+    blocks : int
+        Averages used.
+    """
+
+    identified: bool
+    reason: str
+    drag: DragModel | None = None
+    relative_sigma: float = math.inf
+    wind_north_mps: float = math.nan
+    wind_east_mps: float = math.nan
+    course_spread_deg: float = 0.0
+    blocks: int = 0
+
+
+def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
+    """Find drag, level bias and wind in one flight.
+
+    Parameters
+    ----------
+    air : Blocks
+        From `models.wind_filter_measurement.blocks`.
+    period_s : float
+        Their period.
+    """
+    good = air.flying & ~air.winged & np.isfinite(air.drag).all(axis=1) & np.isfinite(air.velocity).all(axis=1)
+    count = int(good.sum())
+    if air.flying.any() and air.winged[air.flying].mean() > 0.5:
+        return DragFit(identified=False, reason="the vehicle flies on wings: its tilt tells no wind", blocks=count)
+    if count < MIN_BLOCKS:
+        reason = f"only {count * period_s:.0f} s of flight with attitude and velocity, at least {MIN_BLOCKS} are needed"
+        return DragFit(identified=False, reason=reason, blocks=count)
+    velocity, drag, yaw, time_s = air.velocity[good], air.drag[good], air.yaw_rad[good], air.time_s[good]
+    spread = course_spread_deg(velocity)
+    speed = float(np.percentile(np.hypot(*velocity.T), 90))
+    if speed < MIN_SPEED_MPS:
+        reason = (
+            f"the drone hovers (ground speed up to {speed:.1f} m/s): drag and wind cannot be told apart; "
+            "fly out and back, or a circle, at cruise speed, or give the wind with --wind"
+        )
+        return DragFit(identified=False, reason=reason, course_spread_deg=spread, blocks=count)
+    fit = _Fit(time_s, velocity, drag, yaw, quadratic=_spread(velocity) > FAST_MPS)
+    model, relative, wind = fit.solve(period_s)
+    if relative > MAX_RELATIVE_SIGMA or model is None:
+        turn = "" if spread >= 60.0 else f"; the courses flown differ by {spread:.0f}° only: fly out and back, or a circle"
+        reason = f"the drag is uncertain by {relative:.0%} (limit {MAX_RELATIVE_SIGMA:.0%}){turn}"
+        return DragFit(False, reason, None, relative, *wind, spread, count)
+    reason = f"found from {count * period_s:.0f} s of flight on courses that differ by {spread:.0f}°"
+    return DragFit(True, reason, model, relative, *wind, spread, count)
+
+
+def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0, smooth: int = 10) -> DragModel:
+    """Find the linear drag of a flight, hover included, in a wind that was measured beside it.
+
+    Parameters
+    ----------
+    air : Blocks
+        Averages of the flight.
+    wind : ndarray, shape (blocks, 2)
+        Known wind, (north, east) TOWARDS, m/s.
+    period_s : float
+        Period of the blocks.
+    smooth : int
+        Blocks averaged before the fit: eddies that pass the mast do not pass the drone.
+
+    Returns
+    -------
+    DragModel
+        With the scatter of the drag seen about the drag expected.
+    """
+    good = air.flying & np.isfinite(air.drag).all(axis=1) & np.isfinite(wind).all(axis=1)
+    if good.sum() < max(MIN_BLOCKS, 2 * smooth):
+        raise InputError(Fault("too little flight to fit a drag to", field="blocks", value=int(good.sum())))
+    through = _running(air.velocity[good] - wind[good], smooth)
+    seen = _running(air.drag[good], smooth)
+    linear = float((seen * through).sum() / (through**2).sum())
+    if linear <= 0.0:
+        raise InputError("the drone does not lean against the wind that is given")
+    residual = air.drag[good] - linear * (air.velocity - wind)[good]
+    return DragModel(linear_per_s=linear, sigma_mps2=float(np.sqrt((residual**2).mean())), period_s=period_s)
+
+
+def tune_filter(
+    air: Blocks, drag: DragModel, wind: NDArray[np.float64], forecast: NDArray[np.float64]
+) -> tuple[DragModel, WindFilterSettings]:
+    """Choose noise and time constant so that the filter's density of the known wind is greatest.
+
+    The Gaussian log density punishes both errors and a covariance that does not mean what it says, so that the choice is not
+    the smallest error bought with false certainty.
+
+    Parameters
+    ----------
+    air, drag
+        The flight, and its drag.
+    wind : ndarray, shape (blocks, 2)
+        Known wind.
+    forecast : ndarray, shape (2,)
+        What the filter is to revert to.
+    """
+    from dataclasses import replace
+
+    sigma = float(np.sqrt(np.nanmean((wind - forecast) ** 2)))
+    best: tuple[float, DragModel, WindFilterSettings] | None = None
+    for factor in (0.5, 0.75, 1.0, 1.5, 2.0, 3.0):
+        model = replace(drag, sigma_mps2=drag.sigma_mps2 * factor)
+        taken = tilt_wind(air, model)
+        truth = wind[np.searchsorted(air.time_s, taken.time_s)]
+        for tau_s in (5.0, 10.0, 20.0, 40.0, 80.0, 160.0):
+            settings = WindFilterSettings(tau_s=tau_s, sigma_mps=max(sigma, 0.1))
+            course = filter_log(taken.time_s, taken.wind, taken.noise, forecast, settings)
+            nn, ne, ee = course.covariance.T
+            cost = float(np.nanmean(course.nees(truth) + np.log(nn * ee - ne * ne)))
+            if best is None or cost < best[0]:
+                best = cost, model, settings
+    if best is None:
+        raise InputError("nothing was measured in this flight")
+    return best[1], best[2]
+
+
+def course_spread_deg(velocity: NDArray[np.float64]) -> float:
+    """How far the courses flown above `MIN_SPEED_MPS` lie apart, 0 to 180 degrees, ignoring the outermost 5 %."""
+    fast = np.hypot(*velocity.T) > MIN_SPEED_MPS
+    if fast.sum() < 5:
+        return 0.0
+    course = np.degrees(np.arctan2(velocity[fast, 1], velocity[fast, 0]))
+    apart = np.abs((course[:, None] - course[None, :: max(1, len(course) // 200)] + 180.0) % 360.0 - 180.0)
+    return float(np.percentile(apart, 95))
+
+
+class _Fit:
+    """Least squares over (drag, bias, wind at knots)."""
+
+    def __init__(
+        self,
+        time_s: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        drag: NDArray[np.float64],
+        yaw: NDArray[np.float64],
+        *,
+        quadratic: bool,
+    ) -> None:
+        self.velocity, self.drag, self.quadratic = velocity, drag, quadratic
+        self.cos, self.sin = np.cos(yaw), np.sin(yaw)
+        knots = max(2, math.ceil((time_s[-1] - time_s[0]) / KNOT_S) + 1)
+        place = np.linspace(time_s[0], time_s[-1], knots)
+        self.hats = np.stack([np.interp(time_s, place, row) for row in np.eye(knots)], axis=1)
+        self.sigma = 0.25
+
+    def solve(self, period_s: float) -> tuple[DragModel | None, float, tuple[float, float]]:
+        from scipy.optimize import least_squares
+
+        knots = self.hats.shape[1]
+        start = np.concatenate([[0.3, 0.005 if self.quadratic else 0.0, 0.0, 0.0], np.zeros(2 * knots)])
+        low = np.concatenate([[1e-3, 0.0 if self.quadratic else -1e-9, -2.0, -2.0], np.full(2 * knots, -40.0)])
+        high = np.concatenate([[5.0, 1.0 if self.quadratic else 1e-9, 2.0, 2.0], np.full(2 * knots, 40.0)])
+        answer = least_squares(self._residuals, start, bounds=(low, high), loss="soft_l1", max_nfev=200)
+        c1, c2, forward, right = answer.x[:4]
+        wind = self._wind(answer.x)
+        through = self.velocity - wind
+        left = self._residuals(answer.x)[: 2 * len(self.drag)].reshape(2, -1)
+        scale = float(np.mean(left**2))
+        rho = max(0.0, min(0.98, float(np.mean([np.corrcoef(row[1:], row[:-1])[0, 1] for row in left]))))
+        inflation = scale * (1.0 + rho) / (1.0 - rho)
+        free = np.array([True, self.quadratic] + [True] * (len(answer.x) - 2))
+        free &= (answer.active_mask == 0) | (np.arange(len(answer.x)) != 1)
+        information = answer.jac[:, free].T @ answer.jac[:, free] / max(inflation, 1e-6)
+        covariance = np.linalg.pinv(information)
+        typical = max(float(np.median(np.hypot(*through.T))), 1.0)
+        slope = np.array([1.0, typical] + [0.0] * (len(answer.x) - 2))[free]
+        value = float(c1 + c2 * typical)
+        relative = math.sqrt(max(float(slope @ covariance @ slope), 0.0)) / value
+        mean = wind.mean(axis=0)
+        model = DragModel(
+            linear_per_s=float(c1),
+            quadratic_per_m=float(max(c2, 0.0)),
+            bias_forward_mps2=float(forward),
+            bias_right_mps2=float(right),
+            sigma_mps2=float(np.clip(math.sqrt(inflation) * self.sigma, 0.05, 3.0)),
+            period_s=period_s,
+            relative_sigma=float(min(relative, 1.0)),
+        )
+        return (model if math.isfinite(relative) else None), relative, (float(mean[0]), float(mean[1]))
+
+    def _wind(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self.hats @ x[4:].reshape(2, -1).T
+
+    def _residuals(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        through = self.velocity - self._wind(x)
+        speed = np.hypot(*through.T)[:, None]
+        expected = through * (x[0] + x[1] * speed)
+        expected[:, 0] += x[2] * self.cos - x[3] * self.sin
+        expected[:, 1] += x[2] * self.sin + x[3] * self.cos
+        misses = ((self.drag - expected) / self.sigma).T.ravel()
+        knots = x[4:].reshape(2, -1)
+        return np.concatenate([misses, x[2:4] / BIAS_SIGMA_MPS2, (np.diff(knots, axis=1) / KNOT_SIGMA_MPS).ravel()])
+
+
+def _spread(velocity: NDArray[np.float64]) -> float:
+    low, high = np.percentile(np.hypot(*velocity.T), (5, 95))
+    return float(high - low)
+
+
+def _running(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Running means over `count` rows, where they are whole."""
+    total = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
+    return np.asarray((total[count:] - total[:-count]) / count)
