@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.networks import CENTRE, new_york, random_pairs
 from models.drone import M200_V2
-from models.errors import InfeasibleError
+from models.errors import InfeasibleError, InputError
 from models.load import PadLoad
 from models.network import ConnectionRule, Station
 from models.network_builders import build_network
@@ -143,16 +143,30 @@ def run_experiment(
         pairs = random_pairs(scenario.network, runs(size), seed)
         started = time.perf_counter()
         for number, pair in enumerate(pairs):
-            day = date(2013, 2, 1) + timedelta(days=int(rng.integers(0, 300)))
+            day = _day(scenario, rng)
             done += _run(size, number, _request(scenario, pair, day, seed + number), planners, time_limit_s)
         progress(f"paper's experiment, {size} nodes: {len(pairs)} runs in {time.perf_counter() - started:.0f} s")
     return done
 
 
+def _day(scenario: Scenario, rng: np.random.Generator) -> date:
+    """A day of the record without a gap."""
+    while True:
+        day = date(2013, 1, 2) + timedelta(days=int(rng.integers(0, 360)))
+        try:
+            scenario.truth(day, _depart(day), HORIZON_H)
+        except InputError:
+            continue
+        return day
+
+
+def _depart(day: date) -> datetime:
+    return datetime(day.year, day.month, day.day, 15, tzinfo=UTC)
+
+
 def _request(scenario: Scenario, pair: tuple[str, str], day: date, seed: int) -> tuple[Scenario, Request, date]:
-    depart = datetime(day.year, day.month, day.day, 15, tzinfo=UTC)
     request = Request(
-        state=State(depart, pair[0]),
+        state=State(_depart(day), pair[0]),
         destination=pair[1],
         payload_kg=PAYLOAD_KG,
         airspeed_mps=AIRSPEED_MPS,

@@ -1,9 +1,9 @@
 """Compiled gusts: flights through wind that varies about its hourly value.
 
-The gust at a time is a pure function of a key and the time, so that whoever flies in the same sampled truth, on whatever
-route, meets the same gusts. Normal deviates come from a counter (SplitMix64 of key and step, then Box and Muller); the
+The gust at a time follows from a key and the time alone, so that whoever flies in the same sampled truth, on whatever
+route, meets the same gusts (but for what is older than `_WARM_UP` time constants at the take-off: below 0.1 %). Normal deviates come from a counter (SplitMix64 of key and step, then Box and Muller); the
 process is an Ornstein-Uhlenbeck one sampled at steps of `GUST_STEP_S` and held within each:
-x(k) = phi x(k-1) + sqrt(1 - phi^2) e(k), phi = exp(-step / time constant), begun `_WARM_UP` time constants earlier.
+x(k) = phi x(k-1) + sqrt(1 - phi^2) e(k), phi = exp(-step / time constant).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LATERAL = 0.8
 """Gusts across the wind as a share of those along it (near the ground in neutral air 1.9 / 2.4)."""
 MOST_DEVIATION = 3.0
 """Gusts are cut off at this many standard deviations."""
-_WARM_UP = 5.0
+_WARM_UP = 7.0
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)

@@ -1,0 +1,119 @@
+"""Benchmarks: small ones run, instances are what was published."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT))
+
+from benchmarks import bench_planners, pictures, report  # noqa: E402
+from benchmarks.figure import Figure, machine  # noqa: E402
+from benchmarks.instances import FOLDER, make_instance, read_instance  # noqa: E402
+from benchmarks.melbourne import melbourne  # noqa: E402
+from benchmarks.networks import geometric, random_pairs  # noqa: E402
+from benchmarks.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows  # noqa: E402
+from benchmarks.trials import contenders  # noqa: E402
+from models.errors import InputError  # noqa: E402
+from planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS  # noqa: E402
+
+
+def quiet(_):
+    pass
+
+
+def test_a_figure_says_whether_its_target_is_met_and_by_how_much_it_is_missed():
+    assert Figure("a", 4.0, "ms", 5.0).verdict == "met"
+    assert Figure("a", 6.0, "ms", 5.0).verdict == "missed by 1 ms (20%)"
+    assert Figure("a", 6.0, "ms").verdict == ""
+    assert "target 5 ms" in Figure("a", 6.0, "ms", 5.0).line()
+    assert {"processor", "cores", "Python", "numpy", "numba"} <= set(machine())
+
+
+@pytest.mark.parametrize("name", ["new-york-0.7", "geometric-100-0.5", "geometric-1000-0.9"])
+def test_published_instances_are_what_their_seeds_make(name):
+    published = read_instance(FOLDER / f"{name}.json")
+    made = make_instance(published.network, published.utilisation, seed=published.network_seed)
+    assert made == published
+    scenario = published.scenario()
+    assert scenario.load.utilisation(scenario.network.pads).mean() == pytest.approx(published.utilisation)
+
+
+def test_the_instances_of_melbourne_are_what_the_real_data_make(shared_data):
+    published = read_instance(FOLDER / "melbourne-0.5.json")
+    assert make_instance("melbourne", 0.5) == published
+    assert len(melbourne().network) == 63
+
+
+def test_another_network_than_the_instances_is_refused(tmp_path):
+    other = replace(read_instance(FOLDER / "geometric-100-0.5.json"), network_seed=2)
+    with pytest.raises(InputError, match="another network"):
+        other.scenario()
+    (tmp_path / "x.json").write_text("{}")
+    with pytest.raises(InputError, match="no benchmark instance"):
+        read_instance(tmp_path / "x.json")
+
+
+def test_random_networks_are_the_same_from_the_same_seed_and_requests_can_be_flown():
+    one, two, three = geometric(100, 1), geometric(100, 1), geometric(100, 2)
+    assert one.network.stations == two.network.stations
+    assert one.network.stations != three.network.stations
+    assert one.network.distance_m.max() <= 10_000.0
+    pairs = random_pairs(one.network, 5, 1, least_m=20_000.0, most_m=60_000.0)
+    assert len(pairs) == 5
+    assert pairs == random_pairs(two.network, 5, 1, least_m=20_000.0, most_m=60_000.0)
+
+
+def test_every_planner_is_tried_and_pfs_in_both_ways_of_recharging():
+    tried = {rival.planner for rival in contenders()}
+    assert tried | set(CLAIRVOYANT_PLANNERS) == set(PLANNERS)
+    assert {rival.recharge for rival in contenders() if rival.planner == "pfs"} == {"full", "enough"}
+
+
+def test_a_search_that_was_cut_off_is_counted_and_never_averaged_into_delivery_times():
+    def run(number, planner, status, delivery_s):
+        return PaperRun(10, number, "a", "b", "2013-07-10", planner, status, 1.0, delivery_s, False)
+
+    runs = [run(0, "pfs", SOLVED, 100.0), run(0, "ies", SOLVED, 90.0)]
+    runs += [run(1, "pfs", SOLVED, 500.0), run(1, "ies", CUT_OFF, 400.0)]
+    runs += [run(2, "pfs", NO_ROUTE, None), run(2, "ies", SOLVED, 60.0)]
+    pfs, ies = rows(runs)
+    assert (pfs.delivery_s, ies.delivery_s, ies.compared) == (100.0, 90.0, 1)
+    assert (ies.solved, ies.cut_off, ies.no_route) == (2, 1, 0)
+    assert (pfs.solved, pfs.cut_off, pfs.no_route) == (2, 0, 1)
+    assert "≥ 1000.0" in report.markdown([], [pfs, ies], {}, [])
+
+
+def test_a_small_benchmark_writes_table_results_and_figures(tmp_path, monkeypatch):
+    few = [rival for rival in contenders() if rival.planner in {"pfs-charge-aware", "shortest"}]
+    monkeypatch.setattr("benchmarks.trials.contenders", lambda: few)
+    monkeypatch.setattr("benchmarks.trials.CLAIRVOYANT_PLANNERS", ("ies",))
+    size = bench_planners.Size((FOLDER / "new-york-0.5.json",), 2, 3, (4,), 1, 0.5)
+    told = []
+    written = bench_planners.run(size, tmp_path / "out", progress=told.append)
+    assert all(path.stat().st_size > 0 for path in written)
+    text = (tmp_path / "out" / "planners.md").read_text()
+    assert "## new-york-0.5" in text
+    assert "compare shapes" in text
+    document = json.loads((tmp_path / "out" / "planners.json").read_text())
+    assert document["schema"] == "skyway.benchmark-results/1"
+    assert {row["planner"] for row in document["rows"]} >= {"shortest", "ies"}
+    assert any("new-york-0.5" in line for line in told)
+    assert len(written) == 7
+
+
+def test_figures_are_left_out_where_there_is_nothing_to_draw(tmp_path):
+    assert pictures.draw(tmp_path, [], []) == []
+
+
+def test_an_instance_whose_data_are_not_here_is_left_out_with_its_reason(tmp_path, monkeypatch):
+    monkeypatch.setattr("benchmarks.melbourne.DATA", tmp_path)
+    melbourne.cache_clear()
+    told = []
+    size = bench_planners.Size((FOLDER / "melbourne-0.5.json",), 1, 1, (), 1, 0.5)
+    bench_planners.run(size, tmp_path / "out", progress=told.append)
+    melbourne.cache_clear()
+    assert "the data of Melbourne are not here" in (tmp_path / "out" / "planners.md").read_text()

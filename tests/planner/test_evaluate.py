@@ -1,0 +1,372 @@
+"""Deliveries simulated in truths that their plan did not know."""
+
+import json
+import math
+from dataclasses import replace
+from datetime import UTC, date, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from models.errors import InputError
+from models.services import State
+from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from planner.evaluate import (
+    NO_ERRORS,
+    Errors,
+    OpenLoop,
+    Rolling,
+    clairvoyant_times,
+    evaluate,
+    fly_itinerary,
+    fly_policy,
+    held_out_forecast,
+    sample_truths,
+    season_days,
+    summarise,
+)
+from planner.evaluation_flights import DELIVERED, GAVE_UP, courses
+from planner.evaluation_kernels import GUST_STEP_S, LATERAL, MOST_DEVIATION, gust_at
+from planner.evaluation_statistics import DayBootstrap, Estimate
+from planner.itinerary import fly_true
+from planner.plan import plan
+from planner.problem import HORIZON_H
+from planner.request import Request
+
+DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
+MASK = 2**64 - 1
+GOLDEN = 0x9E3779B97F4A7C15
+
+
+@pytest.fixture(scope="module")
+def request_(newyork):
+    return Request(state=State(DEPART, "siuh-north"), destination="white-plains", payload_kg=0.8, drone="m200")
+
+
+@pytest.fixture(scope="module")
+def days(newyork, request_):
+    return season_days(newyork, request_, 6, seed=3)
+
+
+@pytest.fixture(scope="module")
+def planned(newyork, request_, days):
+    return plan(newyork, request_, planner="pfs", forecast=held_out_forecast(newyork, request_, days))
+
+
+@pytest.fixture(scope="module")
+def truths(newyork, request_, days):
+    return sample_truths(newyork, request_, days, runs=60, seed=5)
+
+
+# -- a plain reimplementation: no kernel, Python floats and loops -------------------------------------------------------
+
+
+def mixed(z):
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK
+    return z ^ (z >> 31)
+
+
+def normals(key, step):
+    first, second = (mixed((key + (2 * step + k) * GOLDEN) & MASK) >> 11 for k in (0, 1))
+    radius = math.sqrt(-2.0 * math.log((first + 1.0) / (2.0**53 + 1.0)))
+    angle = 2.0 * math.pi * second / 2.0**53
+    return radius * math.cos(angle), radius * math.sin(angle)
+
+
+def plain_gust(key, begin, step, phi):
+    """Gust of a step in a flight whose cruise begins in the step `begin`."""
+    first = begin - math.ceil(-7.0 / math.log(phi))
+    along, across = normals(key, first)
+    for k in range(first + 1, step + 1):
+        one, other = normals(key, k)
+        along = phi * along + math.sqrt(1.0 - phi**2) * one
+        across = phi * across + math.sqrt(1.0 - phi**2) * other
+    return along, across
+
+
+def plain_speed(air, member, slot, segment, gust, sd):
+    north = sum(w * v for w, v in zip(air.weight[segment], air.north[member, slot], strict=True))
+    east = sum(w * v for w, v in zip(air.weight[segment], air.east[member, slot], strict=True))
+    if gust is None:
+        if math.hypot(north, east) > air.wind_limit_mps:
+            return 0.0
+    else:
+        a, b = (max(-MOST_DEVIATION, min(MOST_DEVIATION, g)) for g in gust)
+        north, east = (
+            north * (1 + sd * a) - east * LATERAL * sd * b,
+            east * (1 + sd * a) + north * LATERAL * sd * b,
+        )
+    tail = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
+    cross = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
+    square = air.airspeed_mps**2 - cross**2
+    speed = tail + math.sqrt(max(square, 0.0))
+    if gust is None and (square <= 0.0 or speed < 1.0):
+        return 0.0
+    return min(max(speed, 1.0), air.max_ground_speed_mps)
+
+
+def plain_land(air, member, segments, off, key=None, sd=0.0, time_s=1.0):
+    """Touch-down through gusts, or (without a key) through the hourly wind, infinite where that is over its limits."""
+    now = off + air.climb_s
+    begin = int(now // GUST_STEP_S)
+    for segment in segments:
+        left = air.distance_m[segment]
+        while left > 1e-9:
+            slot = min(int((now - air.start_s + 1e-6) // air.slot_s), air.north.shape[1] - 1)
+            end = air.start_s + (slot + 1) * air.slot_s
+            gust = None
+            if key is not None:
+                step = int((now + 1e-7) // GUST_STEP_S)
+                end = min(end, (step + 1) * GUST_STEP_S)
+                gust = plain_gust(key, begin, step, math.exp(-GUST_STEP_S / time_s))
+            speed = plain_speed(air, member, slot, segment, gust, sd)
+            if speed == 0.0:
+                return math.inf
+            spent = min(left / speed, end - now)
+            left -= speed * spent
+            now += spent
+    now += air.descent_s
+    if key is None:
+        first, last = (int((t - air.start_s + 1e-6) // air.slot_s) for t in (off, now - 2e-6))
+        slots = range(first, last + 1)
+        if any(plain_speed(air, member, k, segment, None, 0.0) == 0.0 for k in slots for segment in segments):
+            return math.inf
+    return now
+
+
+def plain_run(truths, problem, itinerary, run):
+    """(touch-down, charge) of each landing of one run."""
+    air, member = problem.air, int(truths.day[run])
+    queues = truths.queues(problem, range(len(problem.network)), int(truths.queue[run]))
+    now, soc, arrived = problem.depart_s, problem.soc, problem.depart_s
+    landings = []
+    for number, hop in enumerate(itinerary):
+        node = int(problem.network.tail[hop.segments[0]])
+        if number:
+            spot = float(queues[node].land_time(now))
+            soc -= truths.energy[run] * problem.soc_per_s * (spot - now)
+            arrived, now = now, spot
+            landings[-1] = (now, soc)
+        pad = now
+        charged = hop.charge_to is not None and hop.charge_to > soc
+        if charged:
+            pad = max(now, float(queues[node].pad_time(arrived)))
+            now = pad + problem.charge_time_s(node, soc, hop.charge_to)
+        off = max(now, hop.not_before_s)
+        while plain_land(air, member, hop.segments, off) == math.inf:
+            off = air.start_s + ((off - air.start_s + 1e-6) // air.slot_s + 1) * air.slot_s
+        if charged:
+            time, level = problem.curve(node)
+            soc = float(np.interp(np.interp(soc, level, time) + off - pad, time, level))
+        sky = truths.sky()
+        key = int(sky.gust_key[run])
+        down = plain_land(air, member, hop.segments, off, key, sky.gust_sd, sky.gust_time_s)
+        soc -= truths.energy[run] * (problem.soc_fixed + problem.soc_per_s * (down - off))
+        now = down
+        landings.append((now, soc))
+    return landings
+
+
+def test_runs_are_what_plain_python_makes_of_the_same_truth(truths, planned):
+    problem = truths.problem("m200")
+    course = courses(truths, problem, planned.itinerary, np.arange(len(truths)))
+    for run in range(0, 60, 7):
+        expected = plain_run(truths, problem, planned.itinerary, run)
+        assert course[run, :, TOUCH_DOWN] == pytest.approx([t for t, _ in expected], abs=1e-3)
+        assert course[run, :, SOC_DOWN] == pytest.approx([s for _, s in expected], abs=1e-7)
+
+
+def test_without_gusts_and_errors_a_truth_is_the_hourly_wind_of_its_day(newyork, request_, days, planned):
+    truths = sample_truths(newyork, request_, days[:1], runs=3, errors=NO_ERRORS)
+    problem = truths.problem("m200")
+    course = courses(truths, problem, planned.itinerary, np.arange(3))
+    for run in range(3):
+        queues = truths.queues(problem, range(len(problem.network)), int(truths.queue[run]))
+        alone = fly_true(problem, planned.itinerary, queues)
+        assert np.array_equal(course[run], alone[0])
+
+
+def test_gusts_have_the_spread_and_the_memory_that_were_asked_for():
+    phi = math.exp(-GUST_STEP_S / 180.0)
+    rng = np.random.default_rng(1)
+    keys = rng.integers(0, 2**64, 4000, dtype=np.uint64)
+    now, later = (np.array([gust_at(key, 1000 + k, phi) for key in keys]) for k in (0, 6))
+    assert now.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.05)
+    assert now.std(axis=0) == pytest.approx([1.0, 1.0], abs=0.04)
+    assert np.corrcoef(now[:, 0], later[:, 0])[0, 1] == pytest.approx(math.exp(-1.0), abs=0.05)
+    assert abs(np.corrcoef(now[:, 0], now[:, 1])[0, 1]) < 0.05
+
+
+# -- what becomes of deliveries -----------------------------------------------------------------------------------------
+
+
+def test_flight_waiting_and_recharge_add_up_to_the_delivery(truths, planned):
+    flown = fly_itinerary(truths, "m200", planned.itinerary)
+    kept = flown.delivered
+    assert kept.any()
+    total = flown.flight_s + flown.wait_s + flown.recharge_s
+    assert total[kept] == pytest.approx(flown.delivery_s[kept])
+    assert (flown.wait_s[kept] >= -1e-6).all()
+    assert (flown.recharge_s[kept] >= 0.0).all()
+    assert np.isnan(flown.delivery_s[~kept]).all()
+
+
+def test_two_planners_meet_the_same_truths_and_a_seed_gives_them_again(newyork, request_, days, truths):
+    again = sample_truths(newyork, replace(request_, recharge="full"), days, runs=60, seed=5)
+    other = sample_truths(newyork, request_, days, runs=60, seed=6)
+    assert np.array_equal(truths.energy, again.energy)
+    assert np.array_equal(truths.gust_key, again.gust_key)
+    assert truths.queue_seed == again.queue_seed
+    assert not np.array_equal(truths.energy, other.energy)
+    assert truths.queue_seed != other.queue_seed
+    problem = truths.problem("m200")
+    assert np.array_equal(
+        truths.queues(problem, [3], 4)[3].pad_s, again.queues(again.problem("m210"), [1, 3], 4)[3].pad_s
+    )
+
+
+def test_more_runs_begin_with_the_same_runs(newyork, request_, days, truths):
+    more = sample_truths(newyork, request_, days, runs=120, seed=5)
+    assert np.array_equal(more.energy[:60], truths.energy)
+    assert np.array_equal(more.gust_key[:60], truths.gust_key)
+
+
+def test_the_truths_queues_are_not_those_the_planner_samples(truths):
+    assert truths.queue_seed != truths.request.seed
+    assert abs(truths.queue_seed - truths.request.seed) > 1_000_000
+
+
+def test_errors_of_energy_stay_within_what_was_asked_for(truths):
+    assert (np.abs(truths.energy - 1.0) <= 0.05).all()
+    assert truths.energy.std() > 0.02
+
+
+def test_more_reserve_never_strands_more(newyork, request_, days):
+    forecast = held_out_forecast(newyork, request_, days)
+    truths = sample_truths(newyork, request_, days, runs=60)
+    lowest = []
+    for reserve in (0.1, 0.3):
+        result = plan(newyork, replace(request_, reserve_soc=reserve), planner="shortest", forecast=forecast)
+        flown = fly_itinerary(truths, "m200", result.itinerary)
+        lowest.append((int((flown.lowest_soc < 0.1).sum()), int((~flown.delivered).sum())))
+    assert lowest[1] <= lowest[0]
+
+
+def test_an_evaluation_is_the_same_again_and_can_be_read_as_json(truths, planned):
+    first, second = evaluate(planned, truths), evaluate(planned, truths)
+    assert first.to_json() == second.to_json()
+    document = json.loads(first.to_json())
+    assert document["runs"] == 60
+    assert document["days"] == 6
+    assert document["regret"]["value"] is None
+    assert sum(first.counts[name] for name in ("delivered", "stranded", "unflyable", "gave_up")) == 60
+    assert "60 simulated deliveries on 6 days" in first.summary()
+
+
+# -- days held out ------------------------------------------------------------------------------------------------------
+
+
+def test_no_held_out_day_nor_its_neighbours_is_in_the_forecast(newyork, request_, days):
+    labels = {date.fromisoformat(label) for label in held_out_forecast(newyork, request_, days).labels}
+    for day in days:
+        assert not labels & {day + timedelta(days=k) for k in range(-(HORIZON_H // 24) + 1, HORIZON_H // 24)}
+
+
+def test_a_forecast_that_contains_the_truth_is_refused(newyork, request_, truths):
+    knowing = plan(newyork, request_, planner="pfs")
+    with pytest.raises(InputError, match="the forecast contains the truth"):
+        evaluate(knowing, truths)
+
+
+def test_errors_out_of_range_and_truths_without_days_are_refused(newyork, request_, days):
+    with pytest.raises(InputError, match="gust_sd: out of range") as caught:
+        Errors(gust_sd=2.0, energy=-1.0)
+    assert len(caught.value.faults) == 2
+    with pytest.raises(InputError, match="too few"):
+        sample_truths(newyork, request_, (), runs=5)
+    with pytest.raises(InputError, match="too few"):
+        sample_truths(newyork, request_, days, runs=len(days) - 1)
+
+
+# -- policies -----------------------------------------------------------------------------------------------------------
+
+
+def test_an_itinerary_flown_decision_by_decision_is_the_itinerary_flown_at_once(truths, planned):
+    runs = np.arange(0, 60, 9)
+    at_once = fly_itinerary(truths, "m200", planned.itinerary).chosen(runs)
+    stepwise, done = fly_policy(truths, "m200", OpenLoop(planned.itinerary), runs)
+    assert np.array_equal(at_once.ending, stepwise.ending)
+    assert at_once.delivery_s == pytest.approx(stepwise.delivery_s, nan_ok=True)
+    assert at_once.lowest_soc == pytest.approx(stepwise.lowest_soc)
+    delivered = np.flatnonzero(stepwise.delivered)
+    assert all(done[k] == planned.itinerary for k in delivered)
+
+
+def test_planning_anew_at_each_stop_delivers_in_the_same_truths(newyork, request_, days, truths):
+    forecast = held_out_forecast(newyork, request_, days)
+    policy = Rolling(newyork, request_, "pfs-charge-aware", lambda _: forecast)
+    flown, done = fly_policy(truths, "m200", policy, np.arange(3))
+    assert len(flown) == len(done) == 3
+    problem = truths.problem("m200")
+    for number in np.flatnonzero(flown.delivered):
+        assert int(problem.network.head[done[number][-1].segments[-1]]) == problem.destination
+        assert flown.delivery_s[number] > 0.0
+
+
+def test_a_policy_without_a_way_on_has_given_up(truths):
+    flown, done = fly_policy(truths, "m200", OpenLoop(()), np.arange(2))
+    assert flown.ending.tolist() == [GAVE_UP, GAVE_UP]
+    assert done == [(), ()]
+    assert summarise("none", flown).counts["gave_up"] == 2
+
+
+def test_nobody_is_faster_than_who_knows_the_truth(newyork, request_, days, planned):
+    truths = sample_truths(newyork, request_, days[:2], runs=4, errors=NO_ERRORS)
+    best, spent_s, cut_off = clairvoyant_times(truths, "m200", "ies", range(2))
+    assert cut_off == 0
+    assert spent_s > 0.0
+    assert np.isnan(best[2:]).all()
+    flown = fly_itinerary(truths, "m200", planned.itinerary)
+    both = np.isfinite(best) & (flown.ending == DELIVERED) & ~flown.below_reserve
+    assert (flown.delivery_s[both] >= best[both] - 1e-3).all()
+    found = evaluate(planned, truths, clairvoyant_s=best)
+    assert found.clairvoyant_runs <= 2
+
+
+# -- intervals ----------------------------------------------------------------------------------------------------------
+
+
+def test_intervals_over_days_hold_the_truth_about_as_often_as_they_say():
+    covered = naive = 0
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        block = np.repeat(np.arange(15), 20)
+        values = rng.normal(0.0, 1.0, 15)[block] + rng.normal(0.0, 0.5, 300)
+        found = DayBootstrap(block, replicates=300, seed=seed).mean(values)
+        covered += found.low <= 0.0 <= found.high
+        alone = DayBootstrap(np.arange(300), replicates=300, seed=seed).mean(values)
+        naive += alone.low <= 0.0 <= alone.high
+    assert 178 <= covered <= 200
+    assert naive < 100
+
+
+def test_quantiles_and_rates_of_the_bootstrap_are_those_of_the_runs():
+    rng = np.random.default_rng(2)
+    block = np.repeat(np.arange(30), 10)
+    values = rng.exponential(1.0, 300)
+    days = DayBootstrap(block)
+    p95 = days.quantile(values, 0.95)
+    assert p95.value == np.sort(values)[284]
+    assert p95.low < p95.value < p95.high
+    never = days.rate(np.zeros(300, dtype=bool))
+    assert (never.value, never.low) == (0.0, 0.0)
+    assert never.high == pytest.approx(1.0 - 0.025 ** (1.0 / 30.0))
+    assert math.isnan(DayBootstrap(np.zeros(5, dtype=int)).mean(np.ones(5)).low)
+
+
+def test_an_estimate_tells_what_is_not_known():
+    assert Estimate(math.nan).text() == "-"
+    assert Estimate(1.0).text() == "1.0"
+    assert Estimate(2.0, 1.0, 3.0).scaled(10.0).text(".0f") == "20 [10, 30]"
+    assert Estimate(math.nan).document() == {"value": None, "low": None, "high": None}
