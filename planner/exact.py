@@ -52,6 +52,28 @@ class _Label:
         return stays[::-1]
 
 
+@dataclass(frozen=True, eq=False)
+class _Envelope:
+    """The best of all settled stays of a station, at each time."""
+
+    z: NDArray[np.float64]
+    h: NDArray[np.float64]
+    g: NDArray[np.float64]
+
+    def covers_parts(self, stay: Stay) -> bool:
+        """Tell whether neither the potential nor the landed charge of a stay is anywhere higher."""
+        if len(stay.z) and (not len(self.z) or not covers(self.z[:, :2], stay.z[:, :2], 0.0)):
+            return False
+        return bool(covers(self.h[:, :2], stay.h[:, :2], 0.0))
+
+
+def _upper(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Upper envelope of two profiles either of which may be empty."""
+    if not len(a) or not len(b):
+        return b if len(b) else a
+    return upper_profile(a, b)
+
+
 class ExactSearch:
     """One search.
 
@@ -76,6 +98,7 @@ class ExactSearch:
         self.complete = True
         self._stays = Stays(problem, queues)
         self._best: tuple[list[Stay], float] | None = None
+        self._settled: dict[int, _Envelope] = {}
 
     @property
     def best_s(self) -> float:
@@ -112,14 +135,14 @@ class ExactSearch:
             useful = np.zeros(len(p.network), dtype=np.bool_)
             useful[[int(p.network.head[segment]) for segment in hop.segments]] = True
             horizon = stay.begin_s + 4.0 * p.drone.recharge_full_s
-            pieces = self._stays.pieces_from(stay, useful, until_s=horizon)(node)
+            pieces_of = self._stays.pieces_from(stay, useful, until_s=horizon)
             if node == p.destination:
-                self._keep(chain, *self._stays.arrive(stay, pieces))
+                self._keep(chain, *self._stays.arrive(stay, pieces_of(node)))
                 return
-            after = self._stays.land(stay, node, pieces)
-            if after is None:
+            landed = self._stays.land(stay, np.array([node]), pieces_of)
+            if not landed:
                 return
-            stay = after
+            stay = landed[0][1]
             chain.append(stay)
 
     def _keep(self, chain: list[Stay], arrive_s: float, leave_s: float) -> None:
@@ -140,9 +163,23 @@ class ExactSearch:
             self._stays.best_s = math.inf
         self._search(origin)
 
+    def _settle(self, node: int, stay: Stay) -> bool:
+        """Add a stay to what is known of its station; false where that covers it already."""
+        known = self._settled.get(node)
+        if known is None:
+            self._settled[node] = _Envelope(stay.z, stay.h, stay.g)
+            return True
+        # Potential and landed charge are cheap to compare and settle most; the charge to leave with decides.
+        if known.covers_parts(stay) or covers(known.g, stay.g, 0.0):
+            return False
+        self._settled[node] = _Envelope(
+            _upper(known.z, stay.z), upper_profile(known.h, stay.h), upper_profile(known.g, stay.g)
+        )
+        return True
+
     def _search(self, origin: Stay) -> None:
         stays = self._stays
-        envelope: dict[int, NDArray[np.float64]] = {}
+        self._settled = {}
         heap = [(stays.bound_s(origin), 0, _Label(origin, None))]
         count = 0
         while heap:
@@ -150,22 +187,18 @@ class ExactSearch:
             if bound >= stays.best_s - GAIN_S:
                 return
             node = label.stay.node
-            known = envelope.get(node)
-            if known is not None and covers(known, label.stay.g, 0.0):
+            if not self._settle(node, label.stay):
                 continue
-            envelope[node] = label.stay.g if known is None else upper_profile(known, label.stay.g)
             self.looked_at += 1
             useful = stays.useful_from(label.stay)
             pieces_of = stays.pieces_from(label.stay, useful)
-            for target in np.flatnonzero(useful).tolist():
-                if target == self.problem.destination:
-                    self._keep(label.chain(), *stays.arrive(label.stay, pieces_of(target)))
-                elif target != node and self.problem.has_pads(target):
-                    after = stays.land(label.stay, target, pieces_of(target))
-                    if after is None:
-                        continue
-                    bound = stays.bound_s(after)
-                    if bound >= stays.best_s - GAIN_S:
-                        continue
+            destination = self.problem.destination
+            if useful[destination]:
+                self._keep(label.chain(), *stays.arrive(label.stay, pieces_of(destination)))
+            useful[[destination, node]] = False
+            for bound, after in stays.land(
+                label.stay, np.flatnonzero(useful & (self.problem.network.pads > 0)), pieces_of
+            ):
+                if bound < stays.best_s - GAIN_S:
                     count += 1
                     heapq.heappush(heap, (bound, count, _Label(after, label)))

@@ -104,19 +104,15 @@ class ExhaustiveSearch:
         if self.progress is not None and now - self._last_progress > 1.0:
             self._last_progress = now
             self.progress(self.looked_at, self.best_s - self.problem.depart_s)
-        visited = {earlier.node for earlier in path}
-        following: list[tuple[float, Stay]] = []
         useful = self._stays.useful_from(path[-1])
         pieces_of = self._stays.pieces_from(path[-1], useful)
-        for node in np.flatnonzero(useful).tolist():
-            if node == self.problem.destination:
-                arrive, leave = self._stays.arrive(path[-1], pieces_of(node))
-                if arrive < self.best_s - GAIN_S:
-                    self._stays.best_s, self._best = arrive, (path, leave)
-            elif node not in visited and self.problem.has_pads(node):
-                after = self._stays.land(path[-1], node, pieces_of(node))
-                if after is not None:
-                    following.append((self._stays.bound_s(after), after))
+        destination = self.problem.destination
+        if useful[destination]:
+            arrive, leave = self._stays.arrive(path[-1], pieces_of(destination))
+            if arrive < self.best_s - GAIN_S:
+                self._stays.best_s, self._best = arrive, (path, leave)
+        useful[[destination, *(stay.node for stay in path)]] = False
+        following = self._stays.land(path[-1], np.flatnonzero(useful & (self.problem.network.pads > 0)), pieces_of)
         for bound, after in sorted(following, key=lambda pair: pair[0]):
             if bound < self.best_s - GAIN_S and self.complete:
                 self._visit([*path, after])

@@ -16,11 +16,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from models.flight_kernels import land, segment_speed, slot_of
+from models.queue_paths import no_queue, pack
+from models.wind import ground_speed
 from planner.flight_functions import arrival_functions
 from planner.itinerary import Hop
 from planner.outlook import Outlook
 from planner.outlook_kernels import escape_cost
-from planner.profile_kernels import departure_profile, fly_profile, profile_at, stop_profile
+from planner.profile_kernels import departure_profile, fly_profile, profile_at
+from planner.stay_kernels import Costs, Grounds, land_everywhere, stay_bound
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -76,31 +79,41 @@ class Stays:
         self.single_segments = single_segments
         self.best_s = math.inf
         self._flights: dict[tuple[int, int], tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
+        self._least: dict[tuple[int, int], NDArray[np.float64]] = {}
         self._useful: dict[tuple[int, int], NDArray[np.bool_]] = {}
         self._rate = max(float(np.max(np.diff(soc) / np.diff(t))) for t, soc in problem.curves)
 
     @cached_property
-    def least_s(self) -> NDArray[np.float64]:
-        """Least cruise time from each node to the destination at each segment's best wind, shape (nodes,)."""
-        network, air = self.problem.network, self.problem.air
-        slots = air.north.shape[1]
-        best = np.full(len(network), math.inf)
-        best[self.problem.destination] = 0.0
-        entering: dict[int, list[int]] = {}
-        for segment, head in enumerate(network.head.tolist()):
-            entering.setdefault(head, []).append(segment)
-        heap = [(0.0, self.problem.destination)]
-        while heap:
-            bound, node = heapq.heappop(heap)
-            if bound > best[node]:
-                continue
-            for segment in entering.get(node, ()):
-                speed = max(float(segment_speed(air, 0, slot, segment)) for slot in range(slots))
-                tail = int(network.tail[segment])
-                if speed > 0.0 and bound + air.distance_m[segment] / speed < best[tail]:
-                    best[tail] = bound + air.distance_m[segment] / speed
-                    heapq.heappush(heap, (best[tail], tail))
-        return best
+    def _speeds(self) -> NDArray[np.float64]:
+        """Ground speed over each segment in each slot, 0 where it cannot be flown, shape (slots, segments)."""
+        air = self.problem.air
+        north, east = air.north[0] @ air.weight.T, air.east[0] @ air.weight.T
+        along = north * air.cos_bearing + east * air.sin_bearing
+        across = east * air.cos_bearing - north * air.sin_bearing
+        return ground_speed(air.airspeed_mps, along, across, air.wind_limit_mps, air.max_ground_speed_mps)
+
+    def least_s(self, time_s: float) -> NDArray[np.float64]:
+        """Least cruise time from each node to the destination, shape (nodes,).
+
+        Each segment is taken at its best wind of any slot from a time on until `best_s`.
+        """
+        air, network = self.problem.air, self.problem.network
+        first = int(slot_of(air, time_s))
+        last = int(slot_of(air, self.best_s)) if math.isfinite(self.best_s) else air.north.shape[1] - 1
+        key = (first, max(first, last))
+        if key not in self._least:
+            from scipy.sparse import csr_array  # imported late: 0.2 s
+            from scipy.sparse.csgraph import dijkstra
+
+            shortest: Any = dijkstra
+
+            speed = self._speeds[first : key[1] + 1].max(axis=0)
+            open_now = speed > 0.0
+            time = air.distance_m[open_now] / speed[open_now]
+            size = len(network)
+            backwards: Any = csr_array((time, (network.head[open_now], network.tail[open_now])), shape=(size, size))
+            self._least[key] = np.asarray(shortest(backwards, indices=self.problem.destination))
+        return self._least[key]
 
     @cached_property
     def _needed(self) -> NDArray[np.float64]:
@@ -126,7 +139,7 @@ class Stays:
             return self._flights[key]
         p = self.problem
         limit = (1.0 - p.reserve - p.soc_fixed) / p.soc_per_s
-        self._useful[key] = useful
+        self._useful[key] = useful.copy()
         self._flights[key] = arrival_functions(p.air, 0, p.network.first, p.network.head, origin, slot, limit, useful)
         return self._flights[key]
 
@@ -144,38 +157,53 @@ class Stays:
     def bound_s(self, stay: Stay) -> float:
         """Earliest arrival at the destination that any continuation of a stay can have.
 
-        Let L be the least flight time from here at the best wind of any slot, c the charge a second of flight takes, r
+        Let L be the least flight time from here at the best wind of any slot that is left, c the charge a second of flight takes, r
         the greatest rate of charging, and z the greatest charging potential. No arrival is earlier than (a) the stay's
         beginning plus L, nor than (b) reserve / r + L (1 + c / r) - z: potential is lost by L c / r to energy and by L
         to time in flight, waiting never gains any, and to land at T with the reserve, T + z must be at least
         reserve / r.
         """
-        air = self.problem.air
-        least = float(self.least_s[stay.node]) + air.climb_s + air.descent_s
-        return max(stay.begin_s + least, float(self._by_charge(least)) - self._potential(stay))
+        return float(stay_bound(stay.z, stay.h, float(self.least_s(stay.begin_s)[stay.node]), self._costs))
+
+    @cached_property
+    def _costs(self) -> Costs:
+        p = self.problem
+        landing = p.air.climb_s + p.air.descent_s
+        return Costs(float(p.soc_per_s), float(p.soc_fixed), float(p.reserve), self._rate, float(landing))
+
+    @cached_property
+    def _grounds(self) -> Grounds:
+        p = self.problem
+        most = max(len(time) for time, _ in p.curves)
+        times, levels = zip(*p.curves, strict=True)
+        paths = [self.queues.get(node) or no_queue() for node in range(len(p.network))]
+        return Grounds(
+            *pack(paths),
+            curve_of=p.curve_of,
+            curve_s=np.array([np.pad(time, (0, most - len(time)), mode="edge") for time in times]),
+            curve_soc=np.array([np.pad(soc, (0, most - len(soc)), mode="edge") for soc in levels]),
+            curve_points=np.array([len(time) for time in times], dtype=np.int64),
+        )
 
     def _potential(self, stay: Stay) -> float:
         """Greatest charging potential of a stay, for the constant rate that is nowhere exceeded."""
-        landed = float(stay.h[-1, 1]) / self._rate - stay.begin_s if len(stay.h) else -math.inf
+        landed = float(stay.h[-1, 1]) / self._rate - stay.begin_s
         return max(float(stay.z[-1, 1]) if len(stay.z) else -math.inf, landed)
-
-    def _by_charge(self, flight_s: NDArray[np.float64] | float) -> Any:
-        """Least value of arrival plus potential after flights of that length."""
-        p = self.problem
-        taken = flight_s * p.soc_per_s + min(p.soc_fixed, 0.0)
-        return p.reserve / self._rate + flight_s + taken / self._rate
 
     def useful_from(self, stay: Stay) -> NDArray[np.bool_]:
         """Tell which stations can lie on a better way from a stay than the best known, shape (nodes,)."""
         p, network = self.problem, self.problem.network
+        least = self.least_s(stay.begin_s)
         if math.isinf(self.best_s):
-            return np.isfinite(self.least_s)
+            return np.isfinite(least)
         here = network.stations[stay.node]
         north = (network.lat - here.lat) * 110_500.0
         east = (network.lon - here.lon) * 111_300.0 * np.cos(np.radians(np.maximum(np.abs(network.lat), abs(here.lat))))
         straight = np.hypot(north, east) * 0.995 / self._fastest_mps
-        flight = straight + self.least_s + p.air.climb_s + p.air.descent_s
-        bound = np.maximum(stay.begin_s + flight, self._by_charge(flight) - self._potential(stay))
+        flight = straight + least + p.air.climb_s + p.air.descent_s
+        taken = flight * p.soc_per_s + min(p.soc_fixed, 0.0)
+        by_charge = p.reserve / self._rate + flight + taken / self._rate - self._potential(stay)
+        bound = np.maximum(stay.begin_s + flight, by_charge)
         return np.asarray(bound < self.best_s)
 
     @cached_property
@@ -192,7 +220,7 @@ class Stays:
         p = self.problem
         begin = stay.begin_s
         horizon = p.air.start_s + p.air.slot_s * p.air.north.shape[1] - 1.0
-        end = min(self.best_s - float(self.least_s[stay.node]), horizon, until_s)
+        end = min(self.best_s - float(self.least_s(begin)[stay.node]), horizon, until_s)
         at_once = p.in_flight and stay.node == p.origin  # a drone in the air cannot stay
         if at_once:
             end = begin
@@ -216,18 +244,37 @@ class Stays:
             return np.empty((0, 6)), 0
         return fly_profile(stay.g, pieces, p.soc_per_s, p.soc_fixed, needed, self.best_s)
 
-    def land(self, stay: Stay, node: int, pieces: NDArray[np.float64]) -> Stay | None:
-        """Fly on to a station and land there; None where the reserve forbids it or it is too late."""
-        p = self.problem
-        flown, count = self._fly(stay, pieces, np.array([[p.depart_s, p.reserve]]))
-        if count == 0:
-            return None
-        queue = self.queues[node]
-        curve_s, curve_soc = p.curve(node)
-        z, h = stop_profile(
-            flown, count, p.soc_per_s, p.reserve, queue.arrival_s, queue.pad_s, queue.land_s, curve_s, curve_soc
+    def land(
+        self, stay: Stay, targets: NDArray[np.int64], pieces_of: Callable[[int], NDArray[np.float64]]
+    ) -> list[tuple[float, Stay]]:
+        """Fly on to stations and land there: (bound, stay) of each that the reserve allows and that is not too late."""
+        blocks = [pieces_of(target) for target in targets.tolist()]
+        if not blocks:
+            return []
+        offset = np.zeros(len(blocks) + 1, dtype=np.int64)
+        np.cumsum([len(block) for block in blocks], out=offset[1:])
+        kept, bounds, at, points = land_everywhere(
+            stay.g,
+            targets,
+            offset,
+            np.concatenate(blocks),
+            self._grounds,
+            self._costs,
+            self.least_s(stay.begin_s),
+            self.best_s,
         )
-        return Stay(node, z, h, (curve_s, curve_soc)) if len(h) else None
+        return [
+            (
+                bound,
+                Stay(
+                    node,
+                    points[at[2 * k] : at[2 * k + 1]],
+                    points[at[2 * k + 1] : at[2 * k + 2]],
+                    self.problem.curve(node),
+                ),
+            )
+            for k, (node, bound) in enumerate(zip(kept.tolist(), bounds.tolist(), strict=True))
+        ]
 
     def arrive(self, stay: Stay, pieces: NDArray[np.float64]) -> tuple[float, float]:
         """Earliest arrival at the destination from a stay and the take-off for it; infinite where there is none."""

@@ -1,0 +1,143 @@
+"""Compiled continuation of a stay: to every station worth flying to, in one call."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from models.compiled import compiled
+from planner.profile_kernels import fly_profile, stop_profile
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+class Grounds(NamedTuple):
+    """What kernels know of the stations.
+
+    Attributes
+    ----------
+    queue_offset, arrival_s, pad_s, land_s
+        Queue paths of all nodes, packed by `models.queue_paths.pack`.
+    curve_of : ndarray of int, shape (nodes,)
+        Kind of pad.
+    curve_s, curve_soc : ndarray, shape (kinds, points)
+        Charging curves, padded by repeating the last point; `curve_points` says how many there are.
+    """
+
+    queue_offset: NDArray[np.int64]
+    arrival_s: NDArray[np.float64]
+    pad_s: NDArray[np.float64]
+    land_s: NDArray[np.float64]
+    curve_of: NDArray[np.int64]
+    curve_s: NDArray[np.float64]
+    curve_soc: NDArray[np.float64]
+    curve_points: NDArray[np.int64]
+
+
+class Costs(NamedTuple):
+    """Of flights and of charging: see `planner.problem.Problem` and `planner.stays.Stays.bound_s`."""
+
+    soc_per_s: float
+    soc_fixed: float
+    reserve: float
+    rate_per_s: float
+    landing_s: float
+
+
+@compiled
+def land_everywhere(
+    g: NDArray[np.float64],
+    targets: NDArray[np.int64],
+    piece_offset: NDArray[np.int64],
+    pieces: NDArray[np.float64],
+    grounds: Grounds,
+    costs: Costs,
+    least_s: NDArray[np.float64],
+    best_s: float,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Fly from a stay to each target and put the drone on its pads.
+
+    Parameters
+    ----------
+    g : ndarray, shape (points, 2)
+        Charge the drone can leave with, by time.
+    targets : ndarray of int, shape (targets,)
+        Nodes with pads.
+    piece_offset, pieces : ndarray
+        Arrival functions: pieces of target i are ``pieces[piece_offset[i] : piece_offset[i + 1]]``.
+    grounds, costs
+        Stations and costs.
+    least_s : ndarray, shape (nodes,)
+        Lower bound of the flight time to the destination.
+    best_s : float
+        Arrivals from here on do not matter.
+
+    Returns
+    -------
+    kept : ndarray of int, shape (kept,)
+        Targets reached whose bound is below `best_s`.
+    bound_s : ndarray, shape (kept,)
+        Their bounds, see `planner.stays.Stays.bound_s`.
+    offset : ndarray of int, shape (2 * kept + 1,)
+        Points 2 i of z and 2 i + 1 of h are ``points[offset[k] : offset[k + 1]]``.
+    points : ndarray, shape (points, 3)
+        Profiles z and h of each kept target in turn.
+    """
+    kept = np.empty(len(targets), dtype=np.int64)
+    bounds = np.empty(len(targets))
+    offset = np.zeros(2 * len(targets) + 1, dtype=np.int64)
+    points = np.empty((16 * len(targets) + 64, 3))
+    needed = np.array([[g[0, 0], costs.reserve]])
+    count = 0
+    for i in range(len(targets)):
+        node = targets[i]
+        flown, size = fly_profile(
+            g, pieces[piece_offset[i] : piece_offset[i + 1]], costs.soc_per_s, costs.soc_fixed, needed, best_s
+        )
+        if size == 0:
+            continue
+        low, high = grounds.queue_offset[node], grounds.queue_offset[node + 1]
+        kind = grounds.curve_of[node]
+        last = grounds.curve_points[kind]
+        z, h = stop_profile(
+            flown,
+            size,
+            costs.soc_per_s,
+            costs.reserve,
+            grounds.arrival_s[low + 1 : high],
+            grounds.pad_s[low:high],
+            grounds.land_s[low:high],
+            grounds.curve_s[kind, :last],
+            grounds.curve_soc[kind, :last],
+        )
+        if len(h) == 0:
+            continue
+        bound = stay_bound(z, h, least_s[node], costs)
+        if bound >= best_s:
+            continue
+        begin = offset[2 * count]
+        end = begin + len(z) + len(h)
+        if end > len(points):
+            grown = np.empty((2 * end, 3))
+            grown[:begin] = points[:begin]
+            points = grown
+        points[begin : begin + len(z)] = z
+        points[begin + len(z) : end] = h
+        offset[2 * count + 1], offset[2 * count + 2] = begin + len(z), end
+        kept[count], bounds[count] = node, bound
+        count += 1
+    return kept[:count], bounds[:count], offset[: 2 * count + 1], points[: offset[2 * count]]
+
+
+@compiled
+def stay_bound(z: NDArray[np.float64], h: NDArray[np.float64], least_s: float, costs: Costs) -> float:
+    """Earliest arrival at the destination from a stay; the proof is at `planner.stays.Stays.bound_s`."""
+    flight = least_s + costs.landing_s
+    potential = h[-1, 1] / costs.rate_per_s - h[0, 0]
+    if len(z) > 0:
+        potential = max(potential, z[-1, 1])
+    taken = flight * costs.soc_per_s + min(costs.soc_fixed, 0.0)
+    by_charge = costs.reserve / costs.rate_per_s + flight + taken / costs.rate_per_s - potential
+    return max(h[0, 0] + flight, by_charge)
