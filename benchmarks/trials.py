@@ -36,8 +36,9 @@ APART = ("pfs-strict",)
 """Planners whose failures do not take requests from the comparison of the others."""
 MOST_FLIGHTS = 150
 """A plan of more flights takes longer than the horizon; it counts as wandering and is not flown."""
-SMALL = 200
-"""The exhaustive search is tried on networks of up to so many stations."""
+MOST_STATIONS = {"ies": 200, "pfs-strict": 64}
+"""Planners that are tried only on networks of up to so many stations: the search that looks at everything, and the one
+that goes in circles until its step limit, in seconds to hours."""
 PLANNED, NO_ROUTE, WANDERED = "planned", "no-route", "wandered"
 
 
@@ -54,11 +55,16 @@ class Contender:
         return f"{self.planner}, {self.recharge}" if self.planner in TWO_WAYS else self.planner
 
 
-def contenders() -> list[Contender]:
+def tried(name: str, stations: int) -> bool:
+    """Whether a planner is tried on a network of so many stations."""
+    return stations <= MOST_STATIONS.get(name, stations)
+
+
+def contenders(stations: int) -> list[Contender]:
     """All planners that do not need the truth, those that recharge as told in both ways."""
     found = []
     for name in PLANNERS:
-        if name not in CLAIRVOYANT_PLANNERS:
+        if name not in CLAIRVOYANT_PLANNERS and tried(name, stations):
             ways = ("full", "enough") if name in TWO_WAYS else ("full" if name in {*APART, "shortest"} else "enough",)
             found += [Contender(name, way) for way in ways]
     return found
@@ -145,7 +151,7 @@ def try_instance(
         Told in words how far it is.
     """
     scenario = instance.scenario()
-    rivals = contenders()
+    rivals = contenders(len(scenario.network))
     trials: list[Trial] = []
     known: dict[str, list[Floats]] = {}
     spent: dict[str, float] = {}
@@ -159,7 +165,7 @@ def try_instance(
         )
         trials += [_try(scenario, instance, number, rival, forecast, truths, day) for rival in rivals]
         for name in CLAIRVOYANT_PLANNERS:
-            if name == "ies" and len(scenario.network) > SMALL:
+            if not tried(name, len(scenario.network)):
                 continue
             runs = range(min(clairvoyant_runs, instance.runs))
             found, took, off = clairvoyant_times(truths, instance.drone, name, runs, time_limit_s=time_limit_s)

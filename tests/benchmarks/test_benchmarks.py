@@ -68,9 +68,10 @@ def test_random_networks_are_the_same_from_the_same_seed_and_requests_can_be_flo
 
 
 def test_every_planner_is_tried_and_pfs_in_both_ways_of_recharging():
-    tried = {rival.planner for rival in contenders()}
+    tried = {rival.planner for rival in contenders(46)}
     assert tried | set(CLAIRVOYANT_PLANNERS) == set(PLANNERS)
-    assert {rival.recharge for rival in contenders() if rival.planner == "pfs"} == {"full", "enough"}
+    assert {rival.recharge for rival in contenders(10_000) if rival.planner == "pfs"} == {"full", "enough"}
+    assert "pfs-strict" not in {rival.planner for rival in contenders(10_000)}
 
 
 def test_a_search_that_was_cut_off_is_counted_and_never_averaged_into_delivery_times():
@@ -88,8 +89,8 @@ def test_a_search_that_was_cut_off_is_counted_and_never_averaged_into_delivery_t
 
 
 def test_a_small_benchmark_writes_table_results_and_figures(tmp_path, monkeypatch):
-    few = [rival for rival in contenders() if rival.planner in {"pfs-charge-aware", "shortest"}]
-    monkeypatch.setattr("benchmarks.trials.contenders", lambda: few)
+    few = [rival for rival in contenders(46) if rival.planner in {"pfs-charge-aware", "shortest"}]
+    monkeypatch.setattr("benchmarks.trials.contenders", lambda _: few)
     monkeypatch.setattr("benchmarks.trials.CLAIRVOYANT_PLANNERS", ("ies",))
     size = bench_planners.Size((FOLDER / "new-york-0.5.json",), 2, 3, (4,), 1, 0.5)
     told = []
