@@ -21,7 +21,8 @@ INTRODUCTION = """# Planners measured
 All times in minutes, with 95 % intervals (block bootstrap over days) in brackets. *Failures* are counted over all
 simulated deliveries of a planner; *times* are compared over the runs that every planner delivered (those of
 `pfs-strict` do not decide what is compared: where it has no plan it is missing from the means). Clairvoyant planners
-are told the hourly wind and the queues, neither gusts nor errors of energy: a bound, not a rival. How it is measured:
+are told the hourly wind and the queues, neither gusts nor errors of energy: a bound, not a rival, and known for
+the first run of each delivery alone. How it is measured:
 docs/explanation/evaluation.md; the instances: docs/reference/benchmark.md. `ies` is tried on networks of at most 200
 stations, `pfs-strict`, which goes in circles until its step limit, of at most 64.
 """
