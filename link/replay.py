@@ -23,8 +23,9 @@ from models.wind_filter import FilteredWind, WindFilterSettings, chi2_band, filt
 from models.wind_filter_measurement import Blocks, Measurements, blocks, is_flying, measurements, tilt_air_velocity
 
 if TYPE_CHECKING:
-    from link.logs.log import Log, LogEvent, LogSummary
     from numpy.typing import NDArray
+
+    from link.logs.log import Log, LogEvent, LogSummary
 
 PERIOD_S = 1.0
 NOMINAL = DragModel(relative_sigma=0.35)
@@ -133,7 +134,9 @@ def choose_system(summary: LogSummary, system: int | None) -> int | None:
         return summary.systems[0] if summary.systems else None
     if system not in summary.systems:
         known = ", ".join(str(number) for number in summary.systems) or "none"
-        raise InputError(Fault("gave no telemetry in this log", field="--system", value=system, remedy=f"these did: {known}"))
+        raise InputError(
+            Fault("gave no telemetry in this log", field="--system", value=system, remedy=f"these did: {known}")
+        )
     return system
 
 
@@ -204,7 +207,9 @@ def reduce_log(log: Log, system: int | None, from_s: float, to_s: float) -> tupl
         empty = TelemetryTrack.joined(())
         return empty, blocks(empty)
     names = ("time_s", "velocity", "drag", "yaw_rad", "airspeed_mps", "autopilot", "flying", "winged")
-    return TelemetryTrack.joined(rows), Blocks(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return TelemetryTrack.joined(rows), Blocks(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    )
 
 
 def each_second(track: TelemetryTrack) -> TelemetryTrack:
@@ -324,10 +329,10 @@ def _battery_remarks(seconds: TelemetryTrack) -> list[tuple[float, str]]:
     if len(known) < 2:
         return []
     jumps = known[1:][np.abs(np.diff(soc[known])) > 0.10]
-    remarks = [(float(seconds.time_s[row]), f"monitor: the state of charge jumps to {soc[row]:.0%}") for row in jumps[:20]]
+    remarks = [
+        (float(seconds.time_s[row]), f"monitor: the state of charge jumps to {soc[row]:.0%}") for row in jumps[:20]
+    ]
     low = known[soc[known] < 0.20]
     if len(low):
         remarks.append((float(seconds.time_s[low[0]]), "monitor: the state of charge falls below 20%"))
     return remarks
-
-

@@ -121,7 +121,12 @@ def encode(sample: TelemetrySample, zero_s: float) -> bytes:
             boot_ms, real(sample.roll_rad), real(sample.pitch_rad), real(sample.yaw_rad), 0.0, 0.0, 0.0
         ),
         common.MAVLink_vfr_hud_message(
-            real(sample.airspeed_mps), real(sample.ground_speed_mps), 0, 0, real(sample.alt_msl_m), -real(sample.vel_down_mps)
+            real(sample.airspeed_mps),
+            real(sample.ground_speed_mps),
+            0,
+            0,
+            real(sample.alt_msl_m),
+            -real(sample.vel_down_mps),
         ),
         common.MAVLink_sys_status_message(
             0,

@@ -162,7 +162,9 @@ def as_csv(found: Replay) -> str:
     """Return one row a second: the vehicle's own quantities, and the wind estimated."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["time_s", *QUANTITIES, "estimated_wind_north_mps", "estimated_wind_east_mps", "estimated_sigma_mps"])
+    writer.writerow(
+        ["time_s", *QUANTITIES, "estimated_wind_north_mps", "estimated_wind_east_mps", "estimated_sigma_mps"]
+    )
     times, wind = found.seconds.time_s, found.wind
     place = np.searchsorted(wind.time_s, times, side="right") - 1
     for row, time_s in enumerate(times):

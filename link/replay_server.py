@@ -35,7 +35,9 @@ def open_connection(url: str) -> Callable[[bytes], object]:
     except (OSError, ValueError, IndexError) as error:
         raise LinkError(f"cannot open {url}: {error}") from None
     except SystemExit:  # pymavlink's answer to an address without a port
-        raise InputError(Fault("is no address", field="--connect", value=url, remedy="udpout:127.0.0.1:14550")) from None
+        raise InputError(
+            Fault("is no address", field="--connect", value=url, remedy="udpout:127.0.0.1:14550")
+        ) from None
     write: Callable[[bytes], object] = connection.write
     return write
 
@@ -62,7 +64,7 @@ class ControlServer:
             self._listener.close()
             raise LinkError(f"cannot listen on port {port}: {error}") from None
         self._listener.listen()
-        self._listener.setblocking(False)
+        self._listener.settimeout(0.0)
         self.port: int = self._listener.getsockname()[1]
         self._pending: dict[socket.socket, bytes] = {}
         self._selector.register(self._listener, selectors.EVENT_READ)
@@ -87,7 +89,7 @@ class ControlServer:
         if len(self._pending) >= MAX_CLIENTS:
             client.close()
             return
-        client.setblocking(False)
+        client.settimeout(0.0)
         self._pending[client] = b""
         self._selector.register(client, selectors.EVENT_READ)
 

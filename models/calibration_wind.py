@@ -8,7 +8,7 @@ looks for drag, bias and a wind that changes slowly, all at once, and says how s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -98,11 +98,30 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
     fit = _Fit(time_s, velocity, drag, yaw, quadratic=_spread(velocity) > FAST_MPS)
     model, relative, wind = fit.solve(period_s)
     if relative > MAX_RELATIVE_SIGMA or model is None:
-        turn = "" if spread >= 60.0 else f"; the courses flown differ by {spread:.0f}° only: fly out and back, or a circle"
+        turn = (
+            "" if spread >= 60.0 else f"; the courses flown differ by {spread:.0f}° only: fly out and back, or a circle"
+        )
         reason = f"the drag is uncertain by {relative:.0%} (limit {MAX_RELATIVE_SIGMA:.0%}){turn}"
-        return DragFit(False, reason, None, relative, *wind, spread, count)
+        return DragFit(
+            identified=False,
+            reason=reason,
+            relative_sigma=relative,
+            wind_north_mps=wind[0],
+            wind_east_mps=wind[1],
+            course_spread_deg=spread,
+            blocks=count,
+        )
     reason = f"found from {count * period_s:.0f} s of flight on courses that differ by {spread:.0f}°"
-    return DragFit(True, reason, model, relative, *wind, spread, count)
+    return DragFit(
+        identified=True,
+        reason=reason,
+        drag=model,
+        relative_sigma=relative,
+        wind_north_mps=wind[0],
+        wind_east_mps=wind[1],
+        course_spread_deg=spread,
+        blocks=count,
+    )
 
 
 def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0, smooth: int = 10) -> DragModel:
@@ -153,8 +172,6 @@ def tune_filter(
     forecast : ndarray, shape (2,)
         What the filter is to revert to.
     """
-    from dataclasses import replace
-
     sigma = float(np.sqrt(np.nanmean((wind - forecast) ** 2)))
     best: tuple[float, DragModel, WindFilterSettings] | None = None
     for factor in (0.5, 0.75, 1.0, 1.5, 2.0, 3.0):
@@ -219,7 +236,8 @@ class _Fit:
         inflation = scale * (1.0 + rho) / (1.0 - rho)
         free = np.array([True, self.quadratic] + [True] * (len(answer.x) - 2))
         free &= (answer.active_mask == 0) | (np.arange(len(answer.x)) != 1)
-        information = answer.jac[:, free].T @ answer.jac[:, free] / max(inflation, 1e-6)
+        slopes = np.asarray(answer.jac, dtype=np.float64)[:, free]
+        information = slopes.T @ slopes / max(inflation, 1e-6)
         covariance = np.linalg.pinv(information)
         typical = max(float(np.median(np.hypot(*through.T))), 1.0)
         slope = np.array([1.0, typical] + [0.0] * (len(answer.x) - 2))[free]

@@ -55,7 +55,9 @@ class DragModel:
 
     def __post_init__(self) -> None:
         if not (self.linear_per_s >= 0.0 and self.quadratic_per_m >= 0.0):
-            raise InputError(Fault("drag must not be negative", field="drag", value=(self.linear_per_s, self.quadratic_per_m)))
+            raise InputError(
+                Fault("drag must not be negative", field="drag", value=(self.linear_per_s, self.quadratic_per_m))
+            )
         if not self.linear_per_s + self.quadratic_per_m > 0.0:
             raise InputError(Fault("a drag of 0 tells no wind", field="drag"))
 
@@ -84,7 +86,8 @@ class DragModel:
         still = speed < 1e-9
         north, east = np.where(still, 1.0, north), np.where(still, 0.0, east)
         return np.stack(
-            [along * north**2 + across * east**2, (along - across) * north * east, along * east**2 + across * north**2], axis=1
+            [along * north**2 + across * east**2, (along - across) * north * east, along * east**2 + across * north**2],
+            axis=1,
         )
 
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from models.telemetry import TelemetryTrack
     from models.wind_ensemble import WindEnsemble
     from models.wind_filter import FilteredWind
-    from models.telemetry import TelemetryTrack
 
 SLOT_S = 600.0
 """Observations are averaged over so long."""
@@ -60,7 +60,9 @@ def slot_observations(
         variance = float((course.sigma_mps[chosen] ** 2).mean()) + represent_mps**2
         middle = float(course.time_s[chosen].mean())
         found.append(
-            WindObservation(middle, float(lat[chosen].mean()), float(lon[chosen].mean()), float(north), float(east), variance)
+            WindObservation(
+                middle, float(lat[chosen].mean()), float(lon[chosen].mean()), float(north), float(east), variance
+            )
         )
     return tuple(found)
 

@@ -92,7 +92,9 @@ class TelemetrySample:
         return math.hypot(self.vel_north_mps, self.vel_east_mps)
 
 
-QUANTITIES: tuple[str, ...] = tuple(item.name for item in fields(TelemetrySample) if item.name not in ("time_s", "system"))
+QUANTITIES: tuple[str, ...] = tuple(
+    item.name for item in fields(TelemetrySample) if item.name not in ("time_s", "system")
+)
 """Fields that a vehicle reports."""
 COLUMN = {name: number for number, name in enumerate(QUANTITIES)}
 """Column of each quantity in a track."""

@@ -86,7 +86,9 @@ class ResidualModel:
         return np.asarray(self.sigma_mps**2 * np.exp(-distance / self.length_m - lag / self.tau_s))
 
 
-def places(observations: Sequence[WindObservation]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def places(
+    observations: Sequence[WindObservation],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """(time, lat, lon) of observations, shape (n,) each."""
     table = np.array([(one.time_s, one.lat_deg, one.lon_deg) for one in observations], dtype=np.float64).reshape(-1, 3)
     return table[:, 0], table[:, 1], table[:, 2]
@@ -136,4 +138,6 @@ class WindField:
         variance = self.residual.sigma_mps**2 - float((reach @ self._inverse @ reach.T)[0, 0])
         variance = max(variance, 1e-6)
         source = "measured" if len(self._places[0]) else "forecast"
-        return WindEstimate(time_s, forecast[0] + float(north), forecast[1] + float(east), variance, 0.0, variance, source)
+        return WindEstimate(
+            time_s, forecast[0] + float(north), forecast[1] + float(east), variance, 0.0, variance, source
+        )

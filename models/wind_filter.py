@@ -143,9 +143,7 @@ class WindFilter:
         step_s = max(time_s - self.time_s, 0.0)
         keep = math.exp(-step_s / self.settings.tau_s)
         noise = (1.0 - keep**2) * self.settings.sigma_mps**2
-        self._filter.predict(
-            u=self._forecast, B=np.eye(2) * (1.0 - keep), F=np.eye(2) * keep, Q=np.eye(2) * noise
-        )
+        self._filter.predict(u=self._forecast, B=np.eye(2) * (1.0 - keep), F=np.eye(2) * keep, Q=np.eye(2) * noise)
         self.time_s = max(time_s, self.time_s)
         return self.estimate
 
@@ -165,9 +163,10 @@ class WindFilter:
             Whether it was used.
         """
         measured = np.array([[wind[0]], [wind[1]]])
-        covariance = np.eye(2) * noise if np.ndim(noise) == 0 else np.asarray(noise, dtype=np.float64)
+        covariance = np.asarray(noise, dtype=np.float64)
         if not (np.isfinite(measured).all() and np.isfinite(covariance).all()):
             return False
+        covariance = np.eye(2) * covariance if covariance.ndim == 0 else covariance
         innovation = measured - self._filter.x
         spread = self._filter.P + covariance
         nis = (innovation.T @ np.linalg.solve(spread, innovation)).item()
@@ -331,5 +330,5 @@ def chi2_band(count: float, dimensions: int = 2) -> tuple[float, float]:
 
     if count <= 0.0:
         return 0.0, math.inf
-    low, high = chi2.ppf((0.025, 0.975), dimensions * count) / count
-    return float(low), float(high)
+    freedom = dimensions * count
+    return float(chi2.ppf(0.025, freedom)) / count, float(chi2.ppf(0.975, freedom)) / count

@@ -97,13 +97,13 @@ def is_flying(track: TelemetryTrack) -> NDArray[np.bool_]:
     fast = np.hypot(track["vel_north_mps"], track["vel_east_mps"]) > 2.0
     guess = np.where(known, high, np.ones(len(track), dtype=bool)) | fast
     landed = track["landed"]
-    return np.where(np.isfinite(landed), landed == 0.0, guess & (track["armed"] != 0.0))
+    return np.asarray(np.where(np.isfinite(landed), landed == 0.0, guess & (track["armed"] != 0.0)), dtype=np.bool_)
 
 
 def blocks(track: TelemetryTrack, period_s: float = 1.0) -> Blocks:
     """Average telemetry over periods.
 
-    Acceleration is the change of the velocity between the middles of neighbouring periods, over the time between them.
+    Acceleration is the change of the velocity from the beginning to the end of the period.
     """
     time_s = track.time_s
     if not len(track):
@@ -115,7 +115,7 @@ def blocks(track: TelemetryTrack, period_s: float = 1.0) -> Blocks:
     velocity = np.where(_stuck(time_s, velocity[:, :2])[:, None], np.nan, velocity)
     middle = _means(time_s[:, None], starts)[:, 0]
     mean = _means(velocity, starts)
-    change = _slope(middle, mean, 2.5 * period_s)
+    change = _accelerations(time_s, velocity, starts, period_s)
     attitude = np.stack([track["roll_rad"], track["pitch_rad"]], axis=1)
     attitude = np.where(_stuck(time_s, attitude)[:, None], np.nan, attitude)
     thrust = thrust_acceleration(attitude[:, 0], attitude[:, 1], track["yaw_rad"])
@@ -127,7 +127,9 @@ def blocks(track: TelemetryTrack, period_s: float = 1.0) -> Blocks:
         velocity=mean[:, :2],
         drag=_means(thrust, starts) * up[:, None] - change[:, :2],
         yaw_rad=np.arctan2(heading[:, 1], heading[:, 0]),
-        airspeed_mps=_means(np.where(_repeats_ground_speed(track), np.nan, track["airspeed_mps"])[:, None], starts)[:, 0],
+        airspeed_mps=_means(np.where(_repeats_ground_speed(track), np.nan, track["airspeed_mps"])[:, None], starts)[
+            :, 0
+        ],
         autopilot=_means(np.stack([track["wind_north_mps"], track["wind_east_mps"]], axis=1), starts),
         flying=flags[:, 0] > 0.99,
         winged=flags[:, 1] > 0.5,
@@ -224,14 +226,19 @@ def _means(values: NDArray[np.float64], starts: NDArray[np.int64]) -> NDArray[np
     return np.asarray(np.where(2.0 * count >= size, total / np.maximum(count, 1.0), np.nan))
 
 
-def _slope(time_s: NDArray[np.float64], values: NDArray[np.float64], reach_s: float) -> NDArray[np.float64]:
-    """Central difference, shape as `values`; NaN at the ends and where neighbours are too far."""
-    slope = np.full_like(values, np.nan)
-    if len(time_s) > 2:
-        span = time_s[2:] - time_s[:-2]
-        near = (span > 0.0) & (span <= reach_s)
-        slope[1:-1] = np.where(near[:, None], (values[2:] - values[:-2]) / np.where(near, span, 1.0)[:, None], np.nan)
-    return slope
+def _accelerations(
+    time_s: NDArray[np.float64], velocity: NDArray[np.float64], starts: NDArray[np.int64], period_s: float
+) -> NDArray[np.float64]:
+    """Mean acceleration in each period, shape (periods, 3); NaN at the ends of the log and beside gaps."""
+    change = np.full((len(starts), velocity.shape[1]), np.nan)
+    if len(starts) > 2:
+        first, before = starts[1:], starts[1:] - 1
+        edge = 0.5 * (velocity[first] + velocity[before])
+        edge_s = 0.5 * (time_s[first] + time_s[before])
+        span = np.diff(edge_s)
+        whole = (span > 0.0) & (span < 1.5 * period_s) & (np.diff(time_s)[before].reshape(-1)[:-1] < period_s)
+        change[1:-1] = np.where(whole[:, None], np.diff(edge, axis=0) / np.where(whole, span, 1.0)[:, None], np.nan)
+    return change
 
 
 def _stuck(time_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -50,7 +50,9 @@ def _draw_wind(upper: Any, lower: Any, found: Replay, zero: float) -> None:
     minutes = (found.wind.time_s - zero) / 60.0
     speed, direction = speed_from(found.wind.wind[:, 0], found.wind.wind[:, 1])
     sigma = found.wind.sigma_mps
-    upper.fill_between(minutes, np.maximum(speed - 2.0 * sigma, 0.0), speed + 2.0 * sigma, color=CALM, alpha=0.25, linewidth=0)
+    upper.fill_between(
+        minutes, np.maximum(speed - 2.0 * sigma, 0.0), speed + 2.0 * sigma, color=CALM, alpha=0.25, linewidth=0
+    )
     _line(upper, minutes, speed, CALM, "wind, m/s (band: 95 %)")
     lower.plot(minutes, direction, ".", color=CALM, markersize=2)
     lower.set_ylabel("wind FROM, degrees", color=CALM, fontsize=8)

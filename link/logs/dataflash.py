@@ -178,7 +178,7 @@ class DataFlash:
                 leap = LEAP_S if utc > 1_483_228_800.0 else LEAP_S - 1.0
                 return TimeBase("the autopilot's clock, set by GPS"), utc - leap - float(boot[row])
         doubt = "no GPS time was logged: times count from the start of the autopilot"
-        return TimeBase("the autopilot's clock since its start", False, (doubt,)), 0.0
+        return TimeBase("the autopilot's clock since its start", absolute=False, doubts=(doubt,)), 0.0
 
     def _reports(self) -> Iterator[tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]]:
         """What the messages say, in the words of telemetry."""

@@ -75,19 +75,19 @@ class Frames:
         return np.asarray(table.view(layout).reshape(len(rows)))
 
 
-@dataclass(slots=True)
-class ScanState:
-    """What the parser remembers between chunks; a copy of it at a place lets the reading go on from there."""
-
-    state: NDArray[np.int64] = field(default_factory=lambda: _fresh_state())
-    clock: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
-    kept: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(2048, dtype=np.uint8))
-
-
 def _fresh_state() -> NDArray[np.int64]:
     state = np.zeros(kernels.STATE_SIZE, dtype=np.int64)
     state[kernels.EXPECTED] = 8
     return state
+
+
+@dataclass(slots=True)
+class ScanState:
+    """What the parser remembers between chunks; a copy of it at a place lets the reading go on from there."""
+
+    state: NDArray[np.int64] = field(default_factory=_fresh_state)
+    clock: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    kept: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(2048, dtype=np.uint8))
 
 
 def read_frames(

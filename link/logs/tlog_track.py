@@ -65,7 +65,9 @@ class Tlog:
                 return
 
     def _summary(self, index: TlogIndex) -> LogSummary:
-        check, told, events = StampCheck(), set(), []
+        check = StampCheck()
+        told: set[int] = set()
+        events: list[LogEvent] = []
         if index.messages:
             for frames in read_frames(self.path):
                 times = check.clean(frames.time_s)
@@ -81,7 +83,7 @@ class Tlog:
             skipped_bytes=index.skipped_bytes,
             systems=tuple(sorted(told)),
             others=tuple(sorted(set(index.by_system) - told)),
-            time_base=TimeBase("clock of the recorder (ground station)", True, _doubts(check, index, self._climbs)),
+            time_base=TimeBase("clock of the recorder (ground station)", doubts=_doubts(check, index, self._climbs)),
             start_s=index.first_s,
             end_s=index.last_s,
             events=tuple(events[:MAX_EVENTS]),

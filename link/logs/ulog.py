@@ -105,7 +105,7 @@ class ULogFile:
                         "the autopilot's clock, set by GPS"
                     )
         doubt = "no GPS time was logged: times count from the start of the autopilot"
-        return 0.0, TimeBase("the autopilot's clock since its start", False, (doubt,))
+        return 0.0, TimeBase("the autopilot's clock since its start", absolute=False, doubts=(doubt,))
 
     def _summary(self) -> LogSummary:
         by_type: dict[str, int] = {}

@@ -71,9 +71,12 @@ calibrate = typer.Typer(
 
 LogFile = Annotated[Path, typer.Argument(help="Flight log: .tlog, .bin, .ulg or .csv.", show_default=False)]
 Columns = Annotated[
-    Path | None, typer.Option("--columns", help="For a CSV: TOML file that says which column is what.", show_default=False)
+    Path | None,
+    typer.Option("--columns", help="For a CSV: TOML file that says which column is what.", show_default=False),
 ]
-System = Annotated[int | None, typer.Option("--system", help="MAVLink system. Without it: the first.", show_default=False)]
+System = Annotated[
+    int | None, typer.Option("--system", help="MAVLink system. Without it: the first.", show_default=False)
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Answer as JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
 
@@ -94,8 +97,12 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
         Path | None, typer.Option("--drag", help="Drag of the drone, from calibrate wind.", show_default=False)
     ] = None,
     columns: Columns = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="Draw the flight: FILE.png or FILE.svg.", show_default=False)] = None,
-    csv: Annotated[Path | None, typer.Option("--csv", help="Write a table, one row a second.", show_default=False)] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Draw the flight: FILE.png or FILE.svg.", show_default=False)
+    ] = None,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", help="Write a table, one row a second.", show_default=False)
+    ] = None,
     connect: Annotated[
         str | None,
         typer.Option("--connect", help="Send the log as MAVLink: udpout:127.0.0.1:14550.", show_default=False),
@@ -121,7 +128,12 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
         _serve(opened, connect, control, factor, first)
         return
     found = go_through(
-        opened, system=system, from_s=first, to_s=last, drag=_drag(drag), forecast=None if wind is None else _towards(wind)
+        opened,
+        system=system,
+        from_s=first,
+        to_s=last,
+        drag=_drag(drag),
+        forecast=None if wind is None else _towards(wind),
     )
     if followed:
         _follow(found, followed, factor, as_json=as_json)
@@ -141,7 +153,9 @@ def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
     ] = None,
     system: System = None,
     columns: Columns = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the drag here.", show_default=False)] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the drag here.", show_default=False)
+    ] = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
@@ -159,7 +173,13 @@ def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
     if wind is not None:
         model = fit_known_wind(air, np.broadcast_to(np.array(_towards(wind)), (len(air), 2)), PERIOD_S)
     if output is not None and model is not None:
-        _write(output, drag_file(model, [f"drag found in {one_line(log.name)}", fit.reason if wind is None else f"known wind {wind}"]), force=force)
+        _write(
+            output,
+            drag_file(
+                model, [f"drag found in {one_line(log.name)}", fit.reason if wind is None else f"known wind {wind}"]
+            ),
+            force=force,
+        )
     if as_json:
         typer.echo(json.dumps(_drag_json(fit, model, known=wind is not None), allow_nan=False))
     else:
@@ -179,7 +199,9 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
         Path | None, typer.Option("--drones", help="Fleet file with the drone to start from.", show_default=False)
     ] = None,
     drone: Annotated[str, typer.Option("--drone", help="Drone to start from.")] = "m200-v2",
-    model: Annotated[Literal["best", "endurance", "momentum"], typer.Option("--model", help="Which is written.")] = "best",
+    model: Annotated[
+        Literal["best", "endurance", "momentum"], typer.Option("--model", help="Which is written.")
+    ] = "best",
     density: Annotated[float, typer.Option("--air-density", help="During the flights, kg/m3.")] = 1.225,
     system: System = None,
     columns: Columns = None,
@@ -201,7 +223,9 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
         if not 0.05 <= mass <= 1000.0:
             raise InputError(Fault("out of range", field="--mass", value=mass, remedy="0.05 to 1000 kg"))
         base = replace(base, mass_kg=mass)
-    records = [_record(path, number, len(logs), base.mass_kg, payload, system, columns) for number, path in enumerate(logs)]
+    records = [
+        _record(path, number, len(logs), base.mass_kg, payload, system, columns) for number, path in enumerate(logs)
+    ]
     fits: dict[ModelName, EnergyFit] = {name: fit_energy(records, name, base, density) for name in MODELS}
     chosen: ModelName = model if model != "best" else min(fits, key=lambda name: _rank(fits[name]))
     written = calibrated(base, fits[chosen].model)
@@ -209,7 +233,9 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
         names = ", ".join(one_line(Path(record.name).name) for record in records)
         notes = [f"{chosen} model fitted to {len(records)} flights: {names}"]
         if len(records) > 1:
-            notes.append(f"error on a flight left out: worst {fits[chosen].worst:.1%}, median {fits[chosen].median:.1%}")
+            notes.append(
+                f"error on a flight left out: worst {fits[chosen].worst:.1%}, median {fits[chosen].median:.1%}"
+            )
         _write(output, drone_file(written, notes), force=force)
     published = published_errors(records, density)
     if as_json:
@@ -238,7 +264,9 @@ def _speed(text: str) -> float:
     except ValueError:
         value = math.nan
     if not 0.0 < abs(value) <= 1000.0:
-        raise InputError(Fault("is no speed", field="--speed", value=text, remedy="1, 10, max; below 0 backwards with --connect"))
+        raise InputError(
+            Fault("is no speed", field="--speed", value=text, remedy="1, 10, max; below 0 backwards with --connect")
+        )
     return value
 
 
@@ -246,7 +274,9 @@ def _followed(text: str | None) -> tuple[str, ...]:
     names = tuple(part.strip() for part in text.split(",")) if text else ()
     for name in names:
         if name not in FOLLOWED:
-            raise InputError(Fault("cannot be followed", field="--follow", value=name, remedy="of " + ", ".join(FOLLOWED)))
+            raise InputError(
+                Fault("cannot be followed", field="--follow", value=name, remedy="of " + ", ".join(FOLLOWED))
+            )
     return names
 
 
@@ -268,7 +298,9 @@ def _part(log: Log, begin: str | None, end: str | None) -> tuple[float, float]:
     zero = log.summary.start_s
     length = log.summary.end_s - zero
     if first is not None and math.isfinite(length) and first > length:
-        raise InputError(Fault("is after the end of the log", field="--from", value=begin, remedy=f"it is {_clock(length)} long"))
+        raise InputError(
+            Fault("is after the end of the log", field="--from", value=begin, remedy=f"it is {_clock(length)} long")
+        )
     return (-math.inf if first is None else zero + first), (math.inf if last is None else zero + last)
 
 
@@ -347,11 +379,16 @@ def _lines(found: Replay, followed: tuple[str, ...]) -> Iterator[tuple[float, st
             if time_s >= due:
                 due = time_s + FOLLOW_EVERY_S["wind"]
                 sigma = found.wind.sigma_mps[row]
-                yield time_s, f"{_clock(time_s - zero)}  wind {speed[row]:.1f} ± {sigma:.1f} m/s from {direction[row]:.0f}°"
+                yield (
+                    time_s,
+                    f"{_clock(time_s - zero)}  wind {speed[row]:.1f} ± {sigma:.1f} m/s from {direction[row]:.0f}°",
+                )
     if "battery" in followed:
         due = -math.inf
         table = found.seconds
-        for time_s, soc, power in zip(table.time_s.tolist(), table["soc"].tolist(), table["power_w"].tolist(), strict=True):
+        for time_s, soc, power in zip(
+            table.time_s.tolist(), table["soc"].tolist(), table["power_w"].tolist(), strict=True
+        ):
             if time_s >= due and (math.isfinite(soc) or math.isfinite(power)):
                 due = time_s + FOLLOW_EVERY_S["battery"]
                 yield time_s, f"{_clock(time_s - zero)}  battery {_percent(soc)}, {_figure(power, 'W', 0)}"
@@ -443,7 +480,9 @@ def _tell_drag(fit: DragFit, model: DragModel | None, *, known: bool) -> None:
         from models.wind import speed_from
 
         speed, direction = speed_from(fit.wind_north_mps, fit.wind_east_mps)
-        typer.echo(f"  sure to ± {fit.relative_sigma:.0%}; mean wind {float(speed):.1f} m/s from {float(direction):.0f}°")
+        typer.echo(
+            f"  sure to ± {fit.relative_sigma:.0%}; mean wind {float(speed):.1f} m/s from {float(direction):.0f}°"
+        )
 
 
 def _base_drone(path: Path | None, name: str) -> Drone:
@@ -458,7 +497,13 @@ def _base_drone(path: Path | None, name: str) -> Drone:
 
 
 def _record(
-    path: Path, number: int, count: int, mass: float, payload: list[float] | None, system: int | None, columns: Path | None
+    path: Path,
+    number: int,
+    count: int,
+    mass: float,
+    payload: list[float] | None,
+    system: int | None,
+    columns: Path | None,
 ) -> PowerRecord:
     from link.replay import choose_system
     from models.calibration_energy import power_record
@@ -508,9 +553,7 @@ def _energy_json(
             }
             for number, record in enumerate(records)
         ],
-        "models": {
-            name: {"worst": known(fit.worst), "median": known(fit.median)} for name, fit in fits.items()
-        },
+        "models": {name: {"worst": known(fit.worst), "median": known(fit.median)} for name, fit in fits.items()},
         "published": {"worst": known(max(abs(error) for error in published))},
         "written": chosen,
         "endurance_empty_min": known(drone.endurance_empty_s / 60.0),
@@ -539,7 +582,9 @@ def _tell_energy(
             typer.echo(f"  {name}: worst {fit.worst:.1%}, median {fit.median:.1%}")
     else:
         typer.echo("  one flight cannot be checked against another: the error on unseen flights is unknown")
-    typer.echo(f"{chosen} model" + (" (use -o FILE to write a drone file)" if output is None else f" written to {output}"))
+    typer.echo(
+        f"{chosen} model" + (" (use -o FILE to write a drone file)" if output is None else f" written to {output}")
+    )
 
 
 def register(app: typer.Typer) -> None:

@@ -44,7 +44,9 @@ class Recorder:
         link.seq = (link.seq + 1) % 256
         return frame
 
-    def add(self, time_s: float, message, system: int = 1, *, first_version: bool = False, signed: bool = False) -> None:
+    def add(
+        self, time_s: float, message, system: int = 1, *, first_version: bool = False, signed: bool = False
+    ) -> None:
         self.out.write(struct.pack(">Q", START_US + round(time_s * 1e6)))
         self.out.write(self.frame(message, system, first_version=first_version, signed=signed))
 
