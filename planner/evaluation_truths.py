@@ -176,15 +176,7 @@ def sample_truths(
     day = np.arange(runs) % len(days)
     replicate = np.arange(runs) // len(days)
     first = min(days).toordinal()
-    energy, key = np.empty(runs), np.empty(runs, dtype=np.uint64)
-    for number, date_ in enumerate(days):
-        rng = np.random.default_rng((seed, date_.toordinal(), _VEHICLE))
-        mine = day == number
-        count = int(mine.sum())
-        # Both from rows of one table: the first runs are the same however many there are.
-        table = rng.integers(0, 2**64, (count, 2), dtype=np.uint64)
-        energy[mine] = 1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0)
-        key[mine] = table[:, 1]
+    energy, key = _vehicles(days, day, errors, seed)
     queue = np.arange(runs) % MOST_QUEUES if len(days) > 1 else replicate
     stream = np.random.SeedSequence((seed, first, _QUEUES))
     return Truths(
@@ -199,6 +191,20 @@ def sample_truths(
         gust_key=key,
         errors=errors,
     )
+
+
+def _vehicles(
+    days: Sequence[date], day: NDArray[np.int64], errors: Errors, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
+    """Multiple of energy and key of gusts of each run, from a stream of each day: more runs begin with the same ones."""
+    energy, key = np.empty(len(day)), np.empty(len(day), dtype=np.uint64)
+    for number, date_ in enumerate(days):
+        rng = np.random.default_rng((seed, date_.toordinal(), _VEHICLE))
+        mine = day == number
+        table = rng.integers(0, 2**64, (int(mine.sum()), 2), dtype=np.uint64)
+        energy[mine] = 1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0)
+        key[mine] = table[:, 1]
+    return energy, key
 
 
 def _joined(winds: Sequence[WindEnsemble]) -> WindEnsemble:
