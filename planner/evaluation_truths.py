@@ -8,7 +8,7 @@ errors depend on the seed, the day and the run alone (common random numbers).
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 MOST_QUEUES = 500
 """Sets of queues that are sampled at most; with more runs, runs on different days share a set."""
+MOST_KEPT = 20_000
+"""Sampled queue paths, of a few kilobytes each, that are kept at a time."""
 _QUEUES, _VEHICLE = 0x51, 0x56  # words of seeds, so that streams are apart
 
 
@@ -55,10 +57,10 @@ class Errors:
 
     def __post_init__(self) -> None:
         faults = []
-        for field, low, high in (("gust_sd", 0.0, 1.0), ("gust_time_s", 1.0, 86_400.0), ("energy", 0.0, 0.9)):
-            value = getattr(self, field)
+        for name, low, high in (("gust_sd", 0.0, 1.0), ("gust_time_s", 1.0, 86_400.0), ("energy", 0.0, 0.9)):
+            value = getattr(self, name)
             if not low <= value <= high:
-                faults.append(Fault("out of range", field=field, value=value, remedy=f"from {low:g} to {high:g}"))
+                faults.append(Fault("out of range", field=name, value=value, remedy=f"from {low:g} to {high:g}"))
         if faults:
             raise InputError(faults)
 
@@ -103,6 +105,7 @@ class Truths:
     energy: NDArray[np.float64]
     gust_key: NDArray[np.uint64]
     errors: Errors
+    _met: dict[tuple[int, int], QueuePath] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
         return len(self.day)
@@ -123,8 +126,15 @@ class Truths:
         )
 
     def queues(self, problem: Problem, nodes: Sequence[int], queue: int) -> dict[int, QueuePath]:
-        """One set of queues at some nodes."""
-        return self.seeded(problem, queue).queue_paths(dict.fromkeys(nodes), 0)
+        """One set of queues at some nodes; kept, since all who fly in these truths meet the same ones."""
+        missing = [node for node in dict.fromkeys(nodes) if (queue, node) not in self._met]
+        if missing:
+            if len(self._met) > MOST_KEPT:
+                self._met.clear()
+                missing = list(dict.fromkeys(nodes))
+            found = self.seeded(problem, queue).queue_paths(missing, 0)
+            self._met.update({(queue, node): path for node, path in found.items()})
+        return {node: self._met[queue, node] for node in nodes}
 
     def seeded(self, problem: Problem, queue: int) -> Problem:
         """The problem with the seed of a set of queues, as a clairvoyant planner would be given it."""
