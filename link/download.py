@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 GIVE_UP_S = 10.0
 _AGAIN_S = 0.4
 _MAX_RESTARTS = 12
-_FORGOTTEN_TRIES = 7
+_FORGOTTEN_TRIES, _FORGOTTEN_COSTS = 7, 3
 _ITEM_FIELDS = tuple(field.name for field in fields(WireItem))
 
 
@@ -128,7 +128,11 @@ class Download(Exchange):
             self.finish()
             return
         elif self._count is not None and self._tries >= _FORGOTTEN_TRIES:  # a reboot, or it has forgotten the transfer
-            self._restarts += 1
+            self._restarts += _FORGOTTEN_COSTS
+            if self._restarts > _MAX_RESTARTS:
+                self.problem = f"item {len(self._got)} never came"
+                self.finish()
+                return
             self._count, self._got, self._tries = None, [], 0
         self._ask(now_s)
 

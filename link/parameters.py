@@ -96,7 +96,9 @@ class ReadParameter(Exchange):
     ) -> None:
         super().__init__(target, round_trip)
         if not 1 <= len(name.encode("ascii", "replace")) <= 16:
-            raise InputError(Fault("is no name of a parameter", field="parameter", value=name, remedy="1 to 16 letters"))
+            raise InputError(
+                Fault("is no name of a parameter", field="parameter", value=name, remedy="1 to 16 letters")
+            )
         self.name, self.bytewise, self.setting = name, bytewise, setting
         self.found: ParameterValue | None = None
         self._tries = 0

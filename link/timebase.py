@@ -37,7 +37,7 @@ class VehicleClock:
         boot_ms = fields.get("time_boot_ms")
         if boot_ms is None:
             return posix_s if self.offset_s is None else self._newest_boot_s + self.offset_s
-        boot_s = boot_ms * 1e-3
+        boot_s = float(boot_ms) * 1e-3
         if boot_s < self._newest_boot_s - _REBOOT_S:
             self.offset_s = self._arrival_s = None
             self._newest_boot_s = boot_s

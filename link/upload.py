@@ -14,7 +14,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from link.exchange import Exchange
-from link.mission_words import ACCEPTED, INVALID_SEQUENCE, PASSING, MissionKind
+from link.mission_words import ACCEPTED, CANCELLED, INVALID_SEQUENCE, PASSING, MissionKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -28,6 +28,8 @@ GIVE_UP_S = 10.0
 BUSY_S = 12.0
 """How long a vehicle may be busy with somebody else."""
 _DOUBT_S = 1.5
+_STUCK_S = 15.0
+"""How long one item may be asked for again and again."""
 _LAST_TRIES = 6
 """When only the acknowledgement is missing, reading back tells sooner than waiting for it."""
 _BUSY_AGAIN_S = 0.5
@@ -83,18 +85,18 @@ class Upload(Exchange):
         self.kind = kind
         self.end = UploadEnd.RUNNING
         self.answer = ACCEPTED
-        self.asked = self.sent = -1
+        self.asked = self.sent = self._furthest = -1
         self.guessed = False
         self.resent = 0
         self._progress = progress
         self._tries = 0
-        self._heard_s = self._begun_s = self._sent_s = 0.0
+        self._heard_s = self._begun_s = self._sent_s = self._moved_s = 0.0
         self._doubt_s = math.inf
         self._busy = False
 
     def begin(self, now_s: float) -> None:
         """Say how many items there are."""
-        self._begun_s = self._heard_s = now_s
+        self._begun_s = self._heard_s = self._moved_s = now_s
         self._count(now_s)
 
     def _count(self, now_s: float) -> None:
@@ -127,6 +129,12 @@ class Upload(Exchange):
         if number > self.sent + 1:
             return  # of an older transfer: nobody asks for what comes after the next one
         fresh = number > self.asked
+        if number > self._furthest:
+            self._furthest, self._moved_s = number, now_s
+        elif now_s >= self._moved_s + _STUCK_S:
+            self.send("MISSION_ACK", type=CANCELLED, mission_type=int(self.kind))
+            self._end(UploadEnd.BROKEN, CANCELLED)
+            return
         if not fresh and now_s < self._sent_s + 0.5 * self.round_trip.retry_s(1):
             return  # a doubled packet
         if fresh and self._tries == 1:

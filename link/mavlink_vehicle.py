@@ -1,0 +1,406 @@
+"""The default driver: MAVLink with pymavlink's tables and our own protocol machines."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, TypeVar
+
+from link.autopilots import family_named, family_of
+from link.command import RESULTS, AskFor, Command
+from link.download import Clear, Download
+from link.live import LiveTelemetry
+from link.mission_words import ACCEPTED, MissionKind, in_words
+from link.parameters import (
+    ListParameters,
+    ParameterCheck,
+    ParameterValue,
+    ReadParameter,
+    check_parameters,
+    same_value,
+)
+from link.set_current import SetCurrent
+from link.vehicle import Identity, version_text
+from link.verified import UploadJob, UploadOutcome, UploadState, compare, decode, kind_of, upload_verified
+from models.errors import (
+    CommandRefusedError,
+    Fault,
+    InputError,
+    LinkError,
+    StationConflictError,
+    UploadMismatchError,
+    VehicleTimeoutError,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from link.connection import Connection, Peer
+    from link.exchange import Exchange, Steps
+    from link.frames import Message
+    from link.verified import Part
+    from missions.comparison import Difference
+    from missions.mission import Mission
+    from missions.parameters import Parameter
+    from models.telemetry import TelemetrySample
+
+E_ = TypeVar("E_", bound="Exchange")
+FIND_S = 10.0
+_ARM, _LAND, _RETURN, _GRIPPER, _REPOSITION = 400, 21, 20, 211, 192
+_SET_MODE, _PAUSE, _START, _INTERVAL, _BATTERY_RESET = 176, 193, 300, 511, 42651
+_MODE_S, _RETRY_ARM_S = 4.0, 1.0
+RATES_HZ: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 2.0, 1: 1.0, 147: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 1.0}
+"""Messages that telemetry is made of, and how often they are asked for: attitude, position, …, wind."""
+_WIND, _WIND_COV = 168, 231
+
+
+class MavlinkVehicle:
+    """One vehicle on a connection.
+
+    Parameters
+    ----------
+    connection : Connection
+        The link; several vehicles may share it.
+    system : int or None
+        Which one; None is the first heard.
+    autopilot : str or None
+        ``px4`` or ``ardupilot`` where its heartbeat shall not decide.
+
+    Raises
+    ------
+    VehicleTimeoutError
+        No such vehicle is heard.
+    InputError
+        Its autopilot is none that we know.
+    """
+
+    def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
+        self.connection = connection
+        known = connection.peers
+        connection.wait(lambda: bool(known) if system is None else system in known, FIND_S)
+        if system is None and len(known) == 1:
+            system = next(iter(known))
+        if system is None and known:
+            heard = ", ".join(map(str, sorted(known)))
+            raise InputError(Fault("several vehicles are heard", field="--system", remedy=f"one of {heard}"))
+        if system is None or system not in known:
+            raise VehicleTimeoutError("no heartbeat" if system is None else f"no heartbeat of system {system}", FIND_S)
+        self.peer: Peer = known[system]
+        family = family_named(autopilot) if autopilot else family_of(self.peer.autopilot)
+        if family is None:
+            remedy = "say which one it resembles with --autopilot px4 or ardupilot"
+            raise InputError(Fault("an autopilot that we do not know", value=self.peer.autopilot, remedy=remedy))
+        self.family = family
+        self.live = LiveTelemetry(system)
+        self.blocked: UploadOutcome | None = None
+        self._new: list[TelemetrySample] = []
+        self._counts: dict[str, int] = {}
+        connection.listeners.append(self._hear)
+
+    def _hear(self, peer: Peer, message: Message) -> None:
+        if peer is not self.peer:
+            return
+        self._counts[message.name] = self._counts.get(message.name, 0) + 1
+        sample = self.live.hear(message, self.connection.clock.posix_s())
+        if sample is not None:
+            self._new.append(sample)
+            del self._new[:-1000]
+
+    def _do(self, exchange: E_) -> E_:
+        def steps() -> Steps[None]:
+            yield exchange
+
+        self.connection.perform(steps())
+        return exchange
+
+    # Who and how
+
+    @property
+    def system(self) -> int:
+        """Its system id."""
+        return self.peer.system
+
+    @property
+    def armed(self) -> bool:
+        """Whether its last heartbeat said so; one that was never heard counts as armed."""
+        beat = self.peer.latest.get("HEARTBEAT")
+        return beat is None or bool(beat["base_mode"] & 128)
+
+    @property
+    def mode(self) -> str:
+        """Its mode, for a person."""
+        beat = self.peer.latest.get("HEARTBEAT")
+        return "unknown" if beat is None else self.family.mode_name(beat["custom_mode"])
+
+    def texts(self) -> list[str]:
+        """What it has said, the newest last."""
+        return [text for _, text in self.peer.texts]
+
+    def identify(self) -> Identity:
+        """Tell who it is; what it does not tell stays unknown."""
+        found = self._do(AskFor(self.peer.target, "AUTOPILOT_VERSION", 148, round_trip=self.peer.round_trip)).message
+        identity = Identity(self.system, self.family.name, self.peer.kind)
+        if found is None:
+            return identity
+        version, capabilities, uid = (found[name] for name in ("flight_sw_version", "capabilities", "uid"))
+        return Identity(self.system, self.family.name, self.peer.kind, version_text(version), capabilities, uid)
+
+    # Telemetry
+
+    def request_telemetry(self, rates_hz: Mapping[int, float] = RATES_HZ) -> tuple[int, ...]:
+        """Ask for the messages that telemetry is made of; returns the ids of those refused."""
+        refused = []
+        for number, rate in rates_hz.items():
+            wanted = _WIND_COV if number == _WIND and self.family.name == "px4" else number
+            asked = Command(self.peer.target, _INTERVAL, float(wanted), 1e6 / rate, round_trip=self.peer.round_trip)
+            if self._do(asked).result != ACCEPTED:
+                refused.append(wanted)
+        return tuple(refused)
+
+    def measured_rates(self, duration_s: float) -> dict[str, float]:
+        """Messages a second of each name that really come, over some time."""
+        before = dict(self._counts)
+        self.connection.run_for(duration_s)
+        return {name: (count - before.get(name, 0)) / duration_s for name, count in self._counts.items()}
+
+    def samples(self, duration_s: float = math.inf) -> Iterator[TelemetrySample]:
+        """Yield telemetry as it comes; ends after the time, or when the vehicle falls silent for 10 s."""
+        clock = self.connection.clock
+        end = clock.now_s() + duration_s
+        while clock.now_s() < end:
+            ready, self._new = self._new, []
+            yield from ready
+            if not ready and not self.connection.wait(lambda: bool(self._new), min(FIND_S, end - clock.now_s())):
+                return
+
+    # Parameters
+
+    def _read(self, name: str, setting: tuple[float, int] | None = None) -> ParameterValue | None:
+        bytewise, trip = self.family.bytewise, self.peer.round_trip
+        return self._do(
+            ReadParameter(self.peer.target, name, bytewise=bytewise, setting=setting, round_trip=trip)
+        ).found
+
+    def parameter(self, name: str) -> ParameterValue:
+        """Read a parameter; a vehicle meets an unknown name with silence."""
+        found = self._read(name)
+        if found is None:
+            raise VehicleTimeoutError(f"parameter {name} (is there one of that name?)", 5.0)
+        return found
+
+    def set_parameter(self, name: str, value: float) -> ParameterValue:
+        """Set a parameter, and read it back."""
+        if not math.isfinite(value):
+            raise InputError(Fault("not a finite number", field=name, value=value))
+        before = self.parameter(name)
+        self._read(name, (value, before.kind))
+        after = self.parameter(name)
+        if not same_value(value, after.value, before.kind):
+            raise CommandRefusedError(f"set {name} to {value:g}", f"it is {after.value:g}", self.texts()[-1:])
+        return after
+
+    def parameters(self) -> dict[str, ParameterValue]:
+        """Read all parameters, by name."""
+        found = self._do(
+            ListParameters(self.peer.target, bytewise=self.family.bytewise, round_trip=self.peer.round_trip)
+        )
+        if not found.complete:
+            raise VehicleTimeoutError(f"all parameters: {len(found.found)} of {found.total or 'unknown'} came", 8.0)
+        return {value.name: value for value in found.found.values()}
+
+    def check_required(self, wanted: Sequence[Parameter]) -> tuple[ParameterCheck, ...]:
+        """Read the parameters that a mission relies on."""
+        read = {parameter.name: self._read(parameter.name) for parameter in wanted}
+        return check_parameters(wanted, {name: found.value for name, found in read.items() if found is not None})
+
+    def check_ground_station(self) -> None:
+        """Make sure that the vehicle's failsafe counts our heartbeat: ArduPilot counts only one system's.
+
+        Raises
+        ------
+        StationConflictError, CommandRefusedError
+            Another station has our id, or the vehicle minds another one's heartbeat.
+        """
+        if self.connection.conflict is not None:
+            raise StationConflictError(self.connection.conflict.system, self.connection.conflict.component)
+        if self.family.name != "ardupilot":
+            return
+        found = self._read("SYSID_MYGCS")
+        if found is not None and int(found.value) != self.connection.system:
+            mine = f"it counts only the heartbeat of system {found.value:g} (SYSID_MYGCS), ours is "
+            raise CommandRefusedError(
+                "be watched by us", f"{mine}{self.connection.system}: use --gcs-system {found.value:g}"
+            )
+
+    # Commands
+
+    def command(self, what: str, number: int, *parameters: float, place: tuple[int, int, float] | None = None) -> None:
+        """Give a command.
+
+        Raises
+        ------
+        CommandRefusedError
+            With the vehicle's answer and what it said.
+        VehicleTimeoutError
+            No answer.
+        """
+        said = len(self.peer.texts)
+        given = Command(self.peer.target, number, *parameters, place=place, round_trip=self.peer.round_trip)
+        result = self._do(given).result
+        if result is None:
+            raise VehicleTimeoutError(what, 6.0)
+        if result != ACCEPTED:
+            self.connection.run_for(0.2)  # its reasons may come after the answer
+            raise CommandRefusedError(what, RESULTS.get(result, f"answer {result}"), self.texts()[said:][-3:])
+
+    def arm(self, patience_s: float = 0.0) -> None:
+        """Arm; try again for so long while it is not ready."""
+        self.check_ground_station()
+        end = self.connection.clock.now_s() + patience_s
+        while True:
+            try:
+                self.command("arm", _ARM, 1.0)
+            except CommandRefusedError:
+                if self.connection.clock.now_s() >= end:
+                    raise
+                self.connection.run_for(_RETRY_ARM_S)
+            else:
+                return
+
+    def disarm(self) -> None:
+        """Disarm."""
+        self.command("disarm", _ARM, 0.0)
+
+    def set_mode(self, name: str) -> None:
+        """Switch the mode, and wait until a heartbeat says so."""
+        number = self.family.modes.get(name)
+        if number is None:
+            raise InputError(Fault("no such mode", value=name, remedy=f"one of {', '.join(self.family.modes)}"))
+        if self.family.name == "px4":
+            self.command(f"switch to {name}", _SET_MODE, 1.0, float(number >> 16 & 0xFF), float(number >> 24))
+        else:
+            self.command(f"switch to {name}", _SET_MODE, 1.0, float(number))
+        beats = self.peer.latest
+        if not self.connection.wait(lambda: beats["HEARTBEAT"]["custom_mode"] == number, _MODE_S):
+            raise CommandRefusedError(f"switch to {name}", f"it stays in {self.mode}")
+
+    def start(self, patience_s: float = 0.0) -> None:
+        """Arm and fly the mission from its beginning."""
+        if self.blocked is not None:
+            raise UploadMismatchError(f"start blocked, what the vehicle holds is not known: {self.blocked.holds}")
+        self._set_current(0)
+        if self.family.arms_in is not None:
+            self.set_mode(self.family.arms_in)
+            self.arm(patience_s)
+            self.set_mode("mission")
+        else:
+            self.arm(patience_s)
+        self.command("start the mission", _START)
+
+    def pause(self) -> None:
+        """Stop on the way."""
+        if self.family.pauses_in_mission:
+            self.command("pause", _PAUSE, 0.0)
+        else:
+            self.set_mode("hold")
+
+    def resume(self) -> None:
+        """Go on with the mission."""
+        if self.blocked is not None:
+            raise UploadMismatchError(f"not resumed, what the vehicle holds is not known: {self.blocked.holds}")
+        if self.family.pauses_in_mission and self.mode == "mission":
+            self.command("continue", _PAUSE, 1.0)
+        else:
+            self.set_mode("mission")
+
+    def go_to(self, lat_deg: float, lon_deg: float, height_m: float) -> None:
+        """Fly there, height above home, and stay."""
+        if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and math.isfinite(height_m)):
+            raise InputError(Fault("is not a place on Earth", value=(lat_deg, lon_deg, height_m)))
+        place = (round(lat_deg * 1e7), round(lon_deg * 1e7), height_m)
+        yaw = math.nan if self.family.name == "px4" else 0.0
+        self.command("go there", _REPOSITION, -1.0, 1.0, 0.0, yaw, place=place)
+
+    def return_home(self) -> None:
+        """Return as the vehicle's parameters say."""
+        self.command("return", _RETURN)
+
+    def land(self) -> None:
+        """Land here."""
+        self.command("land", _LAND)
+
+    def release(self) -> None:
+        """Let the package go."""
+        self.command("release the package", _GRIPPER, 1.0, 0.0)
+
+    def reset_battery(self, soc: float) -> None:
+        """Tell ArduPilot's counter what the battery holds; PX4 has no such command and refuses it."""
+        if not 0.0 <= soc <= 1.0:
+            raise InputError(Fault("out of range", field="soc", value=soc, remedy="0 to 1"))
+        self.command("reset the battery's counter", _BATTERY_RESET, 1.0, 100.0 * soc)
+
+    # Missions
+
+    def upload(
+        self, part: Part, *, current: int = 0, progress: Callable[[str, int, int], None] | None = None
+    ) -> UploadOutcome:
+        """Upload a mission, a fence or rally points, and read them back."""
+        job = UploadJob(
+            self.peer.target,
+            self.family.name,
+            part,
+            current,
+            self.peer.round_trip,
+            may_roll_back=lambda: not self.armed,
+            texts=self.texts,
+            progress=progress,
+        )
+        broken = "parts of what was being sent: the upload was interrupted"
+        self.blocked = UploadOutcome(UploadState.UNKNOWN, job.kind, broken)
+        outcome = self.connection.perform(upload_verified(job))
+        self.blocked = outcome if outcome.state is UploadState.UNKNOWN else None
+        return outcome
+
+    def change_in_flight(self, mission: Mission, current: int) -> UploadOutcome:
+        """Hold, upload, read back, set the current item, resume; stay in hold where it is not verified."""
+        self.set_mode("hold")
+        outcome = self.upload(mission, current=current)
+        if outcome.verified:
+            self.set_current(current)
+            self.resume()
+        return outcome
+
+    def download(self, kind: MissionKind) -> Part:
+        """Read what it holds, in our numbering."""
+        down = self._do(Download(self.peer.target, kind, round_trip=self.peer.round_trip))
+        if down.items is None:
+            raise VehicleTimeoutError(f"download of its {kind.word}: {down.problem}", 10.0)
+        return decode(down.items, kind, self.family.name)
+
+    def verify(self, part: Part) -> tuple[Difference, ...]:
+        """Tell how what it holds differs in meaning."""
+        down = self._do(Download(self.peer.target, kind_of(part), round_trip=self.peer.round_trip))
+        if down.items is None:
+            raise VehicleTimeoutError(f"download of its {kind_of(part).word}: {down.problem}", 10.0)
+        return compare(part, down.items, self.family.name)
+
+    def clear(self, kind: MissionKind) -> None:
+        """Clear one kind, and read back that it is gone."""
+        cleared = self._do(Clear(self.peer.target, kind, round_trip=self.peer.round_trip))
+        down = self._do(Download(self.peer.target, kind, round_trip=self.peer.round_trip))
+        left = None if down.items is None else len(down.items)
+        home = int(self.family.name == "ardupilot" and kind is MissionKind.MISSION)
+        if left is not None and left <= home:
+            if kind is MissionKind.MISSION:
+                self.blocked = None
+            return
+        if cleared.answer not in (None, ACCEPTED):
+            raise CommandRefusedError(f"clear its {kind.word}", in_words(cleared.answer), self.texts()[-1:])
+        raise LinkError(f"its {kind.word} may not be cleared: {'no answer' if left is None else f'{left} items left'}")
+
+    def set_current(self, item: int) -> None:
+        """Make one of our items the next to be flown."""
+        self._set_current(item + int(self.family.name == "ardupilot"))
+
+    def _set_current(self, number: int) -> None:
+        if not self._do(SetCurrent(self.peer.target, number, round_trip=self.peer.round_trip)).confirmed:
+            raise CommandRefusedError(f"make item {number} (its own number) the current one", "it does not say so")

@@ -1,0 +1,276 @@
+"""What one does with a vehicle, on both autopilots, in virtual time."""
+
+import math
+from itertools import pairwise
+
+import pytest
+from wires import FAMILIES, LAT, LON, Scene, a_mission, bad_radio
+
+from link.connection import Connection
+from link.mavlink_vehicle import MavlinkVehicle
+from link.mission_words import MissionKind
+from link.verified import UploadState
+from missions.dialects import dialect
+from missions.mission import Mission
+from missions.parameters import FlightNeeds
+from models.errors import (
+    CommandRefusedError,
+    InputError,
+    StationConflictError,
+    UploadMismatchError,
+    VehicleTimeoutError,
+)
+from sim_stub.faults import Fault
+from sim_stub.physics import offset_m
+
+
+def aboard(family, **how):
+    scene = Scene(family, **how)
+    scene.craft = MavlinkVehicle(scene.connection)
+    if scene.craft.request_telemetry():
+        raise AssertionError("telemetry refused")
+    return scene
+
+
+@pytest.fixture(params=FAMILIES)
+def scene(request):
+    return aboard(request.param)
+
+
+def test_a_vehicle_tells_who_it_is(scene):
+    identity = scene.craft.identify()
+    assert identity.autopilot == scene.family
+    assert identity.version == ("1.16.0" if scene.family == "px4" else "4.6.0")
+    assert identity.uid == 0x5A17_0000_0000_0001
+    assert "fences" in identity.words
+    assert str(identity).startswith(f"vehicle 1: {scene.family}")
+
+
+def test_a_mission_is_flown_paused_resumed_and_landed(scene):
+    craft = scene.craft
+    assert craft.upload(a_mission(4, height=30.0)).verified
+    craft.start(patience_s=60.0)
+    assert scene.connection.wait(lambda: craft.live.latest("height_m") > 25.0, 120.0)
+    craft.pause()
+    scene.connection.run_for(8.0)
+    here = (scene.vehicle.body.lat, scene.vehicle.body.lon)
+    scene.connection.run_for(5.0)
+    assert math.hypot(*offset_m(*here, scene.vehicle.body.lat, scene.vehicle.body.lon)) < 2.0
+    craft.resume()
+    assert scene.connection.wait(lambda: not craft.armed, 300.0)
+    assert scene.vehicle.body.grounded
+    assert craft.live.reached
+
+
+def test_it_goes_where_it_is_told_and_returns(scene):
+    craft = scene.craft
+    craft.upload(a_mission(4, height=30.0))
+    craft.start(patience_s=60.0)
+    scene.connection.wait(lambda: craft.live.latest("height_m") > 25.0, 120.0)
+    craft.go_to(LAT + 0.001, LON, 35.0)
+    scene.connection.run_for(40.0)
+    body = scene.vehicle.body
+    assert math.hypot(*offset_m(LAT + 0.001, LON, body.lat, body.lon)) < 5.0
+    assert body.alt_m - 5.0 == pytest.approx(35.0, abs=2.0)
+    craft.return_home()
+    scene.connection.run_for(3.0)
+    assert craft.mode == "return"
+    craft.land()
+    assert scene.connection.wait(lambda: not craft.armed, 200.0)
+
+
+def test_a_mission_is_changed_in_flight_on_hold_and_flown_from_the_item_meant(scene):
+    craft = scene.craft
+    craft.upload(a_mission(6, height=30.0))
+    craft.start(patience_s=60.0)
+    scene.connection.wait(lambda: craft.live.latest("height_m") > 25.0, 120.0)
+    new = a_mission(8, height=45.0)
+    outcome = craft.change_in_flight(new, 3)
+    assert outcome.verified
+    assert craft.mode == "mission"
+    assert scene.vehicle.autopilot.run.current == 3 + (scene.family == "ardupilot")
+    assert scene.connection.wait(lambda: not craft.armed, 400.0)
+
+
+def test_an_upload_in_flight_that_is_not_verified_stays_in_hold(scene):
+    craft = scene.craft
+    craft.upload(a_mission(6, height=30.0))
+    craft.start(patience_s=60.0)
+    scene.connection.wait(lambda: craft.live.latest("height_m") > 25.0, 120.0)
+
+    def spoil(number, message, frame, up):
+        return b"" if message and message.name == "MISSION_ITEM_INT" and message["seq"] == 4 else frame
+
+    scene.link.spoil = spoil
+    outcome = craft.change_in_flight(a_mission(8, height=45.0), 3)
+    assert outcome.state is UploadState.UNKNOWN
+    assert craft.mode == "hold"
+    with pytest.raises(UploadMismatchError, match="not resumed"):
+        craft.resume()
+    with pytest.raises(UploadMismatchError, match="start blocked"):
+        craft.start()
+
+
+def test_arming_is_refused_with_the_vehicles_reason():
+    scene = aboard("px4", faults=(Fault("prearm"),))
+    with pytest.raises(CommandRefusedError, match="Compass not healthy"):
+        scene.craft.arm()
+
+
+def test_arming_waits_until_a_cold_vehicle_is_ready():
+    scene = aboard("ardupilot", warm=False)
+    scene.craft.set_mode("guided")
+    scene.craft.arm(patience_s=90.0)
+    assert scene.vehicle.autopilot.armed
+
+
+def test_ardupilot_must_count_our_heartbeat():
+    scene = aboard("ardupilot", parameters=(("SYSID_MYGCS", 250.0),))
+    with pytest.raises(CommandRefusedError, match=r"SYSID_MYGCS.*--gcs-system 250"):
+        scene.craft.arm()
+
+
+def test_another_station_with_our_id_is_noticed_and_refused(scene):
+    """The simulated vehicle routes nothing, so the other's heartbeat comes down the wire as a router would send it."""
+    from link.frames import FrameWriter
+
+    other = FrameWriter(255, 77).frame("HEARTBEAT", {"type": 6, "autopilot": 8, "mavlink_version": 3})
+    scene.link.inner.inbox.append(other)
+    with pytest.raises(StationConflictError, match=r"system id 255 .*--gcs-system"):
+        scene.craft.arm()
+
+
+def test_our_own_words_that_a_router_sends_back_are_no_other_station(scene):
+    sent = []
+    scene.link.spoil = lambda _n, m, frame, up: (sent.append(frame) if up and m.name == "HEARTBEAT" else None) or frame
+    scene.connection.run_for(3.0)
+    scene.link.inner.inbox.extend(sent)
+    scene.connection.run_for(1.0)
+    assert scene.connection.conflict is None
+
+
+def test_parameters_are_read_set_and_read_back(scene):
+    craft = scene.craft
+    name, value = ("COM_DLL_EXCEPT", 3.0) if scene.family == "px4" else ("FS_OPTIONS", 11.0)
+    assert craft.set_parameter(name, value).value == value
+    assert scene.vehicle.autopilot.parameters[name] == value
+    with pytest.raises(VehicleTimeoutError, match="NO_SUCH"):
+        craft.parameter("NO_SUCH")
+    with pytest.raises(InputError, match="no name"):
+        craft.parameter("X" * 17)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+def test_all_parameters_come_though_the_radio_is_bad(family, loss):
+    scene = aboard(family, impairment=bad_radio(loss))
+    found = scene.craft.parameters()
+    store = scene.vehicle.autopilot.parameters
+    assert len(found) == len(store)
+    assert all(store[name] == pytest.approx(value.value) for name, value in found.items())
+
+
+def test_required_parameters_are_checked_and_what_to_set_is_said(scene):
+    needs = FlightNeeds(12.0, 3.0, 2.0, 60.0, fenced=True)
+    checks = scene.craft.check_required(dialect(scene.family).parameters(needs))
+    assert any(not check.ok for check in checks)
+    for check in checks:
+        if check.to_set is not None:
+            scene.craft.set_parameter(check.wanted.name, check.to_set)
+    again = scene.craft.check_required(dialect(scene.family).parameters(needs))
+    assert all(check.ok for check in again if check.actual is not None)
+
+
+def test_what_is_uploaded_is_downloaded_verified_and_cleared(scene):
+    craft, mission = scene.craft, a_mission(12)
+    craft.upload(mission)
+    assert craft.verify(mission) == ()
+    assert craft.verify(a_mission(12, height=77.0))
+    down = craft.download(MissionKind.MISSION)
+    assert isinstance(down, Mission)
+    assert len(down) == 12
+    craft.clear(MissionKind.MISSION)
+    assert len(craft.download(MissionKind.MISSION)) == 0
+    assert scene.stored() == []
+
+
+def test_a_mission_that_is_flown_is_not_cleared_by_ardupilot():
+    scene = aboard("ardupilot")
+    scene.craft.upload(a_mission(4))
+    scene.craft.start(patience_s=60.0)
+    scene.connection.run_for(5.0)
+    with pytest.raises(CommandRefusedError, match="clear its mission"):
+        scene.craft.clear(MissionKind.MISSION)
+
+
+def test_the_battery_counter_is_reset_where_there_is_one():
+    scene = aboard("ardupilot", soc=0.5)
+    scene.craft.reset_battery(1.0)
+    assert scene.vehicle.counted_mah == 0.0
+    with pytest.raises(CommandRefusedError, match="does not know this command"):
+        aboard("px4").craft.reset_battery(1.0)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_package_is_released(family):
+    enabled = type(Scene(family).vehicle.autopilot).GRIPPER_ENABLE
+    scene = aboard(family, payload_kg=1.0, parameters=((enabled, 1.0),))
+    scene.craft.release()
+    assert scene.vehicle.body.payload_kg == 0.0
+
+
+def test_telemetry_comes_at_the_rates_asked_for_with_times_in_utc(scene):
+    assert scene.craft.request_telemetry() == ()
+    rates = scene.craft.measured_rates(10.0)
+    assert rates["ATTITUDE"] == pytest.approx(10.0, rel=0.1)
+    assert rates["GLOBAL_POSITION_INT"] == pytest.approx(5.0, rel=0.1)
+    list(scene.craft.samples(0.05))
+    found = list(scene.craft.samples(5.0))
+    assert len(found) >= 45
+    assert all(b.time_s > a.time_s for a, b in pairwise(found))
+    last = found[-1]
+    assert last.time_s == pytest.approx(scene.lockstep.clock.posix_s(), abs=0.2)
+    assert last.lat_deg == pytest.approx(LAT, abs=1e-6)
+    assert last.armed == 0.0
+    assert last.landed == 1.0
+    assert last.soc == pytest.approx(1.0, abs=0.02)
+    assert math.isnan(last.airspeed_mps)
+    assert math.isnan(last.wind_north_mps)
+    assert scene.craft.live.clock.base.absolute
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"), [("soc-unknown", "does not know"), ("soc-jump", "jumped"), ("battery-drop", "jumped")]
+)
+def test_a_doubtful_state_of_charge_is_flagged(kind, said):
+    scene = aboard("px4", faults=(Fault(kind, 20.0, value=0.5),))
+    scene.connection.run_for(25.0)
+    assert said in scene.craft.live.doubts["soc"]
+    if kind == "soc-unknown":
+        assert math.isnan(scene.craft.live.sample.soc)
+
+
+def test_a_reboot_begins_a_new_time_base(scene):
+    scene.craft.request_telemetry()
+    scene.connection.run_for(5.0)
+    scene.vehicle.reboot_soon()
+    scene.connection.run_for(8.0)
+    scene.craft.request_telemetry()
+    list(scene.craft.samples(0.05))
+    found = list(scene.craft.samples(3.0))
+    assert scene.craft.live.clock.reboots == 1
+    assert found[-1].time_s == pytest.approx(scene.lockstep.clock.posix_s(), abs=0.3)
+
+
+def test_nobody_there_is_a_time_out():
+    scene = Scene("px4", spoil=lambda _n, _m, _frame, _up: b"")
+    with pytest.raises(VehicleTimeoutError, match="no heartbeat"):
+        MavlinkVehicle(Connection(scene.link, scene.lockstep.clock))
+
+
+def test_commands_get_through_a_bad_radio():
+    for seed in range(1, 6):
+        scene = aboard("px4", impairment=bad_radio(0.3), seed=seed)
+        scene.craft.set_mode("hold")
+        scene.craft.arm(patience_s=20.0)
+        assert scene.vehicle.autopilot.armed
