@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, Any
 from models.errors import Fault, InputError, LinkError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from link.replay_player import Player
 
 TICK_S = 0.02
@@ -20,26 +18,38 @@ MAX_LINE = 4096
 MAX_CLIENTS = 8
 
 
-def open_connection(url: str) -> Callable[[bytes], object]:
-    """Open a MAVLink address as everyone writes it (``udpout:127.0.0.1:14550``, ``tcp:host:port``) for sending.
+class Output:
+    """A MAVLink address for sending, as everyone writes it: ``udpout:127.0.0.1:14550``, ``tcp:host:port``.
+
+    Parameters
+    ----------
+    url : str
+        The address.
 
     Raises
     ------
     LinkError, InputError
         It cannot be opened, or is no address.
     """
-    from pymavlink import mavutil
 
-    try:
-        connection: Any = mavutil.mavlink_connection(url)
-    except (OSError, ValueError, IndexError) as error:
-        raise LinkError(f"cannot open {url}: {error}") from None
-    except SystemExit:  # pymavlink's answer to an address without a port
-        raise InputError(
-            Fault("is no address", field="--connect", value=url, remedy="udpout:127.0.0.1:14550")
-        ) from None
-    write: Callable[[bytes], object] = connection.write
-    return write
+    def __init__(self, url: str) -> None:
+        from pymavlink import mavutil
+
+        try:
+            self._connection: Any = mavutil.mavlink_connection(url)
+        except (OSError, ValueError, IndexError) as error:
+            raise LinkError(f"cannot open {url}: {error}") from None
+        except SystemExit:  # pymavlink's answer to an address without a port
+            remedy = "udpout:127.0.0.1:14550"
+            raise InputError(Fault("is no address", field="--connect", value=url, remedy=remedy)) from None
+
+    def send(self, data: bytes) -> None:
+        """Send one packet."""
+        self._connection.write(data)
+
+    def close(self) -> None:
+        """Close it."""
+        self._connection.close()
 
 
 class ControlServer:

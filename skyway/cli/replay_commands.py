@@ -336,24 +336,27 @@ def _write_outputs(found: Replay, plot: Path | None, csv: Path | None, *, force:
 
 def _serve(log: Log, connect: str, control: int | None, factor: float, first: float) -> None:
     from link.replay_player import Player, packets_of
-    from link.replay_server import ControlServer, open_connection, play
+    from link.replay_server import ControlServer, Output, play
 
     if control is not None and not 0 <= control <= 65535:
         raise InputError(Fault("port out of range", field="--control", value=control, remedy="0 to 65535"))
     source = packets_of(log)
-    player = Player(source, open_connection(connect), speed=factor)
+    output = Output(connect)
+    player = Player(source, output.send, speed=factor)
     if math.isfinite(first):
         player.seek(first - source.start_s)
     elif factor < 0.0:
         player.position_s = source.end_s
-    server = None if control is None else ControlServer(player, control)
-    if server is not None:
-        typer.echo(f"control on tcp:127.0.0.1:{server.port}")
+    server = None
     try:
+        if control is not None:
+            server = ControlServer(player, control)
+            typer.echo(f"control on tcp:127.0.0.1:{server.port}")
         sent = play(player, server, hold=server is not None)
     finally:
         if server is not None:
             server.close()
+        output.close()
     typer.echo(f"sent {sent} packets to {connect}")
 
 

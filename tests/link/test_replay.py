@@ -1,0 +1,256 @@
+"""A log gone through as if it were live, and played to a ground station."""
+
+import json
+import math
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+from drone_truth import fly
+from test_log_readers import record
+from tlog_factory import START_US, mixed_log
+
+from link.logs.reader import open_log
+from link.replay import replay
+from link.replay_player import Player, packets_of
+from link.replay_report import as_csv, as_json
+from link.replay_server import ControlServer, Output, play
+from models.drag import DragModel
+from models.errors import InputError, LinkError
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
+KNOWN = DragModel(linear_per_s=0.15, quadratic_per_m=0.010)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    """A simulated flight of 4 minutes as a tlog, and its truth."""
+    truth = fly(seed=3, duration_s=240.0, courses_deg=(0.0, 180.0), sigma_mps=0.7)
+    path = tmp_path_factory.mktemp("logs") / "flight.tlog"
+    record(path, truth)
+    return path, truth
+
+
+def test_a_replay_finds_the_wind_the_leg_and_the_energy(flight):
+    path, truth = flight
+    found = replay(open_log(path))
+    assert found.drag_source == "identified"
+    miss = found.wind.wind[60:].mean(axis=0) - truth.wind[600:, 0].mean(axis=0)
+    assert np.hypot(*miss) < 1.0
+    (leg,) = found.legs
+    assert leg.end_s - leg.start_s == pytest.approx(240.0, abs=3.0)
+    assert leg.distance_m == pytest.approx(16.0 * 240.0, rel=0.1)
+    assert leg.energy_j == pytest.approx(550.0 * 240.0, rel=0.02)
+    assert leg.soc_start == pytest.approx(0.9)
+
+
+def test_a_replay_as_json_is_complete_and_plain(flight):
+    path, _ = flight
+    report = as_json(replay(open_log(path), forecast=(-4.0, 3.0)))
+    text = json.dumps(report, allow_nan=False)
+    assert report["schema"] == "skyway.replay/1"
+    for key in ("format", "messages", "by_type", "skipped_bytes", "systems", "start", "end", "legs", "wind", "energy", "events"):
+        assert key in report
+    assert report["messages"] == sum(report["by_type"].values())
+    assert report["start"] == "2023-11-14T22:13:20Z"
+    assert set(report["wind"][0]) == {"t", "speed_mps", "from_deg", "sigma_mps"}
+    assert report["wind_summary"]["forecast"]["speed_mps"] == 5.0
+    assert report["energy"]["phases"]["cruise"]["mean_power_w"] == pytest.approx(550.0, abs=1.0)
+    assert "NaN" not in text
+
+
+def test_the_table_of_a_replay_is_a_log_itself(flight, tmp_path):
+    path, _ = flight
+    first = replay(open_log(path), drag=KNOWN)
+    table = tmp_path / "flight.csv"
+    table.write_text(as_csv(first))
+    second = replay(open_log(table), drag=KNOWN)
+    assert len(second.seconds) == len(first.seconds)
+    assert second.legs[0].distance_m == pytest.approx(first.legs[0].distance_m, rel=0.01)
+
+
+def test_a_part_of_a_log_is_replayed_alone(flight):
+    path, _ = flight
+    log = open_log(path)
+    found = replay(log, from_s=log.summary.start_s + 60.0, to_s=log.summary.start_s + 120.0)
+    assert len(found.seconds) == pytest.approx(60, abs=1)
+
+
+def test_a_vehicle_that_is_not_in_the_log_is_an_input_error(flight):
+    path, _ = flight
+    with pytest.raises(InputError, match="these did: 1"):
+        replay(open_log(path), system=9)
+
+
+def test_a_simulated_log_without_any_wind_finds_none(tmp_path):
+    path = tmp_path / "calm.tlog"
+    record(path, fly(duration_s=120.0, mean=(0.0, 0.0), sigma_mps=1e-6, tilt_sigma_mps2=0.05, leg_s=30.0))
+    found = replay(open_log(path), drag=KNOWN)
+    assert np.hypot(*found.wind.wind[40:].mean(axis=0)) < 0.5
+
+
+def test_a_log_without_telemetry_is_told_without_any(tmp_path):
+    from tlog_factory import Recorder
+
+    log = Recorder()
+    log.add(0.0, log.dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3), 255)
+    path = tmp_path / "station.tlog"
+    path.write_bytes(log.data)
+    report = as_json(replay(open_log(path)))
+    assert report["system"] is None
+    assert report["systems"] == []
+    assert report["legs"] == []
+    assert report["wind"] == []
+    json.dumps(report, allow_nan=False)
+
+
+def test_every_real_log_is_replayed(shared_data):
+    folder = shared_data / "logs"
+    for path in sorted(folder.iterdir()):
+        if path.suffix != ".md":
+            json.dumps(as_json(replay(open_log(path))), allow_nan=False)
+
+
+def test_the_quadplanes_own_wind_is_near_airspeed_and_ground_velocity_once_it_has_settled(shared_data):
+    """Its own estimate starts 8 m/s off and settles within a minute of turning; compared on the last 15 s on its wings."""
+    from link.replay import reduce_log
+    from models.wind_filter_measurement import airspeed_wind
+
+    log = open_log(shared_data / "logs" / "cuav_quadplane_flight.tlog")
+    _, air = reduce_log(log, 2, -math.inf, math.inf)
+    taken = airspeed_wind(air)
+    own = air.autopilot[np.isin(air.time_s, taken.time_s)]
+    settled = taken.time_s > taken.time_s[-1] - 25.0
+    difference = np.median(taken.wind[settled], axis=0) - np.median(own[settled], axis=0)
+    print("difference of the medians (north, east):", difference.round(2))
+    assert np.hypot(*difference) < 3.0
+
+
+class Sink:
+    def __init__(self):
+        self.packets = []
+
+    def __call__(self, data):
+        self.packets.append(bytes(data))
+
+
+def test_a_tlog_is_played_byte_for_byte(tmp_path):
+    path = tmp_path / "mixed.tlog"
+    path.write_bytes(mixed_log(4, 500))
+    log = open_log(path)
+    sink = Sink()
+    player = Player(packets_of(log), sink, speed=math.inf)
+    player.step(0.1)
+    assert player.ended
+    data = path.read_bytes()
+    assert len(sink.packets) == 500
+    assert sum(len(packet) + 8 for packet in sink.packets) == len(data)
+    assert all(packet in data for packet in sink.packets)
+
+
+def test_speed_pause_seek_and_reverse(tmp_path):
+    path = tmp_path / "mixed.tlog"
+    path.write_bytes(mixed_log(4, 500))  # one message each 0.02 s
+    sink = Sink()
+    player = Player(packets_of(open_log(path)), sink, speed=2.0)
+    assert player.step(1.0) == pytest.approx(100, abs=2)
+    player.command('{"do": "pause"}')
+    assert player.step(1.0) == 0
+    player.command('{"do": "play"}')
+    assert player.command('{"do": "seek", "to": 8.0}')["position_s"] == pytest.approx(8.0)
+    player.command('{"do": "speed", "to": 1}')
+    forwards = len(sink.packets)
+    player.step(1.0)
+    ahead = sink.packets[forwards:]
+    player.command('{"do": "reverse"}')
+    backwards = len(sink.packets)
+    player.step(1.0)
+    assert sink.packets[backwards:] == ahead[::-1]
+    player.step(100.0)
+    assert player.ended
+
+
+@pytest.mark.parametrize("line", ["", "[]", "{", '{"do": "fly"}', '{"do": "seek"}', '{"do": "speed", "to": 0}', '{"do": "seek", "to": 1e400}', '{"do": "speed", "to": "x"}'])
+def test_a_wrong_command_is_answered_and_changes_nothing(tmp_path, line):
+    path = tmp_path / "mixed.tlog"
+    path.write_bytes(mixed_log(4, 50))
+    player = Player(packets_of(open_log(path)), Sink())
+    before = player.status()
+    assert "error" in player.command(line)
+    assert player.status() == before
+
+
+def test_seeking_in_a_long_log_takes_less_than_50_ms(tmp_path):
+    path = tmp_path / "long.tlog"
+    record(path, fly(duration_s=1200.0, leg_s=300.0))
+    log = open_log(path)
+    player = Player(packets_of(log), Sink())
+    player.step(0.1)
+    took = []
+    for offset in (900.0, 10.0, 600.0, 1150.0):
+        begin = time.perf_counter()
+        player.seek(offset)
+        player.step(0.1)
+        took.append(time.perf_counter() - begin)
+    assert sorted(took)[1] < 0.05
+
+
+def test_a_csv_is_played_as_messages_that_pymavlink_reads(flight, tmp_path):
+    from pymavlink.dialects.v20 import common
+
+    path, _ = flight
+    table = tmp_path / "flight.csv"
+    table.write_text(as_csv(replay(open_log(path), drag=KNOWN)))
+    sink = Sink()
+    Player(packets_of(open_log(table)), sink, speed=math.inf).step(1.0)
+    reader = common.MAVLink(None)
+    messages = [message for packet in sink.packets for message in reader.parse_buffer(packet) or []]
+    names = {message.get_type() for message in messages}
+    assert {"HEARTBEAT", "ATTITUDE", "GLOBAL_POSITION_INT", "SYS_STATUS", "VFR_HUD"} == names
+
+
+def test_a_log_is_served_to_a_ground_station_and_obeys_it(tmp_path):
+    path = tmp_path / "mixed.tlog"
+    path.write_bytes(mixed_log(4, 300))
+    station = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    station.bind(("127.0.0.1", 0))
+    station.settimeout(5.0)
+    output = Output(f"udpout:127.0.0.1:{station.getsockname()[1]}")
+    player = Player(packets_of(open_log(path)), output.send, speed=5.0)
+    control = ControlServer(player, 0)
+    thread = threading.Thread(target=play, args=(player, control), daemon=True)
+    thread.start()
+    with socket.create_connection(("127.0.0.1", control.port), timeout=5.0) as client:
+        client.sendall(b'{"do": "status"}\n')
+        status = json.loads(client.makefile().readline())
+        assert status["length_s"] == pytest.approx(5.98, abs=0.1)
+        assert station.recv(2048)[0] in (0xFD, 0xFE)
+        client.sendall(b'{"do": "speed", "to": 1000}\n')
+        assert json.loads(client.makefile().readline())["speed"] == 1000.0
+    thread.join(timeout=5.0)
+    assert not thread.is_alive()
+    control.close()
+    output.close()
+    station.close()
+
+
+def test_a_port_in_use_is_a_link_error(tmp_path):
+    path = tmp_path / "mixed.tlog"
+    path.write_bytes(mixed_log(4, 10))
+    player = Player(packets_of(open_log(path)), Sink())
+    first = ControlServer(player, 0)
+    with pytest.raises(LinkError, match="cannot listen"):
+        ControlServer(player, first.port)
+    first.close()
+
+
+def test_an_empty_log_plays_nothing(tmp_path):
+    path = tmp_path / "none.tlog"
+    path.write_bytes(b"\x00" * 20)
+    sink = Sink()
+    player = Player(packets_of(open_log(path)), sink)
+    assert player.ended
+    assert player.step(1.0) == 0
+    assert START_US

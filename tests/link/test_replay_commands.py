@@ -1,0 +1,162 @@
+"""The commands replay and calibrate, as a person types them."""
+
+import json
+import shutil
+import socket
+
+import pytest
+from drone_truth import fly
+from test_log_readers import record
+
+from models.drag_file import read_drag
+from models.fleet import read_fleet
+from skyway.cli import replay_commands
+from skyway.cli.main import app, main
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _registered():
+    if not any(command.name == "replay" for command in app.registered_commands):
+        replay_commands.register(app)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / "flight.tlog"
+    record(path, fly(seed=3, duration_s=240.0, courses_deg=(0.0, 180.0), sigma_mps=0.7, c1=0.3, c2=0.0))
+    return path
+
+
+@pytest.fixture
+def skyway(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments, code=0):
+        capsys.readouterr()
+        assert main([str(argument) for argument in arguments]) == code
+        found = capsys.readouterr()
+        return found.out if code in (0, 1) else found.err
+
+    return run
+
+
+def test_replay_json_says_what_the_issue_asks_for(skyway, flight):
+    report = json.loads(skyway("replay", flight, "--speed", "max", "--json"))
+    assert report["schema"] == "skyway.replay/1"
+    assert report["format"] == "tlog"
+    assert report["messages"] == sum(report["by_type"].values())
+    assert report["systems"] == [1]
+    assert len(report["legs"]) == 1
+    assert report["wind"]
+
+
+def test_replay_for_people_tells_legs_battery_wind_and_forecast(skyway, flight):
+    text = skyway("replay", flight, "--wind", "5@143", "--from", "0:00:30", "--to", "200")
+    for word in ("leg 1", "cruise", "wind:", "forecast: 5.0 m/s", "vehicles: 1"):
+        assert word in text
+
+
+def test_replay_follows_in_the_order_of_time(skyway, flight):
+    lines = [line for line in skyway("replay", flight, "--follow", "wind,battery,mission").splitlines() if line[:2] == "0:"]
+    assert lines == sorted(lines, key=lambda line: line[:7])
+    assert any("wind" in line for line in lines)
+    assert any("battery" in line for line in lines)
+
+
+def test_replay_writes_a_table_and_a_picture_and_overwrites_neither(skyway, flight, tmp_path):
+    skyway("replay", flight, "--csv", "flight.csv", "--plot", "flight.png")
+    assert (tmp_path / "flight.csv").stat().st_size > 10_000
+    assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")
+    assert "exists already" in skyway("replay", flight, "--csv", "flight.csv", code=2)
+
+
+def test_replay_at_a_finite_speed_takes_its_time(skyway, flight, monkeypatch):
+    slept = []
+    monkeypatch.setattr(replay_commands.time, "sleep", slept.append)
+    skyway("replay", flight, "--speed", "10", "--follow", "wind", "--to", "60")
+    assert sum(slept) == pytest.approx(5.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--speed", "fast"), "is no speed"),
+        (("--speed", "0"), "is no speed"),
+        (("--from", "later"), "no time of the log"),
+        (("--from", "0:09:00"), "after the end"),
+        (("--from", "60", "--to", "30"), "is not after --from"),
+        (("--follow", "birds"), "cannot be followed"),
+        (("--system", "9"), "these did: 1"),
+        (("--wind", "strong"), "not a wind"),
+        (("--plot", "flight.doc"), "no picture format"),
+        (("--control", "5000"), "needs --connect"),
+    ],
+)
+def test_replay_refuses_what_makes_no_sense_in_one_line(skyway, flight, arguments, message):
+    text = skyway("replay", flight, *arguments, code=2)
+    assert message in text
+    assert len(text.splitlines()) == 1
+
+
+def test_a_log_under_a_wrong_name_is_read_and_said_so(capsys, flight, tmp_path):
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(flight.read_bytes())
+    assert main(["replay", str(path)]) == 0
+    assert "is a .tlog" in capsys.readouterr().err
+
+
+def test_replay_serves_the_log(skyway, flight):
+    station = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    station.bind(("127.0.0.1", 0))
+    station.settimeout(5.0)
+    text = skyway("replay", flight, "--speed", "max", "--connect", f"udpout:127.0.0.1:{station.getsockname()[1]}")
+    assert "sent 5520 packets" in text
+    assert station.recv(2048)[0] == 0xFD
+    station.close()
+
+
+def test_calibrate_wind_writes_a_drag_that_replay_uses(skyway, flight, tmp_path):
+    report = json.loads(skyway("calibrate", "wind", flight, "-o", "drag.toml", "--json"))
+    assert report["identified"]
+    drag = read_drag(tmp_path / "drag.toml")
+    assert drag.linear_per_s + 16.0 * drag.quadratic_per_m == pytest.approx(0.3, rel=0.15)
+    again = json.loads(skyway("replay", flight, "--drag", "drag.toml", "--json"))
+    assert again["drag"]["source"] == "given"
+
+
+def test_calibrate_wind_says_no_of_a_hover_and_yes_when_the_wind_is_given(skyway, tmp_path):
+    path = tmp_path / "hover.tlog"
+    record(path, fly(seed=1, duration_s=120.0, speed_mps=0.0, mean=(-5.0, 0.0), sigma_mps=0.2, c1=0.3, c2=0.0))
+    assert "cannot be identified: the drone hovers" in skyway("calibrate", "wind", path, code=1)
+    report = json.loads(skyway("calibrate", "wind", path, "--wind", "5@0", "--json"))
+    assert report["drag"]["linear_per_s"] == pytest.approx(0.3, rel=0.1)
+
+
+def test_calibrate_energy_writes_a_drone_that_plan_uses(skyway, flight, tmp_path):
+    from missions.examples import NEW_YORK
+
+    shutil.copytree(NEW_YORK, tmp_path / "scenario")
+    loads = ("--payload", "0", "--payload", "1.0")
+    fitted = tmp_path / "scenario" / "drones.toml"
+    text = skyway("calibrate", "energy", flight, flight, *loads, "--model", "endurance", "-o", fitted, "--force")
+    assert "endurance model written" in text
+    (drone,) = read_fleet(fitted)
+    assert drone.energy_model.power_w(5.0) == pytest.approx(550.0, rel=0.02)
+    what = ("--from", "bellevue", "--to", "bellevue", "--payload", "0.5", "--wind", "4@270", "--json")
+    assert skyway("plan", "scenario", *what[:3], "wyckoff", *what[4:])
+
+
+def test_calibrate_energy_needs_to_know_what_was_carried(skyway, flight):
+    assert "--payload" in skyway("calibrate", "energy", flight, code=2)
+    assert "once for each log" in skyway("calibrate", "energy", flight, "--payload", "1", "--payload", "2", code=2)
+
+
+def test_calibrate_energy_lists_every_m100_flight(skyway, shared_data):
+    logs = sorted((shared_data / "power").glob("*.csv"))
+    report = json.loads(skyway("calibrate", "energy", *logs, "--mass", "3.68", "--air-density", "1.2", "--json"))
+    assert len(report["flights"]) == 5
+    assert report["models"]["momentum"]["worst"] <= 0.10
+    assert report["models"]["momentum"]["median"] <= 0.024
+    assert all(flight["published_error"] is not None for flight in report["flights"])
