@@ -14,7 +14,14 @@ import typer
 
 from models.errors import SkywayError
 from skyway import __version__
-from skyway.cli import mission_commands, plan_commands, scenario_commands, sim_commands
+from skyway.cli import (
+    bench_commands,
+    mission_commands,
+    plan_commands,
+    replay_commands,
+    scenario_commands,
+    sim_commands,
+)
 
 USAGE_ERROR: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 """Wrong usage: typer brings its own copy of click, or in older releases stands on the package."""
@@ -48,7 +55,14 @@ def _main(
     """Plan, upload, fly and replay drone deliveries that must recharge on the way."""
 
 
-for commands in (plan_commands, scenario_commands, mission_commands, sim_commands):
+for commands in (
+    plan_commands,
+    scenario_commands,
+    mission_commands,
+    sim_commands,
+    replay_commands,
+    bench_commands,
+):
     commands.register(app)
 
 
