@@ -86,7 +86,9 @@ def bench_scan(path: Path) -> bool:
     rate, ratio = index.messages / seconds, theirs / seconds
     same = counts == index.by_type
     print(f"scan {path.name}: {index.messages} messages, {rate / 1e6:.2f} M/s (target {SCAN_TARGET_PER_S / 1e6:g})")
-    print(f"  pymavlink {index.messages / theirs / 1e3:.0f} k/s: {ratio:.0f} x (target {PYMAVLINK_TARGET:g}), same: {same}")
+    print(
+        f"  pymavlink {index.messages / theirs / 1e3:.0f} k/s: {ratio:.0f} x (target {PYMAVLINK_TARGET:g}), same: {same}"
+    )
     return same and rate >= SCAN_TARGET_PER_S and ratio >= PYMAVLINK_TARGET
 
 

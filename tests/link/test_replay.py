@@ -51,7 +51,19 @@ def test_a_replay_as_json_is_complete_and_plain(flight):
     report = as_json(replay(open_log(path), forecast=(-4.0, 3.0)))
     text = json.dumps(report, allow_nan=False)
     assert report["schema"] == "skyway.replay/1"
-    for key in ("format", "messages", "by_type", "skipped_bytes", "systems", "start", "end", "legs", "wind", "energy", "events"):
+    for key in (
+        "format",
+        "messages",
+        "by_type",
+        "skipped_bytes",
+        "systems",
+        "start",
+        "end",
+        "legs",
+        "wind",
+        "energy",
+        "events",
+    ):
         assert key in report
     assert report["messages"] == sum(report["by_type"].values())
     assert report["start"] == "2023-11-14T22:13:20Z"
@@ -172,7 +184,19 @@ def test_speed_pause_seek_and_reverse(tmp_path):
     assert player.ended
 
 
-@pytest.mark.parametrize("line", ["", "[]", "{", '{"do": "fly"}', '{"do": "seek"}', '{"do": "speed", "to": 0}', '{"do": "seek", "to": 1e400}', '{"do": "speed", "to": "x"}'])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "",
+        "[]",
+        "{",
+        '{"do": "fly"}',
+        '{"do": "seek"}',
+        '{"do": "speed", "to": 0}',
+        '{"do": "seek", "to": 1e400}',
+        '{"do": "speed", "to": "x"}',
+    ],
+)
 def test_a_wrong_command_is_answered_and_changes_nothing(tmp_path, line):
     path = tmp_path / "mixed.tlog"
     path.write_bytes(mixed_log(4, 50))

@@ -59,7 +59,9 @@ def test_replay_for_people_tells_legs_battery_wind_and_forecast(skyway, flight):
 
 
 def test_replay_follows_in_the_order_of_time(skyway, flight):
-    lines = [line for line in skyway("replay", flight, "--follow", "wind,battery,mission").splitlines() if line[:2] == "0:"]
+    lines = [
+        line for line in skyway("replay", flight, "--follow", "wind,battery,mission").splitlines() if line[:2] == "0:"
+    ]
     assert lines == sorted(lines, key=lambda line: line[:7])
     assert any("wind" in line for line in lines)
     assert any("battery" in line for line in lines)
@@ -145,7 +147,7 @@ def test_calibrate_energy_writes_a_drone_that_plan_uses(skyway, flight, tmp_path
     (drone,) = read_fleet(fitted)
     assert drone.energy_model.power_w(5.0) == pytest.approx(550.0, rel=0.02)
     what = ("--from", "bellevue", "--to", "bellevue", "--payload", "0.5", "--wind", "4@270", "--json")
-    assert skyway("plan", "scenario", *what[:3], "wyckoff", *what[4:])
+    assert skyway("plan", "scenario", *what[:3], "jacobi", *what[4:])
 
 
 def test_calibrate_energy_needs_to_know_what_was_carried(skyway, flight):

@@ -81,7 +81,16 @@ def test_a_drone_that_leans_north_into_a_north_wind_feels_it_from_the_north():
     assert lean[0, 0] == pytest.approx(9.80665 * math.tan(0.2))
     assert lean[0, 1] == pytest.approx(0.0)
     still = np.zeros((1, 2))
-    air = Blocks(np.zeros(1), still, lean, np.zeros(1), np.full(1, np.nan), np.full((1, 2), np.nan), np.ones(1, bool), np.zeros(1, bool))
+    air = Blocks(
+        np.zeros(1),
+        still,
+        lean,
+        np.zeros(1),
+        np.full(1, np.nan),
+        np.full((1, 2), np.nan),
+        np.ones(1, bool),
+        np.zeros(1, bool),
+    )
     wind = tilt_wind(air, DragModel(linear_per_s=0.3)).wind
     assert wind[0, 0] < 0.0  # the air moves to the south
 
@@ -151,7 +160,9 @@ def test_beside_the_mast_the_filter_beats_a_5_second_tilt_fit(hover):
         vector = math.sqrt((miss**2).sum(axis=1).mean())
         speed = math.sqrt(((np.hypot(*course.wind[rest].T) - np.hypot(*truth[rest].T)) ** 2).mean())
         nees = float(course.nees(truth)[rest].mean())
-        print(f"from block {begin}: speed RMSE {speed:.3f}, vector RMSE {vector:.3f} m/s, NEES {nees:.2f}, {drag} {settings}")
+        print(
+            f"from block {begin}: speed RMSE {speed:.3f}, vector RMSE {vector:.3f} m/s, NEES {nees:.2f}, {drag} {settings}"
+        )
         assert speed <= 0.40
         assert vector <= 0.65
         assert 1.0 < nees < 4.0

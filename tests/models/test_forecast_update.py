@@ -123,11 +123,12 @@ def test_two_drones_that_agree_are_surer_than_one_but_not_by_counting_neighbours
 
 
 def mean_crps(forecast, truth, slots):
-    scores = []
-    for slot in slots:
-        for site in range(len(forecast.site_lat)):
-            for name in ("north", "east"):
-                scores.append(crps(getattr(forecast, name)[:, slot, site], forecast.probability, getattr(truth, name)[0, slot, site]))
+    scores = [
+        crps(getattr(forecast, name)[:, slot, site], forecast.probability, getattr(truth, name)[0, slot, site])
+        for slot in slots
+        for site in range(len(forecast.site_lat))
+        for name in ("north", "east")
+    ]
     return float(np.mean(scores))
 
 
@@ -204,7 +205,10 @@ def test_five_drones_forecast_30_percent_better_than_one_drones_persistence_at_1
                 for forecast, kept in ((after, ours), (before, plain)):
                     slot = forecast.slot_at(now + horizon * 60.0)
                     north, east = forecast.north[:, slot, drone], forecast.east[:, slot, drone]
-                    kept[horizon] += [crps(north, forecast.probability, truth[0]), crps(east, forecast.probability, truth[1])]
+                    kept[horizon] += [
+                        crps(north, forecast.probability, truth[0]),
+                        crps(east, forecast.probability, truth[1]),
+                    ]
                 persistence[horizon] += list(np.abs(held - truth))
     for horizon, scores in ours.items():
         print(

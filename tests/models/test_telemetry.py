@@ -17,7 +17,8 @@ def test_what_is_not_said_is_not_known():
 
 def test_samples_become_a_track_and_come_back_the_same():
     samples = [
-        TelemetrySample(time_s=float(second), system=3, vel_north_mps=3.0, vel_east_mps=4.0, soc=0.5) for second in range(5)
+        TelemetrySample(time_s=float(second), system=3, vel_north_mps=3.0, vel_east_mps=4.0, soc=0.5)
+        for second in range(5)
     ]
     track = TelemetryTrack.of_samples(samples)
     back = list(track.samples())

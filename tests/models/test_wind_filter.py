@@ -50,7 +50,9 @@ def test_the_compiled_filter_and_the_live_one_give_the_same(hundred_runs):
         assert used == course.accepted[row]
         now = live.estimate
         assert (now.north_mps, now.east_mps) == pytest.approx(tuple(course.wind[row]), abs=1e-9)
-        assert (now.var_north, now.cov_north_east, now.var_east) == pytest.approx(tuple(course.covariance[row]), abs=1e-9)
+        assert (now.var_north, now.cov_north_east, now.var_east) == pytest.approx(
+            tuple(course.covariance[row]), abs=1e-9
+        )
 
 
 def test_one_long_step_is_the_same_as_many_short_ones():

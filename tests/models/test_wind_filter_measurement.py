@@ -22,7 +22,9 @@ def flight(count=600, rate_hz=10.0, **columns):
         "height_m": np.full(count, 60.0),
         "landed": np.zeros(count),
     }
-    filled = {name: np.broadcast_to(np.asarray(values, dtype=float), count) for name, values in (known | columns).items()}
+    filled = {
+        name: np.broadcast_to(np.asarray(values, dtype=float), count) for name, values in (known | columns).items()
+    }
     return TelemetryTrack.of_columns(1, START_S + np.arange(count) / rate_hz, filled)
 
 
