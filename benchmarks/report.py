@@ -24,7 +24,7 @@ simulated deliveries of a planner; *times* are compared over the runs that every
 are told the hourly wind and the queues, neither gusts nor errors of energy: a bound, not a rival, and known for
 the first run of each delivery alone. How it is measured:
 docs/explanation/evaluation.md; the instances: docs/reference/benchmark.md. `ies` is tried on networks of at most 200
-stations, `pfs-strict`, which goes in circles until its step limit, of at most 64.
+stations, `pfs-strict`, which goes in circles until its step limit, of at most 50.
 """
 PAPER = """## The paper's experiment
 

@@ -36,7 +36,7 @@ APART = ("pfs-strict",)
 """Planners whose failures do not take requests from the comparison of the others."""
 MOST_FLIGHTS = 150
 """A plan of more flights takes longer than the horizon; it counts as wandering and is not flown."""
-MOST_STATIONS = {"ies": 200, "pfs-strict": 64}
+MOST_STATIONS = {"ies": 200, "pfs-strict": 50}
 """Planners that are tried only on networks of up to so many stations: the search that looks at everything, and the one
 that goes in circles until its step limit, in seconds to hours."""
 PLANNED, NO_ROUTE, WANDERED = "planned", "no-route", "wandered"
