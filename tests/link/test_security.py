@@ -1,0 +1,115 @@
+"""Who is believed: the vehicle meant, with its signature, and nobody twice."""
+
+import random
+
+import pytest
+from wires import Scene, a_mission
+
+from link.frames import FrameReader, FrameWriter, Signing
+from link.mavlink_vehicle import MavlinkVehicle
+from link.opening import KEY_VARIABLE, read_key
+from link.verified import UploadState
+from models.errors import InputError
+
+KEY = bytes(range(32))
+
+
+def test_a_signed_upload_works_and_an_unsigned_station_is_not_heard():
+    scene = Scene("px4", signing_key=KEY, signing=Signing(KEY))
+    assert scene.upload(a_mission(5)).verified
+    deaf = Scene("px4", signing_key=KEY)
+    assert deaf.upload(a_mission(5)).state is UploadState.UNKNOWN
+    assert deaf.stored() == []
+
+
+def test_an_unsigned_vehicle_is_not_believed_by_a_station_with_a_key():
+    scene = Scene("px4", signing=Signing(KEY))
+    scene.connection.run_for(3.0)
+    assert scene.connection.peers == {}
+    assert scene.connection.rejected.unsigned > 10
+
+
+def test_forged_and_replayed_packets_are_rejected_and_counted():
+    writer = FrameWriter(1, 1, signing=Signing(KEY, 1000))
+    reader = FrameReader(Signing(KEY))
+    good = writer.frame("HEARTBEAT", {"type": 2})
+    assert len(list(reader.feed(good))) == 1
+    assert list(reader.feed(good)) == []
+    forger = FrameWriter(1, 1, signing=Signing(bytes(32), 10**12))
+    assert list(reader.feed(forger.frame("HEARTBEAT", {"type": 2}))) == []
+    assert (reader.rejected.replayed, reader.rejected.forged) == (1, 1)
+
+
+def test_a_forged_packet_from_the_future_does_not_shut_out_the_genuine_sender():
+    writer = FrameWriter(1, 1, signing=Signing(KEY, 1000))
+    reader = FrameReader(Signing(KEY))
+    list(reader.feed(writer.frame("HEARTBEAT", {})))
+    list(reader.feed(FrameWriter(1, 1, signing=Signing(bytes(32), 2**47)).frame("HEARTBEAT", {})))
+    assert len(list(reader.feed(writer.frame("HEARTBEAT", {})))) == 1
+
+
+def test_a_recorded_exchange_played_again_changes_nothing():
+    heard = []
+    scene = Scene("px4", signing_key=KEY, signing=Signing(KEY))
+    scene.link.spoil = lambda _n, _m, frame, up: (None if up else heard.append(frame)) or frame
+    scene.upload(a_mission(5))
+    peer = scene.connection.peers[1]
+    before, played = peer.received, list(heard)
+    scene.link.inner.inbox.extend(played)
+    scene.connection.pump(0.0)
+    assert scene.connection.rejected.replayed >= len(played) - 2
+    assert peer.received <= before + 2
+
+
+@pytest.mark.parametrize("who", [(1, 25), (2, 1)])
+def test_another_component_or_system_cannot_answer_for_the_vehicle(who):
+    scene = Scene("px4")
+    liar = FrameWriter(*who)
+
+    def spoil(number, message, frame, up):
+        if message and up and message.name == "PARAM_REQUEST_READ":
+            lie = {"param_id": "MPC_XY_CRUISE", "param_value": 99.0, "param_count": 9, "param_type": 9}
+            scene.link.inner.inbox.append(liar.frame("HEARTBEAT", {"type": 2, "autopilot": 12}))
+            scene.link.inner.inbox.append(liar.frame("PARAM_VALUE", lie))
+        return frame
+
+    scene.link.spoil = spoil
+    scene.meet()
+    assert MavlinkVehicle(scene.connection, 1).parameter("MPC_XY_CRUISE").value != 99.0
+
+
+def test_a_key_comes_from_a_file_only_its_owner_may_read_or_from_the_environment(tmp_path, monkeypatch):
+    file = tmp_path / "key"
+    file.write_text(KEY.hex() + "\n")
+    file.chmod(0o644)
+    with pytest.raises(InputError, match="chmod 600"):
+        read_key(file)
+    file.chmod(0o600)
+    assert read_key(file) == KEY
+    monkeypatch.delenv(KEY_VARIABLE, raising=False)
+    assert read_key() is None
+    monkeypatch.setenv(KEY_VARIABLE, KEY.hex())
+    assert read_key() == KEY
+    monkeypatch.setenv(KEY_VARIABLE, "secret123")
+    with pytest.raises(InputError, match="64 hexadecimal digits") as caught:
+        read_key()
+    assert "secret123" not in str(caught.value)
+
+
+def test_a_key_is_never_shown():
+    assert KEY.hex() not in repr(Signing(KEY))
+    assert str(KEY) not in repr(Signing(KEY))
+
+
+def test_no_bytes_make_the_reader_fail_or_grow():
+    luck = random.Random(7)
+    reader = FrameReader()
+    frame = FrameWriter(1, 1).frame("ATTITUDE", {"roll": 1.0})
+    for _ in range(3000):
+        noise = bytearray(luck.randbytes(luck.randrange(60)) + frame)
+        for _ in range(luck.randrange(3)):
+            noise[luck.randrange(len(noise))] = luck.randrange(256)
+        list(reader.feed(bytes(noise)))
+        assert len(reader._rest) < 600
+    reader._rest = b""
+    assert len(list(reader.feed(frame))) == 1
