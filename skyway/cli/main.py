@@ -16,6 +16,7 @@ from models.errors import SkywayError
 from skyway import __version__
 from skyway.cli import (
     bench_commands,
+    link_commands,
     mission_commands,
     plan_commands,
     replay_commands,
@@ -60,6 +61,7 @@ for commands in (
     scenario_commands,
     mission_commands,
     sim_commands,
+    link_commands,
     replay_commands,
     bench_commands,
 ):
