@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 GIVE_UP_S = 10.0
 _AGAIN_S = 0.4
 _MAX_RESTARTS = 12
-_FORGOTTEN_TRIES, _FORGOTTEN_COSTS = 7, 3
+_FORGOTTEN_TRIES, _FORGOTTEN_COSTS = 12, 2
 _ITEM_FIELDS = tuple(field.name for field in fields(WireItem))
 
 

@@ -58,7 +58,7 @@ class RoundTrip:
     def retry_s(self, attempt: int) -> float:
         """How long to wait for an answer before asking again; longer each time after the first few."""
         first = FIRST_RETRY_S if math.isnan(self.mean_s) else self.mean_s + max(4.0 * self.spread_s, 0.01)
-        return min(max(first, _LEAST_RETRY_S) * 1.4 ** max(0, attempt - 2), _LONGEST_RETRY_S)
+        return min(max(first, _LEAST_RETRY_S) * 1.4 ** max(0, attempt - 4), _LONGEST_RETRY_S)
 
 
 class Exchange(ABC):

@@ -12,7 +12,7 @@ from link.timebase import VehicleClock
 from models.telemetry import TelemetrySample
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from typing import Any
 
     from link.frames import Message
@@ -22,6 +22,9 @@ _TICK_GAP_S = 0.5
 _SLOW = frozenset(("soc", "armed", "landed", "fixed_wing", "mission_item", "mode", "wind_north_mps", "wind_east_mps"))
 _JUMP_MPS, _SOC_JUMP, _STUCK_S, _STUCK_W = 150.0, 0.08, 180.0, 100.0
 _PLANE, _VTOL_PLANE = 1, 4
+RATES_HZ: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 2.0, 1: 1.0, 147: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 1.0}
+"""Messages that telemetry is made of, and how often they are asked for: attitude, position, …, wind."""
+WIND, WIND_COV = 168, 231
 Reports = dict[str, float]
 _NAN = math.nan
 

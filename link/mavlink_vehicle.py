@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 from link.autopilots import family_named, family_of
 from link.command import RESULTS, AskFor, Command
 from link.download import Clear, Download
-from link.live import LiveTelemetry
+from link.live import RATES_HZ, WIND, WIND_COV, LiveTelemetry
 from link.mission_words import ACCEPTED, MissionKind, in_words
 from link.parameters import (
     ListParameters,
@@ -48,9 +48,6 @@ FIND_S = 10.0
 _ARM, _LAND, _RETURN, _GRIPPER, _REPOSITION = 400, 21, 20, 211, 192
 _SET_MODE, _PAUSE, _START, _INTERVAL, _BATTERY_RESET = 176, 193, 300, 511, 42651
 _MODE_S, _RETRY_ARM_S = 4.0, 1.0
-RATES_HZ: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 2.0, 1: 1.0, 147: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 1.0}
-"""Messages that telemetry is made of, and how often they are asked for: attitude, position, …, wind."""
-_WIND, _WIND_COV = 168, 231
 
 
 class MavlinkVehicle:
@@ -112,8 +109,6 @@ class MavlinkVehicle:
         self.connection.perform(steps())
         return exchange
 
-    # Who and how
-
     @property
     def system(self) -> int:
         """Its system id."""
@@ -144,13 +139,11 @@ class MavlinkVehicle:
         version, capabilities, uid = (found[name] for name in ("flight_sw_version", "capabilities", "uid"))
         return Identity(self.system, self.family.name, self.peer.kind, version_text(version), capabilities, uid)
 
-    # Telemetry
-
     def request_telemetry(self, rates_hz: Mapping[int, float] = RATES_HZ) -> tuple[int, ...]:
         """Ask for the messages that telemetry is made of; returns the ids of those refused."""
         refused = []
         for number, rate in rates_hz.items():
-            wanted = _WIND_COV if number == _WIND and self.family.name == "px4" else number
+            wanted = WIND_COV if number == WIND and self.family.name == "px4" else number
             asked = Command(self.peer.target, _INTERVAL, float(wanted), 1e6 / rate, round_trip=self.peer.round_trip)
             if self._do(asked).result != ACCEPTED:
                 refused.append(wanted)
@@ -171,8 +164,6 @@ class MavlinkVehicle:
             yield from ready
             if not ready and not self.connection.wait(lambda: bool(self._new), min(FIND_S, end - clock.now_s())):
                 return
-
-    # Parameters
 
     def _read(self, name: str, setting: tuple[float, int] | None = None) -> ParameterValue | None:
         bytewise, trip = self.family.bytewise, self.peer.round_trip
@@ -230,8 +221,6 @@ class MavlinkVehicle:
             raise CommandRefusedError(
                 "be watched by us", f"{mine}{self.connection.system}: use --gcs-system {found.value:g}"
             )
-
-    # Commands
 
     def command(self, what: str, number: int, *parameters: float, place: tuple[int, int, float] | None = None) -> None:
         """Give a command.
@@ -337,8 +326,6 @@ class MavlinkVehicle:
         if not 0.0 <= soc <= 1.0:
             raise InputError(Fault("out of range", field="soc", value=soc, remedy="0 to 1"))
         self.command("reset the battery's counter", _BATTERY_RESET, 1.0, 100.0 * soc)
-
-    # Missions
 
     def upload(
         self, part: Part, *, current: int = 0, progress: Callable[[str, int, int], None] | None = None

@@ -30,7 +30,7 @@ BUSY_S = 12.0
 _DOUBT_S = 1.5
 _STUCK_S = 15.0
 """How long one item may be asked for again and again."""
-_LAST_TRIES = 6
+_LAST_TRIES = 8
 """When only the acknowledgement is missing, reading back tells sooner than waiting for it."""
 _BUSY_AGAIN_S = 0.5
 

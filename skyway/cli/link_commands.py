@@ -56,7 +56,7 @@ RECORDINGS = Path("recordings")
 
 
 @contextmanager
-def _aboard(
+def aboard(
     connect: str, system: int | None, autopilot: Autopilot, ground: int, key_file: Path | None, record: Path
 ) -> Iterator[MavlinkVehicle]:
     """Open the connection and find the vehicle; everything is recorded."""
@@ -115,7 +115,7 @@ def upload(
     if not parts:
         raise InputError(Fault("holds nothing to upload", str(file), remedy="use skyway clear to clear a vehicle"))
     wanted = () if parameters is None else read_required(parameters)
-    with _aboard(connect, system, autopilot, ground, key_file, record) as vehicle:
+    with aboard(connect, system, autopilot, ground, key_file, record) as vehicle:
         _refuse_what_cannot_be_flown(read(file), vehicle.family.name)
         _tell(str(vehicle.identify()), as_json=as_json)
         _check_parameters(vehicle, wanted, yes=yes, as_json=as_json)
@@ -243,7 +243,7 @@ def download(
     from skyway.cli import options
 
     options.refuse_overwriting(output, force=force)
-    with _aboard(connect, system, autopilot, ground, key_file, record) as vehicle:
+    with aboard(connect, system, autopilot, ground, key_file, record) as vehicle:
         mission, fence, rally = (vehicle.download(kind) for kind in MissionKind)
     if not (isinstance(mission, Mission) and isinstance(fence, Geofence) and isinstance(rally, RallyPoints)):
         raise TypeError("a download of another kind than asked for")
@@ -271,7 +271,7 @@ def clear(
     from link.mission_words import MissionKind
 
     kinds = list(MissionKind) if kind is Kind.ALL else [MissionKind[kind.name]]
-    with _aboard(connect, system, Autopilot.AUTO, ground, key_file, record) as vehicle:
+    with aboard(connect, system, Autopilot.AUTO, ground, key_file, record) as vehicle:
         typer.echo(str(vehicle.identify()))
         for each in kinds:
             if yes:
@@ -300,7 +300,7 @@ def verify(
 
     parts = _parts(read(file))
     found = []
-    with _aboard(connect, system, autopilot, ground, key_file, record) as vehicle:
+    with aboard(connect, system, autopilot, ground, key_file, record) as vehicle:
         for part in parts:
             found += [(kind_of(part).name.lower(), difference) for difference in vehicle.verify(part)]
     if as_json:
@@ -339,90 +339,10 @@ def watch(
         connection.close()
 
 
-params = typer.Typer(help="Read, set and compare parameters.", no_args_is_help=True)
-
-
-@params.command("get")
-def params_get(
-    names: Annotated[list[str] | None, typer.Argument(help="Names; none for all.", show_default=False)] = None,
-    connect: Connect = DEFAULT_CONNECT,
-    system: System = None,
-    ground: Ground = 255,
-    key_file: KeyFile = None,
-    record: Record = RECORDINGS,
-) -> None:
-    """Print parameters as NAME,VALUE lines, which ground stations read.
-
-    \b
-    Examples:
-      skyway params get > all.param
-      skyway params get RTL_ALT FS_OPTIONS --connect tcp:127.0.0.1:5760
-    """  # noqa: D301
-    with _aboard(connect, system, Autopilot.AUTO, ground, key_file, record) as vehicle:
-        found = [vehicle.parameter(name) for name in names] if names else list(vehicle.parameters().values())
-    for value in found:
-        typer.echo(f"{value.name},{value.value:.9g}")
-
-
-@params.command("set")
-def params_set(
-    name: Annotated[str, typer.Argument(help="Name.")],
-    value: Annotated[float, typer.Argument(help="Value.")],
-    connect: Connect = DEFAULT_CONNECT,
-    system: System = None,
-    yes: Yes = False,
-    ground: Ground = 255,
-    key_file: KeyFile = None,
-    record: Record = RECORDINGS,
-) -> None:
-    """Set a parameter and read it back.
-
-    \b
-    Examples:
-      skyway params set RTL_ALT 6000 --yes --connect tcp:127.0.0.1:5760
-    """  # noqa: D301
-    with _aboard(connect, system, Autopilot.AUTO, ground, key_file, record) as vehicle:
-        before = vehicle.parameter(name)
-        if yes:
-            typer.echo(f"{name}: {before.value:.9g} -> {vehicle.set_parameter(name, value).value:.9g}")
-        else:
-            typer.echo(f"{name}: {before.value:.9g} -> {value:.9g} would be set; add --yes")
-
-
-@params.command("diff")
-def params_diff(
-    file: Annotated[Path, typer.Argument(help="Parameter file with NAME,VALUE lines.")],
-    connect: Connect = DEFAULT_CONNECT,
-    system: System = None,
-    ground: Ground = 255,
-    key_file: KeyFile = None,
-    record: Record = RECORDINGS,
-) -> None:
-    """Compare the vehicle with a parameter file; exit code 1 where it differs.
-
-    \b
-    Examples:
-      skyway params diff delivery.param --connect tcp:127.0.0.1:5760
-    """  # noqa: D301
-    from link.parameter_file import read_parameters
-    from link.parameters import same_value
-
-    wanted = read_parameters(file)
-    with _aboard(connect, system, Autopilot.AUTO, ground, key_file, record) as vehicle:
-        actual = vehicle.parameters()
-    found = 0
-    for name, value in wanted.items():
-        has = actual.get(name)
-        if has is None or not same_value(value, has.value, has.kind):
-            found += 1
-            typer.echo(f"{name}: file {value:.9g}, vehicle {'has none' if has is None else f'{has.value:.9g}'}")
-    typer.echo(f"{found} of {len(wanted)} differ" if found else f"all {len(wanted)} are as the file says")
-    if found:
-        raise typer.Exit(1)
-
-
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
     for command in (upload, download, clear, verify, watch):
         app.command(command.__name__)(command)
+    from skyway.cli.parameter_commands import params
+
     app.add_typer(params, name="params")
