@@ -27,6 +27,8 @@ KNOT_S = 120.0
 """The wind of the fit is linear between knots so far apart."""
 KNOT_SIGMA_MPS = 1.5
 """How much it may change from knot to knot."""
+MOST_BLOCKS = 1800
+"""Of a longer flight the last part is fitted."""
 BIAS_SIGMA_MPS2 = 0.15
 """A level that is off by about 1 degree."""
 FAST_MPS = 8.0
@@ -86,7 +88,9 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
     if count < MIN_BLOCKS:
         reason = f"only {count * period_s:.0f} s of flight with attitude and velocity, at least {MIN_BLOCKS} are needed"
         return DragFit(identified=False, reason=reason, blocks=count)
-    velocity, drag, yaw, time_s = air.velocity[good], air.drag[good], air.yaw_rad[good], air.time_s[good]
+    velocity, drag, yaw, time_s = (
+        values[good][-MOST_BLOCKS:] for values in (air.velocity, air.drag, air.yaw_rad, air.time_s)
+    )
     spread = course_spread_deg(velocity)
     speed = float(np.percentile(np.hypot(*velocity.T), 90))
     if speed < MIN_SPEED_MPS:
@@ -214,9 +218,10 @@ class _Fit:
     ) -> None:
         self.velocity, self.drag, self.quadratic = velocity, drag, quadratic
         self.cos, self.sin = np.cos(yaw), np.sin(yaw)
-        knots = max(2, math.ceil((time_s[-1] - time_s[0]) / KNOT_S) + 1)
-        place = np.linspace(time_s[0], time_s[-1], knots)
-        self.hats = np.stack([np.interp(time_s, place, row) for row in np.eye(knots)], axis=1)
+        flown_s = np.cumsum(np.minimum(np.diff(time_s, prepend=time_s[0]), KNOT_S))
+        knots = max(2, math.ceil(flown_s[-1] / KNOT_S) + 1)
+        place = np.linspace(0.0, flown_s[-1], knots)
+        self.hats = np.stack([np.interp(flown_s, place, row) for row in np.eye(knots)], axis=1)
         self.sigma = 0.25
 
     def solve(self, period_s: float) -> tuple[DragModel | None, float, tuple[float, float]]:

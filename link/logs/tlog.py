@@ -181,8 +181,8 @@ class TlogIndex:
 class StampCheck:
     """Makes stamps into times that never decrease.
 
-    A stamp is believed within 30 days of the last one believed (the first: of the median of its chunk), else it is taken as
-    the one before. Steps back of up to `JITTER_S` are held; where the clock was set back by more, what follows is shifted.
+    A stamp is believed within 30 days of the last one believed (the first: of the median of its chunk) and within a minute of
+    the median of five, else it is taken as the one before. Steps back of up to `JITTER_S` are held; where the clock was set back by more, what follows is shifted.
 
     Parameters
     ----------
@@ -192,6 +192,7 @@ class StampCheck:
 
     REACH_S = 30 * 86_400.0
     JITTER_S = 1.0
+    SPIKE_S = 60.0
 
     def __init__(self, shift_s: float = 0.0) -> None:
         self.shift_s = shift_s
@@ -207,6 +208,9 @@ class StampCheck:
             return time_s
         middle = float(np.median(time_s)) if math.isnan(self.last_s) else self.last_s
         good = np.abs(time_s - middle) <= self.REACH_S
+        if len(time_s) >= 5:
+            around = np.lib.stride_tricks.sliding_window_view(np.pad(time_s, 2, mode="reflect"), 5)
+            good &= np.abs(time_s - np.median(around, axis=1)) <= self.SPIKE_S
         self.disbelieved += int((~good).sum())
         place = np.maximum.accumulate(np.where(good, np.arange(len(time_s)), -1))
         filled = np.where(place >= 0, time_s[place], middle)

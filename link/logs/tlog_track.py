@@ -116,7 +116,9 @@ def _doubts(check: StampCheck, index: TlogIndex, climbs: Mapping[int, float]) ->
             f"the clock was set back {len(check.set_back)} times, by {most:.1f} s at most; later times are shifted"
         )
     if check.disbelieved:
-        doubts.append(f"{check.disbelieved} stamps are more than 30 days off and are taken as the ones before them")
+        doubts.append(
+            f"{check.disbelieved} stamps are far from those around them and are taken as the ones before them"
+        )
     if index.first_s < 946_684_800.0:
         doubts.append("the clock stands before the year 2000, so it was probably never set")
     return tuple(doubts)

@@ -1,9 +1,8 @@
-"""PX4 logs (``.ulg``), read by pyulog."""
+"""PX4 logs (``.ulg``) as telemetry."""
 
 from __future__ import annotations
 
 import math
-import struct
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from link.logs.assembly import Assembler, Stretch
 from link.logs.log import MAX_EVENTS, LogEvent, LogSummary
 from link.logs.messages import euler
+from link.logs.ulog_format import HEADER_BYTES, MAGIC, read_contents
 from models import geodesy
 from models.errors import Fault, InputError, one_line
 from models.telemetry import TimeBase
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
     from models.telemetry import TelemetryTrack
 
-MAGIC = b"ULog\x01\x12\x35"
+RECEIVERS = ("vehicle_gps_position", "sensor_gps")
+"""Topics that know UTC."""
 Columns = dict[str, "NDArray[np.float64]"]
 
 
@@ -33,36 +34,26 @@ class ULogFile:
     Parameters
     ----------
     path : Path
-        Read whole by pyulog.
+        Read whole.
 
     Raises
     ------
     InputError
-        The file cannot be read, or nothing in it makes sense.
+        The file cannot be read, or has no header.
     """
 
     def __init__(self, path: Path) -> None:
-        from pyulog import ULog
-        from pyulog.exceptions import ULogException
-
-        damaged = (
-            ULogException,
-            struct.error,
-            ValueError,
-            KeyError,
-            IndexError,
-            TypeError,
-            OverflowError,
-            AttributeError,
-        )
         try:
-            self._log: Any = ULog(str(path))
+            data = path.read_bytes()
         except OSError as error:
             raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
-        except damaged as error:
-            raise InputError(Fault(f"is no ULog that can be read: {error}", str(path))) from None
-        self._sets: dict[tuple[str, int], dict[str, Any]] = {
-            (part.name, part.multi_id): part.data for part in self._log.data_list if len(part.data.get("timestamp", ()))
+        if len(data) < HEADER_BYTES or not data.startswith(MAGIC):
+            raise InputError(Fault("is no ULog: its header is damaged or cut", str(path)))
+        self._log = read_contents(data)
+        wanted = dict.fromkeys(topic for topic, _ in SPOKEN) | dict.fromkeys(RECEIVERS)
+        columns = {topic: self._log.columns(topic) for topic in wanted}
+        self._sets: dict[str, dict[str, Any]] = {
+            topic: found for topic, found in columns.items() if "timestamp" in found
         }
         self._zero_s, self._time_base = self._clock()
         self.summary = self._summary()
@@ -71,7 +62,7 @@ class ULogFile:
         """Return the telemetry in one piece."""
         stretch = Stretch()
         for topic, speak in SPOKEN:
-            data = self._sets.get((topic, 0))
+            data = self._sets.get(topic)
             if data is None:
                 continue
             try:
@@ -89,13 +80,13 @@ class ULogFile:
         return np.asarray(data["timestamp"], dtype=np.float64) * 1e-6 + self._zero_s
 
     def _system(self) -> int:
-        ids = self._sets.get(("vehicle_status", 0), {}).get("system_id", ())
+        ids = self._sets.get("vehicle_status", {}).get("system_id", ())
         return int(ids[0]) if len(ids) and ids[0] else 1
 
     def _clock(self) -> tuple[float, TimeBase]:
         """Find UTC through the receiver, where it ever had a fix."""
-        for topic in ("vehicle_gps_position", "sensor_gps"):
-            data = self._sets.get((topic, 0), {})
+        for topic in RECEIVERS:
+            data = self._sets.get(topic, {})
             if "time_utc_usec" in data:
                 utc = np.asarray(data["time_utc_usec"], dtype=np.float64)
                 boot = np.asarray(data["timestamp"], dtype=np.float64)
@@ -108,30 +99,26 @@ class ULogFile:
         return 0.0, TimeBase("the autopilot's clock since its start", absolute=False, doubts=(doubt,))
 
     def _summary(self) -> LogSummary:
-        by_type: dict[str, int] = {}
-        for (name, _), data in self._sets.items():
-            by_type[name] = by_type.get(name, 0) + len(data["timestamp"])
+        by_type = self._log.counts()
         stamps = [self._times(data) for data in self._sets.values()]
-        known = ("vehicle_attitude", 0) in self._sets or ("vehicle_local_position", 0) in self._sets
+        known = "vehicle_attitude" in self._sets or "vehicle_local_position" in self._sets
         doubts = self._time_base.doubts
-        if self._log.file_corruption:
-            doubts += ("the log is damaged; what could be read is shown",)
-        if self._log.dropouts:
-            lost = sum(float(gap.duration) for gap in self._log.dropouts) / 1000.0
-            doubts += (f"the logger lost data {len(self._log.dropouts)} times, {lost:.1f} s in all",)
+        if self._log.dropouts_ms:
+            lost = sum(self._log.dropouts_ms) / 1000.0
+            doubts += (f"the logger lost data {len(self._log.dropouts_ms)} times, {lost:.1f} s in all",)
         return LogSummary(
             format="ulog",
             messages=sum(by_type.values()),
-            by_type=dict(sorted(by_type.items())),
-            skipped_bytes=0,
+            by_type=by_type,
+            skipped_bytes=self._log.skipped,
             systems=(self._system(),) if known else (),
             others=(),
             time_base=TimeBase(self._time_base.source, self._time_base.absolute, doubts),
             start_s=min((float(times.min()) for times in stamps), default=math.nan),
             end_s=max((float(times.max()) for times in stamps), default=math.nan),
             events=tuple(
-                LogEvent(message.timestamp * 1e-6 + self._zero_s, self._system(), one_line(str(message.message)))
-                for message in self._log.logged_messages[:MAX_EVENTS]
+                LogEvent(time_us * 1e-6 + self._zero_s, self._system(), one_line(text))
+                for time_us, text in self._log.texts[:MAX_EVENTS]
             ),
         )
 

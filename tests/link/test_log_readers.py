@@ -355,3 +355,14 @@ def test_a_cut_log_holds_its_beginning(shared_data, tmp_path):
         path.write_bytes(source.read_bytes()[: source.stat().st_size * 2 // 3])
         whole, cut = open_log(source).summary, open_log(path).summary
         assert 0.4 * whole.messages < cut.messages < whole.messages
+
+
+def test_a_ulog_says_what_it_skipped_and_prints_nothing(shared_data, tmp_path, capsys):
+    source = (shared_data / "logs" / "flugdrohne_20230621_log66.ulg").read_bytes()
+    assert open_log(shared_data / "logs" / "flugdrohne_20230621_log66.ulg").summary.skipped_bytes == 0
+    path = tmp_path / "damaged.ulg"
+    path.write_bytes(source[:2_000_000] + bytes(500) + source[2_000_000:3_000_000])
+    summary = open_log(path).summary
+    assert summary.skipped_bytes >= 500
+    assert summary.messages > 20_000
+    assert capsys.readouterr().out == ""
