@@ -155,10 +155,6 @@ class CommandRefusedError(LinkError):
         self.what, self.result, self.reasons = what, result, tuple(reasons)
 
 
-class UploadRefusedError(LinkError):
-    """The vehicle refused a mission, a fence or rally points."""
-
-
 class UploadMismatchError(LinkError):
     """What the vehicle holds is not what was sent; a start is blocked."""
 
