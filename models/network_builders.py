@@ -48,7 +48,9 @@ def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: N
     lat = np.array([s.lat for s in stations], dtype=np.float64)
     lon = np.array([s.lon for s in stations], dtype=np.float64)
     # Stations at one place have the same neighbours (and no segment between them): join places.
-    rounded = np.asarray(np.round(np.column_stack((lat, lon)), 9), dtype=np.float64)  # 0.1 mm: nearer stations stand at one place
+    rounded = np.asarray(
+        np.round(np.column_stack((lat, lon)), 9), dtype=np.float64
+    )  # 0.1 mm: nearer stations stand at one place
     places, place_of = np.unique(rounded, axis=0, return_inverse=True)
     pairs = np.empty((0, 2), dtype=np.int64)
     if len(places) > 1:

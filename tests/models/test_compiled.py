@@ -5,7 +5,9 @@ import sys
 from pathlib import Path
 
 CALLEE = "from models.compiled import compiled\n\n@compiled\ndef inner(x):\n    return x + {}\n"
-CALLER = "from callee import inner\nfrom models.compiled import compiled\n\n@compiled\ndef outer(x):\n    return inner(x)\n"
+CALLER = (
+    "from callee import inner\nfrom models.compiled import compiled\n\n@compiled\ndef outer(x):\n    return inner(x)\n"
+)
 
 
 def _run(folder: Path) -> str:

@@ -174,9 +174,7 @@ def test_days_with_a_gap_or_cut_off_by_the_end_of_the_record_are_left_out():
 def test_a_season_without_a_day_says_which_and_what_the_record_covers():
     history = years(date(2013, 6, 1), date(2013, 6, 30))
     winter = datetime(2030, 1, 10, 12, tzinfo=UTC)
-    message = (
-        r"made\.csv: no analogue day for the season 11 December to 09 February; the record covers 2013-06-01"
-    )
+    message = r"made\.csv: no analogue day for the season 11 December to 09 February; the record covers 2013-06-01"
     with pytest.raises(InputError, match=message):
         analogue_ensemble(history, winter, 12)
     with pytest.raises(InputError, match=r"1 days in that season, 1 without a gap, all of them left out"):

@@ -135,14 +135,10 @@ def _seconds_to_read(path: Path) -> float:
 def test_in_london_direction_0_is_north_and_not_calm(london):
     assert (london.counts.rows, london.counts.missing) == (65533, 632)
     with_direction_0 = 608 - 13 - 11  # 13 of the rows are calm, 11 have no speed
-    misread = WindColumns(
-        time="time_utc", site=None, speed="wind_speed_mps", from_="wind_from_deg", calm="direction-0"
-    )
+    misread = WindColumns(time="time_utc", site=None, speed="wind_speed_mps", from_="wind_from_deg", calm="direction-0")
     wrong = read_history(Path(london.source), misread, PLACE, 10.0)
     assert wrong.counts.variable - london.counts.variable == with_direction_0
-    assert any(
-        '"speed-0"' in warning and f"variable: {with_direction_0}" in warning for warning in wrong.warnings
-    )
+    assert any('"speed-0"' in warning and f"variable: {with_direction_0}" in warning for warning in wrong.warnings)
     assert not any("direction 0" in warning for warning in london.warnings)
 
 
@@ -353,9 +349,7 @@ def test_a_record_of_more_than_five_million_rows_is_refused(tmp_path):
 
 
 def test_an_unknown_site_is_named_once_with_the_sites_there_are(tmp_path):
-    with pytest.raises(
-        InputError, match=r"wind\.csv:2: site: unknown site .*'EWR'.*the sites are a, b"
-    ) as caught:
+    with pytest.raises(InputError, match=r"wind\.csv:2: site: unknown site .*'EWR'.*the sites are a, b") as caught:
         read_pair(tmp_path, f"{hour(0)},EWR,3,90", f"{hour(1)},EWR,3,90")
     assert len(caught.value.faults) == 1
 
@@ -414,9 +408,7 @@ def test_every_wrong_setting_is_told_at_once():
             max_speed_mps=-1.0,
         )
     fields = {fault.field for fault in caught.value.faults}
-    assert fields == {
-        f"wind.{k}" for k in ("speed_unit", "calm", "time_zone", "time_format", "max_speed_mps")
-    }
+    assert fields == {f"wind.{k}" for k in ("speed_unit", "calm", "time_zone", "time_format", "max_speed_mps")}
 
 
 def test_sites_must_be_there_once_each_and_on_earth(tmp_path):
