@@ -168,6 +168,8 @@ class LiveTelemetry:
             for quantity, (value, at) in self._known.items()
             if time_s - at <= (SLOW_FRESH_S if quantity in _SLOW else FRESH_S)
         }
+        if "voltage_v" in fresh and "current_a" in fresh:
+            fresh["power_w"] = fresh["voltage_v"] * fresh["current_a"]
         self.sample = TelemetrySample(time_s=time_s, system=self.system, **fresh)
         return self.sample
 

@@ -234,6 +234,8 @@ def test_telemetry_comes_at_the_rates_asked_for_with_times_in_utc(scene):
     assert last.armed == 0.0
     assert last.landed == 1.0
     assert last.soc == pytest.approx(1.0, abs=0.02)
+    assert last.power_w == pytest.approx(last.voltage_v * last.current_a)
+    assert last.power_w > 0.0
     assert math.isnan(last.airspeed_mps)
     assert math.isnan(last.wind_north_mps)
     assert scene.craft.live.clock.base.absolute
