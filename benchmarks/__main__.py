@@ -12,7 +12,12 @@ from pathlib import Path
 from benchmarks.figure import Figure, machine
 
 ROOT = Path(__file__).resolve().parent.parent
-SCRIPTS = {"missions": ("bench_missions", []), "sim": ("bench_sim", ["--seconds", "3"])}
+SCRIPTS: dict[str, tuple[str, list[str]]] = {
+    "missions": ("bench_missions", []),
+    "sim": ("bench_sim", ["--seconds", "3"]),
+    "link": ("bench_link", []),
+    "logs": ("bench_logs", []),
+}
 """Benchmarks that print their own figures, each run as a process of its own."""
 MEASURED = ("speed", "ies", "evaluate")
 """Benchmarks that return figures."""
