@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from models.errors import Fault as Wrong
 from models.errors import InputError
@@ -15,29 +15,21 @@ from sim_stub.autopilot.px4 import Px4
 from sim_stub.battery import Battery
 from sim_stub.faults import FaultState
 from sim_stub.physics import STEP_S, Body, Demand, offset_m
-from sim_stub.ports import Port
 from sim_stub.power import PowerModel
 from sim_stub.protocols.ardupilot_missions import ArduPilotMissionServer
 from sim_stub.protocols.commands import CommandServer
 from sim_stub.protocols.parameters import ParameterServer
 from sim_stub.protocols.px4_missions import Px4MissionServer
-from sim_stub.protocols.services import LinkServices, new_signing, text_frames
-from sim_stub.protocols.telemetry import (
-    ARDUPILOT_DEFAULT_HZ,
-    BUILDERS,
-    FAMILY_ONLY,
-    PX4_DEFAULT_HZ,
-    STREAM_GROUPS,
-    mission_current,
-)
+from sim_stub.protocols.services import LinkServices
+from sim_stub.radio import Radio
 from sim_stub.wind_truth import Gusts
-from sim_stub.wire.messages import spec, specs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sim_stub.autopilot.base import Autopilot
     from sim_stub.config import VehicleConfig
+    from sim_stub.ports import Port
     from sim_stub.world import World
 
 AUTOPILOTS: dict[str, type[Px4 | ArduPilot]] = {"px4": Px4, "ardupilot": ArduPilot}
@@ -49,9 +41,6 @@ _AVIONICS_W = 15.0
 _HOUSEKEEPING_S = 1.0
 _WARM_S = 120.0
 _REBOOT_DELAY_S = 0.2
-_MIN_INTERVAL_S = 0.02
-_REACHED_REPEATS = 10
-_MAX_PORTS = 16
 _AT_STATION_M = 60.0
 
 
@@ -104,15 +93,12 @@ class Vehicle:
         self.origin = (config.lat, config.lon, config.ground_m)
         self.charging: Charge | None = None
         self.ground_heard: dict[int, float] = {}
-        self.ports: list[Port] = []
         self.mission_ids = [0, 0, 0]
-        self._reached: tuple[int, int, float] | None = None
-        self._texts = 0
-        self._signing_key = config.signing_key
         self._wind_mean = (0.0, 0.0)
         self._wind_now = (0.0, 0.0)
         self._wind_s = -math.inf
         self._was_booting = not config.warm
+        self.radio = Radio(self)
         self.autopilot: Autopilot = AUTOPILOTS[config.autopilot](self)
         self.autopilot.parameters.set("MAV_SYS_ID", float(config.system))
         self.autopilot.parameters.set("SYSID_THISMAV", float(config.system))
@@ -130,11 +116,9 @@ class Vehicle:
         self.commands = CommandServer(self)
         self.parameter_server = ParameterServer(self)
         self.services = LinkServices(self)
-        parts = (self.missions, self.commands, self.parameter_server, self.services)
         self._timed = (self.missions, self.commands, self.parameter_server)
-        self._handlers: dict[str, Callable[[Port, Any], None]] = {}
-        for part in parts:
-            self._handlers.update(part.handlers())  # type: ignore[arg-type]
+        for part in (*self._timed, self.services):
+            self.radio.serve(part.handlers())
 
     # Time
 
@@ -170,11 +154,7 @@ class Vehicle:
         due = min(self.tended_s + _HOUSEKEEPING_S, self.faults.next_change_s, self.reboot_at_s)
         if self._was_booting:
             return min(due, self.power_on_s + self.autopilot.BOOT_S)
-        for port in self.ports:
-            due = min(due, port.next_due_s)
-        if self._reached is not None:
-            due = min(due, self._reached[2])
-        return max(due, self.sim_s)
+        return max(min(due, self.radio.next_due_s()), self.sim_s)
 
     def next_wall_s(self) -> float:
         """Wall instant at which a protocol timer runs out."""
@@ -209,11 +189,7 @@ class Vehicle:
                 return
             self._was_booting = False
             self.event("autopilot is up")
-        if self._reached is not None and self._reached[2] <= now:
-            self._repeat_reached(now)
-        for port in self.ports:
-            if port.next_due_s <= now + 1e-9:
-                self._stream(port, now)
+        self.radio.send_due(now)
 
     def _step(self, now: float) -> None:
         """One step of physics."""
@@ -277,8 +253,7 @@ class Vehicle:
             self.event(f"fault {kind} ends")
         self.battery.resistance_ohm = self._resistance * self.faults.resistance_factor()
         self._wind_s = -math.inf
-        for port in self.ports:
-            port.muted = not self.faults.link
+        self.radio.mute(muted=not self.faults.link)
 
     def _pilot_takes_over(self, word: str) -> None:
         modes = {mode.value: mode for mode in Mode}
@@ -308,14 +283,16 @@ class Vehicle:
         self.autopilot.restarted()
         self.counted_mah = 0.0
         self.ground_heard.clear()
-        self.forget_reached()
         for part in self._timed:
             part.forget()
-        for port in self.ports:
-            port.writer.sequence = 0
-            self._default_streams(port)
+        self.radio.restart()
 
     # Talking
+
+    @property
+    def ports(self) -> list[Port]:
+        """Open connections."""
+        return self.radio.ports
 
     def connect(self, send: Callable[[bytes], None], *, datagrams: bool = True) -> Port:
         """Open a port; what the vehicle says on it goes to `send`.
@@ -325,162 +302,40 @@ class Vehicle:
         InputError
             Too many ports.
         """
-        self.ports = [port for port in self.ports if not port.closed]
-        if len(self.ports) >= _MAX_PORTS:
-            raise InputError(Wrong("too many connections to one vehicle", value=len(self.ports)))
-        port = Port.of(self.config.system, send, datagrams=datagrams)
-        port.muted = not self.faults.link
-        self._choose_version(port)
-        self.ports.append(port)
-        if self._signing_key is not None:
-            self._sign(port, self._signing_key, 0)
-        self._default_streams(port)
-        return port
+        return self.radio.connect(send, datagrams=datagrams)
 
     def disconnect(self, port: Port) -> None:
         """Close a port."""
-        port.closed = True
-        if port in self.ports:
-            self.ports.remove(port)
-
-    def _choose_version(self, port: Port) -> None:
-        """Speak MAVLink 1 where the parameters say so, until (in automatic) MAVLink 2 is heard."""
-        store = self.autopilot.parameters
-        if self.autopilot.FAMILY == "px4":
-            wanted = int(store["MAV_PROTO_VER"])
-            port.writer.version = 1 if wanted == 1 or (wanted == 0 and not port.heard_version_2) else 2
-        else:
-            port.writer.version = 1 if store["SERIAL0_PROTOCOL"] == 1.0 else 2
+        self.radio.disconnect(port)
 
     def receive(self, port: Port, data: bytes) -> None:
         """Take bytes that came in on a port."""
         if self._was_booting or not self.faults.link:
             return
-        own = self.config.system
-        for message in port.reader.feed(data):
-            handler = self._handlers.get(message.name)
-            if message.version == 2 and not port.heard_version_2:
-                port.heard_version_2 = True
-                self._choose_version(port)
-            if handler is None or (message.system, message.component) == (own, 1):
-                continue
-            fields = message.fields
-            if fields.get("target_system", 0) not in (0, own) or fields.get("target_component", 0) not in (0, 1):
-                continue
-            self.tend()
-            handler(port, message)
+        self.radio.receive(port, data)
         if self.active and self.stepped_s < self.sim_s - STEP_S:
             self.stepped_s = self.tended_s = self.sim_s
 
     def say(self, severity: int, text: str) -> None:
         """Send a STATUSTEXT to every ground station."""
-        self._texts = self._texts % 65535 + 1
-        for port in self.ports:
-            for fields in text_frames(severity, text, self._texts):
-                port.reply("STATUSTEXT", **fields)
+        self.radio.say(severity, text)
 
     def event(self, text: str) -> None:
         """Tell the log of the world."""
         self.world.log(self.config.system, text)
 
-    def parameter_changed(self, name: str) -> None:
-        """React to a parameter that acts at once."""
-        if name in ("MAV_PROTO_VER", "SERIAL0_PROTOCOL"):
-            for port in self.ports:
-                self._choose_version(port)
-
-    def set_signing(self, key: bytes | None, timestamp: int) -> None:
-        """Sign, and ask for signatures, on every port from now on; None stops it."""
-        self._signing_key = key
-        self.event("signing on" if key else "signing off")
-        for port in self.ports:
-            self._sign(port, key, timestamp)
-
-    def _sign(self, port: Port, key: bytes | None, timestamp: int) -> None:
-        signing = None if key is None else new_signing(key, timestamp, self.posix_s)
-        port.writer.signing = port.reader.signing = signing
-
-    # Streams
-
-    def _default_streams(self, port: Port) -> None:
-        rates = PX4_DEFAULT_HZ if self.autopilot.FAMILY == "px4" else ARDUPILOT_DEFAULT_HZ
-        port.streams.clear()
-        for name, rate in rates.items():
-            port.set_interval(spec(name), 1.0 / rate, self.sim_s)
-
-    def set_interval(self, port: Port, number: int, interval_us: float) -> None:
-        """Do SET_MESSAGE_INTERVAL: 0 is the default rate, -1 stops."""
-        message = specs()[0][number]
-        if interval_us == 0.0:
-            rates = PX4_DEFAULT_HZ if self.autopilot.FAMILY == "px4" else ARDUPILOT_DEFAULT_HZ
-            rate = rates.get(message.name)
-            port.set_interval(message, 1.0 / rate if rate else None, self.sim_s)
-        else:
-            interval_s = None if interval_us < 0.0 else max(interval_us * 1e-6, _MIN_INTERVAL_S)
-            port.set_interval(message, interval_s, self.sim_s)
-
-    def stream_group(self, port: Port, group: int, rate_hz: int) -> None:
-        """Do REQUEST_DATA_STREAM; group 0 is every one."""
-        names = [n for g, members in STREAM_GROUPS.items() if group in (0, g) for n in members]
-        for name in names:
-            if FAMILY_ONLY.get(name, self.autopilot.FAMILY) == self.autopilot.FAMILY:
-                interval_s = max(1.0 / rate_hz, _MIN_INTERVAL_S) if rate_hz > 0 else None
-                port.set_interval(spec(name), interval_s, self.sim_s)
-
-    def _stream(self, port: Port, now: float) -> None:
-        following = math.inf
-        for stream in list(port.streams.values()):
-            if stream.due_s <= now + 1e-9:
-                stream.due_s += stream.interval_s
-                if stream.due_s <= now:  # fell behind, as in the first step after standing
-                    stream.due_s = now + stream.interval_s
-                payload = BUILDERS[stream.message.id](self)
-                if payload is not None:
-                    port.write(stream.message, payload)
-            following = min(following, stream.due_s)
-        port.next_due_s = following
-
-    def broadcast(self, name: str, payload: bytes) -> None:
-        """Send a message on every port."""
-        message = spec(name)
-        for port in self.ports:
-            port.write(message, payload)
-
     # Reports of the autopilot
-
-    def home_changed(self) -> None:
-        """Tell everybody where home is."""
-        payload = BUILDERS[spec("HOME_POSITION").id](self)
-        if payload is not None:
-            self.broadcast("HOME_POSITION", payload)
-
-    def broadcast_mission_current(self) -> None:
-        """Tell everybody which item is current."""
-        self.broadcast("MISSION_CURRENT", mission_current(self))
 
     def item_begun(self, index: int) -> None:
         """Report a new current item."""
         item = self.autopilot.run.items[index]
         self.event(f"item {index} begins ({_name(item.command)})")
-        self.broadcast_mission_current()
+        self.radio.tell_mission_current()
 
     def item_reached(self, index: int) -> None:
-        """Report an item as reached; PX4 says so again ten times, a second apart."""
+        """Report an item as reached."""
         self.event(f"item {index} reached")
-        self.broadcast("MISSION_ITEM_REACHED", spec("MISSION_ITEM_REACHED").layout.pack(index))
-        if self.autopilot.FAMILY == "px4":
-            self._reached = (index, _REACHED_REPEATS, self.sim_s + 1.0)
-
-    def _repeat_reached(self, now: float) -> None:
-        if self._reached is None:
-            return
-        index, left, _ = self._reached
-        self.broadcast("MISSION_ITEM_REACHED", spec("MISSION_ITEM_REACHED").layout.pack(index))
-        self._reached = (index, left - 1, now + 1.0) if left > 1 else None
-
-    def forget_reached(self) -> None:
-        """Stop repeating."""
-        self._reached = None
+        self.radio.item_reached(index)
 
     def set_mission_current(self, index: int) -> bool:
         """Make an item the current one; ArduPilot's 0 is the start of the mission."""

@@ -297,7 +297,7 @@ class Autopilot(Family):
     def set_home(self, home: Home) -> None:
         """Move home."""
         self.home = home
-        self.vehicle.home_changed()
+        self.vehicle.radio.home_changed()
 
     def set_home_here(self) -> None:
         """Take the present position as home, as at the first position fix."""

@@ -220,7 +220,7 @@ class ArduPilotMissionServer(MissionServer):
     def set_current(self, port: Port, message: Message) -> None:  # noqa: ARG002
         """Make an item the current one."""
         if self.vehicle.set_mission_current(message["seq"]):
-            self.vehicle.broadcast_mission_current()
+            self.vehicle.radio.tell_mission_current()
 
     def acknowledged(self, port: Port, message: Message) -> None:
         """Nothing: ArduPilot keeps no state of a download."""

@@ -273,7 +273,7 @@ class CommandServer:
             self._pilot.run.reset(self._pilot.run.current)
         if number >= 0.0 and not self.vehicle.set_mission_current(int(number)):
             return Result.FAILED
-        self.vehicle.broadcast_mission_current()
+        self.vehicle.radio.tell_mission_current()
         return Result.ACCEPTED
 
     def _pause_continue(self, order: Order) -> Result:
@@ -410,7 +410,7 @@ class CommandServer:
         number, interval_us = self._known(order.p[0]), order.p[1]
         if number is None or not math.isfinite(interval_us) or interval_us < _NO_INTERVAL:
             return self._pilot.BAD_VALUE
-        self.vehicle.set_interval(order.port, number, interval_us)
+        self.vehicle.radio.set_interval(order.port, number, interval_us)
         return Result.ACCEPTED
 
     def _get_interval(self, order: Order) -> Result:

@@ -18,6 +18,7 @@ _LAYOUT = spec("PARAM_VALUE").layout
 _PER_TICK = 8
 _TICK_S = 0.01
 _MAX_LISTS = 4
+_VERSION_NAMES = ("MAV_PROTO_VER", "SERIAL0_PROTOCOL")
 
 
 class ParameterServer:
@@ -100,7 +101,8 @@ class ParameterServer:
             value = float(int.from_bytes(message.payload[:4].ljust(4, b"\0"), "little", signed=True))
         if store.set(parameter.name, value):
             self.vehicle.event(f"parameter {parameter.name} = {parameter.value:g}")
-            self.vehicle.parameter_changed(parameter.name)
+            if parameter.name in _VERSION_NAMES:
+                self.vehicle.radio.choose_versions()
         for open_port in self.vehicle.ports:
             self._send(open_port, parameter)
 

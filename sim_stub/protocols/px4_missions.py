@@ -154,9 +154,9 @@ class Px4MissionServer(MissionServer):
         pilot.stores[kind][:] = items
         self.vehicle.event(f"{('mission', 'fence', 'rally')[kind]} of {len(items)} items stored")
         if kind == MISSION:
-            self.vehicle.forget_reached()
+            self.vehicle.radio.forget_reached()
             pilot.missions_stored(replaced=True, current=marked)
-            self.vehicle.broadcast_mission_current()
+            self.vehicle.radio.tell_mission_current()
         elif kind == FENCE:
             pilot.fence_stored()
 
@@ -235,7 +235,7 @@ class Px4MissionServer(MissionServer):
             self.vehicle.say(2, "WPM: WP CURR CMD: Not in list")
         else:
             pilot.run.jump(message["seq"])
-            self.vehicle.broadcast_mission_current()
+            self.vehicle.radio.tell_mission_current()
 
     def write_partial(self, port: Port, message: Message) -> None:
         """PX4 does not know it and says nothing."""

@@ -79,13 +79,13 @@ class LinkServices:
     def setup_signing(self, port: Port, message: Message) -> None:  # noqa: ARG002
         """Take a key for every link; a key of zeros takes signing away."""
         key = bytes(message["secret_key"])
-        self.vehicle.set_signing(key if any(key) else None, message["initial_timestamp"])
+        self.vehicle.radio.set_signing(key if any(key) else None, message["initial_timestamp"])
 
     def request_data_stream(self, port: Port, message: Message) -> None:
         """Start or stop a group of messages; PX4 does not know this request."""
         if self.vehicle.autopilot.FAMILY == "px4":
             return
-        self.vehicle.stream_group(
+        self.vehicle.radio.stream_group(
             port, message["req_stream_id"], message["req_message_rate"] if message["start_stop"] else 0
         )
 

@@ -106,7 +106,7 @@ def test_random_and_mutated_packets(autopilot, flying):
     if flying:
         stage.take_off()
     throw(stage, 6_000, random.Random(f"{autopilot}{flying}"))
-    stage.vehicle.set_signing(None, 0)  # a random SETUP_SIGNING may have locked everybody out, as it would
+    stage.vehicle.radio.set_signing(None, 0)  # a random SETUP_SIGNING may have locked everybody out, as it would
     still_serves(stage)
 
 
@@ -127,7 +127,7 @@ def test_a_million_random_and_mutated_packets_without_growing(autopilot):
     after = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     assert after < before + 3_000_000
-    stage.vehicle.set_signing(None, 0)
+    stage.vehicle.radio.set_signing(None, 0)
     still_serves(stage)
 
 

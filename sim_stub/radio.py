@@ -1,0 +1,236 @@
+"""What a vehicle says and hears: its ports, versions, signing, streams and reports."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from models.errors import Fault, InputError
+from sim_stub.ports import Port
+from sim_stub.protocols.services import new_signing, text_frames
+from sim_stub.protocols.telemetry import (
+    ARDUPILOT_DEFAULT_HZ,
+    BUILDERS,
+    FAMILY_ONLY,
+    PX4_DEFAULT_HZ,
+    STREAM_GROUPS,
+    mission_current,
+)
+from sim_stub.wire.messages import spec, specs
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from sim_stub.vehicle import Vehicle
+
+_MIN_INTERVAL_S = 0.02
+_REACHED_REPEATS = 10
+_MAX_PORTS = 16
+
+
+class Radio:
+    """The ports of one vehicle, and all that goes out on them by itself.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Whose.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle = vehicle
+        self.ports: list[Port] = []
+        self.handlers: dict[str, Callable[[Port, Any], None]] = {}
+        self._reached: tuple[int, int, float] | None = None
+        self._texts = 0
+        self._signing_key = vehicle.config.signing_key
+
+    def serve(self, handlers: Mapping[str, object]) -> None:
+        """Have messages of these names handled."""
+        self.handlers.update(handlers)  # type: ignore[arg-type]
+
+    # Time
+
+    def next_due_s(self) -> float:
+        """Simulated instant at which the next message goes out by itself."""
+        due = math.inf if self._reached is None else self._reached[2]
+        for port in self.ports:
+            due = min(due, port.next_due_s)
+        return due
+
+    def send_due(self, now: float) -> None:
+        """Send what is due."""
+        if self._reached is not None and self._reached[2] <= now:
+            self._repeat_reached(now)
+        for port in self.ports:
+            if port.next_due_s <= now + 1e-9:
+                self._stream(port, now)
+
+    def mute(self, *, muted: bool) -> None:
+        """Let nothing out, or let it out again."""
+        for port in self.ports:
+            port.muted = muted
+
+    def restart(self) -> None:
+        """Forget what a restart of the autopilot forgets."""
+        self.forget_reached()
+        for port in self.ports:
+            port.writer.sequence = 0
+            self._default_streams(port)
+
+    # Ports
+
+    def connect(self, send: Callable[[bytes], None], *, datagrams: bool) -> Port:
+        """Open a port; what the vehicle says on it goes to `send`.
+
+        Raises
+        ------
+        InputError
+            Too many ports.
+        """
+        self.ports = [port for port in self.ports if not port.closed]
+        if len(self.ports) >= _MAX_PORTS:
+            raise InputError(Fault("too many connections to one vehicle", value=len(self.ports)))
+        port = Port.of(self.vehicle.config.system, send, datagrams=datagrams)
+        port.muted = not self.vehicle.faults.link
+        self._choose_version(port)
+        self.ports.append(port)
+        if self._signing_key is not None:
+            self._sign(port, self._signing_key, 0)
+        self._default_streams(port)
+        return port
+
+    def disconnect(self, port: Port) -> None:
+        """Close a port."""
+        port.closed = True
+        if port in self.ports:
+            self.ports.remove(port)
+
+    def choose_versions(self) -> None:
+        """Take over a parameter that says which MAVLink to speak."""
+        for port in self.ports:
+            self._choose_version(port)
+
+    def _choose_version(self, port: Port) -> None:
+        """Speak MAVLink 1 where the parameters say so, until (in automatic) MAVLink 2 is heard."""
+        store = self.vehicle.autopilot.parameters
+        if self.vehicle.autopilot.FAMILY == "px4":
+            wanted = int(store["MAV_PROTO_VER"])
+            port.writer.version = 1 if wanted == 1 or (wanted == 0 and not port.heard_version_2) else 2
+        else:
+            port.writer.version = 1 if store["SERIAL0_PROTOCOL"] == 1.0 else 2
+
+    def set_signing(self, key: bytes | None, timestamp: int) -> None:
+        """Sign, and ask for signatures, on every port from now on; None stops it."""
+        self._signing_key = key
+        self.vehicle.event("signing on" if key else "signing off")
+        for port in self.ports:
+            self._sign(port, key, timestamp)
+
+    def _sign(self, port: Port, key: bytes | None, timestamp: int) -> None:
+        signing = None if key is None else new_signing(key, timestamp, self.vehicle.posix_s)
+        port.writer.signing = port.reader.signing = signing
+
+    # Hearing
+
+    def receive(self, port: Port, data: bytes) -> None:
+        """Handle the messages for this vehicle that the bytes of a port complete."""
+        own = self.vehicle.config.system
+        for message in port.reader.feed(data):
+            handler = self.handlers.get(message.name)
+            if message.version == 2 and not port.heard_version_2:
+                port.heard_version_2 = True
+                self._choose_version(port)
+            if handler is None or (message.system, message.component) == (own, 1):
+                continue
+            fields = message.fields
+            if fields.get("target_system", 0) not in (0, own) or fields.get("target_component", 0) not in (0, 1):
+                continue
+            self.vehicle.tend()
+            handler(port, message)
+
+    # Speaking
+
+    def say(self, severity: int, text: str) -> None:
+        """Send a STATUSTEXT to every ground station."""
+        self._texts = self._texts % 65535 + 1
+        for port in self.ports:
+            for fields in text_frames(severity, text, self._texts):
+                port.reply("STATUSTEXT", **fields)
+
+    def broadcast(self, name: str, payload: bytes) -> None:
+        """Send a message on every port."""
+        message = spec(name)
+        for port in self.ports:
+            port.write(message, payload)
+
+    # Streams
+
+    def _default_hz(self) -> dict[str, float]:
+        return PX4_DEFAULT_HZ if self.vehicle.autopilot.FAMILY == "px4" else ARDUPILOT_DEFAULT_HZ
+
+    def _default_streams(self, port: Port) -> None:
+        port.streams.clear()
+        for name, rate in self._default_hz().items():
+            port.set_interval(spec(name), 1.0 / rate, self.vehicle.sim_s)
+
+    def set_interval(self, port: Port, number: int, interval_us: float) -> None:
+        """Do SET_MESSAGE_INTERVAL: 0 is the default rate, -1 stops."""
+        message = specs()[0][number]
+        if interval_us == 0.0:
+            rate = self._default_hz().get(message.name)
+            interval_s = 1.0 / rate if rate else None
+        else:
+            interval_s = None if interval_us < 0.0 else max(interval_us * 1e-6, _MIN_INTERVAL_S)
+        port.set_interval(message, interval_s, self.vehicle.sim_s)
+
+    def stream_group(self, port: Port, group: int, rate_hz: int) -> None:
+        """Do REQUEST_DATA_STREAM; group 0 is every one."""
+        names = [n for g, members in STREAM_GROUPS.items() if group in (0, g) for n in members]
+        family = self.vehicle.autopilot.FAMILY
+        for name in names:
+            if FAMILY_ONLY.get(name, family) == family:
+                interval_s = max(1.0 / rate_hz, _MIN_INTERVAL_S) if rate_hz > 0 else None
+                port.set_interval(spec(name), interval_s, self.vehicle.sim_s)
+
+    def _stream(self, port: Port, now: float) -> None:
+        following = math.inf
+        for stream in list(port.streams.values()):
+            if stream.due_s <= now + 1e-9:
+                stream.due_s += stream.interval_s
+                if stream.due_s <= now:  # fell behind, as in the first step after standing
+                    stream.due_s = now + stream.interval_s
+                payload = BUILDERS[stream.message.id](self.vehicle)
+                if payload is not None:
+                    port.write(stream.message, payload)
+            following = min(following, stream.due_s)
+        port.next_due_s = following
+
+    # Reports of the autopilot
+
+    def home_changed(self) -> None:
+        """Tell everybody where home is."""
+        payload = BUILDERS[spec("HOME_POSITION").id](self.vehicle)
+        if payload is not None:
+            self.broadcast("HOME_POSITION", payload)
+
+    def tell_mission_current(self) -> None:
+        """Tell everybody which item is current."""
+        self.broadcast("MISSION_CURRENT", mission_current(self.vehicle))
+
+    def item_reached(self, index: int) -> None:
+        """Report an item as reached; PX4 says so again ten times, a second apart."""
+        self.broadcast("MISSION_ITEM_REACHED", spec("MISSION_ITEM_REACHED").layout.pack(index))
+        if self.vehicle.autopilot.FAMILY == "px4":
+            self._reached = (index, _REACHED_REPEATS, self.vehicle.sim_s + 1.0)
+
+    def _repeat_reached(self, now: float) -> None:
+        if self._reached is None:
+            return
+        index, left, _ = self._reached
+        self.broadcast("MISSION_ITEM_REACHED", spec("MISSION_ITEM_REACHED").layout.pack(index))
+        self._reached = (index, left - 1, now + 1.0) if left > 1 else None
+
+    def forget_reached(self) -> None:
+        """Stop repeating."""
+        self._reached = None
