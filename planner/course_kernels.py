@@ -62,7 +62,8 @@ class Waits(NamedTuple):
 
 
 @compiled
-def _expected_pad(waits: Waits, hop: int, time_s: float) -> float:
+def expected_pad(waits: Waits, hop: int, time_s: float) -> float:
+    """When a drone that arrives at a time can expect a pad."""
     x = (time_s - waits.start_s) / waits.step_s
     last = waits.wait_s.shape[1] - 1
     if x <= 0.0:
@@ -74,7 +75,8 @@ def _expected_pad(waits: Waits, hop: int, time_s: float) -> float:
 
 
 @compiled
-def _sampled(ready_s: NDArray[np.float64], queues: Queues, entry: int, time_s: float) -> float:
+def sampled_time(ready_s: NDArray[np.float64], queues: Queues, entry: int, time_s: float) -> float:
+    """When a drone that arrives at a time gets what `ready_s` tells of: a pad or a spot to land on."""
     low, high = queues.offset[entry], queues.offset[entry + 1]
     k = low + np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1
     return max(time_s, ready_s[max(k, low)])
@@ -140,7 +142,7 @@ def fly_under(
             entry = sky.queue[run] * count + hop
             joined = now  # a drone that hovers for a spot keeps its place in the queue
             if hop > 0 and sampled:
-                spot = _sampled(queues.land_s, queues, entry, now)
+                spot = sampled_time(queues.land_s, queues, entry, now)
                 soc -= sky.energy[run] * cost[0] * (spot - now)
                 out[run, hop - 1, TOUCH_DOWN], out[run, hop - 1, SOC_DOWN] = spot, soc
                 now = spot
@@ -150,9 +152,9 @@ def fly_under(
             u = 0.0
             if charges:
                 pad = (
-                    max(now, _sampled(queues.pad_s, queues, entry, joined))
+                    max(now, sampled_time(queues.pad_s, queues, entry, joined))
                     if sampled
-                    else _expected_pad(waits, hop, now)
+                    else expected_pad(waits, hop, now)
                 )
                 u = interpolate(soc, hops.curve_soc[hop], hops.curve_s[hop])
                 ready = pad + interpolate(hops.charge_to[hop], hops.curve_soc[hop], hops.curve_s[hop]) - u

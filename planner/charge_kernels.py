@@ -1,0 +1,341 @@
+"""Compiled charging by what is known at each stop: how much the next flight needs, and flying by that rule.
+
+At a stop the drone leaves as soon as its charge is enough for the next flight in all but a share epsilon of what it must
+expect. What it must expect is the forecast seen from that moment: each member weighted by its likeness to the wind
+measured now and shifted by its own residual, which fades as exp(-horizon / tau) (model.md, section 9), then gusts about
+it, then the error of the energy model, which the first flight tells.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from models.compiled import compiled
+from models.flight import Air
+from models.flight_kernels import NEVER, land, next_opening, slot_end, slot_of
+from planner.course_kernels import expected_pad, sampled_time
+from planner.evaluation_kernels import gusty_land
+from planner.profile_kernels import interpolate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from planner.course_kernels import Hops, Queues, Waits
+    from planner.evaluation_kernels import Sky
+
+GRID_S = 600.0
+"""What a flight needs is worked out for take-offs within so long together; the most of both ends counts."""
+LEARNED = 0.005
+"""What is left of the energy error once a flight has shown it."""
+LEAST_CHANCE = 1e-9
+"""Likeness below which a member does not count."""
+_ROUNDS = 24  # of bisection: the charge is found to 1e-7 of the spread
+_CHANGES = 500  # times a stay is looked at again
+
+
+class Known(NamedTuple):
+    """What a drone knows when it decides, and how careful it is.
+
+    Attributes
+    ----------
+    air : Air
+        Segments and the members of the forecast.
+    share : ndarray, shape (rows, members)
+        Probability of each member; a row for each truth, so that a truth can be left out of its own forecast.
+    measured : bool
+        The wind of the hour is measured at the sites; else the members stay as they are.
+    sigma_mps, tau_s : float
+        Standard deviation and correlation time of a member's residual.
+    gust_sd, gust_time_s : float
+        Of gusts, see `planner.evaluation_kernels.Sky`.
+    energy_error : float
+        A vehicle may need this share more than the model says.
+    epsilon : float
+        Share of flights that may need more than is charged for.
+    margin : float
+        Calibrated: multiplies the energy that a flight needs beyond that.
+    """
+
+    air: Air
+    share: NDArray[np.float64]
+    measured: bool
+    sigma_mps: float
+    tau_s: float
+    gust_sd: float
+    gust_time_s: float
+    energy_error: float
+    epsilon: float
+    margin: float
+
+
+class Aims(NamedTuple):
+    """What the charge must be enough for at each hop, shape (hops,).
+
+    Attributes
+    ----------
+    landing : ndarray
+        Least charge on touch-down: the reserve, and at the end the way on.
+    carry : ndarray
+        Charge wanted beyond that.
+    fixed_to : ndarray
+        Charge to this instead, whatever is known (NaN: by what is known; below 0: leave at once).
+    """
+
+    landing: NDArray[np.float64]
+    carry: NDArray[np.float64]
+    fixed_to: NDArray[np.float64]
+
+
+@compiled
+def expected_winds(
+    known: Known, first: int, wind_north: NDArray[np.float64], wind_east: NDArray[np.float64], count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Members from slot `first` on as seen with the wind measured in it, or as they are where nobody measures.
+
+    Returns
+    -------
+    north, east : ndarray, shape (members, count, sites)
+        Shifted members.
+    miss : ndarray, shape (members,)
+        Mean square of the residual of one component, m2/s2.
+    """
+    air = known.air
+    members, slots, sites = air.north.shape
+    north, east = np.empty((members, count, sites)), np.empty((members, count, sites))
+    miss = np.zeros(members)
+    for m in range(members):
+        for site in range(sites):
+            dn = wind_north[site] - air.north[m, first, site] if known.measured else 0.0
+            de = wind_east[site] - air.east[m, first, site] if known.measured else 0.0
+            miss[m] += (dn * dn + de * de) / (2.0 * sites)
+            for k in range(count):
+                slot = min(first + k, slots - 1)
+                fade = math.exp(-k * air.slot_s / known.tau_s)
+                north[m, k, site] = air.north[m, slot, site] + dn * fade
+                east[m, k, site] = air.east[m, slot, site] + de * fade
+    return north, east, miss
+
+
+@compiled
+def gust_spread(known: Known, speed_mps: float, ground_mps: float, flight_s: float) -> float:
+    """Standard deviation of a flight's time that gusts make, as a share of it.
+
+    The mean of an Ornstein-Uhlenbeck process of time constant tau over T has the variance
+    2 tau / T (1 - tau / T (1 - exp(-T / tau))) of one value.
+    """
+    x = known.gust_time_s / max(flight_s, 1.0)
+    averaged = math.sqrt(2.0 * x * (1.0 - x * (1.0 - math.exp(-1.0 / x))))
+    return known.gust_sd * speed_mps * averaged / max(ground_mps, 1.0)
+
+
+@compiled
+def flight_energy(
+    known: Known,
+    row: int,
+    segments: NDArray[np.int64],
+    time_s: float,
+    wind_north: NDArray[np.float64],
+    wind_east: NDArray[np.float64],
+    cost: tuple[float, float],
+) -> float:
+    """Energy, as SoC, that a flight taking off at `time_s` exceeds with the probability epsilon only.
+
+    `wind_north` and `wind_east`, shape (sites,), are measured in the slot of `time_s`. Members over the limits do not
+    count (nobody would fly); without any other, never.
+    """
+    air = known.air
+    first = slot_of(air, time_s)
+    count = int(math.ceil(2.0 * 3600.0 / air.slot_s)) + 1
+    members = air.north.shape[0]
+    north, east, miss = expected_winds(known, first, wind_north, wind_east, count)
+    seen = Air(
+        air.start_s + first * air.slot_s,
+        air.slot_s,
+        north,
+        east,
+        air.weight,
+        air.cos_bearing,
+        air.sin_bearing,
+        air.distance_m,
+        air.airspeed_mps,
+        air.wind_limit_mps,
+        air.max_ground_speed_mps,
+        air.climb_s,
+        air.descent_s,
+    )
+    distance = 0.0
+    for segment in segments:
+        distance += air.distance_m[segment]
+    least = NEVER
+    for m in range(members):
+        if known.share[row, m] > 0.0:
+            least = min(least, miss[m])
+    energy, spread, share = np.empty(members), np.empty(members), np.empty(members)
+    flying, total, low, high = 0, 0.0, NEVER, 0.0
+    for m in range(members):
+        chance = known.share[row, m] * math.exp(-0.5 * (miss[m] - least) / (known.sigma_mps * known.sigma_mps))
+        if chance <= LEAST_CHANCE:
+            continue
+        down = land(seen, m, segments, time_s)
+        if down == NEVER:
+            continue
+        flight = down - time_s
+        speed = 0.0
+        for site in range(north.shape[2]):
+            speed += math.hypot(north[m, 0, site], east[m, 0, site]) / north.shape[2]
+        ground = distance / max(flight - air.climb_s - air.descent_s, 1.0)
+        energy[flying] = cost[1] + cost[0] * flight
+        spread[flying] = max(gust_spread(known, speed, ground, flight) * cost[0] * flight, 1e-9)
+        share[flying] = chance
+        total += chance
+        low, high = min(low, energy[flying]), max(high, energy[flying] + 6.0 * spread[flying])
+        flying += 1
+    if flying == 0:
+        return NEVER
+    for _ in range(_ROUNDS):
+        middle = 0.5 * (low + high)
+        beyond = 0.0
+        for m in range(flying):
+            beyond += share[m] * 0.5 * math.erfc((middle - energy[m]) / spread[m] * math.sqrt(0.5))
+        if beyond > known.epsilon * total:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@compiled
+def _energy_about(
+    known: Known,
+    row: int,
+    truth: Air,
+    member: int,
+    segments: NDArray[np.int64],
+    time_s: float,
+    cost: tuple[float, float],
+    table: NDArray[np.float64],
+) -> float:
+    """Look up, or work out and keep, what a flight may need that takes off about a time."""
+    k = int((time_s - truth.start_s) // GRID_S)
+    if 0 <= k < len(table) and table[k] == table[k]:
+        return table[k]
+    begin = truth.start_s + k * GRID_S
+    slot = slot_of(truth, time_s)
+    north, east = truth.north[member, slot], truth.east[member, slot]
+    need = flight_energy(known, row, segments, begin, north, east, cost)
+    need = max(need, flight_energy(known, row, segments, begin + GRID_S - 1.0, north, east, cost))
+    if 0 <= k < len(table):
+        table[k] = need
+    return need
+
+
+@compiled
+def fly_by_need(
+    known: Known,
+    aims: Aims,
+    sky: Sky,
+    truth: Air,
+    member: NDArray[np.int64],
+    row: NDArray[np.int64],
+    hops: Hops,
+    queues: Queues,
+    waits: Waits,
+    start: tuple[float, float],
+    cost: tuple[float, float],
+    learned: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Fly a sequence of hops in several runs, charging by what is known at each stop.
+
+    Parameters
+    ----------
+    known, aims
+        The rule.
+    sky, truth, member
+        What is true in each run: see `planner.course_kernels.fly_under`.
+    row : ndarray of int, shape (runs,)
+        Row of `Known.share` of each run.
+    hops, queues, waits, start, cost
+        As there; `Hops.charge_to` is not read.
+    learned : bool
+        The vehicle's error of energy is known from the start.
+
+    Returns
+    -------
+    course : ndarray, shape (runs, hops, 6)
+        As `fly_under`; infinite from the hop on that is never flown.
+    strain : ndarray, shape (runs, hops)
+        Energy that the flight took as a share of what it was charged for by the rule (without its margin); 0 where not flown.
+    """
+    count = len(aims.carry)
+    runs = len(member)
+    out = np.full((runs, count, 6), NEVER)
+    strain = np.zeros((runs, count))
+    points = int(truth.north.shape[1] * truth.slot_s / GRID_S) + 1
+    tables = np.full((truth.north.shape[0], count, points), np.nan)
+    sampled = len(queues.offset) > 1
+    for run in range(runs):
+        now, soc = start
+        error = known.energy_error if not learned else sky.energy[run] - 1.0 + LEARNED
+        for hop in range(count):
+            segments = hops.segments[hops.offset[hop] : hops.offset[hop + 1]]
+            entry = sky.queue[run] * count + hop
+            joined = now
+            if hop > 0 and sampled:
+                spot = sampled_time(queues.land_s, queues, entry, now)
+                soc -= sky.energy[run] * cost[0] * (spot - now)
+                out[run, hop - 1, 2], out[run, hop - 1, 4] = spot, soc
+                now = spot
+            pad = max(now, sampled_time(queues.pad_s, queues, entry, joined)) if sampled else expected_pad(waits, hop, now)
+            u = interpolate(soc, hops.curve_soc[hop], hops.curve_s[hop])
+            most = hops.curve_soc[hop, -1]
+            at = max(now, hops.not_before_s[hop])
+            ready = at
+            off = NEVER
+            level = soc
+            base = 0.0
+            on_pad = False
+            for _ in range(_CHANGES):
+                base = _energy_about(known, row[run], truth, member[run], segments, at, cost, tables[member[run], hop])
+                wanted = aims.landing[hop] + aims.carry[hop] + (1.0 + error) * (1.0 + known.margin) * base
+                if not math.isnan(aims.fixed_to[hop]):
+                    wanted = aims.fixed_to[hop]
+                elif wanted > most:  # the carry is a wish, the rest is not
+                    wanted = max(wanted - aims.carry[hop], most)
+                on_pad = on_pad or wanted > soc
+                level = soc
+                if on_pad and at > pad:
+                    level = interpolate(u + at - pad, hops.curve_s[hop], hops.curve_soc[hop])
+                if level >= wanted - 1e-9:
+                    opening = next_opening(truth, member[run], segments, at)
+                    if opening <= at + 1e-6:
+                        off = at
+                        break
+                    if opening == NEVER:
+                        break
+                    at = opening
+                    continue
+                reached = NEVER
+                if wanted <= most:
+                    reached = pad + interpolate(wanted, hops.curve_soc[hop], hops.curve_s[hop]) - u
+                    ready = max(reached, at)
+                edge = slot_end(truth, slot_of(truth, at))
+                if reached <= edge:
+                    at = max(reached, at + 1e-3)
+                elif edge == NEVER:
+                    break
+                else:
+                    at = edge
+            if off == NEVER:
+                break
+            out[run, hop, 0] = pad if on_pad else now
+            out[run, hop, 5], out[run, hop, 1], out[run, hop, 3] = min(ready, off), off, level
+            now = gusty_land(truth, member[run], segments, off, sky.gust_key[run], sky.gust_sd, sky.gust_time_s)
+            used = sky.energy[run] * (cost[1] + cost[0] * (now - off))
+            soc = level - used
+            out[run, hop, 2], out[run, hop, 4] = now, soc
+            strain[run, hop] = used / ((1.0 + error) * base) if base > 0.0 else 0.0
+            error = sky.energy[run] - 1.0 + LEARNED
+    return out, strain
