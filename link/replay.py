@@ -20,7 +20,8 @@ from models.energy import PHASES, Phase
 from models.errors import Fault, InputError
 from models.telemetry import COLUMN, TelemetryTrack
 from models.wind_filter import FilteredWind, WindFilterSettings, chi2_band, filter_log
-from models.wind_filter_measurement import Blocks, Measurements, blocks, is_flying, measurements, tilt_air_velocity
+from models.wind_filter_blocks import BlockMaker, Blocks, is_flying
+from models.wind_filter_measurement import Measurements, measurements, tilt_air_velocity
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -199,17 +200,12 @@ def reduce_log(log: Log, system: int | None, from_s: float, to_s: float) -> tupl
     """Return one row a second of a vehicle, and the averages that measurements are made of."""
     rows: list[TelemetryTrack] = []
     parts: list[Blocks] = []
+    maker = BlockMaker(PERIOD_S)
     for track in log.tracks(from_s, to_s):
         if track.system == system and len(track):
             rows.append(each_second(track))
-            parts.append(blocks(track, PERIOD_S))
-    if not rows:
-        empty = TelemetryTrack.joined(())
-        return empty, blocks(empty)
-    names = ("time_s", "velocity", "drag", "yaw_rad", "airspeed_mps", "autopilot", "flying", "winged")
-    return TelemetryTrack.joined(rows), Blocks(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
-    )
+            parts.append(maker.feed(track))
+    return TelemetryTrack.joined(rows), Blocks.joined([*parts, maker.flush()])
 
 
 def each_second(track: TelemetryTrack) -> TelemetryTrack:

@@ -21,7 +21,7 @@ from models.wind_filter_measurement import tilt_wind
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.wind_filter_measurement import Blocks
+    from models.wind_filter_blocks import Blocks
 
 KNOT_S = 120.0
 """The wind of the fit is linear between knots so far apart."""
@@ -77,7 +77,7 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
     Parameters
     ----------
     air : Blocks
-        From `models.wind_filter_measurement.blocks`.
+        From `models.wind_filter_blocks.blocks`.
     period_s : float
         Their period.
     """

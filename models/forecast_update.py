@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from models.telemetry import TelemetryTrack
     from models.wind_ensemble import WindEnsemble
-    from models.wind_filter import FilteredWind
+    from models.wind_filter import WindEstimate
 
 SLOT_S = 600.0
 """Observations are averaged over so long."""
@@ -33,38 +32,38 @@ REPRESENTATION_MPS = 0.7
 MAX_SLOTS = 20_000
 
 
-def slot_observations(
-    course: FilteredWind, track: TelemetryTrack, slot_s: float = SLOT_S, represent_mps: float = REPRESENTATION_MPS
-) -> tuple[WindObservation, ...]:
-    """Average a filter's course over slots.
+class SlotAverages:
+    """Averages a filter's course over slots as it goes, so that no correlated estimate counts as a new observation.
 
     Parameters
     ----------
-    course : FilteredWind
-        Of one drone.
-    track : TelemetryTrack
-        Its telemetry, for where it was.
     slot_s : float
-        Length of a slot.
+        Length of a slot; slots begin at whole multiples of it.
     represent_mps : float
         Added to the filter's own uncertainty, which an average over correlated estimates does not reduce.
     """
-    if not len(course):
-        return ()
-    lat, lon = (np.interp(course.time_s, track.time_s, track[name]) for name in ("lat_deg", "lon_deg"))
-    number = np.floor(course.time_s / slot_s).astype(np.int64)
-    found = []
-    for slot in np.unique(number[course.accepted & np.isfinite(lat) & np.isfinite(lon)]):
-        chosen = (number == slot) & np.isfinite(lat) & np.isfinite(lon)
-        north, east = course.wind[chosen].mean(axis=0)
-        variance = float((course.sigma_mps[chosen] ** 2).mean()) + represent_mps**2
-        middle = float(course.time_s[chosen].mean())
-        found.append(
-            WindObservation(
-                middle, float(lat[chosen].mean()), float(lon[chosen].mean()), float(north), float(east), variance
-            )
-        )
-    return tuple(found)
+
+    def __init__(self, slot_s: float = SLOT_S, represent_mps: float = REPRESENTATION_MPS) -> None:
+        self.slot_s = slot_s
+        self.represent_mps = represent_mps
+        self._sums: dict[int, list[float]] = {}
+
+    def add(self, now: WindEstimate, lat_deg: float, lon_deg: float) -> None:
+        """Take an estimate that something was measured for; without a place it is left out."""
+        if not (math.isfinite(lat_deg) and math.isfinite(lon_deg)):
+            return
+        sums = self._sums.setdefault(math.floor(now.time_s / self.slot_s), [0.0] * 7)
+        variance = 0.5 * (now.var_north + now.var_east)
+        for place, value in enumerate((1.0, now.time_s, lat_deg, lon_deg, now.north_mps, now.east_mps, variance)):
+            sums[place] += value
+
+    def observations(self) -> tuple[WindObservation, ...]:
+        """One observation for each slot in which something was measured, the one under way included."""
+        found = []
+        for count, *totals in (self._sums[slot] for slot in sorted(self._sums)):
+            time_s, lat, lon, north, east, variance = (total / count for total in totals)
+            found.append(WindObservation(time_s, lat, lon, north, east, variance + self.represent_mps**2))
+        return tuple(found)
 
 
 def refined(ensemble: WindEnsemble, slot_s: float) -> WindEnsemble:

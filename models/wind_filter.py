@@ -11,7 +11,7 @@ Navigation" (2001), sections 5.4 (consistency: NEES, NIS) and 2.9 (gating).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,10 +20,14 @@ from models.errors import Fault, InputError
 from models.wind import speed_from
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import ArrayLike, NDArray
 
 GATE_99 = 9.21034037197618
 """99 % quantile of chi-squared with 2 degrees of freedom: -2 ln 0.01."""
+HELD_AFTER_S = 30.0
+"""An estimate to which nothing was measured for so long is called held."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,8 +78,8 @@ class WindEstimate:
     var_north, cov_north_east, var_east : float
         Covariance, m2/s2.
     source : str
-        ``measured`` in the air, ``held`` where nothing was measured for a time constant, ``forecast`` before the first
-        measurement.
+        ``measured`` in the air, ``held`` where nothing was measured for `HELD_AFTER_S` (landed, say), ``forecast`` before
+        the first measurement.
     """
 
     time_s: float
@@ -118,6 +122,8 @@ class WindFilter:
     ----------
     health : ConsistencyMonitor
         Whether the innovations are as large as the filter believes they are.
+    last_nis : float
+        Normalised innovation squared of the last measurement, before the gate.
     """
 
     def __init__(
@@ -128,6 +134,7 @@ class WindFilter:
         self.settings = settings or WindFilterSettings()
         self.time_s = start_s
         self.health = ConsistencyMonitor()
+        self.last_nis = math.nan
         self._forecast = np.array([[north_mps], [east_mps]])
         self._last_used_s: float | None = None
         self._rejected: list[tuple[float, NDArray[np.float64]]] = []
@@ -171,6 +178,7 @@ class WindFilter:
         spread = self._filter.P + covariance
         nis = (innovation.T @ np.linalg.solve(spread, innovation)).item()
         self.health.add(nis)
+        self.last_nis = nis
         if nis > self.settings.gate and not self._persuaded(innovation):
             return False
         self._rejected.clear()
@@ -195,7 +203,7 @@ class WindFilter:
         (var_north, covariance), (_, var_east) = self._filter.P.tolist()
         source = "forecast"
         if self._last_used_s is not None:
-            source = "measured" if self.time_s - self._last_used_s <= self.settings.tau_s else "held"
+            source = "measured" if self.time_s - self._last_used_s <= HELD_AFTER_S else "held"
         return WindEstimate(self.time_s, north, east, var_north, covariance, var_east, source)
 
 
@@ -223,6 +231,30 @@ class FilteredWind:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    @classmethod
+    def empty(cls, count: int) -> FilteredWind:
+        """Return a course of `count` steps to be filled."""
+        unknown = np.full(count, np.nan)
+        return cls(
+            unknown, np.full((count, 2), np.nan), np.full((count, 3), np.nan), unknown.copy(), np.zeros(count, np.bool_)
+        )
+
+    @classmethod
+    def joined(cls, parts: Iterable[FilteredWind]) -> FilteredWind:
+        """Return courses one after the other."""
+        kept = list(parts) or [cls.empty(0)]
+        return cls(*(np.concatenate([getattr(part, item.name) for part in kept]) for item in fields(cls)))
+
+    def part(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> FilteredWind:
+        """Return some of the steps."""
+        return FilteredWind(*(getattr(self, item.name)[chosen] for item in fields(self)))
+
+    def put(self, row: int, now: WindEstimate) -> None:
+        """Fill in the time, wind and covariance of a step."""
+        self.time_s[row] = now.time_s
+        self.wind[row] = now.north_mps, now.east_mps
+        self.covariance[row] = now.var_north, now.cov_north_east, now.var_east
 
     @property
     def sigma_mps(self) -> NDArray[np.float64]:
@@ -258,13 +290,8 @@ def filter_log(
 
     given = settings or WindFilterSettings()
     count = len(time_s)
-    result = FilteredWind(
-        np.asarray(time_s, dtype=np.float64),
-        np.empty((count, 2)),
-        np.empty((count, 3)),
-        np.empty(count),
-        np.empty(count, dtype=np.bool_),
-    )
+    result = FilteredWind.empty(count)
+    result.time_s[:] = time_s
     run_filter(
         result.time_s,
         np.ascontiguousarray(wind, dtype=np.float64),

@@ -5,11 +5,71 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from models.compiled import compiled
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
+
+
+NORTH, EAST, NN, NE, EE, REJECTED, FIRST_S, SUM_N, SUM_E = range(9)
+"""Places in the state: wind, its covariance; rejections in a row, time of the first, sum of their innovations."""
+STATE_SIZE = 9
+
+
+@compiled
+def _predict(state: NDArray[np.float64], north: float, east: float, keep: float, variance: float) -> None:
+    """Let the wind return to the forecast by the share that is not kept."""
+    state[NORTH] = north + keep * (state[NORTH] - north)
+    state[EAST] = east + keep * (state[EAST] - east)
+    keep *= keep
+    state[NN] = keep * state[NN] + (1.0 - keep) * variance
+    state[NE] = keep * state[NE]
+    state[EE] = keep * state[EE] + (1.0 - keep) * variance
+
+
+@compiled
+def _nis(state: NDArray[np.float64], miss_n: float, miss_e: float, noise: NDArray[np.float64]) -> float:
+    """Normalised innovation squared."""
+    s_nn, s_ne, s_ee = state[NN] + noise[0], state[NE] + noise[1], state[EE] + noise[2]
+    value = s_ee * miss_n * miss_n - 2.0 * s_ne * miss_n * miss_e + s_nn * miss_e * miss_e
+    return float(value / (s_nn * s_ee - s_ne * s_ne))
+
+
+@compiled
+def _persuaded(
+    state: NDArray[np.float64], miss_n: float, miss_e: float, time_s: float, patience_s: float, patience_count: int
+) -> bool:
+    """Count a rejection; after too many of them in a row widen the covariance."""
+    if state[REJECTED] == 0.0:
+        state[FIRST_S], state[SUM_N], state[SUM_E] = time_s, 0.0, 0.0
+    state[REJECTED] += 1.0
+    state[SUM_N] += miss_n
+    state[SUM_E] += miss_e
+    if state[REJECTED] < patience_count or time_s - state[FIRST_S] < patience_s:
+        return False
+    mean_n, mean_e = state[SUM_N] / state[REJECTED], state[SUM_E] / state[REJECTED]
+    state[NN] += mean_n * mean_n
+    state[NE] += mean_n * mean_e
+    state[EE] += mean_e * mean_e
+    return True
+
+
+@compiled
+def _update(state: NDArray[np.float64], miss_n: float, miss_e: float, noise: NDArray[np.float64]) -> None:
+    """Take a measurement."""
+    nn, ne, ee = state[NN], state[NE], state[EE]
+    s_nn, s_ne, s_ee = nn + noise[0], ne + noise[1], ee + noise[2]
+    det = s_nn * s_ee - s_ne * s_ne
+    gain_nn, gain_ne = (nn * s_ee - ne * s_ne) / det, (ne * s_nn - nn * s_ne) / det
+    gain_en, gain_ee = (ne * s_ee - ee * s_ne) / det, (ee * s_nn - ne * s_ne) / det
+    state[NORTH] += gain_nn * miss_n + gain_ne * miss_e
+    state[EAST] += gain_en * miss_n + gain_ee * miss_e
+    state[NN] = nn - gain_nn * nn - gain_ne * ne
+    state[NE] = ne - gain_nn * ne - gain_ne * ee
+    state[EE] = ee - gain_en * ne - gain_ee * ee
+    state[REJECTED] = 0.0
 
 
 @compiled
@@ -45,51 +105,23 @@ def run_filter(
         Filled with the posterior (n, 2), its covariance (n, 3), the normalised innovation squared before the gate (n,)
         and whether the measurement was used (n,).
     """
+    state = np.zeros(STATE_SIZE)
     variance = sigma_mps * sigma_mps
-    north = east = 0.0
-    nn, ne, ee = variance, 0.0, variance
-    rejected, first_s, sum_n, sum_e = 0, 0.0, 0.0, 0.0
+    state[NN] = state[EE] = variance
     for row in range(len(time_s)):
         if row == 0:
-            north, east = forecast[0, 0], forecast[0, 1]
+            state[NORTH], state[EAST] = forecast[0, 0], forecast[0, 1]
         else:
             keep = math.exp(-max(time_s[row] - time_s[row - 1], 0.0) / tau_s)
-            north = forecast[row, 0] + keep * (north - forecast[row, 0])
-            east = forecast[row, 1] + keep * (east - forecast[row, 1])
-            keep *= keep
-            nn = keep * nn + (1.0 - keep) * variance
-            ne = keep * ne
-            ee = keep * ee + (1.0 - keep) * variance
-        miss_n, miss_e = wind[row, 0] - north, wind[row, 1] - east
-        s_nn, s_ne, s_ee = nn + noise[row, 0], ne + noise[row, 1], ee + noise[row, 2]
-        det = s_nn * s_ee - s_ne * s_ne
-        value = (s_ee * miss_n * miss_n - 2.0 * s_ne * miss_n * miss_e + s_nn * miss_e * miss_e) / det
+            _predict(state, forecast[row, 0], forecast[row, 1], keep, variance)
+        miss_n, miss_e = wind[row, 0] - state[NORTH], wind[row, 1] - state[EAST]
+        value = _nis(state, miss_n, miss_e, noise[row])
         nis[row] = value
         use = value <= gate
-        if not use and value == value:  # noqa: PLR0124  false for NaN
-            if rejected == 0:
-                first_s, sum_n, sum_e = time_s[row], 0.0, 0.0
-            rejected += 1
-            sum_n += miss_n
-            sum_e += miss_e
-            if rejected >= patience_count and time_s[row] - first_s >= patience_s:
-                mean_n, mean_e = sum_n / rejected, sum_e / rejected
-                nn += mean_n * mean_n
-                ne += mean_n * mean_e
-                ee += mean_e * mean_e
-                s_nn, s_ne, s_ee = nn + noise[row, 0], ne + noise[row, 1], ee + noise[row, 2]
-                det = s_nn * s_ee - s_ne * s_ne
-                use = True
+        if value > gate:
+            use = _persuaded(state, miss_n, miss_e, time_s[row], patience_s, patience_count)
         accepted[row] = use
         if use:
-            rejected = 0
-            gain_nn, gain_ne = (nn * s_ee - ne * s_ne) / det, (ne * s_nn - nn * s_ne) / det
-            gain_en, gain_ee = (ne * s_ee - ee * s_ne) / det, (ee * s_nn - ne * s_ne) / det
-            north += gain_nn * miss_n + gain_ne * miss_e
-            east += gain_en * miss_n + gain_ee * miss_e
-            new_nn = nn - gain_nn * nn - gain_ne * ne
-            new_ne = ne - gain_nn * ne - gain_ne * ee
-            new_ee = ee - gain_en * ne - gain_ee * ee
-            nn, ne, ee = new_nn, new_ne, new_ee
-        estimate[row, 0], estimate[row, 1] = north, east
-        covariance[row, 0], covariance[row, 1], covariance[row, 2] = nn, ne, ee
+            _update(state, miss_n, miss_e, noise[row])
+        estimate[row] = state[NORTH : EAST + 1]
+        covariance[row] = state[NN : EE + 1]

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from models.errors import InputError
-from models.forecast_update import crps, refined, slot_observations, update_forecast
+from models.forecast_update import SlotAverages, crps, refined, update_forecast
 from models.geodesy import direct
-from models.telemetry import TelemetryTrack
 from models.wind_ensemble import WindEnsemble
 from models.wind_field import ResidualModel, WindField, WindObservation
-from models.wind_filter import filter_log
+from models.wind_filter import WindEstimate
 from models.wind_forecast import analogue_ensemble, truth_series
 
 START_S = 1_700_000_000.0
@@ -56,14 +55,13 @@ def test_each_member_is_moved_by_its_own_residual_which_fades_with_the_horizon()
 
 
 def test_the_same_slot_told_a_hundred_times_over_by_a_filter_is_one_observation():
-    count = 3000
-    time_s = START_S + 0.2 * np.arange(count)
-    columns = {"lat_deg": np.full(count, 40.7), "lon_deg": np.full(count, -74.0)}
-    track = TelemetryTrack.of_columns(1, time_s, columns)
-    course = filter_log(time_s, np.tile([5.0, 1.0], (count, 1)), np.tile([0.5, 0.0, 0.5], (count, 1)), np.zeros(2))
-    observations = slot_observations(course, track, slot_s=600.0)
+    averages = SlotAverages(slot_s=600.0)
+    for number in range(3000):
+        averages.add(WindEstimate(START_S + 0.2 * number, 5.0, 1.0, 0.1, 0.0, 0.1), 40.7, -74.0)
+    observations = averages.observations()
     assert len(observations) <= 2
     assert min(one.variance for one in observations) >= 0.49
+    assert (observations[0].north_mps, observations[0].lat_deg) == pytest.approx((5.0, 40.7))
 
 
 def test_without_observations_the_forecast_stays():

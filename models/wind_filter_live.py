@@ -1,0 +1,176 @@
+"""The wind that a drone feels, straight from its telemetry: the one class that a live flight and a replay use.
+
+Feed samples, read the estimate; when the forecast is to be brought up to date, hand over the observations::
+
+    wind = LiveWind(drag=read_drag(path), forecast=forecast_of(ensemble), settings=settings_for(ensemble))
+    for sample in telemetry:                      # models.telemetry.TelemetrySample, live or replayed
+        if (now := wind.hear(sample)) is not None:  # about once a second
+            now.north_mps, now.east_mps, now.sigma_mps, now.source
+    updated = update_forecast(ensemble, wind.observations())  # models.forecast_update
+
+Several drones: one `LiveWind` each, and the observations of all of them in one list. The ensemble and the observations
+have to be for the same height (`WindEnsemble.at_height`). Nothing here knows the future: an estimate is made of what was heard
+before it, and is at most one period old.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.drag import DragModel
+from models.drag_monitor import DragCheck, check_drag
+from models.forecast_update import SlotAverages
+from models.telemetry import QUANTITIES, TelemetryTrack
+from models.wind_filter import FilteredWind, WindEstimate, WindFilter, WindFilterSettings
+from models.wind_filter_blocks import BlockMaker, Blocks
+from models.wind_filter_measurement import measurements, tilt_air_velocity
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from models.telemetry import TelemetrySample
+    from models.wind_ensemble import WindEnsemble
+    from models.wind_field import WindObservation
+
+    Forecast = Callable[[float, float, float], tuple[float, float]]
+
+NOMINAL_DRAG = DragModel(relative_sigma=0.35)
+"""Where no drag is known: that of a common quadcopter, uncertain by a third."""
+NO_FORECAST = WindFilterSettings(tau_s=1800.0, sigma_mps=5.0)
+"""How the wind is taken where nothing is forecast: anything up to a gale, slowly changing."""
+DRAG_WINDOW = 300
+"""Blocks of flight that the drag is checked with."""
+
+
+def forecast_of(ensemble: WindEnsemble) -> Forecast:
+    """Return the mean of a forecast as a function of (POSIX seconds, latitude, longitude): (north, east), m/s.
+
+    Where the place is not known (NaN), the first site stands for it.
+    """
+
+    def wind(time_s: float, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        known = math.isfinite(lat_deg) and math.isfinite(lon_deg)
+        lat, lon = (lat_deg, lon_deg) if known else (float(ensemble.site_lat[0]), float(ensemble.site_lon[0]))
+        north, east = ensemble.wind_at(lat, lon, ensemble.slot_at(time_s))
+        return float(ensemble.probability @ north), float(ensemble.probability @ east)
+
+    return wind
+
+
+def settings_for(ensemble: WindEnsemble) -> WindFilterSettings:
+    """Return settings whose wind strays from the forecast as far as its members do, at least 1 m/s."""
+    weight = ensemble.probability[:, None, None]
+    spread = sum(
+        float((weight * (values - (weight * values).sum(axis=0)) ** 2).sum(axis=0).mean())
+        for values in (ensemble.north, ensemble.east)
+    )
+    return WindFilterSettings(sigma_mps=max(math.sqrt(0.5 * spread), 1.0))
+
+
+class LiveWind:
+    """The wind of one vehicle, estimated as its telemetry comes.
+
+    Parameters
+    ----------
+    drag : DragModel or None
+        Of this drone (`models.drag_file.read_drag`); `NOMINAL_DRAG` where it is not known, None where tilt tells nothing.
+    forecast : callable, optional
+        (POSIX seconds, latitude, longitude) to the (north, east) that is expected, m/s; by default nothing is.
+    settings : WindFilterSettings, optional
+        How the wind strays from the forecast.
+    period_s : float
+        Of the averages, each of which gives an estimate.
+
+    Attributes
+    ----------
+    filter : WindFilter or None
+        None before the first average.
+    """
+
+    def __init__(
+        self,
+        *,
+        drag: DragModel | None = NOMINAL_DRAG,
+        forecast: Forecast | None = None,
+        settings: WindFilterSettings | None = None,
+        period_s: float = 1.0,
+    ) -> None:
+        self.drag = drag
+        self.settings = settings or (NO_FORECAST if forecast is None else WindFilterSettings())
+        self.filter: WindFilter | None = None
+        self._forecast = forecast or (lambda *_: (0.0, 0.0))
+        self._period_s = period_s
+        self._maker = BlockMaker(period_s)
+        self._waiting: list[tuple[float, ...]] = []
+        self._heard_s = -math.inf
+        self._autopilot_s = -math.inf
+        self._flown: deque[tuple[float, ...]] = deque(maxlen=DRAG_WINDOW)
+        self._slots = SlotAverages()
+
+    @property
+    def estimate(self) -> WindEstimate | None:
+        """Newest estimate; None before the first."""
+        return None if self.filter is None else self.filter.estimate
+
+    def hear(self, sample: TelemetrySample) -> WindEstimate | None:
+        """Take a sample; returns an estimate where it ends a period. One that is older than the last is left out."""
+        if not sample.time_s >= self._heard_s:
+            return None
+        period = math.floor(sample.time_s / self._period_s)
+        over = bool(self._waiting) and period != math.floor(self._heard_s / self._period_s)
+        self._heard_s = sample.time_s
+        self._waiting.append((sample.time_s, *(getattr(sample, name) for name in QUANTITIES)))
+        if not over:
+            return None
+        table = np.array(self._waiting)
+        self._waiting.clear()
+        return self.estimate if len(self.feed(TelemetryTrack(sample.system, table[:, 0], table[:, 1:]))) else None
+
+    def feed(self, track: TelemetryTrack) -> FilteredWind:
+        """Take many samples, not older than those before; returns the filter's course over the periods that are over."""
+        return self._follow(self._maker.feed(track))
+
+    def close(self) -> FilteredWind:
+        """Take the last period, which no later sample ends."""
+        return self._follow(self._maker.flush())
+
+    def observations(self) -> tuple[WindObservation, ...]:
+        """Averages over slots of all that was measured, each counting once, for `models.forecast_update.update_forecast`."""
+        return self._slots.observations()
+
+    def check_drag(self) -> DragCheck:
+        """Say whether the drag in use fits the last minutes."""
+        table = np.array(self._flown).reshape(-1, 4)
+        return check_drag(table[:, :2], table[:, 2:])
+
+    def _follow(self, air: Blocks) -> FilteredWind:
+        """Let the filter live through blocks."""
+        course = FilteredWind.empty(len(air))
+        found = measurements(air, self.drag, self._autopilot_s)
+        taken = found.source == "autopilot"
+        self._autopilot_s = float(found.time_s[taken][-1]) if taken.any() else self._autopilot_s
+        if self.drag is not None:
+            seen = air.flying & ~air.winged & np.isfinite(air.drag).all(axis=1)
+            pairs = np.concatenate([air.velocity, tilt_air_velocity(air, self.drag)], axis=1)
+            self._flown.extend(map(tuple, pairs[seen][-DRAG_WINDOW:].tolist()))
+        begins = np.searchsorted(found.time_s, air.time_s, side="left")
+        ends = np.searchsorted(found.time_s, air.time_s, side="right")
+        for row, (time_s, place) in enumerate(zip(air.time_s.tolist(), air.place.tolist(), strict=True)):
+            expected = self._forecast(time_s, place[0], place[1])
+            if self.filter is None:
+                self.filter = WindFilter(time_s, *expected, self.settings)
+            self.filter.predict(time_s, expected)
+            for number in range(begins[row], ends[row]):
+                nn, ne, ee = found.noise[number].tolist()
+                north, east = found.wind[number].tolist()
+                course.accepted[row] |= self.filter.update((north, east), [[nn, ne], [ne, ee]])
+                course.nis[row] = self.filter.last_nis
+            now = self.filter.estimate
+            course.put(row, now)
+            if course.accepted[row]:
+                self._slots.add(now, place[0], place[1])
+        return course
