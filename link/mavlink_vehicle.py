@@ -47,6 +47,7 @@ E_ = TypeVar("E_", bound="Exchange")
 FIND_S = 10.0
 _ARM, _LAND, _RETURN, _GRIPPER, _REPOSITION = 400, 21, 20, 211, 192
 _SET_MODE, _PAUSE, _START, _INTERVAL, _BATTERY_RESET = 176, 193, 300, 511, 42651
+_SPEED, _GROUND_SPEED, _SAME_THROTTLE = 178, 1.0, -1.0
 _MODE_S, _RETRY_ARM_S = 4.0, 1.0
 
 
@@ -88,6 +89,7 @@ class MavlinkVehicle:
             raise InputError(Fault("an autopilot that we do not know", value=self.peer.autopilot, remedy=remedy))
         self.family = family
         self.live = LiveTelemetry(system)
+        self._addressed = {"target_system": system, "target_component": self.peer.component}
         self.blocked: UploadOutcome | None = None
         self._new: list[TelemetrySample] = []
         self._counts: dict[str, int] = {}
@@ -97,10 +99,14 @@ class MavlinkVehicle:
         if peer is not self.peer:
             return
         self._counts[message.name] = self._counts.get(message.name, 0) + 1
-        sample = self.live.hear(message, self.connection.clock.posix_s())
+        posix_s = self.connection.clock.posix_s()
+        sample = self.live.hear(message, posix_s)
         if sample is not None:
             self._new.append(sample)
             del self._new[:-1000]
+        asked_ns = self.live.clock.question(posix_s)
+        if asked_ns is not None:
+            self.connection.send("TIMESYNC", self.system, tc1=0, ts1=asked_ns, **self._addressed)
 
     def _do(self, exchange: E_) -> E_:
         def steps() -> Steps[None]:
@@ -125,6 +131,16 @@ class MavlinkVehicle:
         """Its mode, for a person."""
         beat = self.peer.latest.get("HEARTBEAT")
         return "unknown" if beat is None else self.family.mode_name(beat["custom_mode"])
+
+    @property
+    def reboots(self) -> int:
+        """How often it has restarted since it was met."""
+        return self.live.clock.reboots
+
+    @property
+    def silent_s(self) -> float:
+        """For how long nothing has been heard of it."""
+        return self.connection.clock.now_s() - self.peer.heard_s
 
     def texts(self) -> list[str]:
         """What it has said, the newest last."""
@@ -300,6 +316,12 @@ class MavlinkVehicle:
             self.command("continue", _PAUSE, 1.0)
         else:
             self.set_mode("mission")
+
+    def change_speed(self, ground_speed_mps: float) -> None:
+        """Fly the mission on at another ground speed; the vehicle's own limit caps it."""
+        if not 0.0 < ground_speed_mps < math.inf:
+            raise InputError(Fault("is no speed", field="ground_speed_mps", value=ground_speed_mps))
+        self.command("change its speed", _SPEED, _GROUND_SPEED, ground_speed_mps, _SAME_THROTTLE)
 
     def go_to(self, lat_deg: float, lon_deg: float, height_m: float) -> None:
         """Fly there, height above home, and stay."""

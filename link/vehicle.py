@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from link.autopilots import Family
     from link.mission_words import MissionKind
     from link.parameters import ParameterCheck, ParameterValue
     from link.verified import Part, UploadOutcome
@@ -74,6 +75,43 @@ def version_text(number: int) -> str:
 class Vehicle(Protocol):
     """One vehicle. Every method may raise a `LinkError`; what moves it says so in words when it is refused."""
 
+    @property
+    def family(self) -> Family:
+        """Which autopilot's way it has."""
+        ...
+
+    @property
+    def armed(self) -> bool:
+        """Whether it said so last; one that was never heard counts as armed."""
+        ...
+
+    @property
+    def mode(self) -> str:
+        """The mode it said it is in last, for a person."""
+        ...
+
+    @property
+    def reboots(self) -> int:
+        """How often it has restarted since it was met."""
+        ...
+
+    @property
+    def silent_s(self) -> float:
+        """For how long nothing has been heard of it."""
+        ...
+
+    def texts(self) -> list[str]:
+        """What it has said, the newest last."""
+        ...
+
+    def request_telemetry(self, rates_hz: Mapping[int, float] = ...) -> tuple[int, ...]:
+        """Ask for the messages that telemetry is made of; returns the ids of those refused."""
+        ...
+
+    def check_ground_station(self) -> None:
+        """Make sure that its failsafe counts our heartbeat."""
+        ...
+
     def identify(self) -> Identity:
         """Tell who it is."""
         ...
@@ -116,6 +154,10 @@ class Vehicle(Protocol):
 
     def resume(self) -> None:
         """Go on with the mission."""
+        ...
+
+    def change_speed(self, ground_speed_mps: float) -> None:
+        """Fly the mission on at another ground speed."""
         ...
 
     def go_to(self, lat_deg: float, lon_deg: float, height_m: float) -> None:
