@@ -44,107 +44,57 @@ if TYPE_CHECKING:
     from models.telemetry import TelemetrySample
 
 E_ = TypeVar("E_", bound="Exchange")
-FIND_S = 10.0
+T = TypeVar("T")
 _ARM, _LAND, _RETURN, _GRIPPER, _REPOSITION = 400, 21, 20, 211, 192
 _SET_MODE, _PAUSE, _START, _INTERVAL, _BATTERY_RESET = 176, 193, 300, 511, 42651
 _SPEED, _GROUND_SPEED, _SAME_THROTTLE = 178, 1.0, -1.0
 _MODE_S, _RETRY_ARM_S = 4.0, 1.0
 
 
-class MavlinkVehicle:
-    """One vehicle on a connection.
+class Speaker(Protocol):
+    """Who carries exchanges with a vehicle out: the connection itself, or another library on it."""
+
+    def perform(self, steps: Steps[T]) -> T:
+        """Carry a procedure out."""
+        ...
+
+
+class MavlinkVehicle(Seen):
+    """One vehicle on a connection, commanded.
 
     Parameters
     ----------
     connection : Connection
         The link; several vehicles may share it.
     system : int or None
-        Which one; None is the first heard.
+        Which one; None is the only one heard.
     autopilot : str or None
         ``px4`` or ``ardupilot`` where its heartbeat shall not decide.
+
+    Attributes
+    ----------
+    blocked : UploadOutcome or None
+        An upload after which it is not known what the vehicle holds: it is not started.
 
     Raises
     ------
     VehicleTimeoutError
         No such vehicle is heard.
     InputError
-        Its autopilot is none that we know.
+        Several are heard, or its autopilot is none that we know.
     """
 
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
-        self.connection = connection
-        known = connection.peers
-        connection.wait(lambda: bool(known) if system is None else system in known, FIND_S)
-        if system is None and len(known) == 1:
-            system = next(iter(known))
-        if system is None and known:
-            heard = ", ".join(map(str, sorted(known)))
-            raise InputError(Fault("several vehicles are heard", field="--system", remedy=f"one of {heard}"))
-        if system is None or system not in known:
-            raise VehicleTimeoutError("no heartbeat" if system is None else f"no heartbeat of system {system}", FIND_S)
-        self.peer: Peer = known[system]
-        family = family_named(autopilot) if autopilot else family_of(self.peer.autopilot)
-        if family is None:
-            remedy = "say which one it resembles with --autopilot px4 or ardupilot"
-            raise InputError(Fault("an autopilot that we do not know", value=self.peer.autopilot, remedy=remedy))
-        self.family = family
-        self.live = LiveTelemetry(system)
-        self._addressed = {"target_system": system, "target_component": self.peer.component}
+        super().__init__(connection, system, autopilot)
         self.blocked: UploadOutcome | None = None
-        self._new: list[TelemetrySample] = []
-        self._counts: dict[str, int] = {}
-        connection.listeners.append(self._hear)
-
-    def _hear(self, peer: Peer, message: Message) -> None:
-        if peer is not self.peer:
-            return
-        self._counts[message.name] = self._counts.get(message.name, 0) + 1
-        posix_s = self.connection.clock.posix_s()
-        sample = self.live.hear(message, posix_s)
-        if sample is not None:
-            self._new.append(sample)
-            del self._new[:-1000]
-        asked_ns = self.live.clock.question(posix_s)
-        if asked_ns is not None:
-            self.connection.send("TIMESYNC", self.system, tc1=0, ts1=asked_ns, **self._addressed)
+        self._speaker: Speaker = connection
 
     def _do(self, exchange: E_) -> E_:
         def steps() -> Steps[None]:
             yield exchange
 
-        self.connection.perform(steps())
+        self._speaker.perform(steps())
         return exchange
-
-    @property
-    def system(self) -> int:
-        """Its system id."""
-        return self.peer.system
-
-    @property
-    def armed(self) -> bool:
-        """Whether its last heartbeat said so; one that was never heard counts as armed."""
-        beat = self.peer.latest.get("HEARTBEAT")
-        return beat is None or bool(beat["base_mode"] & 128)
-
-    @property
-    def mode(self) -> str:
-        """Its mode, for a person."""
-        beat = self.peer.latest.get("HEARTBEAT")
-        return "unknown" if beat is None else self.family.mode_name(beat["custom_mode"])
-
-    @property
-    def reboots(self) -> int:
-        """How often it has restarted since it was met."""
-        return self.live.clock.reboots
-
-    @property
-    def silent_s(self) -> float:
-        """For how long nothing has been heard of it."""
-        return self.connection.clock.now_s() - self.peer.heard_s
-
-    def texts(self) -> list[str]:
-        """What it has said, the newest last."""
-        return [text for _, text in self.peer.texts]
 
     def identify(self) -> Identity:
         """Tell who it is; what it does not tell stays unknown."""
@@ -164,22 +114,6 @@ class MavlinkVehicle:
             if self._do(asked).result != ACCEPTED:
                 refused.append(wanted)
         return tuple(refused)
-
-    def measured_rates(self, duration_s: float) -> dict[str, float]:
-        """Messages a second of each name that really come, over some time."""
-        before = dict(self._counts)
-        self.connection.run_for(duration_s)
-        return {name: (count - before.get(name, 0)) / duration_s for name, count in self._counts.items()}
-
-    def samples(self, duration_s: float = math.inf) -> Iterator[TelemetrySample]:
-        """Yield telemetry as it comes; ends after the time, or when the vehicle falls silent for 10 s."""
-        clock = self.connection.clock
-        end = clock.now_s() + duration_s
-        while clock.now_s() < end:
-            ready, self._new = self._new, []
-            yield from ready
-            if not ready and not self.connection.wait(lambda: bool(self._new), min(FIND_S, end - clock.now_s())):
-                return
 
     def _read(self, name: str, setting: tuple[float, int] | None = None) -> ParameterValue | None:
         bytewise, trip = self.family.bytewise, self.peer.round_trip

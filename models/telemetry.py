@@ -58,6 +58,10 @@ class TelemetrySample:
         Item that is flown to, as the vehicle counts.
     mode : float
         The autopilot's custom mode number.
+    mission_reached : float
+        Item reached last, as the vehicle counts.
+    link_loss : float
+        Share of its latest packets that did not arrive, 0 to 1; NaN in logs.
     """
 
     time_s: float
@@ -85,6 +89,8 @@ class TelemetrySample:
     fixed_wing: float = math.nan
     mission_item: float = math.nan
     mode: float = math.nan
+    mission_reached: float = math.nan
+    link_loss: float = math.nan
 
     @property
     def ground_speed_mps(self) -> float:

@@ -5,6 +5,7 @@ The same assembler serves a log, where thousands of messages come at once, and a
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,19 @@ FRESH_S = 2.0
 """A quantity of motion older than this is not known any more."""
 SLOW_FRESH_S = 15.0
 """The same for what is told rarely."""
-SLOW = frozenset(("soc", "armed", "landed", "fixed_wing", "mission_item", "mode", "wind_north_mps", "wind_east_mps"))
+SLOW = frozenset(
+    (
+        "soc",
+        "armed",
+        "landed",
+        "fixed_wing",
+        "mission_item",
+        "mode",
+        "wind_north_mps",
+        "wind_east_mps",
+        "mission_reached",
+    )
+)
 TICK_GAP_S = 0.5
 """Where no attitude came for so long, a position gives a sample as well."""
 
@@ -61,6 +74,7 @@ class Assembler:
         self._last_time = np.full(len(QUANTITIES), -np.inf)
         self._last_value = np.full(len(QUANTITIES), np.nan)
         self._last_tick = -np.inf
+        self._last_main = -np.inf
         self._fresh = np.array([SLOW_FRESH_S if name in SLOW else FRESH_S for name in QUANTITIES])
 
     def feed(self, stretch: Stretch) -> TelemetryTrack:
@@ -90,10 +104,31 @@ class Assembler:
         return TelemetryTrack(self.system, ticks, values)
 
     def feed_one(self, time_s: float, columns: Mapping[str, float]) -> TelemetrySample | None:
-        """Take one live message; returns a sample where it completes one."""
-        stretch = Stretch()
-        stretch.add(time_s, columns)
-        return next(self.feed(stretch).samples(), None)
+        """Take one live message, in microseconds; returns a sample where it completes one, by the rules of `feed`."""
+        for name, value in columns.items():
+            number = COLUMN[name]
+            self._last_time[number], self._last_value[number] = time_s, value
+        if "roll_rad" in columns:
+            self._last_main = max(self._last_main, time_s)
+        elif "vel_north_mps" not in columns or time_s - self._last_main <= TICK_GAP_S:
+            return None
+        if time_s <= self._last_tick:
+            return None
+        self._last_tick = time_s
+        row = np.where(time_s - self._last_time <= self._fresh, self._last_value, np.nan).tolist()
+        power = row[COLUMN["voltage_v"]] * row[COLUMN["current_a"]]
+        if math.isfinite(power):
+            row[COLUMN["power_w"]] = power
+        return TelemetrySample(time_s=time_s, system=self.system, **dict(zip(QUANTITIES, row, strict=True)))
+
+    def latest(self, quantity: str) -> float:
+        """Newest report of a quantity, however old; NaN before the first."""
+        return float(self._last_value[COLUMN[quantity]])
+
+    def forget(self) -> None:
+        """Begin anew, as after a restart of the vehicle."""
+        self._last_time[:], self._last_value[:] = -np.inf, np.nan
+        self._last_tick = self._last_main = -math.inf
 
     def _ticks(self, stretch: Stretch) -> NDArray[np.float64]:
         """Times at which samples are taken: every attitude, and positions where attitudes are missing."""
@@ -101,7 +136,8 @@ class Assembler:
         other = [
             times for times, columns in stretch.reports if "vel_north_mps" in columns and "roll_rad" not in columns
         ]
-        ticks = np.sort(np.concatenate([np.array([self._last_tick]), *main]))
+        ticks = np.sort(np.concatenate([np.array([self._last_main]), *main]))
+        self._last_main = float(ticks[-1])
         if other:
             extra = np.sort(np.concatenate(other))
             before = ticks[np.searchsorted(ticks, extra, side="right") - 1]

@@ -26,6 +26,8 @@ GROUND_TYPES = (5, 6, 18, 26, 27, 30)
 PLANE_TYPES = (1,)
 ROTOR_TYPES = (2, 3, 4, 13, 14, 15, 29, 35)
 ARMED_FLAG = 128
+_REPEATED_MPS = 1e-3
+"""An airspeed so close to the ground speed is the ground speed again: a bridge without a sensor."""
 
 
 def _real(values: Any, unknown: Any, scale: float = 1.0) -> NDArray[np.float64]:
@@ -71,9 +73,11 @@ def _position(fields: Any) -> Columns:
 
 def _hud(fields: Any) -> Columns:
     airspeed = np.asarray(fields["airspeed"], dtype=np.float64)
+    repeated = np.abs(airspeed - np.asarray(fields["groundspeed"], dtype=np.float64)) < _REPEATED_MPS
+    unknown = (airspeed == 0.0) | ~np.isfinite(airspeed) | repeated
     height = np.clip(np.nan_to_num(np.asarray(fields["alt"], dtype=np.float64)), -500.0, 9000.0)
     return {
-        "airspeed_mps": _real(airspeed, (airspeed == 0.0) | ~np.isfinite(airspeed)) / np.sqrt(density_ratio(height)),
+        "airspeed_mps": _real(airspeed, unknown) / np.sqrt(density_ratio(height)),
         "throttle": np.asarray(fields["throttle"], dtype=np.float64) / 100.0,
     }
 
@@ -140,6 +144,10 @@ def _mission(fields: Any) -> Columns:
     return {"mission_item": np.asarray(fields["seq"], dtype=np.float64)}
 
 
+def _reached(fields: Any) -> Columns:
+    return {"mission_reached": np.asarray(fields["seq"], dtype=np.float64)}
+
+
 SPOKEN: Mapping[str, Callable[[Any], Columns]] = {
     "ATTITUDE": _attitude,
     "ATTITUDE_QUATERNION": _quaternion,
@@ -152,6 +160,7 @@ SPOKEN: Mapping[str, Callable[[Any], Columns]] = {
     "HEARTBEAT": _heartbeat,
     "EXTENDED_SYS_STATE": _extended,
     "MISSION_CURRENT": _mission,
+    "MISSION_ITEM_REACHED": _reached,
 }
 """Messages that telemetry is made of, and what each says."""
 
