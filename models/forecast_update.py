@@ -48,21 +48,22 @@ class SlotAverages:
         self.represent_mps = represent_mps
         self._sums: dict[int, list[float]] = {}
 
-    def add(self, now: WindEstimate, lat_deg: float, lon_deg: float) -> None:
+    def add(self, now: WindEstimate, lat_deg: float, lon_deg: float, height_m: float = math.nan) -> None:
         """Take an estimate that something was measured for; without a place it is left out."""
         if not (math.isfinite(lat_deg) and math.isfinite(lon_deg)):
             return
-        sums = self._sums.setdefault(math.floor(now.time_s / self.slot_s), [0.0] * 7)
+        sums = self._sums.setdefault(math.floor(now.time_s / self.slot_s), [0.0] * 8)
         variance = 0.5 * (now.var_north + now.var_east)
-        for place, value in enumerate((1.0, now.time_s, lat_deg, lon_deg, now.north_mps, now.east_mps, variance)):
+        values = (1.0, now.time_s, lat_deg, lon_deg, now.north_mps, now.east_mps, variance, height_m)
+        for place, value in enumerate(values):
             sums[place] += value
 
     def observations(self) -> tuple[WindObservation, ...]:
         """One observation for each slot in which something was measured, the one under way included."""
         found = []
         for count, *totals in (self._sums[slot] for slot in sorted(self._sums)):
-            time_s, lat, lon, north, east, variance = (total / count for total in totals)
-            found.append(WindObservation(time_s, lat, lon, north, east, variance + self.represent_mps**2))
+            time_s, lat, lon, north, east, variance, height_m = (total / count for total in totals)
+            found.append(WindObservation(time_s, lat, lon, north, east, variance + self.represent_mps**2, height_m))
         return tuple(found)
 
 

@@ -9,19 +9,24 @@ Source: N. Cressie, "Statistics for Spatial Data" (1993), section 3.2 (simple kr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from models import geodesy
 from models.errors import Fault, InputError
+from models.wind import height_factor
 from models.wind_filter import WindEstimate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
+
+MIN_PROFILE_M = 5.0
+"""Below this height the power law means nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +40,11 @@ class WindObservation:
     lat_deg, lon_deg : float
         Where, in the mean.
     north_mps, east_mps : float
-        TOWARDS, at the height of the forecast it is compared with.
+        TOWARDS, at the height of the forecast it is compared with (see `at_height`).
     variance : float
         Of one component, m2/s2.
+    height_m : float
+        Above ground, where it was measured; NaN where that is not known.
     """
 
     time_s: float
@@ -46,6 +53,20 @@ class WindObservation:
     north_mps: float
     east_mps: float
     variance: float
+    height_m: float = math.nan
+
+    def at_height(self, height_m: float, profile_exponent: float) -> WindObservation:
+        """Return what this means at another height, by the power law; the same where its own is not known."""
+        if math.isnan(self.height_m):
+            return self
+        factor = height_factor(height_m, max(self.height_m, MIN_PROFILE_M), profile_exponent)
+        return replace(
+            self,
+            north_mps=self.north_mps * factor,
+            east_mps=self.east_mps * factor,
+            variance=self.variance * factor**2,
+            height_m=height_m,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

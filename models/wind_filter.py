@@ -221,6 +221,8 @@ class FilteredWind:
     nis : ndarray, shape (n,)
         Before the gate; NaN where nothing was measured.
     accepted : ndarray of bool, shape (n,)
+    forecast : ndarray, shape (n, 2)
+        What it was told to expect, (north, east), m/s.
     """
 
     time_s: NDArray[np.float64]
@@ -228,6 +230,7 @@ class FilteredWind:
     covariance: NDArray[np.float64]
     nis: NDArray[np.float64]
     accepted: NDArray[np.bool_]
+    forecast: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -236,9 +239,9 @@ class FilteredWind:
     def empty(cls, count: int) -> FilteredWind:
         """Return a course of `count` steps to be filled."""
         unknown = np.full(count, np.nan)
-        return cls(
-            unknown, np.full((count, 2), np.nan), np.full((count, 3), np.nan), unknown.copy(), np.zeros(count, np.bool_)
-        )
+        pairs = np.full((count, 2), np.nan)
+        triples, no = np.full((count, 3), np.nan), np.zeros(count, dtype=np.bool_)
+        return cls(unknown, pairs, triples, unknown.copy(), no, pairs.copy())
 
     @classmethod
     def joined(cls, parts: Iterable[FilteredWind]) -> FilteredWind:
@@ -250,8 +253,9 @@ class FilteredWind:
         """Return some of the steps."""
         return FilteredWind(*(getattr(self, item.name)[chosen] for item in fields(self)))
 
-    def put(self, row: int, now: WindEstimate) -> None:
-        """Fill in the time, wind and covariance of a step."""
+    def put(self, row: int, now: WindEstimate, forecast: tuple[float, float]) -> None:
+        """Fill in the time, wind, covariance and forecast of a step."""
+        self.forecast[row] = forecast
         self.time_s[row] = now.time_s
         self.wind[row] = now.north_mps, now.east_mps
         self.covariance[row] = now.var_north, now.cov_north_east, now.var_east
@@ -292,11 +296,12 @@ def filter_log(
     count = len(time_s)
     result = FilteredWind.empty(count)
     result.time_s[:] = time_s
+    result.forecast[:] = forecast
     run_filter(
         result.time_s,
         np.ascontiguousarray(wind, dtype=np.float64),
         np.ascontiguousarray(noise, dtype=np.float64),
-        np.ascontiguousarray(np.broadcast_to(forecast, (count, 2)), dtype=np.float64),
+        result.forecast,
         given.tau_s,
         given.sigma_mps,
         given.gate,

@@ -16,7 +16,8 @@ before it, and is at most one period old.
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,8 @@ from models.drag import DragModel
 from models.drag_monitor import DragCheck, check_drag
 from models.forecast_update import SlotAverages
 from models.telemetry import QUANTITIES, TelemetryTrack
+from models.wind import height_factor
+from models.wind_field import MIN_PROFILE_M
 from models.wind_filter import FilteredWind, WindEstimate, WindFilter, WindFilterSettings
 from models.wind_filter_blocks import BlockMaker, Blocks
 from models.wind_filter_measurement import measurements, tilt_air_velocity
@@ -35,8 +38,9 @@ if TYPE_CHECKING:
     from models.telemetry import TelemetrySample
     from models.wind_ensemble import WindEnsemble
     from models.wind_field import WindObservation
+    from models.wind_filter_measurement import Measurements
 
-    Forecast = Callable[[float, float, float], tuple[float, float]]
+    Forecast = Callable[[float, float, float, float], tuple[float, float]]
 
 NOMINAL_DRAG = DragModel(relative_sigma=0.35)
 """Where no drag is known: that of a common quadcopter, uncertain by a third."""
@@ -46,17 +50,31 @@ DRAG_WINDOW = 300
 """Blocks of flight that the drag is checked with."""
 
 
-def forecast_of(ensemble: WindEnsemble) -> Forecast:
-    """Return the mean of a forecast as a function of (POSIX seconds, latitude, longitude): (north, east), m/s.
+def forecast_of(ensemble: WindEnsemble, profile_exponent: float | None = None) -> Forecast:
+    """Return the mean of a forecast as a function of (POSIX seconds, latitude, longitude, height): (north, east), m/s.
 
-    Where the place is not known (NaN), the first site stands for it.
+    Parameters
+    ----------
+    ensemble : WindEnsemble
+        The forecast. Where a place is not known (NaN), its first site stands for it.
+    profile_exponent : float, optional
+        Of the power law that carries the wind to the vehicle's height above the take-off site, never below
+        `MIN_PROFILE_M`; by default the forecast is taken to be for the height that is flown.
     """
 
-    def wind(time_s: float, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+    @lru_cache(maxsize=256)
+    def at(slot: int, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        north, east = ensemble.wind_at(lat_deg, lon_deg, slot)
+        return float(ensemble.probability @ north), float(ensemble.probability @ east)
+
+    def wind(time_s: float, lat_deg: float, lon_deg: float, height_m: float) -> tuple[float, float]:
         known = math.isfinite(lat_deg) and math.isfinite(lon_deg)
         lat, lon = (lat_deg, lon_deg) if known else (float(ensemble.site_lat[0]), float(ensemble.site_lon[0]))
-        north, east = ensemble.wind_at(lat, lon, ensemble.slot_at(time_s))
-        return float(ensemble.probability @ north), float(ensemble.probability @ east)
+        north, east = at(ensemble.slot_at(time_s), round(lat, 3), round(lon, 3))
+        if profile_exponent is None or not math.isfinite(height_m):
+            return north, east
+        factor = height_factor(max(height_m, MIN_PROFILE_M), ensemble.height_m, profile_exponent)
+        return north * factor, east * factor
 
     return wind
 
@@ -79,7 +97,8 @@ class LiveWind:
     drag : DragModel or None
         Of this drone (`models.drag_file.read_drag`); `NOMINAL_DRAG` where it is not known, None where tilt tells nothing.
     forecast : callable, optional
-        (POSIX seconds, latitude, longitude) to the (north, east) that is expected, m/s; by default nothing is.
+        (POSIX seconds, latitude, longitude, height above take-off, m) to the (north, east) that is expected, m/s; by default
+        nothing is.
     settings : WindFilterSettings, optional
         How the wind strays from the forecast.
     period_s : float
@@ -89,6 +108,12 @@ class LiveWind:
     ----------
     filter : WindFilter or None
         None before the first average.
+    expected : (float, float)
+        The newest forecast it was told, (north, east), m/s.
+    measured : Counter of str
+        Measurements of each kind: ``tilt``, ``airspeed``, ``autopilot``.
+    rejected : int
+        Measurements that the gate did not let pass.
     """
 
     def __init__(
@@ -102,6 +127,9 @@ class LiveWind:
         self.drag = drag
         self.settings = settings or (NO_FORECAST if forecast is None else WindFilterSettings())
         self.filter: WindFilter | None = None
+        self.expected = (math.nan, math.nan)
+        self.measured: Counter[str] = Counter()
+        self.rejected = 0
         self._forecast = forecast or (lambda *_: (0.0, 0.0))
         self._period_s = period_s
         self._maker = BlockMaker(period_s)
@@ -151,6 +179,7 @@ class LiveWind:
         """Let the filter live through blocks."""
         course = FilteredWind.empty(len(air))
         found = measurements(air, self.drag, self._autopilot_s)
+        self.measured.update(found.source.tolist())
         taken = found.source == "autopilot"
         self._autopilot_s = float(found.time_s[taken][-1]) if taken.any() else self._autopilot_s
         if self.drag is not None:
@@ -160,17 +189,22 @@ class LiveWind:
         begins = np.searchsorted(found.time_s, air.time_s, side="left")
         ends = np.searchsorted(found.time_s, air.time_s, side="right")
         for row, (time_s, place) in enumerate(zip(air.time_s.tolist(), air.place.tolist(), strict=True)):
-            expected = self._forecast(time_s, place[0], place[1])
+            self.expected = self._forecast(time_s, *place)
             if self.filter is None:
-                self.filter = WindFilter(time_s, *expected, self.settings)
-            self.filter.predict(time_s, expected)
+                self.filter = WindFilter(time_s, *self.expected, self.settings)
+            self.filter.predict(time_s, self.expected)
             for number in range(begins[row], ends[row]):
-                nn, ne, ee = found.noise[number].tolist()
-                north, east = found.wind[number].tolist()
-                course.accepted[row] |= self.filter.update((north, east), [[nn, ne], [ne, ee]])
+                used = self._take(found, number)
+                self.rejected += not used
+                course.accepted[row] |= used
                 course.nis[row] = self.filter.last_nis
-            now = self.filter.estimate
-            course.put(row, now)
+            course.put(row, self.filter.estimate, self.expected)
             if course.accepted[row]:
-                self._slots.add(now, place[0], place[1])
+                self._slots.add(self.filter.estimate, *place)
         return course
+
+    def _take(self, found: Measurements, number: int) -> bool:
+        """Give the filter one measurement."""
+        nn, ne, ee = found.noise[number].tolist()
+        north, east = found.wind[number].tolist()
+        return self.filter is not None and self.filter.update((north, east), [[nn, ne], [ne, ee]])

@@ -99,6 +99,6 @@ def test_what_a_drone_measures_updates_a_forecast(flight):
     live = LiveWind(drag=DRAG, forecast=forecast_of(before), settings=settings_for(before))
     live.feed(flight)
     after = update_forecast(before, live.observations())
-    mean = forecast_of(after)(float(flight.time_s[-1]), 47.0, 8.0)
+    mean = forecast_of(after)(float(flight.time_s[-1]), 47.0, 8.0, 60.0)
     assert mean == pytest.approx((-4.0, 3.0), abs=1.2)
     assert settings_for(after).sigma_mps < settings_for(before).sigma_mps
