@@ -30,8 +30,8 @@ class Battery:
         Charging without a limit of the pad.
     soc : float
         True state of charge, 0-1.
-    resistance_ohm : float
-        Internal resistance of all packs together.
+    resistance_ohm, nominal_ohm : float
+        Internal resistance of all packs together; of sound ones.
     current_a : float
         Drawn at present; negative while charging.
     consumed_j : float
@@ -42,6 +42,7 @@ class Battery:
     curve: ChargingCurve
     soc: float = 1.0
     resistance_ohm: float = 0.025
+    nominal_ohm: float = 0.025
     current_a: float = 0.0
     consumed_j: float = 0.0
     power_w: float = 0.0

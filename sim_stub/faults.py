@@ -18,19 +18,37 @@ KINDS = {
     "wind-shift": "extra wind of VALUE m/s (5), for good",
     "battery-sag": "internal resistance times VALUE (4)",
     "battery-drop": "state of charge lower by VALUE (0.2) at once",
+    "battery-weak": "the battery holds VALUE (0.9) of its nameplate energy",
+    "battery-swap": "another battery with VALUE (1) of charge, and a restart; on the ground, disarmed",
     "soc-unknown": "battery percentage reported as -1",
     "soc-stuck": "battery percentage stays where it is",
     "soc-jump": "battery percentage reported as VALUE (0.5)",
     "link-loss": "no packet passes in either direction",
     "gps": "no position",
+    "gps-glitch": "the receiver is off by VALUE m (40), for 20 s unless it says how long",
     "rc-loss": "remote control lost",
     "prearm": "a pre-arm check fails",
     "reboot": "the autopilot restarts by itself",
     "pilot": "a pilot switches the mode to VALUE (position)",
+    "pads-taken": "other drones take every pad of station VALUE (all of them), for an hour unless it says how long",
 }
 """Every fault with what it does and its default value."""
-_DEFAULTS = {"gust": 8.0, "wind-shift": 5.0, "battery-sag": 4.0, "battery-drop": 0.2, "soc-jump": 0.5}
-_LASTS_S = {"gust": 15.0}
+AT_STATIONS = "pads-taken"
+"""The fault that befalls stations, not vehicles."""
+_WORDS = {"pilot": "position", "pads-taken": ""}
+_RANGES = {
+    # kind: default, least, most
+    "gust": (8.0, 0.0, 60.0),
+    "wind-shift": (5.0, 0.0, 60.0),
+    "battery-sag": (4.0, 0.0, 100.0),
+    "battery-drop": (0.2, 0.0, 1.0),
+    "battery-weak": (0.9, 0.01, 2.0),
+    "battery-swap": (1.0, 0.0, 1.0),
+    "soc-jump": (0.5, 0.0, 1.0),
+    "gps-glitch": (40.0, 0.0, 100_000.0),
+}
+_PILOT_MODES = ("position", "stabilize", "altitude", "hold", "land", "return")
+_LASTS_S = {"gust": 15.0, "gps-glitch": 20.0, "pads-taken": 3600.0}
 _SCALE_S = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 _TIME = r"(\d+(?:\.\d+)?)(s|min|m|h)?"
 _FORM = re.compile(rf"([a-z-]+)(?:=([\w.-]+))?(?:@{_TIME})?(?:\+{_TIME})?(?:#(\d+))?")
@@ -49,7 +67,7 @@ class Fault:
     value : float
         Its strength.
     word : str
-        Its value as written, for ``pilot=MODE``.
+        Its value as written, for ``pilot=MODE`` and ``pads-taken=STATION``.
     system : int or None
         The vehicle it befalls; None is every one.
     """
@@ -80,15 +98,38 @@ def parse_fault(text: str) -> Fault:
         raise InputError(Wrong("no such fault", field="--fault", value=kind, remedy=remedy))
     start_s = float(start) * _SCALE_S[start_unit or ""] if start else 0.0
     lasts_s = float(length) * _SCALE_S[length_unit or ""] if length else _LASTS_S.get(kind, math.inf)
-    value = _DEFAULTS.get(kind, 0.0)
-    if word is not None and kind != "pilot":
-        try:
-            value = float(word)
-        except ValueError:
-            raise InputError(Wrong("not a number", field="--fault", value=text, remedy=remedy)) from None
-        if not math.isfinite(value):
-            raise InputError(Wrong("not a finite number", field="--fault", value=text, remedy=remedy))
-    return Fault(kind, start_s, start_s + lasts_s, value, word or "", int(system) if system else None)
+    befalls = int(system) if system else None
+    if kind in _WORDS:
+        told = _word(kind, word, text)
+        return Fault(kind, start_s, start_s + lasts_s, word=told, system=befalls)
+    return Fault(kind, start_s, start_s + lasts_s, _value(kind, word, text), system=befalls)
+
+
+def _word(kind: str, word: str | None, text: str) -> str:
+    """Value of a fault that takes a word."""
+    if kind == "pilot" and word is not None and word not in _PILOT_MODES:
+        remedy = "pilot=MODE with MODE one of " + ", ".join(_PILOT_MODES)
+        raise InputError(Wrong("no such mode", field="--fault", value=text, remedy=remedy))
+    return _WORDS[kind] if word is None else word
+
+
+def _value(kind: str, word: str | None, text: str) -> float:
+    """Value of a fault that takes a number, or none."""
+    limits = _RANGES.get(kind)
+    if limits is None:
+        if word is not None:
+            raise InputError(Wrong("this fault takes no value", field="--fault", value=text, remedy=kind))
+        return 0.0
+    if word is None:
+        return limits[0]
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not limits[1] <= value <= limits[2]:
+        remedy = f"{kind}=VALUE with a number from {limits[1]:g} to {limits[2]:g}"
+        raise InputError(Wrong("not a value of this fault", field="--fault", value=text, remedy=remedy))
+    return value
 
 
 @dataclass(slots=True)
@@ -112,8 +153,13 @@ class FaultState:
     @classmethod
     def of(cls, faults: Iterable[Fault], system: int) -> FaultState:
         """Those faults that befall one vehicle."""
-        mine = tuple(f for f in faults if f.system in (None, system))
+        mine = tuple(f for f in faults if f.system in (None, system) and f.kind != AT_STATIONS)
         return cls(mine, next_change_s=min((f.start_s for f in mine), default=math.inf))
+
+    def add(self, fault: Fault, sim_s: float) -> None:
+        """One more, which begins at its time, or now where that is past."""
+        self.faults = (*self.faults, fault)
+        self.next_change_s = min(self.next_change_s, max(fault.start_s, sim_s))
 
     def update(self, sim_s: float) -> Sequence[Fault]:
         """Bring up to date; returns the faults that have just begun."""
@@ -157,6 +203,14 @@ class FaultState:
     def resistance_factor(self) -> float:
         """How much the battery's resistance has grown."""
         return self.active["battery-sag"].value if "battery-sag" in self.active else 1.0
+
+    def capacity_factor(self) -> float:
+        """Share of its nameplate energy that the battery holds."""
+        return self.active["battery-weak"].value if "battery-weak" in self.active else 1.0
+
+    def glitch_m(self) -> float:
+        """How far the receiver's position is off."""
+        return self.active["gps-glitch"].value if "gps-glitch" in self.active else 0.0
 
     def soc_override(self, soc: float) -> int | None:
         """Battery percentage to report instead of the estimate, or None."""

@@ -13,12 +13,16 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from models.errors import Fault as Wrong
+from models.errors import InputError
 from models.pad_service import DroneOnPad, PadServiceError, StationStatus
+from sim_stub.faults import AT_STATIONS
 from sim_stub.vehicle import Charge
 
 if TYPE_CHECKING:
     from models.load import PadLoad
     from models.network import Station
+    from sim_stub.faults import Fault
     from sim_stub.vehicle import Vehicle
     from sim_stub.world import World
 
@@ -94,11 +98,16 @@ class Pads:
             for row, station in enumerate(world.stations)
         }
         self._now = world.sim_s - _WARM_UP_H * 3600.0
+        self._raids: list[Fault] = []
+        for fault in world.faults:
+            if fault.kind == AT_STATIONS:
+                self.take(fault)
         if load is not None:
             for site in self._sites.values():
                 if site.station.pads:
                     site.next_arrival_s = self._arrival_after(site, self._now)
-        self._due = min((site.next_due_s() for site in self._sites.values()), default=math.inf)
+        self._due = -math.inf
+        self._reschedule()
         self.advance(world.sim_s)
         world.pads = self
 
@@ -111,9 +120,12 @@ class Pads:
     def advance(self, sim_s: float) -> None:
         """Let everything up to an instant happen."""
         while self._due <= sim_s:
-            site = min(self._sites.values(), key=_Site.next_due_s)
-            self._now = site.next_due_s()
-            self._happen(site)
+            if self._raids and self._raids[0].start_s <= self._due:
+                self._raid(self._raids.pop(0))
+            else:
+                site = min(self._sites.values(), key=_Site.next_due_s)
+                self._now = site.next_due_s()
+                self._happen(site)
             self._reschedule()
         self._now = max(self._now, sim_s)
         for site in self._sites.values():
@@ -121,7 +133,32 @@ class Pads:
                 self._see_off(site)
 
     def _reschedule(self) -> None:
-        self._due = min((site.next_due_s() for site in self._sites.values()), default=math.inf)
+        due = min((site.next_due_s() for site in self._sites.values()), default=math.inf)
+        self._due = min(due, self._raids[0].start_s) if self._raids else due
+
+    def take(self, fault: Fault) -> None:
+        """Have other drones come and take every pad of a station, or of all, for a time.
+
+        They come at the fault's start, as many as there are pads, and stand in line behind those who are there.
+
+        Raises
+        ------
+        InputError
+            No station of that name with pads.
+        """
+        site = self._sites.get(fault.word)
+        if fault.word and (site is None or not site.station.pads):
+            raise InputError(Wrong("no station with pads", field="--fault", value=f"{fault.kind}={fault.word}"))
+        self._raids = sorted([*self._raids, fault], key=lambda raid: raid.start_s)
+        self._reschedule()
+
+    def _raid(self, fault: Fault) -> None:
+        self._now = max(self._now, fault.start_s)
+        self.world.log(0, f"pads of {fault.word or 'all stations'} are taken")
+        for site in self._sites.values():
+            if fault.word in ("", site.station.id):
+                site.line.extend(_Guest(fault.end_s - fault.start_s) for _ in range(site.station.pads))
+                self._fill(site)
 
     def _happen(self, site: _Site) -> None:
         if site.next_arrival_s <= self._now:

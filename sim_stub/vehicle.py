@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 from models.errors import Fault as Wrong
 from models.errors import InputError
+from sim_stub import mishaps
 from sim_stub.autopilot.ardupilot import ArduPilot
-from sim_stub.autopilot.modes import Mode
 from sim_stub.autopilot.px4 import Px4
 from sim_stub.battery import Battery
 from sim_stub.faults import FaultState
 from sim_stub.physics import STEP_S, Body, Demand, offset_m
+from sim_stub.positioning import Positioning
 from sim_stub.power import PowerModel
 from sim_stub.protocols.ardupilot_missions import ArduPilotMissionServer
 from sim_stub.protocols.commands import CommandServer
@@ -79,10 +80,9 @@ class Vehicle:
         self.power = PowerModel.of(self.airframe, config.power_error or error)
         self._wind_bias = (generator.gauss(0.0, 0.2), generator.gauss(0.0, 0.2))
         self.gusts = Gusts(generator)
-        self._fault_bearing = generator.uniform(0.0, 2.0 * math.pi)
+        self._mishap_rad = generator.uniform(0.0, 2.0 * math.pi)
         self.body = Body(self.airframe, config.lat, config.lon, config.ground_m, config.payload_kg)
         self.battery = Battery.of(self.airframe.drone, config.soc)
-        self._resistance = self.battery.resistance_ohm
         self.faults = FaultState.of(world.faults, config.system)
         self.sim_s, self.wall_s = world.sim_s, world.wall_s
         self.stepped_s = self.tended_s = self.sim_s
@@ -99,7 +99,9 @@ class Vehicle:
         self._wind_s = -math.inf
         self._was_booting = not config.warm
         self.radio = Radio(self)
-        self.autopilot: Autopilot = AUTOPILOTS[config.autopilot](self)
+        family = AUTOPILOTS[config.autopilot]
+        self.position = Positioning(self.body, self._mishap_rad, family.GLITCH_PATIENCE_S)
+        self.autopilot: Autopilot = family(self)
         self.autopilot.parameters.set("MAV_SYS_ID", float(config.system))
         self.autopilot.parameters.set("SYSID_THISMAV", float(config.system))
         for name, value in config.parameters:
@@ -152,6 +154,7 @@ class Vehicle:
         if self.active:
             return self.stepped_s + STEP_S
         due = min(self.tended_s + _HOUSEKEEPING_S, self.faults.next_change_s, self.reboot_at_s)
+        due = min(due, self.position.next_change_s)
         if self._was_booting:
             return min(due, self.power_on_s + self.autopilot.BOOT_S)
         return max(min(due, self.radio.next_due_s()), self.sim_s)
@@ -175,7 +178,10 @@ class Vehicle:
     def _happen(self, now: float) -> None:
         """Do everything that is due now."""
         if self.faults.next_change_s <= now:
-            self._change_faults(now)
+            mishaps.change(self, now)
+            self._wind_s = -math.inf
+        if self.position.next_change_s <= now:
+            mishaps.locate(self)
         if self.reboot_at_s <= now:
             self._reboot()
         if self.active:
@@ -219,8 +225,8 @@ class Vehicle:
         north, east = self.world.wind.at(self.posix_s, body.lat, body.lon, body.alt_m - self.ground_m)
         extra = self.faults.extra_wind_mps()
         self._wind_mean = (
-            north + extra * math.cos(self._fault_bearing),
-            east + extra * math.sin(self._fault_bearing),
+            north + extra * math.cos(self._mishap_rad),
+            east + extra * math.sin(self._mishap_rad),
         )
         self.ground_m = self.world.ground_m(body.lat, body.lon, self.origin[2])
 
@@ -239,25 +245,20 @@ class Vehicle:
         elif not self.battery.empty:
             self._draw(_AVIONICS_W, duration)
 
-    def _change_faults(self, now: float) -> None:
-        before = set(self.faults.active)
-        for fault in self.faults.update(now):
-            self.event(f"fault {fault.kind} begins")
-            if fault.kind == "battery-drop":
-                self.battery.soc = max(0.0, self.battery.soc - fault.value)
-            elif fault.kind == "reboot":
-                self.reboot_at_s = now
-            elif fault.kind == "pilot":
-                self._pilot_takes_over(fault.word)
-        for kind in sorted(before - set(self.faults.active)):
-            self.event(f"fault {kind} ends")
-        self.battery.resistance_ohm = self._resistance * self.faults.resistance_factor()
-        self._wind_s = -math.inf
-        self.radio.mute(muted=not self.faults.link)
+    def swap_battery(self, soc: float = 1.0) -> None:
+        """Put in another battery, on the ground with the motors off; the autopilot restarts.
 
-    def _pilot_takes_over(self, word: str) -> None:
-        modes = {mode.value: mode for mode in Mode}
-        self.autopilot.switch(modes.get(word, Mode.POSITION), reason="the pilot")
+        Raises
+        ------
+        InputError
+            The vehicle is armed or in the air.
+        """
+        if self.active:
+            raise InputError(Wrong("a battery is swapped on the ground, disarmed", field="battery-swap"))
+        self.tend()
+        self.battery.soc = soc
+        self.event(f"another battery with {soc:.0%}")
+        self.reboot_at_s = self.sim_s
 
     # Restart
 
@@ -358,8 +359,8 @@ class Vehicle:
         return self._wind_now
 
     def local_ned(self) -> tuple[float, float, float]:
-        """Position from the local origin, metres."""
-        return self.local_ned_of(self.body.lat, self.body.lon, self.body.alt_m)
+        """Estimated position from the local origin, metres."""
+        return self.local_ned_of(self.position.lat, self.position.lon, self.body.alt_m)
 
     def local_ned_of(self, lat: float, lon: float, alt_m: float) -> tuple[float, float, float]:
         """Position of a point from the local origin, metres."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from models.errors import Fault as Wrong
 from models.errors import InputError
+from sim_stub.faults import AT_STATIONS, Fault, parse_fault
 from sim_stub.physics import offset_m
 from sim_stub.vehicle import Vehicle
 from sim_stub.wind_truth import ConstantWind, WindTruth
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
     from models.network import Station
     from sim_stub.config import VehicleConfig
-    from sim_stub.faults import Fault
     from sim_stub.pads import Pads
 
 _MAX_LOG = 100_000
@@ -112,6 +112,32 @@ class World:
             vehicle.advance(sim_s, wall_s)
         if self.pads is not None:
             self.pads.advance(sim_s)
+
+    def inject(self, fault: Fault | str) -> None:
+        """Let a fault happen that nobody planned; its times count from now.
+
+        Parameters
+        ----------
+        fault : Fault or str
+            As in `sim_stub.faults`, for example ``"link-loss+60s#2"``.
+
+        Raises
+        ------
+        InputError
+            No such fault, vehicle, or station with pads.
+        """
+        told = parse_fault(fault) if isinstance(fault, str) else fault
+        now = replace(told, start_s=told.start_s + self.sim_s, end_s=told.end_s + self.sim_s)
+        if told.kind == AT_STATIONS:
+            if self.pads is None:
+                raise InputError(Wrong("there are no pads here", field="--fault", value=told.kind))
+            self.pads.take(now)
+            return
+        if told.system is not None and told.system not in self.vehicles:
+            raise InputError(Wrong("no such vehicle", field="--fault", value=told.system))
+        for system, vehicle in self.vehicles.items():
+            if told.system in (None, system):
+                vehicle.faults.add(now, vehicle.sim_s)
 
     @property
     def anyone_active(self) -> bool:

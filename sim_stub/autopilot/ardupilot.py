@@ -57,6 +57,8 @@ class ArduPilot(Autopilot):
     GRIPPER_ENABLE: ClassVar[str] = "GRIP_ENABLE"
     READY_AFTER_S: ClassVar[float] = 40.0
     BOOT_S: ClassVar[float] = 4.0
+    GLITCH_PATIENCE_S: ClassVar[float] = 10.0
+    GLITCH_TEXTS: ClassVar[tuple[str, str] | None] = ("GPS Glitch or Compass error", "Glitch cleared")
     MODE_REFUSED: ClassVar[Result] = Result.FAILED
     LOITER_MODE: ClassVar[Mode] = Mode.POSITION
     REPOSITION_MODE: ClassVar[Mode] = Mode.GUIDED
@@ -262,13 +264,13 @@ class ArduPilot(Autopilot):
 
     def return_home(self) -> ReturnHome:
         """To a rally point within RALLY_LIMIT_KM, else home, at RTL_ALT or higher."""
-        p, body, home = self.parameters, self.body, self.home
-        lat, lon = (home.lat, home.lon) if home else (body.lat, body.lon)
-        rally = nearest_rally(self.stores[RALLY], body.lat, body.lon)
+        p, home = self.parameters, self.home
+        lat, lon = (home.lat, home.lon) if home else (self.lat, self.lon)
+        rally = nearest_rally(self.stores[RALLY], self.lat, self.lon)
         if rally is not None:
             limit_m = p["RALLY_LIMIT_KM"] * 1000.0
             in_reach = limit_m <= 0.0 or rally[1] <= limit_m
-            home_m = math.hypot(*offset_m(body.lat, body.lon, lat, lon))
+            home_m = math.hypot(*offset_m(self.lat, self.lon, lat, lon))
             if in_reach and not (p["RALLY_INCL_HOME"] == 1.0 and home_m < rally[1]):
                 lat, lon = rally[0].lat, rally[0].lon
         height = self.home_alt_m + p.clamped("RTL_ALT", 0.0, 300_000.0) / 100.0
@@ -387,11 +389,11 @@ class ArduPilot(Autopilot):
         if kinds & 8 and not self.landed and height < p["FENCE_ALT_MIN"]:
             return True
         if kinds & 2 and self.home is not None:
-            away = math.hypot(*offset_m(self.home.lat, self.home.lon, body.lat, body.lon))
+            away = math.hypot(*offset_m(self.home.lat, self.home.lon, self.lat, self.lon))
             if away > p["FENCE_RADIUS"]:
                 return True
         union = self.parameters.bit("FENCE_OPTIONS", 1)
-        return bool(kinds & 4) and self.fence.breached(body.lat, body.lon, any_inclusion=union)
+        return bool(kinds & 4) and self.fence.breached(self.lat, self.lon, any_inclusion=union)
 
     def fence_action(self) -> Action:
         """FENCE_ACTION."""

@@ -76,6 +76,16 @@ class Autopilot(Family):
         return self.vehicle.body
 
     @property
+    def lat(self) -> float:
+        """Latitude by its own estimate, degrees."""
+        return self.vehicle.position.lat
+
+    @property
+    def lon(self) -> float:
+        """Longitude by its own estimate, degrees."""
+        return self.vehicle.position.lon
+
+    @property
     def sim_s(self) -> float:
         """Simulated time."""
         return self.vehicle.sim_s
@@ -105,10 +115,10 @@ class Autopilot(Family):
     def hover_here(self) -> Fly:
         """Hold the place where braking ends."""
         body = self.body
-        north_scale, east_scale = metres_per_degree(body.lat)
+        north_scale, east_scale = metres_per_degree(self.lat)
         braking_s = body.ground_speed_mps / (2.0 * _BRAKING_MPS2) + 0.6
-        lat = body.lat + body.north_mps * braking_s / north_scale
-        lon = body.lon + body.east_mps * braking_s / east_scale
+        lat = self.lat + body.north_mps * braking_s / north_scale
+        lon = self.lon + body.east_mps * braking_s / east_scale
         return Fly(lat, lon, body.alt_m + 0.5 * body.up_mps, 1.0, math.inf, math.degrees(body.yaw))
 
     def event(self, text: str) -> None:
@@ -229,7 +239,7 @@ class Autopilot(Family):
     def take_off_behaviour(self, alt_m: float | None) -> Climb:
         """Climb to a height above mean sea level, or to the default one."""
         height = self.body.alt_m + self.default_takeoff_m() if alt_m is None else alt_m
-        return Climb(self.body.lat, self.body.lon, height)
+        return Climb(self.lat, self.lon, height)
 
     def fly_to(self, lat: float, lon: float, alt_m: float, yaw_deg: float | None) -> None:
         """Go to a place and stay there, in the mode the vehicle is in."""
@@ -256,8 +266,7 @@ class Autopilot(Family):
         self.terminated = False
         self.commanded_mps = None
         self.failsafes.reset()
-        body = self.body
-        self.set_home(Home(body.lat, body.lon, body.alt_m))
+        self.set_home(Home(self.lat, self.lon, self.body.alt_m))
         if self.mode not in (Mode.MISSION, Mode.TAKEOFF):
             self.behaviour = Idle()
         elif self.mode == Mode.TAKEOFF:
@@ -301,7 +310,7 @@ class Autopilot(Family):
 
     def set_home_here(self) -> None:
         """Take the present position as home, as at the first position fix."""
-        self.home = Home(self.body.lat, self.body.lon, self.body.alt_m)
+        self.home = Home(self.lat, self.lon, self.body.alt_m)
 
     def restarted(self) -> None:
         """Read what survives a restart: the stored items."""
@@ -321,7 +330,7 @@ class Autopilot(Family):
             case Command.DO_CHANGE_SPEED:
                 self.change_speed(item.p2)
             case Command.DO_SET_HOME if item.p1 == 1.0:
-                self.set_home(Home(self.body.lat, self.body.lon, self.body.alt_m))
+                self.set_home(Home(self.lat, self.lon, self.body.alt_m))
             case Command.DO_SET_HOME if item.has_position:
                 self.set_home(Home(item.lat, item.lon, item.z))
             case Command.DO_GRIPPER:

@@ -44,7 +44,7 @@ def steer(
 ) -> tuple[Demand, float, float]:
     """Head for a place; returns the demand, the horizontal distance and the height still to go."""
     body, speeds = pilot.body, pilot.speeds
-    north, east = offset_m(body.lat, body.lon, lat, lon)
+    north, east = offset_m(pilot.lat, pilot.lon, lat, lon)
     distance = math.hypot(north, east)
     rise = alt_m - body.alt_m
     speed = min(speed_mps, math.sqrt(2.0 * _BRAKING_MPS2 * distance + pass_mps * pass_mps))
@@ -161,7 +161,7 @@ class Land:
         """Over the place first at the present height, then down, slowly near the ground."""
         body = pilot.body
         if self.lat is None or self.lon is None or not pilot.position_known:
-            self.lat, self.lon, self.arrived = body.lat, body.lon, True
+            self.lat, self.lon, self.arrived = pilot.lat, pilot.lon, True
         if body.grounded:
             self.done = pilot.landed
             return Demand(up_mps=-pilot.speeds.land_mps)
@@ -193,7 +193,7 @@ class ReturnHome:
         if body.grounded and not isinstance(self.stage, Land):
             self.stage = Land()
         if self.stage is None:
-            self.stage = Climb(body.lat, body.lon, max(self.cruise_alt_m, body.alt_m))
+            self.stage = Climb(pilot.lat, pilot.lon, max(self.cruise_alt_m, body.alt_m))
         if self.stage.done:
             if isinstance(self.stage, Climb):
                 self.stage = Fly(self.lat, self.lon, self.stage.alt_m, 2.0, self.loiter_s)

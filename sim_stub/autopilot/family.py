@@ -24,6 +24,8 @@ class Family(ABC):
     GRIPPER_ENABLE: ClassVar[str]
     READY_AFTER_S: ClassVar[float]
     BOOT_S: ClassVar[float]
+    GLITCH_PATIENCE_S: ClassVar[float]
+    GLITCH_TEXTS: ClassVar[tuple[str, str] | None] = None
     LOITER_MODE: ClassVar[Mode]
     REPOSITION_MODE: ClassVar[Mode]
     BAD_VALUE: ClassVar[Result]

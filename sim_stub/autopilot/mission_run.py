@@ -173,13 +173,13 @@ class MissionRun:
     def _behaviour(self, pilot: Autopilot, item: Item, index: int) -> Behaviour:
         """What the item has the vehicle do."""
         body = pilot.body
-        lat, lon = (item.lat, item.lon) if item.has_position else (body.lat, body.lon)
+        lat, lon = (item.lat, item.lon) if item.has_position else (pilot.lat, pilot.lon)
         altitude = self._altitude_m(pilot, item)
         radius = pilot.acceptance_m(item)
         match item.command:
             case Command.TAKEOFF:
                 if body.grounded or not item.has_position:
-                    return Climb(body.lat, body.lon, max(altitude, body.alt_m + 1.0))
+                    return Climb(pilot.lat, pilot.lon, max(altitude, body.alt_m + 1.0))
                 return Fly(lat, lon, altitude, radius)
             case Command.LAND:
                 return Land(lat, lon)
@@ -218,7 +218,7 @@ class MissionRun:
             return 0.0
         if any(i.command == Command.DO_JUMP for i in following) or not item.has_position:
             return 0.0
-        north, east = offset_m(pilot.body.lat, pilot.body.lon, lat, lon)
+        north, east = offset_m(pilot.lat, pilot.lon, lat, lon)
         next_north, next_east = offset_m(lat, lon, item.lat, item.lon)
         lengths = math.hypot(north, east) * math.hypot(next_north, next_east)
         if lengths <= 0.0:

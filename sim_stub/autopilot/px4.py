@@ -53,6 +53,7 @@ class Px4(Autopilot):
     GRIPPER_ENABLE: ClassVar[str] = "PD_GRIPPER_EN"
     READY_AFTER_S: ClassVar[float] = 8.0
     BOOT_S: ClassVar[float] = 3.0
+    GLITCH_PATIENCE_S: ClassVar[float] = 7.0
     MODE_REFUSED: ClassVar[Result] = Result.DENIED
     ARM_PREFIX: ClassVar[str] = "Preflight Fail: "
     ARM_REFUSED: ClassVar[Result] = Result.TEMPORARILY_REJECTED
@@ -178,11 +179,10 @@ class Px4(Autopilot):
 
     def judge_mission(self) -> None:
         """Check whether the mission stored is feasible, and say so when it is not."""
-        body = self.body
         home = self.home.alt_m if self.home else None
         first = self.parameters["MIS_DIST_1WP"]
         self.infeasible = px4_missions.infeasible(
-            self.run.items, self.fence, home, (body.lat, body.lon), first if self.landed else 0.0
+            self.run.items, self.fence, home, (self.lat, self.lon), first if self.landed else 0.0
         )
         if self.infeasible is not None and self.run.items:
             self.say(2, self.infeasible)
@@ -256,12 +256,12 @@ class Px4(Autopilot):
     def return_home(self) -> ReturnHome:
         """To the nearest of home and the rally points, at RTL_RETURN_ALT or higher."""
         body, home = self.body, self.home
-        lat, lon = (home.lat, home.lon) if home else (body.lat, body.lon)
-        rally = nearest_rally(self.stores[RALLY], body.lat, body.lon)
-        if rally is not None and rally[1] < math.hypot(*offset_m(body.lat, body.lon, lat, lon)):
+        lat, lon = (home.lat, home.lon) if home else (self.lat, self.lon)
+        rally = nearest_rally(self.stores[RALLY], self.lat, self.lon)
+        if rally is not None and rally[1] < math.hypot(*offset_m(self.lat, self.lon, lat, lon)):
             lat, lon = rally[0].lat, rally[0].lon
         height = self.home_alt_m + self.parameters.clamped("RTL_RETURN_ALT", 0.0, 5000.0)
-        near = math.hypot(*offset_m(body.lat, body.lon, lat, lon)) < self.parameters["RTL_MIN_DIST"]
+        near = math.hypot(*offset_m(self.lat, self.lon, lat, lon)) < self.parameters["RTL_MIN_DIST"]
         return ReturnHome(lat, lon, body.alt_m if near else height)
 
     # Missions
@@ -351,11 +351,11 @@ class Px4(Autopilot):
         body, home = self.body, self.home
         if home is not None:
             far, high = self.parameters["GF_MAX_HOR_DIST"], self.parameters["GF_MAX_VER_DIST"]
-            if far > 0.0 and math.hypot(*offset_m(home.lat, home.lon, body.lat, body.lon)) > far:
+            if far > 0.0 and math.hypot(*offset_m(home.lat, home.lon, self.lat, self.lon)) > far:
                 return True
             if high > 0.0 and body.alt_m - home.alt_m > high:
                 return True
-        return self.fence.breached(body.lat, body.lon, any_inclusion=True)
+        return self.fence.breached(self.lat, self.lon, any_inclusion=True)
 
     def fence_action(self) -> Action:
         """GF_ACTION."""

@@ -308,7 +308,7 @@ class CommandServer:
         if result == Result.ACCEPTED:
             if order.p[0] > 0.0:
                 pilot.change_speed(order.p[0])
-            lat, lon = (body.lat, body.lon) if here else (order.lat, order.lon)
+            lat, lon = (pilot.lat, pilot.lon) if here else (order.lat, order.lon)
             pilot.fly_to(lat, lon, max(-1000.0, min(height, 20_000.0)), pilot.reposition_yaw(order.p[3]))
         return result
 
@@ -325,7 +325,7 @@ class CommandServer:
     def _set_home(self, order: Order) -> Result:
         pilot = self._pilot
         if order.p[0] == 1.0:
-            pilot.set_home(Home(pilot.body.lat, pilot.body.lon, pilot.body.alt_m))
+            pilot.set_home(Home(pilot.lat, pilot.lon, pilot.body.alt_m))
             return Result.ACCEPTED
         place = (order.lat, order.lon, order.z)
         if not all(map(math.isfinite, place)) or abs(order.lat) > 90.0 or abs(order.lon) > 180.0:

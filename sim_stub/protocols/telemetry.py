@@ -103,8 +103,8 @@ def _global_position(v: Vehicle) -> bytes:
     heading = int(math.degrees(b.yaw) % 360.0 * 100.0) % 36000
     return _GLOBAL_POSITION.pack(
         v.boot_ms,
-        round(b.lat * 1e7),
-        round(b.lon * 1e7),
+        round(v.position.lat * 1e7),
+        round(v.position.lon * 1e7),
         round(b.alt_m * 1e3),
         round((b.alt_m - v.autopilot.home_alt_m) * 1e3),
         round(b.north_mps * 100.0),
@@ -131,13 +131,14 @@ def _vfr_hud(v: Vehicle) -> bytes:
 
 def _gps_raw(v: Vehicle) -> bytes:
     b, fixed = v.body, v.faults.positioning and v.since_boot_s > 2.0
+    lat, lon = v.position.fix
     course = int(math.degrees(math.atan2(b.east_mps, b.north_mps)) % 360.0 * 100.0) % 36000
     return spec("GPS_RAW_INT").pack(
         {
             "time_usec": int(v.posix_s * 1e6),
             "fix_type": 3 if fixed else 1,
-            "lat": round(b.lat * 1e7) if fixed else 0,
-            "lon": round(b.lon * 1e7) if fixed else 0,
+            "lat": round(lat * 1e7) if fixed else 0,
+            "lon": round(lon * 1e7) if fixed else 0,
             "alt": round(b.alt_m * 1e3) if fixed else 0,
             "eph": 90 if fixed else 65535,
             "epv": 140 if fixed else 65535,
@@ -294,15 +295,14 @@ def _rc_channels(v: Vehicle) -> bytes:
 
 def _ekf_status(v: Vehicle) -> bytes:
     good = v.faults.positioning and v.since_boot_s >= v.autopilot.READY_AFTER_S
-    flags = 0x33F if good else 0x0A7
+    flags = (0x33F if good else 0x0A7) | (0x8000 if v.position.glitching else 0)
     return spec("EKF_STATUS_REPORT").pack({"flags": flags, "velocity_variance": 0.05, "compass_variance": 0.02})
 
 
 def _estimator_status(v: Vehicle) -> bytes:
     good = v.faults.positioning and v.since_boot_s >= v.autopilot.READY_AFTER_S
-    return spec("ESTIMATOR_STATUS").pack(
-        {"time_usec": v.boot_us, "flags": 0x33F if good else 0x0A7, "pos_horiz_accuracy": 0.4}
-    )
+    flags = (0x33F if good else 0x0A7) | (0x400 if v.position.glitching else 0)
+    return spec("ESTIMATOR_STATUS").pack({"time_usec": v.boot_us, "flags": flags, "pos_horiz_accuracy": 0.4})
 
 
 def _fence_status(v: Vehicle) -> bytes:

@@ -3,6 +3,7 @@
 import json
 import math
 import random
+import re
 import subprocess
 import sys
 
@@ -185,16 +186,51 @@ def test_bad_connection_strings_say_what_would_be_right(text):
         parse_address(text, option="--connect")
 
 
-@given(st.sampled_from(sorted(set(KINDS) - {"pilot"})), st.integers(0, 9999), st.integers(1, 9999))
+@given(st.sampled_from(sorted(KINDS)), st.integers(0, 9999), st.integers(1, 9999))
 def test_faults_are_read_as_they_are_written(kind, start, length):
-    fault = parse_fault(f"{kind}=0.5@{start}s+{length}s#3")
-    assert (fault.kind, fault.value, fault.start_s, fault.end_s, fault.system) == (kind, 0.5, start, start + length, 3)
+    fault = parse_fault(f"{kind}@{start}s+{length}s#3")
+    assert (fault.kind, fault.start_s, fault.end_s, fault.system) == (kind, start, start + length, 3)
     assert parse_fault(f"{kind}@2m").start_s == 120.0
+    assert parse_fault(kind).start_s == 0.0, "bare: from the beginning"
 
 
-@pytest.mark.parametrize("text", ["", "storm", "gust=x", "gust@", "gust@5x", "gust=nan", "link-loss+-5s"])
-def test_bad_faults_say_what_would_be_right(text):
-    with pytest.raises(InputError, match=r"KIND\[=VALUE\]|one of gust"):
+@pytest.mark.parametrize(
+    ("text", "value", "word"),
+    [
+        ("gust@120s", 8.0, ""),
+        ("gust=12.5@120s", 12.5, ""),
+        ("battery-sag", 4.0, ""),
+        ("battery-weak", 0.9, ""),
+        ("gps-glitch=25@1m+15", 25.0, ""),
+        ("pilot", 0.0, "position"),
+        ("pilot=land@90", 0.0, "land"),
+        ("pads-taken=bellevue@10m", 0.0, "bellevue"),
+        ("link-loss@60s+20s", 0.0, ""),
+        ("gps", 0.0, ""),
+    ],
+)
+def test_a_fault_has_the_value_it_is_given_or_a_sensible_one(text, value, word):
+    fault = parse_fault(text)
+    assert (fault.value, fault.word) == (value, word)
+
+
+@pytest.mark.parametrize(
+    ("text", "would_be_right"),
+    [
+        ("", "KIND[=VALUE]"),
+        ("storm", "one of gust"),
+        ("gust@", "KIND[=VALUE]"),
+        ("gust@5x", "KIND[=VALUE]"),
+        ("link-loss+-5s", "KIND[=VALUE]"),
+        ("gust=x", "a number from 0 to 60"),
+        ("gust=nan", "a number from 0 to 60"),
+        ("battery-weak=0", "a number from 0.01"),
+        ("gps=3", "takes no value"),
+        ("pilot=banana", "pilot=MODE with MODE one of position"),
+    ],
+)
+def test_bad_faults_say_what_would_be_right(text, would_be_right):
+    with pytest.raises(InputError, match=re.escape(would_be_right)):
         parse_fault(text)
 
 
