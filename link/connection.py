@@ -40,12 +40,14 @@ class Peer:
         Of its autopilot.
     autopilot, kind : int
         MAV_AUTOPILOT and MAV_TYPE of its heartbeat.
-    heard_s : float
-        When it was heard last, by the connection's clock.
+    met_s, heard_s, beat_s : float
+        When it was heard first and last, and its heart last, by the connection's clock.
     received, lost : int
         Packets, and gaps in their numbers.
     texts : list of (severity, text)
-        What it said, the newest last.
+        What it said, the newest last; only the last ones are kept.
+    said : int
+        How many texts it has said in all.
     latest : dict
         Newest message of each name.
     """
@@ -55,14 +57,17 @@ class Peer:
     autopilot: int = 0
     kind: int = 0
     version: int = 2
+    met_s: float = -math.inf
     heard_s: float = -math.inf
     beat_s: float = -math.inf
     received: int = 0
     lost: int = 0
     sequence: int | None = None
     texts: list[tuple[int, str]] = field(default_factory=list)
+    said: int = 0
     latest: dict[str, Message] = field(default_factory=dict)
     round_trip: RoundTrip = field(default_factory=RoundTrip)
+    _text: tuple[int, int] = (0, 0)
 
     @property
     def target(self) -> Target:
@@ -73,6 +78,23 @@ class Peer:
     def loss(self) -> float:
         """Share of its packets that did not arrive, 0-1."""
         return self.lost / max(1, self.lost + self.received)
+
+    def texts_since(self, said: int) -> list[str]:
+        """Return what it has said since it had said so many texts, as far as that is kept."""
+        fresh = self.said - said
+        return [text for _, text in self.texts[-fresh:]] if fresh > 0 else []
+
+    def take_text(self, message: Message) -> None:
+        """Take a STATUSTEXT; chunks of one text (MAVLink 2) are put together."""
+        severity, text = message["severity"], message["text"]
+        number, chunk = message["id"], message["chunk_seq"]
+        if number and chunk and self.texts and self._text == (number, chunk - 1):
+            self.texts[-1] = (severity, self.texts[-1][1] + text)
+        else:
+            self.texts.append((severity, text))
+            self.said += 1
+            del self.texts[:-_MAX_TEXTS]
+        self._text = (number, chunk)
 
 
 class Connection:
@@ -174,15 +196,14 @@ class Connection:
             return
         peer = self.peers.get(message.system)
         if peer is None:
-            peer = self._meet(message)
+            peer = self._meet(message, now)
             if peer is None:
                 return
         if message.component != peer.component:
             return
         self._count(peer, message, now)
         if name == "STATUSTEXT":
-            peer.texts.append((message["severity"], message["text"]))
-            del peer.texts[:-_MAX_TEXTS]
+            peer.take_text(message)
         peer.latest[name] = message
         for listener in self.listeners:
             listener(peer, message)
@@ -190,13 +211,13 @@ class Connection:
             if exchange.target.system == message.system and not exchange.done and self._for_us(message):
                 exchange.hear(message, now)
 
-    def _meet(self, message: Message) -> Peer | None:
+    def _meet(self, message: Message, now: float) -> Peer | None:
         """A vehicle is somebody whose autopilot's heartbeat was heard."""
         if message.name != "HEARTBEAT" or message["autopilot"] == _INVALID_AUTOPILOT or message.system == 0:
             return None
         if message["type"] == _GROUND_STATION or len(self.peers) >= _MAX_SYSTEMS:
             return None
-        peer = Peer(message.system, message.component)
+        peer = Peer(message.system, message.component, met_s=now)
         self.peers[message.system] = peer
         return peer
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from link.autopilots import family_named, family_of
 from link.command import RESULTS, AskFor, Command
 from link.download import Clear, Download
-from link.live import RATES_HZ, WIND, WIND_COV, LiveTelemetry
+from link.live import RATES_HZ, WIND, WIND_COV
 from link.mission_words import ACCEPTED, MissionKind, in_words
 from link.parameters import (
     ListParameters,
@@ -18,6 +17,7 @@ from link.parameters import (
     check_parameters,
     same_value,
 )
+from link.seen import Seen
 from link.set_current import SetCurrent
 from link.vehicle import Identity, version_text
 from link.verified import UploadJob, UploadOutcome, UploadState, compare, decode, kind_of, upload_verified
@@ -32,16 +32,14 @@ from models.errors import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
-    from link.connection import Connection, Peer
+    from link.connection import Connection
     from link.exchange import Exchange, Steps
-    from link.frames import Message
     from link.verified import Part
     from missions.comparison import Difference
     from missions.mission import Mission
     from missions.parameters import Parameter
-    from models.telemetry import TelemetrySample
 
 E_ = TypeVar("E_", bound="Exchange")
 T = TypeVar("T")
