@@ -22,8 +22,9 @@ RATES_HZ: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 2.0, 1: 1.0, 147: 1.0, 2
 """Messages that telemetry is made of, and how often they are asked for: attitude, position, …, wind."""
 WIND, WIND_COV = 168, 231
 _TIMES = frozenset(("SYSTEM_TIME", "TIMESYNC"))
-_LOSS_MEMORY = 1.0 / 64.0
-"""Weight of the newest packet in the share of those lost."""
+_WINDOW = 256
+"""Packets over which losses are counted."""
+_WINDOW_BITS = (1 << _WINDOW) - 1
 _REORDERED = 128
 
 
@@ -52,8 +53,8 @@ class LiveTelemetry:
         self.reached: list[int] = []
         self._assembler = Assembler(system)
         self._doubts = Doubts()
-        self._sequence: int | None = None
-        self._loss = 0.0
+        self._newest: int | None = None
+        self._came = self._counted = 0
 
     @property
     def doubts(self) -> dict[str, str]:
@@ -79,21 +80,26 @@ class LiveTelemetry:
         if name == "MISSION_ITEM_REACHED" and (not self.reached or self.reached[-1] != message["seq"]):
             self.reached.append(message["seq"])
         self._doubts.hear(reports, time_s)
-        reports["link_loss"] = self._loss
+        reports["link_loss"] = self.loss
         sample = self._assembler.feed_one(time_s, reports)
         if sample is not None:
             self.sample = sample
         return sample
 
     def _count(self, sequence: int) -> None:
-        """Count the packets that the numbers say are missing."""
-        missing = 0 if self._sequence is None else (sequence - self._sequence - 1) & 0xFF
-        if missing >= _REORDERED:
-            return  # late or doubled
-        self._sequence = sequence
-        for _ in range(missing):
-            self._loss += _LOSS_MEMORY * (1.0 - self._loss)
-        self._loss -= _LOSS_MEMORY * self._loss
+        """Count which of the last packets have come, by their numbers: bit n is the n-th before the newest."""
+        ahead = 1 if self._newest is None else (sequence - self._newest) & 0xFF
+        if ahead >= _REORDERED:
+            self._came |= 1 << (256 - ahead)  # late, or doubled
+            return
+        self._newest = sequence
+        self._came = (self._came << ahead | 1) & _WINDOW_BITS
+        self._counted = min(self._counted + ahead, _WINDOW)
+
+    @property
+    def loss(self) -> float:
+        """Share of its last packets that did not arrive, 0-1."""
+        return 1.0 - min(self._came.bit_count() / self._counted, 1.0) if self._counted else 0.0
 
     def latest(self, quantity: str) -> float:
         """Newest report of a quantity, however old; NaN before the first."""

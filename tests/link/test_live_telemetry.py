@@ -8,6 +8,7 @@ from wires import FAMILIES, Scene, bad_radio
 from link.doubts import Doubts
 from link.frames import FrameWriter, Message
 from link.mavlink_vehicle import MavlinkVehicle
+from link.rates import check_rates
 from link.timebase import VehicleClock
 
 BEGAN_S = 1_373_464_800.0
@@ -103,6 +104,43 @@ def test_after_a_restart_the_time_is_learnt_anew():
     assert clock.reboots == 1
     answer(clock, BEGAN_S + 5.0, 0.52)
     assert clock.hear(heard("ATTITUDE", time_boot_ms=1_000), BEGAN_S + 9.0) == pytest.approx(BEGAN_S + 5.5, abs=0.01)
+
+
+@pytest.mark.parametrize("times", [1, 99], ids=["once", "always"])
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_rates_are_measured_and_asked_for_anew_where_the_vehicle_took_them_otherwise(family, loss, times):
+    """It sends attitudes half as often as it was asked to."""
+    halved = set()
+
+    def spoil(_number, message, frame, up):
+        if up and message and message.name == "COMMAND_LONG" and message["param1"] == 30.0:
+            halved.add(message["param2"])
+            if len(halved) <= times and checking < times:
+                writer = FrameWriter(message.system, message.component)
+                return writer.frame("COMMAND_LONG", message.fields | {"param2": 2.0 * message["param2"]})
+        return frame
+
+    checking = 0
+    scene = Scene(family, spoil=spoil, impairment=bad_radio(loss))
+    craft = MavlinkVehicle(scene.connection)
+    craft.request_telemetry()
+    checking = 1
+    checks = {check.message: check for check in check_rates(craft, {30: 10.0, 33: 5.0})}
+    assert halved
+    assert checks["ATTITUDE"].measured_hz == pytest.approx(5.0, rel=0.25)
+    assert checks["ATTITUDE"].corrected_hz == pytest.approx(10.0, rel=0.25)
+    assert "asked for anew" in str(checks["ATTITUDE"])
+    assert checks["GLOBAL_POSITION_INT"].corrected_hz is None
+    assert all(check.ok for check in checks.values())
+
+
+def test_a_rate_that_the_vehicle_does_not_keep_to_is_told():
+    scene = Scene("px4")
+    craft = MavlinkVehicle(scene.connection)
+    (check,) = check_rates(craft, {30: 400.0})
+    assert not check.ok
+    assert "does not keep to it" in str(check)
 
 
 def test_items_reached_and_lost_packets_are_in_the_samples():
