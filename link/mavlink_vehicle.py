@@ -17,7 +17,7 @@ from link.parameters import (
     check_parameters,
     same_value,
 )
-from link.seen import Seen
+from link.seen import Home, Seen
 from link.set_current import SetCurrent
 from link.vehicle import Identity, version_text
 from link.verified import UploadJob, UploadOutcome, UploadState, compare, decode, kind_of, upload_verified
@@ -46,7 +46,10 @@ T = TypeVar("T")
 _ARM, _LAND, _RETURN, _GRIPPER, _REPOSITION = 400, 21, 20, 211, 192
 _SET_MODE, _PAUSE, _START, _INTERVAL, _BATTERY_RESET = 176, 193, 300, 511, 42651
 _SPEED, _GROUND_SPEED, _SAME_THROTTLE = 178, 1.0, -1.0
-_MODE_S, _RETRY_ARM_S = 4.0, 1.0
+_MODE_S, _RETRY_ARM_S, _BATTERY_S = 4.0, 1.0, 3.0
+_PERCENT = 0.0101
+_GROUND_NAMES = ("SYSID_MYGCS", "MAV_GCS_SYSID")
+"""Whose heartbeat ArduPilot's failsafe counts, up to version 4.6 and from 4.7 on."""
 
 
 class Speaker(Protocol):
@@ -86,6 +89,7 @@ class MavlinkVehicle(Seen):
         super().__init__(connection, system, autopilot)
         self.blocked: UploadOutcome | None = None
         self._speaker: Speaker = connection
+        self._ground_name = _GROUND_NAMES[0]
 
     def _do(self, exchange: E_) -> E_:
         def steps() -> Steps[None]:
@@ -152,7 +156,9 @@ class MavlinkVehicle(Seen):
         return check_parameters(wanted, {name: found.value for name, found in read.items() if found is not None})
 
     def check_ground_station(self) -> None:
-        """Make sure that the vehicle's failsafe counts our heartbeat: ArduPilot counts only one system's.
+        """Make sure that the vehicle's failsafe counts our heartbeat: ArduPilot counts only that of one system.
+
+        From ArduPilot 4.7 on it may be a range of systems. A vehicle that answers neither name is taken as it is.
 
         Raises
         ------
@@ -163,12 +169,18 @@ class MavlinkVehicle(Seen):
             raise StationConflictError(self.connection.conflict.system, self.connection.conflict.component)
         if self.family.name != "ardupilot":
             return
-        found = self._read("SYSID_MYGCS")
-        if found is not None and int(found.value) != self.connection.system:
-            mine = f"it counts only the heartbeat of system {found.value:g} (SYSID_MYGCS), ours is "
-            raise CommandRefusedError(
-                "be watched by us", f"{mine}{self.connection.system}: use --gcs-system {found.value:g}"
-            )
+        ours = self.connection.system
+        for name in sorted(_GROUND_NAMES, key=lambda name: name != self._ground_name):
+            found = self._read(name)
+            if found is None:
+                continue
+            self._ground_name = name
+            last = None if name == _GROUND_NAMES[0] or found.value == ours else self._read(f"{name}_HI")
+            highest = found.value if last is None else max(found.value, last.value)
+            if not found.value <= ours <= highest:
+                mine = f"it counts only the heartbeat of system {found.value:g} ({name}), ours is {ours}"
+                raise CommandRefusedError("be watched by us", f"{mine}: use --gcs-system {found.value:g}")
+            return
 
     def command(self, what: str, number: int, *parameters: float, place: tuple[int, int, float] | None = None) -> None:
         """Give a command.
@@ -180,20 +192,21 @@ class MavlinkVehicle(Seen):
         VehicleTimeoutError
             No answer.
         """
-        said = len(self.peer.texts)
+        said = self.peer.said
         given = Command(self.peer.target, number, *parameters, place=place, round_trip=self.peer.round_trip)
         result = self._do(given).result
         if result is None:
             raise VehicleTimeoutError(what, 6.0)
         if result != ACCEPTED:
             self.connection.run_for(0.2)  # its reasons may come after the answer
-            raise CommandRefusedError(what, RESULTS.get(result, f"answer {result}"), self.texts()[said:][-3:])
+            raise CommandRefusedError(what, RESULTS.get(result, f"answer {result}"), self.peer.texts_since(said)[-3:])
 
     def arm(self, patience_s: float = 0.0) -> None:
         """Arm; try again for so long while it is not ready."""
         self.check_ground_station()
         end = self.connection.clock.now_s() + patience_s
         while True:
+            self.expect("armed", "armed")
             try:
                 self.command("arm", _ARM, 1.0)
             except CommandRefusedError:
@@ -205,6 +218,7 @@ class MavlinkVehicle(Seen):
 
     def disarm(self) -> None:
         """Disarm."""
+        self.expect("armed", "disarmed")
         self.command("disarm", _ARM, 0.0)
 
     def set_mode(self, name: str) -> None:
@@ -212,6 +226,7 @@ class MavlinkVehicle(Seen):
         number = self.family.modes.get(name)
         if number is None:
             raise InputError(Fault("no such mode", value=name, remedy=f"one of {', '.join(self.family.modes)}"))
+        self.expect("mode", self.family.mode_name(number))
         if self.family.name == "px4":
             self.command(f"switch to {name}", _SET_MODE, 1.0, float(number >> 16 & 0xFF), float(number >> 24))
         else:
@@ -231,11 +246,12 @@ class MavlinkVehicle(Seen):
             self.set_mode("mission")
         else:
             self.arm(patience_s)
+        self.expect("mode", "mission")
         self.command("start the mission", _START)
 
     def pause(self) -> None:
         """Stop on the way."""
-        if self.family.pauses_in_mission:
+        if self.family.pauses_in_mission and self.mode == "mission":
             self.command("pause", _PAUSE, 0.0)
         else:
             self.set_mode("hold")
@@ -261,30 +277,50 @@ class MavlinkVehicle(Seen):
             raise InputError(Fault("is not a place on Earth", value=(lat_deg, lon_deg, height_m)))
         place = (round(lat_deg * 1e7), round(lon_deg * 1e7), height_m)
         yaw = math.nan if self.family.name == "px4" else 0.0
+        self.expect("mode", self.family.mode_name(self.family.modes["guided"]))
         self.command("go there", _REPOSITION, -1.0, 1.0, 0.0, yaw, place=place)
 
     def return_home(self) -> None:
         """Return as the vehicle's parameters say."""
+        self.expect("mode", "return")
         self.command("return", _RETURN)
 
     def land(self) -> None:
         """Land here."""
+        self.expect("mode", "land")
         self.command("land", _LAND)
 
     def release(self) -> None:
         """Let the package go."""
         self.command("release the package", _GRIPPER, 1.0, 0.0)
 
-    def reset_battery(self, soc: float) -> None:
-        """Tell ArduPilot's counter what the battery holds; PX4 has no such command and refuses it."""
+    def reset_battery(self, soc: float) -> float:
+        """Tell ArduPilot's counter what the battery holds; PX4 has no such command and refuses it.
+
+        Returns
+        -------
+        float
+            The state of charge that it reports within 3 s, 0-1; NaN where it reports none.
+        """
         if not 0.0 <= soc <= 1.0:
             raise InputError(Fault("out of range", field="soc", value=soc, remedy="0 to 1"))
         self.command("reset the battery's counter", _BATTERY_RESET, 1.0, 100.0 * soc)
+        self.connection.wait(lambda: abs(self.live.latest("soc") - soc) <= _PERCENT, _BATTERY_S)
+        return self.live.latest("soc")
+
+    def home(self) -> Home:
+        """Ask where it counts heights from now; it moves when the vehicle arms."""
+        said = self._do(AskFor(self.peer.target, "HOME_POSITION", 242, round_trip=self.peer.round_trip)).message
+        said = said or self.peer.latest.get("HOME_POSITION")
+        if said is None:
+            raise VehicleTimeoutError("its home (it may have no position yet)", 6.0)
+        return Home(said["latitude"] * 1e-7, said["longitude"] * 1e-7, said["altitude"] * 1e-3)
 
     def upload(
         self, part: Part, *, current: int = 0, progress: Callable[[str, int, int], None] | None = None
     ) -> UploadOutcome:
         """Upload a mission, a fence or rally points, and read them back."""
+        said = self.peer.said
         job = UploadJob(
             self.peer.target,
             self.family.name,
@@ -292,12 +328,16 @@ class MavlinkVehicle(Seen):
             current,
             self.peer.round_trip,
             may_roll_back=lambda: not self.armed,
-            texts=self.texts,
+            texts=lambda: self.peer.texts_since(said),
             progress=progress,
         )
         broken = "parts of what was being sent: the upload was interrupted"
         self.blocked = UploadOutcome(UploadState.UNKNOWN, job.kind, broken)
-        outcome = self.connection.perform(upload_verified(job))
+        self.expect(job.kind.word, for_s=math.inf)
+        try:
+            outcome = self._speaker.perform(upload_verified(job))
+        finally:
+            self.expect(job.kind.word)
         self.blocked = outcome if outcome.state is UploadState.UNKNOWN else None
         return outcome
 
@@ -326,6 +366,7 @@ class MavlinkVehicle(Seen):
 
     def clear(self, kind: MissionKind) -> None:
         """Clear one kind, and read back that it is gone."""
+        self.expect(kind.word)
         cleared = self._do(Clear(self.peer.target, kind, round_trip=self.peer.round_trip))
         down = self._do(Download(self.peer.target, kind, round_trip=self.peer.round_trip))
         left = None if down.items is None else len(down.items)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from link.autopilots import Family
     from link.mission_words import MissionKind
     from link.parameters import ParameterCheck, ParameterValue
+    from link.seen import Change, Home
     from link.verified import Part, UploadOutcome
     from missions.comparison import Difference
     from missions.mission import Mission
@@ -100,6 +101,19 @@ class Vehicle(Protocol):
         """For how long nothing has been heard of it."""
         ...
 
+    @property
+    def mission_state(self) -> str:
+        """What it says of its mission: one of `link.seen.MISSION_STATES`."""
+        ...
+
+    def changes(self) -> list[Change]:
+        """Return what has become different since this was asked last, and whether an order of ours asks for it."""
+        ...
+
+    def home(self) -> Home:
+        """Ask where it counts heights from now."""
+        ...
+
     def texts(self) -> list[str]:
         """What it has said, the newest last."""
         ...
@@ -126,6 +140,10 @@ class Vehicle(Protocol):
 
     def set_parameter(self, name: str, value: float) -> ParameterValue:
         """Set a parameter, and read it back."""
+        ...
+
+    def parameters(self) -> dict[str, ParameterValue]:
+        """Read all parameters, by name."""
         ...
 
     def check_required(self, wanted: Sequence[Parameter]) -> tuple[ParameterCheck, ...]:
@@ -176,8 +194,8 @@ class Vehicle(Protocol):
         """Let the package go."""
         ...
 
-    def reset_battery(self, soc: float) -> None:
-        """Tell the autopilot's counter what the battery holds, 0-1."""
+    def reset_battery(self, soc: float) -> float:
+        """Tell the autopilot's counter what the battery holds, 0-1; returns what it reports then, NaN for nothing."""
         ...
 
     def upload(

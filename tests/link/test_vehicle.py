@@ -7,6 +7,7 @@ import pytest
 from wires import FAMILIES, LAT, LON, Scene, a_mission, bad_radio
 
 from link.connection import Connection
+from link.frames import FrameWriter
 from link.mavlink_vehicle import MavlinkVehicle
 from link.mission_words import MissionKind
 from link.verified import UploadState
@@ -20,6 +21,7 @@ from models.errors import (
     UploadMismatchError,
     VehicleTimeoutError,
 )
+from sim_stub.autopilot.modes import Mode
 from sim_stub.faults import Fault
 from sim_stub.physics import offset_m
 
@@ -132,8 +134,6 @@ def test_ardupilot_must_count_our_heartbeat():
 
 def test_another_station_with_our_id_is_noticed_and_refused(scene):
     """The simulated vehicle routes nothing, so the other's heartbeat comes down the wire as a router would send it."""
-    from link.frames import FrameWriter
-
     other = FrameWriter(255, 77).frame("HEARTBEAT", {"type": 6, "autopilot": 8, "mavlink_version": 3})
     scene.link.inner.inbox.append(other)
     with pytest.raises(StationConflictError, match=r"system id 255 .*--gcs-system"):
@@ -205,8 +205,10 @@ def test_a_mission_that_is_flown_is_not_cleared_by_ardupilot():
 
 def test_the_battery_counter_is_reset_where_there_is_one():
     scene = aboard("ardupilot", soc=0.5)
-    scene.craft.reset_battery(1.0)
-    assert scene.vehicle.counted_mah == 0.0
+    scene.connection.run_for(3.0)
+    assert scene.craft.live.latest("soc") == pytest.approx(0.5, abs=0.02)
+    assert scene.craft.reset_battery(1.0) == pytest.approx(1.0, abs=0.011)
+    assert scene.vehicle.counted_mah < 1.0
     with pytest.raises(CommandRefusedError, match="does not know this command"):
         aboard("px4").craft.reset_battery(1.0)
 
@@ -276,3 +278,105 @@ def test_commands_get_through_a_bad_radio():
         scene.craft.set_mode("hold")
         scene.craft.arm(patience_s=20.0)
         assert scene.vehicle.autopilot.armed
+
+
+def told(craft):
+    return {(change.what, change.after, change.ours) for change in craft.changes()}
+
+
+def test_changes_tell_our_orders_from_those_of_others(scene):
+    craft = scene.craft
+    craft.upload(a_mission(4, height=30.0))
+    scene.connection.run_for(3.0)
+    assert [(change.what, change.ours) for change in craft.changes()] == [("mission", True)]
+    craft.start(patience_s=60.0)
+    scene.connection.wait(lambda: craft.live.latest("height_m") > 25.0, 120.0)
+    assert {("armed", "armed", True), ("mode", "mission", True)} <= told(craft)
+    assert craft.mission_state == "active"
+    scene.vehicle.autopilot.request_mode(Mode.RTL, "the pilot")
+    scene.connection.run_for(3.0)
+    assert told(craft) == {("mode", "return", False)}
+    craft.land()
+    scene.connection.wait(lambda: not craft.armed, 120.0)
+    assert {("mode", "land", True), ("armed", "disarmed", False)} <= told(craft)
+
+
+def test_an_upload_by_another_station_is_noticed(scene):
+    scene.connection.run_for(3.0)
+    other = MavlinkVehicle(Connection(scene.lockstep.connect(scene.vehicle), scene.lockstep.clock, system=254))
+    assert other.upload(a_mission(5)).verified
+    scene.connection.run_for(3.0)
+    found = scene.craft.changes()
+    assert [(change.what, change.ours) for change in found] == [("mission", False)]
+    assert "5 items" in found[0].after
+    assert str(found[0]).endswith("(not commanded by us)")
+
+
+def test_a_restart_is_a_change_too(scene):
+    scene.connection.run_for(5.0)
+    scene.vehicle.reboot_soon()
+    scene.connection.run_for(8.0)
+    scene.craft.request_telemetry()
+    scene.connection.run_for(2.0)
+    assert ("boot", "begun anew", False) in told(scene.craft)
+    assert scene.craft.reboots == 1
+
+
+def test_home_is_asked_for_and_moves_when_it_arms(scene):
+    home = scene.craft.home()
+    assert (home.lat_deg, home.lon_deg) == pytest.approx((LAT, LON), abs=1e-6)
+    assert home.alt_msl_m == pytest.approx(5.0, abs=0.5)
+
+
+def test_reasons_are_told_however_much_was_said_before():
+    scene = aboard("px4", faults=(Fault("prearm"),))
+    scene.craft.peer.texts.extend([(6, "blah")] * 200)
+    scene.craft.peer.said += 200
+    with pytest.raises(CommandRefusedError, match="Compass not healthy"):
+        scene.craft.arm()
+
+
+def test_a_long_text_in_chunks_is_one_text(scene):
+    words = "a text of more than fifty letters, which MAVLink 2 sends in several chunks, one by one, numbered"
+    said = scene.craft.peer.said
+    scene.vehicle.say(6, words)
+    scene.connection.run_for(1.0)
+    assert scene.craft.peer.texts_since(said) == [words]
+
+
+@pytest.mark.parametrize(("low", "high", "fine"), [(250, 0, False), (250, 255, True), (255, 0, True), (255, 250, True)])
+def test_newer_ardupilots_count_the_heartbeats_of_a_range_of_systems(low, high, fine):
+    """The simulated one is 4.6: its parameters are renamed on the wire."""
+    scene = aboard("ardupilot")
+    newer, writer = {"MAV_GCS_SYSID": low, "MAV_GCS_SYSID_HI": high}, FrameWriter(1, 1)
+
+    def spoil(number, message, frame, up):
+        if not (up and message.name == "PARAM_REQUEST_READ"):
+            return frame
+        if message["param_id"] in newer:
+            value = {"param_id": message["param_id"], "param_value": newer[message["param_id"]], "param_type": 2}
+            scene.link.inner.inbox.append(writer.frame("PARAM_VALUE", value))
+        return b""
+
+    scene.link.spoil = spoil
+    if fine:
+        scene.craft.check_ground_station()
+    else:
+        with pytest.raises(CommandRefusedError, match=r"MAV_GCS_SYSID.*--gcs-system 250"):
+            scene.craft.check_ground_station()
+
+
+def test_with_no_vehicle_named_it_is_made_sure_that_there_is_only_one():
+    """The second one's first heartbeat comes a second after the first one's."""
+    scene = Scene("px4")
+    other = FrameWriter(7, 1).frame("HEARTBEAT", {"type": 2, "autopilot": 12, "mavlink_version": 3})
+    beats = []
+
+    def spoil(number, message, frame, up):
+        beats.extend([frame] if message.name == "HEARTBEAT" and not up else [])
+        return frame + other if frame in beats[1:] else frame
+
+    scene.link.spoil = spoil
+    with pytest.raises(InputError, match="one of 1, 7"):
+        MavlinkVehicle(scene.connection)
+    assert MavlinkVehicle(scene.connection, 7).family.name == "px4"
