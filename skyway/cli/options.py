@@ -203,7 +203,9 @@ def wind_forecast(
     return scenario.forecast(depart, HORIZON_H, truth=day)
 
 
-def true_wind(scenario: Scenario, depart: datetime, text: str | None) -> tuple[WindEnsemble | None, date | None]:
+def true_wind(
+    scenario: Scenario, depart: datetime, text: str | None, option: str = "--truth"
+) -> tuple[WindEnsemble | None, date | None]:
     """Wind as it will be: a day of the record (``2013-07-10``) or a forecast file with one member."""
     from models.wind_forecast import read_forecast
     from planner.problem import HORIZON_H
@@ -216,7 +218,7 @@ def true_wind(scenario: Scenario, depart: datetime, text: str | None) -> tuple[W
         path = Path(text)
         if not path.is_file():
             remedy = "a day of the record such as 2013-07-10, or a forecast file with one member"
-            raise InputError(Fault("neither a date nor a file", field="--truth", value=text, remedy=remedy)) from None
+            raise InputError(Fault("neither a date nor a file", field=option, value=text, remedy=remedy)) from None
         sites, height = _sites(scenario)
         return read_forecast(path, sites, depart, HORIZON_H, height), None
     return scenario.truth(day, depart, HORIZON_H), day

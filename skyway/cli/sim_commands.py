@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import typer
 
 from models.errors import Fault, InputError
 from skyway.cli import options
+from skyway.cli.bare_values import BareValueCommand
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from datetime import datetime
 
     from models.network import Station
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
     from sim_stub.wind_truth import WindTruth
     from sim_stub.world import Event, World
 
+BARE = {"--jitter": "0.01", "--duplicate": "0.02", "--reorder": "0.02"}
+"""What a bare option of a bad link means."""
 DEFAULT_CONNECT = "udpout:127.0.0.1:14540"
 SIM_HELP = """Simulate vehicles, pads and wind that behave on the wire as the real ones do.
 
@@ -34,8 +38,16 @@ Examples:
 
   skyway sim --at bellevue --wind-truth 2013-07-10 --depart 2013-07-10T14:00-04:00 --pads tcp:127.0.0.1:5790
 
-  skyway sim --loss 0.1 --delay 0.02 --fault link-loss@60s+20s --fault gust=8@120s
+  skyway sim --loss 0.1 --delay 0.02 --jitter --duplicate --reorder
+
+  skyway sim --fault gust@120s --fault battery-sag --fault link-loss@60s+20s --fault gps@5m+10s#2
 """
+
+
+class SimCommand(BareValueCommand):
+    """`skyway sim`: options of a bad link may stand bare."""
+
+    BARE: ClassVar[Mapping[str, str]] = BARE
 
 
 ScenarioArgument = Annotated[
@@ -75,9 +87,13 @@ Warm = Annotated[bool, typer.Option("--warm", help="They have been on for a whil
 Traffic = Annotated[bool, typer.Option(help="Other drones come and go at the pads.")]
 Loss = Annotated[float, typer.Option("--loss", help="Share of packets lost, 0-1.")]
 Delay = Annotated[float, typer.Option("--delay", help="Seconds each packet is late, each way.")]
-Jitter = Annotated[float, typer.Option("--jitter", help="Up to so many seconds more.")]
-Duplicate = Annotated[float, typer.Option("--duplicate", help="Share of packets that come twice, 0-1.")]
-Reorder = Annotated[float, typer.Option("--reorder", help="Share of packets held back, 0-1.")]
+Jitter = Annotated[float, typer.Option("--jitter", help=f"Up to so many seconds more; bare: {BARE['--jitter']}.")]
+Duplicate = Annotated[
+    float, typer.Option("--duplicate", help=f"Share of packets that come twice, 0-1; bare: {BARE['--duplicate']}.")
+]
+Reorder = Annotated[
+    float, typer.Option("--reorder", help=f"Share of packets held back, 0-1; bare: {BARE['--reorder']}.")
+]
 FAULT_HELP = (
     "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s; repeatable. See docs/reference/sim.md."
 )
@@ -215,10 +231,10 @@ def _wind(scenario: Scenario, begins: datetime, text: str | None) -> WindTruth |
     constant = parse_constant(text)
     if constant is not None:
         return constant
-    series, _ = options.true_wind(scenario, begins, text)
+    series, _ = options.true_wind(scenario, begins, text, "--wind-truth")
     return None if series is None else RecordedWind(series)
 
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("sim", help=SIM_HELP)(sim)
+    app.command("sim", cls=SimCommand, help=SIM_HELP)(sim)
