@@ -1,0 +1,111 @@
+"""A vehicle whose new mission is not verified in flight is held, or brought to a refuge and landed there."""
+
+import math
+
+import pytest
+from wires import FAMILIES, LAT, LON, Scene, a_mission, bad_radio
+
+from link.divert import DivertState, Refuge, change_or_divert, divert
+from link.frames import FrameWriter
+from link.mavlink_vehicle import MavlinkVehicle
+from link.verified import UploadState
+from models.errors import CommandRefusedError, InputError, UploadMismatchError
+from sim_stub.faults import Fault
+from sim_stub.physics import offset_m
+
+REFUGE = Refuge(LAT + 0.0012, LON - 0.0009, 35.0)
+
+
+def in_flight(family, **how):
+    scene = Scene(family, **how)
+    scene.craft = MavlinkVehicle(scene.connection)
+    scene.craft.request_telemetry()
+    assert scene.craft.upload(a_mission(6, height=30.0)).verified
+    scene.craft.start(patience_s=60.0)
+    assert scene.connection.wait(lambda: scene.craft.live.latest("height_m") > 25.0, 120.0)
+    return scene
+
+
+def lose_item_four(_number, message, frame, up):
+    return b"" if up and message and message.name == "MISSION_ITEM_INT" and message["seq"] == 4 else frame
+
+
+def from_refuge_m(scene):
+    body = scene.vehicle.body
+    return math.hypot(*offset_m(REFUGE.lat_deg, REFUGE.lon_deg, body.lat, body.lon))
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_an_unverified_change_in_flight_is_diverted_and_landed_at_the_refuge(family, loss):
+    scene = in_flight(family, impairment=bad_radio(loss))
+    scene.link.spoil = lose_item_four
+    outcome, diversion = change_or_divert(scene.craft, a_mission(8, height=45.0), 3, REFUGE)
+    assert outcome.state is UploadState.UNKNOWN
+    assert diversion.state is DivertState.LANDED, diversion.reason
+    assert scene.vehicle.body.grounded
+    assert not scene.vehicle.autopilot.armed
+    assert from_refuge_m(scene) < 3.0
+    with pytest.raises(UploadMismatchError, match="start blocked"):
+        scene.craft.start()
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_verified_change_goes_on_and_one_without_a_refuge_holds(family):
+    scene = in_flight(family)
+    outcome, diversion = change_or_divert(scene.craft, a_mission(8, height=45.0), 3, REFUGE)
+    assert outcome.verified
+    assert diversion is None
+    assert scene.craft.mode == "mission"
+    scene.link.spoil = lose_item_four
+    outcome, diversion = change_or_divert(scene.craft, a_mission(8, height=60.0), 3)
+    assert outcome.state is UploadState.UNKNOWN
+    assert diversion is None
+    scene.connection.run_for(20.0)
+    assert scene.craft.mode == "hold"
+    assert scene.vehicle.autopilot.armed
+
+
+@pytest.mark.parametrize("when", [3.0, 45.0], ids=["on the way", "while it lands"])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_pilot_who_takes_over_is_left_in_command(family, when):
+    scene = in_flight(family)
+    far = Refuge(REFUGE.lat_deg, REFUGE.lon_deg, 60.0) if when > 40.0 else REFUGE
+    scene.world.inject(Fault("pilot", scene.vehicle.sim_s + when, word="position"))
+    diversion = divert(scene.craft, far)
+    assert diversion.state is DivertState.TAKEN
+    assert "position" in diversion.reason
+    scene.connection.run_for(5.0)
+    assert scene.craft.mode == "position"
+    assert scene.vehicle.autopilot.armed
+
+
+def test_one_that_does_not_come_closer_is_told_again_and_then_given_up():
+    scene = in_flight("px4")
+    ordered = []
+
+    def spoil(_number, message, frame, up):
+        if up and message and message.name == "COMMAND_INT":
+            ordered.append(message)
+            here = scene.vehicle.body
+            writer_fields = message.fields | {"x": round(here.lat * 1e7), "y": round(here.lon * 1e7)}
+            return FrameWriter(message.system, message.component).frame("COMMAND_INT", writer_fields)
+        return frame
+
+    scene.link.spoil = spoil
+    diversion = divert(scene.craft, REFUGE)
+    assert diversion.state is DivertState.OVERDUE
+    assert "told 4 times" in diversion.reason
+    assert len(ordered) == 4
+    assert scene.craft.mode == "hold"
+
+
+def test_on_the_ground_a_diversion_is_refused():
+    scene = Scene("px4")
+    with pytest.raises(CommandRefusedError, match="go there"):
+        divert(MavlinkVehicle(scene.connection), REFUGE)
+
+
+def test_a_refuge_is_a_place_on_earth():
+    with pytest.raises(InputError, match="no"):
+        Refuge(91.0, 0.0, 30.0)
