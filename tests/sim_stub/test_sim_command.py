@@ -12,6 +12,29 @@ from skyway.cli.sim_commands import BARE
 SHORT = ["--tcp", "0", "--speedup", "20", "--for", "0.5"]
 
 
+TWO_STATIONS = """id,name,lat,lon,elevation_m,pads,holding_spots
+bellevue,Bellevue,40.7392,-73.9756,5,2,2
+columbia,Columbia,40.8409,-73.9424,45,2,2
+"""
+SCENARIO = """schema = "skyway.scenario/1"
+name = "Two"
+timezone = "America/New_York"
+[network]
+stations = "stations.csv"
+rule = "max-length"
+max_length_m = 20000
+"""
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """A folder with two stations: quicker to read than all of New York."""
+    folder = tmp_path_factory.mktemp("two")
+    (folder / "stations.csv").write_text(TWO_STATIONS, encoding="utf-8")
+    (folder / "scenario.toml").write_text(SCENARIO, encoding="utf-8")
+    return str(folder)
+
+
 def run(capsys, *arguments):
     code = main(["sim", *SHORT, *arguments])
     printed = capsys.readouterr()
@@ -41,13 +64,13 @@ def test_options_of_a_bad_link_stand_bare_or_with_a_number(typed, read):
         ["--jitter", "0.02", "--duplicate=0.1", "--reorder"],
     ],
 )
-def test_a_bad_link_as_it_is_typed(capsys, link):
-    code, out, err = run(capsys, *link)
+def test_a_bad_link_as_it_is_typed(two, capsys, link):
+    code, out, err = run(capsys, two, *link)
     assert (code, err) == (0, "")
     assert "ended" in out
 
 
-def test_faults_as_they_are_typed_with_and_without_times(capsys):
+def test_faults_as_they_are_typed_with_and_without_times(two, capsys):
     faults = [
         "gust@120s",
         "battery-sag",
@@ -56,7 +79,7 @@ def test_faults_as_they_are_typed_with_and_without_times(capsys):
         "battery-drop=0.1@0.3s",
         "pads-taken=bellevue@0.2s",
     ]
-    code, out, err = run(capsys, "--at", "bellevue", *(word for fault in faults for word in ("--fault", fault)))
+    code, out, err = run(capsys, two, "--at", "bellevue", *(word for fault in faults for word in ("--fault", fault)))
     assert (code, err) == (0, "")
     begun = re.findall(r"fault (\S+) begins", out)
     assert sorted(begun) == ["battery-drop", "battery-sag", "gps"], "the others come later"
@@ -79,7 +102,7 @@ def test_the_true_wind_is_a_constant_a_day_of_the_record_or_a_file(capsys, tmp_p
 
 
 @pytest.mark.parametrize("vehicles", [1, 5])
-def test_each_vehicle_says_where_it_is_reached_and_has_its_own_system_id(capsys, vehicles):
+def test_each_vehicle_says_where_it_is_reached_and_has_its_own_system_id(two, capsys, vehicles):
     arguments = [
         "--vehicles",
         str(vehicles),
@@ -92,22 +115,22 @@ def test_each_vehicle_says_where_it_is_reached_and_has_its_own_system_id(capsys,
         "--for",
         "5",
     ]
-    code, out, _ = run(capsys, *arguments)
+    code, out, _ = run(capsys, two, *arguments)
     assert code == 0
     assert len(set(re.findall(r"vehicle (\d+): tcp:127\.0\.0\.1:\d+", out))) == vehicles
     assert len(set(re.findall(r"vehicle (\d+) +autopilot is up", out))) == vehicles
 
 
 @pytest.mark.parametrize("connect", ["udpout:127.0.0.1:14540", "udpin:127.0.0.1:0", "tcpin:127.0.0.1:0"])
-def test_every_kind_of_connection_opens(capsys, connect):
-    code, out, err = run(capsys, "--connect", connect, "--pads", "tcp:127.0.0.1:0")
+def test_every_kind_of_connection_opens(two, capsys, connect):
+    code, out, err = run(capsys, two, "--connect", connect, "--pads", "tcp:127.0.0.1:0")
     assert (code, err) == (0, "")
     assert out.count("vehicle 1: ") == 2, "--tcp and --connect together"
     assert "pads: tcp:127.0.0.1:" in out
 
 
-def test_json_lines_for_machines(capsys):
-    code, out, _ = run(capsys, "--json", "--for", "5")
+def test_json_lines_for_machines(two, capsys):
+    code, out, _ = run(capsys, two, "--json", "--for", "5")
     assert code == 0
     lines = [json.loads(line) for line in out.splitlines()]
     assert "listening" in lines[0]
@@ -132,8 +155,8 @@ def test_json_lines_for_machines(capsys):
         (["--soc", "130"], "--soc"),
     ],
 )
-def test_wrong_usage_is_one_line_and_exit_2(capsys, arguments, words):
-    code, _, err = run(capsys, *arguments)
+def test_wrong_usage_is_one_line_and_exit_2(two, capsys, arguments, words):
+    code, _, err = run(capsys, two, *arguments)
     assert code == 2
     assert words in err
     assert len(err.splitlines()) == 1
