@@ -1,0 +1,196 @@
+"""The flight journal: one JSON object a line, appended, on the disk before anything is done about it.
+
+What is in it is described in ``docs/reference/journal.md``. A line is torn at most at the very end, where the program was
+killed while it wrote; such a line is left out when reading, and cut off before writing goes on.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from models.errors import Fault, InputError
+from models.files import read_bytes
+from models.units import from_posix, iso, parse_instant
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from io import BufferedRandom
+    from pathlib import Path
+
+SCHEMA = "skyway.journal/1"
+MAX_BYTES = 256 * 1024 * 1024
+UNSYNCED = frozenset({"track"})
+"""Events that nothing is decided by: flushed, but not forced to the disk."""
+
+
+class Record(msgspec.Struct, frozen=True, kw_only=True):
+    """One line.
+
+    Attributes
+    ----------
+    n : int
+        Counts from 1.
+    time : str
+        ISO 8601, UTC.
+    state : str
+        State of the delivery, see `link.supervisor.states.State`.
+    event : str
+        What kind of record it is.
+    flight : int
+        Which flight of the delivery it belongs to, from 1; 0 before the first.
+    reason : str or None
+        A sentence.
+    data : dict
+        What the event has besides: inputs and decision.
+    """
+
+    n: int
+    time: str
+    state: str
+    event: str
+    flight: int = 0
+    reason: str | None = None
+    data: dict[str, Any] = msgspec.field(default_factory=dict)
+
+    @property
+    def time_s(self) -> float:
+        """POSIX seconds."""
+        return parse_instant(self.time).timestamp()
+
+
+_DECODER = msgspec.json.Decoder(Record)
+
+
+def plain(value: Any) -> Any:
+    """Make a value fit for JSON: what is not finite becomes null."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class ReadJournal:
+    """What a journal holds.
+
+    Attributes
+    ----------
+    records : tuple of Record
+    whole_bytes : int
+        Length of the whole lines; what follows is torn.
+    """
+
+    records: tuple[Record, ...]
+    whole_bytes: int
+
+
+def read_journal(path: Path) -> ReadJournal:
+    """Read a journal; a torn last line is left out.
+
+    Raises
+    ------
+    InputError
+        Not there, not a journal, or damaged before its end.
+    """
+    data = read_bytes(path, max_bytes=MAX_BYTES)
+    records: list[Record] = []
+    at = 0
+    for number, line in enumerate(data.split(b"\n")[:-1], start=1):
+        try:
+            record = _DECODER.decode(line)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            if at + len(line) + 1 == len(data):
+                break  # torn in writing, with a line end that was on the disk before it
+            raise InputError(Fault(f"no record of a journal: {error}", str(path), number)) from None
+        records.append(record)
+        at += len(line) + 1
+    if not records or records[0].event != "start" or records[0].data.get("schema") != SCHEMA:
+        raise InputError(Fault("is no flight journal", str(path), remedy="name the file that --journal wrote"))
+    return ReadJournal(tuple(records), at)
+
+
+@dataclass(slots=True)
+class Journal:
+    """Writes the journal.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    posix_s : callable
+        The time of now.
+    resume : bool
+        Go on with a file that is there, its torn end cut off; otherwise the file must not exist.
+
+    Raises
+    ------
+    InputError
+        It cannot be written: better no flight than one without a journal.
+    """
+
+    path: Path
+    posix_s: Callable[[], float]
+    resume: bool = False
+    listeners: list[Callable[[Record], None]] = field(default_factory=list)
+    count: int = 0
+    _file: BufferedRandom | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            if self.resume:
+                found = read_journal(self.path)
+                self.count = found.records[-1].n
+                self._file = self.path.open("r+b")
+                self._file.truncate(found.whole_bytes)
+                self._file.seek(0, os.SEEK_END)
+            else:
+                self._file = self.path.open("x+b")
+        except FileExistsError:
+            remedy = "give another name, or --resume it"
+            raise InputError(Fault("exists already", str(self.path), field="--journal", remedy=remedy)) from None
+        except OSError as error:
+            raise self._failed(error) from None
+
+    def _failed(self, error: OSError) -> InputError:
+        return InputError(Fault(f"the journal cannot be written: {error.strerror or error}", str(self.path)))
+
+    def write(
+        self, state: str, event: str, reason: str | None = None, *, flight: int = 0, data: Mapping[str, Any] | None = None
+    ) -> Record:
+        """Append a record; it is on the disk when this returns."""
+        if self._file is None:
+            raise InputError(Fault("the journal is closed", str(self.path)))
+        self.count += 1
+        record = Record(
+            n=self.count,
+            time=iso(from_posix(round(self.posix_s(), 3))),
+            state=str(state),
+            event=event,
+            flight=flight,
+            reason=reason,
+            data=plain(dict(data or {})),
+        )
+        try:
+            self._file.write(msgspec.json.encode(record) + b"\n")
+            self._file.flush()
+            if event not in UNSYNCED:
+                os.fsync(self._file.fileno())
+        except OSError as error:
+            raise self._failed(error) from None
+        for listener in self.listeners:
+            listener(record)
+        return record
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None

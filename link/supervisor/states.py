@@ -1,0 +1,169 @@
+"""The states of a supervised delivery, what may follow what, and how long each may last: one table.
+
+The pictures in the documentation are drawn from it (`mermaid`), and the supervisor refuses to leave it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from models.errors import SkywayError
+
+
+class State(StrEnum):
+    """Where a supervised delivery stands."""
+
+    CONNECTING = "connecting"
+    REPLANNING = "replanning"
+    WAITING = "waiting-for-pad"
+    CHARGING = "charging"
+    PREFLIGHT = "preflight"
+    UPLOADING = "uploading"
+    READY = "ready"
+    ARMING = "arming"
+    FLYING = "flying"
+    DIVERTING = "diverting"
+    LANDED = "landed"
+    LOST_LINK = "lost-link"
+    HOLDING = "holding"
+    DELIVERED = "delivered"
+    STOPPED = "stopped-safe"
+    ENDED_ELSEWHERE = "landed-elsewhere"
+    LEFT = "left-to-itself"
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """What holds in a state.
+
+    Attributes
+    ----------
+    following : tuple of State
+        What may come next; empty for an end.
+    longest_s : float
+        How long it may last.
+    overdue : State or None
+        Where it goes when it lasts longer.
+    meaning : str
+        One line for people.
+    """
+
+    following: tuple[State, ...]
+    longest_s: float
+    overdue: State | None
+    meaning: str
+
+
+_S = State
+_GROUND_TROUBLE = (_S.STOPPED, _S.HOLDING, _S.LOST_LINK, _S.LEFT)
+_AIR_TROUBLE = (_S.HOLDING, _S.LOST_LINK, _S.LEFT)
+
+TABLE: Mapping[State, Rule] = {
+    _S.CONNECTING: Rule(
+        (_S.REPLANNING, _S.FLYING, _S.DIVERTING, _S.LANDED, *_GROUND_TROUBLE, _S.DELIVERED),
+        60.0,
+        _S.STOPPED,
+        "who it is, where it is; after a resume also what it was doing",
+    ),
+    _S.REPLANNING: Rule(
+        (_S.WAITING, _S.PREFLIGHT, _S.REPLANNING, *_GROUND_TROUBLE),
+        24 * 3600.0,
+        _S.STOPPED,
+        "on the ground: where next, how much to charge, whether to wait for wind",
+    ),
+    _S.WAITING: Rule(
+        (_S.CHARGING, _S.REPLANNING, *_GROUND_TROUBLE), 12 * 3600.0, _S.STOPPED, "disarmed on a holding spot"
+    ),
+    _S.CHARGING: Rule(
+        (_S.REPLANNING, _S.WAITING, *_GROUND_TROUBLE), 12 * 3600.0, _S.STOPPED, "disarmed on a pad, charging"
+    ),
+    _S.PREFLIGHT: Rule(
+        (_S.UPLOADING, _S.REPLANNING, *_GROUND_TROUBLE), 900.0, _S.STOPPED, "the list that must be in order"
+    ),
+    _S.UPLOADING: Rule(
+        (_S.READY, _S.PREFLIGHT, *_GROUND_TROUBLE), 900.0, _S.STOPPED, "fence, rally points, mission: sent, read back"
+    ),
+    _S.READY: Rule(
+        (_S.ARMING, _S.REPLANNING, _S.PREFLIGHT, *_GROUND_TROUBLE), 3600.0, _S.STOPPED, "waits for the operator's word"
+    ),
+    _S.ARMING: Rule(
+        (_S.FLYING, _S.PREFLIGHT, *_GROUND_TROUBLE), 240.0, _S.STOPPED, "armed and started, until it is in the air"
+    ),
+    _S.FLYING: Rule(
+        (_S.LANDED, _S.DIVERTING, *_AIR_TROUBLE), 4 * 3600.0, _S.HOLDING, "flies the leg; watched, wind learnt"
+    ),
+    _S.DIVERTING: Rule(
+        (_S.LANDED, *_AIR_TROUBLE), 4 * 3600.0, _S.HOLDING, "flies to a station that is safe to reach, or lands here"
+    ),
+    _S.LANDED: Rule(
+        (_S.REPLANNING, _S.DELIVERED, _S.ENDED_ELSEWHERE, *_GROUND_TROUBLE),
+        300.0,
+        _S.HOLDING,
+        "on the ground and disarmed: where is it?",
+    ),
+    _S.LOST_LINK: Rule(
+        (
+            _S.FLYING, _S.DIVERTING, _S.LANDED, _S.HOLDING, _S.REPLANNING, _S.WAITING, _S.CHARGING, _S.PREFLIGHT,
+            _S.STOPPED, _S.LEFT, _S.DELIVERED,
+        ),
+        3600.0,
+        _S.LEFT,
+        "not heard: it does what its parameters say; nothing is commanded",
+    ),  # fmt: skip
+    _S.HOLDING: Rule(
+        (_S.FLYING, _S.DIVERTING, _S.LANDED, _S.LOST_LINK, _S.STOPPED, _S.LEFT, _S.REPLANNING, _S.PREFLIGHT),
+        math.inf,
+        None,
+        "somebody else has control: nothing is commanded, all is watched, until the operator's word",
+    ),
+    _S.DELIVERED: Rule((), math.inf, None, "the package is there, the vehicle stands disarmed"),
+    _S.STOPPED: Rule((), math.inf, None, "on the ground, disarmed, at a known place, with a reason"),
+    _S.ENDED_ELSEWHERE: Rule((), math.inf, None, "on the ground, disarmed, away from any station"),
+    _S.LEFT: Rule((), math.inf, None, "left to what its parameters make it do, and that was said"),
+}
+
+IN_AIR = frozenset({State.FLYING, State.DIVERTING})
+"""States in which it is expected to fly under our mission."""
+ENDS = frozenset(state for state, rule in TABLE.items() if not rule.following)
+"""States in which a delivery ends."""
+
+
+class OffTableError(SkywayError):
+    """The supervisor was about to do something that the table of states does not have."""
+
+    exit_code = 3
+
+
+def check(before: State, after: State) -> None:
+    """Raise `OffTableError` for a step that the table does not allow."""
+    if after not in TABLE[before].following:
+        raise OffTableError(f"no way from the state {before} to {after}: a defect in skyway, please report it")
+
+
+def mermaid() -> str:
+    """Draw the table as a Mermaid diagram."""
+    name = {state: state.name.lower().replace("_", "") for state in State}
+    lines = ["stateDiagram-v2", "    direction LR"]
+    lines += [f"    state \"{state}\" as {name[state]}" for state in State]
+    lines.append(f"    [*] --> {name[State.CONNECTING]}")
+    for state, rule in TABLE.items():
+        lines += [f"    {name[state]} --> {name[following]}" for following in rule.following]
+        if not rule.following:
+            lines.append(f"    {name[state]} --> [*]")
+    return "\n".join(lines) + "\n"
+
+
+def markdown() -> str:
+    """Tell the table in words, as a Markdown table."""
+    lines = ["| state | meaning | at most | then |", "| --- | --- | --- | --- |"]
+    for state, rule in TABLE.items():
+        most = "—" if math.isinf(rule.longest_s) else _duration(rule.longest_s)
+        lines.append(f"| `{state}` | {rule.meaning} | {most} | {f'`{rule.overdue}`' if rule.overdue else '—'} |")
+    return "\n".join(lines) + "\n"
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds / 3600:g} h" if seconds >= 3600 else f"{seconds / 60:g} min"

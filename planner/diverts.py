@@ -1,0 +1,246 @@
+"""What a drone in the air can still reach: straight flights from any point, under every member of the forecast.
+
+A leg is flown only when for every point of it a station is known that could be landed at with a margin, other than the one
+that it is flown to. The wind is taken at the middle of each straight flight, at the time when the drone is there; flights
+are short against the slots of a forecast.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models import geodesy
+from models.wind import ground_speed
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from models.drone import Drone
+    from models.scenario import Scenario
+    from models.wind_forecast import WindEnsemble
+    from planner.energy_belief import EnergyBelief
+
+POINT_EVERY_M = 500.0
+"""Distance between the points of a leg at which diverts are looked for."""
+MIN_SPEED_MPS = 1.0
+MOST_DIVERTS = 16
+Place = tuple[float, float]
+"""Latitude and longitude, degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class DivertCover:
+    """Divert stations of a leg.
+
+    Attributes
+    ----------
+    stations : tuple of str
+        Enough that every covered point of the leg has one; those that cover most come first.
+    gap_m : float or None
+        How far along the leg the first point lies that has none; None where all have one.
+    """
+
+    stations: tuple[str, ...]
+    gap_m: float | None
+
+
+class Reach:
+    """Flights of one drone from wherever it is.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Stations, no-fly zones, rules of flight.
+    forecast : WindEnsemble
+        At any height.
+    drone : Drone
+        Which flies.
+    payload_kg : float
+        What it carries.
+    belief : EnergyBelief
+        How its energy differs from the model's.
+    airspeed_mps : float, optional
+        Planned airspeed; the drone's cruise airspeed by default.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        forecast: WindEnsemble,
+        drone: Drone,
+        payload_kg: float,
+        belief: EnergyBelief,
+        *,
+        airspeed_mps: float | None = None,
+    ) -> None:
+        self.network, self.rules = scenario.network, scenario.rules
+        self.wind = forecast.at_height(self.rules.cruise_height_m, self.rules.wind_profile_exponent)
+        self.drone, self.belief = drone, belief
+        self.airspeed_mps = airspeed_mps if airspeed_mps is not None else drone.cruise_airspeed_mps
+        model, mass = drone.energy_model, drone.mass_kg + payload_kg
+        self.soc_per_s = model.power_w(mass, "cruise") / drone.battery_j
+        self.soc_climb = model.power_w(mass, "climb") / drone.battery_j * self.rules.climb_s
+        self.soc_descent = model.power_w(mass, "descent") / drone.battery_j * self.rules.descent_s
+        self.pads = np.flatnonzero(self.network.pads > 0)
+
+    def winds(
+        self, lat: NDArray[np.float64], lon: NDArray[np.float64], time_s: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Wind of every member at places and times: (north, east), shape (members, n) each.
+
+        `time_s` has shape (n,) or (members, n).
+        """
+        wind = self.wind
+        weight = wind.idw_weights(lat, lon, wind.site_lat, wind.site_lon)
+        slot = np.floor((np.broadcast_to(time_s, (len(wind), len(lat))) - wind.start_s) / wind.slot_s)
+        chosen = np.clip(np.where(np.isfinite(slot), slot, 0.0), 0, wind.slots - 1).astype(np.int64)
+        member = np.arange(len(wind))[:, None]
+        north = np.einsum("mns,ns->mn", wind.north[member, chosen], weight)
+        east = np.einsum("mns,ns->mn", wind.east[member, chosen], weight)
+        return north, east
+
+    def speeds(
+        self, start: tuple[NDArray[np.float64], NDArray[np.float64]], bearing: NDArray[np.float64],
+        length_m: NDArray[np.float64], time_s: NDArray[np.float64],
+    ) -> NDArray[np.float64]:  # fmt: skip
+        """Ground speed at the planned airspeed over straight flights, shape (members, n); at least 1 m/s.
+
+        Limits of the wind do not count: whoever is in the air has to fly on.
+        """
+        middle = geodesy.midpoint(*start, bearing, length_m)
+        north, east = self.winds(*middle, time_s)
+        angle = np.radians(bearing)
+        along = north * np.cos(angle) + east * np.sin(angle)
+        across = east * np.cos(angle) - north * np.sin(angle)
+        most = self.drone.max_ground_speed_mps
+        return np.maximum(ground_speed(self.airspeed_mps, along, across, math.inf, most), MIN_SPEED_MPS)
+
+    def to_stations(self, here: Place, time_s: float, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Time from a point at cruise height to touch-down at stations, shape (members, n)."""
+        lat, lon = self.network.lat[nodes], self.network.lon[nodes]
+        length, bearing = geodesy.inverse(*here, lat, lon)
+        start = np.full(len(nodes), here[0]), np.full(len(nodes), here[1])
+        half = time_s + 0.5 * length / self.airspeed_mps
+        return length / self.speeds(start, bearing, length, half) + self.rules.descent_s
+
+    def along(self, points: Sequence[Place], time_s: float) -> NDArray[np.float64]:
+        """Time at which each point of a way after the first is reached, shape (members, points - 1); no descent."""
+        places = np.array(points)
+        length, bearing = geodesy.inverse(places[:-1, 0], places[:-1, 1], places[1:, 0], places[1:, 1])
+        start = places[:-1, 0], places[:-1, 1]
+        begins = time_s + np.concatenate(([0.0], np.cumsum(length)[:-1])) / self.airspeed_mps
+        for _ in range(2):
+            middle = begins + 0.5 * length / self.airspeed_mps
+            spent = length / self.speeds(start, bearing, length, middle)
+            ends = time_s + np.cumsum(spent, axis=1)
+            begins = ends - spent
+        return np.asarray(ends)
+
+    def energy(self, flight_s: NDArray[np.float64], *, climbs: bool = False) -> NDArray[np.float64]:
+        """Charge by the model, without its factor, of a cruise with a descent at its end."""
+        cruise = np.maximum(flight_s - self.rules.descent_s, 0.0)
+        return self.soc_per_s * cruise + self.soc_descent + (self.soc_climb if climbs else 0.0)
+
+    def p_below(self, soc: float, cost: NDArray[np.float64], floor_soc: float) -> NDArray[np.float64]:
+        """Probability of landing below a charge, over members and energy, shape (n,); `cost` has shape (members, n)."""
+        from scipy.special import ndtr
+
+        spread = np.maximum(np.hypot(cost * self.belief.sigma, 0.005), 1e-9)
+        below = ndtr((cost * self.belief.factor - (soc - floor_soc)) / spread)
+        return np.asarray(np.einsum("m,m...->...", self.wind.probability, below))
+
+    def expected(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean over the members of something of shape (members, …)."""
+        return np.asarray(np.einsum("m,m...->...", self.wind.probability, values))
+
+    def clear(self, here: Place, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether the straight way to each station crosses no zone, shape (n,)."""
+        zones = self.network.zones
+        if zones is None:
+            return np.ones(len(nodes), dtype=bool)
+        lat, lon = self.network.lat[nodes], self.network.lon[nodes]
+        return ~zones.crossed_by(np.full(len(nodes), here[0]), np.full(len(nodes), here[1]), lat, lon)
+
+    # Legs
+
+    def way(self, origin: str | Place, via: Sequence[str], destination: str) -> list[Place]:
+        """Return the points of a leg: where it begins, stations overflown, its end."""
+        index, lat, lon = self.network.index, self.network.lat, self.network.lon
+        first = (float(lat[index[origin]]), float(lon[index[origin]])) if isinstance(origin, str) else origin
+        return [first, *((float(lat[index[s]]), float(lon[index[s]])) for s in (*via, destination))]
+
+    def leg_cost(self, way: Sequence[Place], time_s: float, *, climbs: bool) -> NDArray[np.float64]:
+        """Charge by the model that a leg takes from `time_s` on, shape (members,)."""
+        begins = time_s + (self.rules.climb_s if climbs else 0.0)
+        cruise = self.along(way, begins)[:, -1] - begins
+        return self.energy(cruise + self.rules.descent_s, climbs=climbs)
+
+    def cover(
+        self, way: Sequence[Place], time_s: float, soc: float, *, floor_soc: float, epsilon: float,
+        not_at: frozenset[str] = frozenset(), climbs: bool = True,
+    ) -> DivertCover:  # fmt: skip
+        """Find divert stations for every point of a leg.
+
+        Parameters
+        ----------
+        way : sequence of (lat, lon)
+            From `way`.
+        time_s, soc : float
+            At the take-off.
+        floor_soc, epsilon : float
+            A divert lands below this charge with no more than this probability.
+        not_at : frozenset of str
+            Stations that do not count: the destination, and those known to be unusable.
+        """
+        points = _points(way)
+        places = [place for place, _ in points]
+        begins = time_s + (self.rules.climb_s if climbs else 0.0)
+        spent = np.zeros((len(self.wind), len(points)))
+        spent[:, 1:] = self.along(places, begins) - begins
+        used = self.soc_per_s * spent + (self.soc_climb if climbs else 0.0)
+        nodes = np.array([n for n in self.pads if self.network.stations[n].id not in not_at], dtype=np.int64)
+        safe = np.zeros((len(points), len(nodes)), dtype=bool)
+        mean_s = self.expected(spent)
+        for row, place in enumerate(places):
+            if not len(nodes):
+                break
+            cost = used[:, row, None] + self.energy(self.to_stations(place, begins + float(mean_s[row]), nodes))
+            near = np.flatnonzero(self.p_below(soc, cost, floor_soc) <= epsilon)
+            near = near[np.argsort(self.expected(cost)[near])][:12]
+            safe[row, near[self.clear(place, nodes[near])]] = True
+        uncovered = np.flatnonzero(~safe.any(axis=1))
+        gap = float(points[uncovered[0]][1]) if len(uncovered) else None
+        return DivertCover(tuple(self.network.stations[nodes[k]].id for k in _fewest(safe)), gap)
+
+
+def _points(way: Sequence[Place]) -> list[tuple[Place, float]]:
+    """Points of a way not farther apart than `POINT_EVERY_M`, with the distance flown to each."""
+    found: list[tuple[Place, float]] = [(way[0], 0.0)]
+    flown = 0.0
+    for before, after in pairwise(way):
+        length = geodesy.distance_m(*before, *after)
+        parts = max(1, math.ceil(length / POINT_EVERY_M))
+        inner = geodesy.along(*before, *after, parts - 1)
+        found += [(point, flown + length * (k + 1) / parts) for k, point in enumerate(inner)]
+        flown += length
+        found.append((after, flown))
+    return found
+
+
+def _fewest(safe: NDArray[np.bool_]) -> list[int]:
+    """Return few columns that together cover every row that any column covers (greedily)."""
+    left = safe.any(axis=1)
+    chosen: list[int] = []
+    while left.any() and len(chosen) < MOST_DIVERTS:
+        gain = safe[left].sum(axis=0)
+        best = int(np.argmax(gain))
+        chosen.append(best)
+        left &= ~safe[:, best]
+    return chosen

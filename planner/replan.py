@@ -1,0 +1,420 @@
+"""Replanning: what to do now, on the ground and in the air, under what is known now; each answer with a sentence.
+
+On the ground the rest of the present plan is flown through the newest forecast, beside what a planner says from here. The
+present plan is kept unless it breaks the reserve or another is better by a margin, so that noise does not turn a delivery
+to and fro. In the air see `planner.replan_flight`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from models.energy import ScaledEnergy
+from models.errors import InfeasibleError
+from models.services import State
+from models.units import S_PER_MIN, from_posix
+from planner.diverts import Reach
+from planner.itinerary import Hop, compose, fly_sampled, outcome, typical_member
+from planner.plan import plan
+from planner.problem import Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from models.drone import Drone
+    from models.scenario import Scenario
+    from models.services import Composition, DroneService
+    from models.wind_forecast import WindEnsemble
+    from planner.energy_belief import EnergyBelief
+    from planner.itinerary import Itinerary, Outcome
+    from planner.request import Request
+
+Action = Literal["continue", "speed", "charge", "wait", "station", "divert", "land", "stop"]
+DEFAULT_PLANNER = "pfs-charge-aware"
+"""Planner of replanning where none is named."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplanSettings:
+    """When a plan is left for another.
+
+    Attributes
+    ----------
+    epsilon_depart : float
+        A leg is begun only with a charge that lands below the reserve with no more than this probability, counting wind
+        and what is not known of the energy.
+    epsilon_flight : float
+        In flight, above this probability of landing below the reserve something else is looked for.
+    plan_sigmas : float
+        Plans are made with the energy factor so many standard deviations above its mean.
+    margin_s, margin_share : float
+        Another plan must arrive earlier by both: seconds, and a share of the time left.
+    divert_share : float
+        A divert lands above this share of the reserve, wherever it is begun.
+    speed_step_mps, speed_every_s : float
+        The ground speed is sent again when it changed by so much, and no oftener than this.
+    confirm : int
+        Looks in a row that must say the same before a flight is diverted.
+    better_every_s : float
+        How often in flight a better composition is looked for.
+    wait_s : float
+        How long to wait for wind or a pad before looking again.
+    charge_step : float
+        Charge targets closer than this are the same.
+    """
+
+    epsilon_depart: float = 0.01
+    epsilon_flight: float = 0.05
+    plan_sigmas: float = 1.0
+    margin_s: float = 180.0
+    margin_share: float = 0.05
+    divert_share: float = 0.5
+    speed_step_mps: float = 0.5
+    speed_every_s: float = 30.0
+    confirm: int = 3
+    better_every_s: float = 60.0
+    wait_s: float = 300.0
+    charge_step: float = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What to do now.
+
+    Attributes
+    ----------
+    action : str
+        ``continue``; ``speed``: fly on at another ground speed; ``charge``: to another state of charge; ``wait``;
+        ``station``: another next station; ``divert``: to a station, now; ``land``: here, now; ``stop``: stay on the ground.
+    reason : str
+        A sentence with figures.
+    figures : mapping
+        What it was decided by.
+    composition : Composition or None
+        The plan from here, on the ground always and in the air where it changes.
+    station : str or None
+        Where to, for ``divert`` and ``station``.
+    speed_mps : float or None
+        For ``speed``.
+    charge_to : float or None
+        Charge to leave with, on the ground.
+    diverts : tuple of str
+        Divert stations of the next leg, on the ground.
+    until_s : float or None
+        For ``wait``: POSIX seconds at which to look again.
+    """
+
+    action: Action
+    reason: str
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    composition: Composition | None = None
+    station: str | None = None
+    speed_mps: float | None = None
+    charge_to: float | None = None
+    diverts: tuple[str, ...] = ()
+    until_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Grounded:
+    """A drone that stands at a station.
+
+    Attributes
+    ----------
+    station : str
+        Where.
+    time_s, soc : float
+        Now, POSIX seconds, and its charge.
+    visited : frozenset of str
+        Stations it has landed at before.
+    busy_pads : mapping
+        Busy pads seen at stations now.
+    unusable : frozenset of str
+        Stations that must not be flown to now.
+    charged : bool
+        It has been charged as decided before: what is asked is whether to leave now.
+    """
+
+    station: str
+    time_s: float
+    soc: float
+    visited: frozenset[str] = frozenset()
+    busy_pads: Mapping[str, int] = field(default_factory=dict)
+    unusable: frozenset[str] = frozenset()
+    charged: bool = False
+
+
+def cautious_drone(drone: Drone, factor: float) -> Drone:
+    """Return the drone with its energy scaled."""
+    return replace(drone, energy=ScaledEnergy(drone.energy_model, factor))
+
+
+class GroundReplanner:
+    """Decides at every landing, and again before each take-off.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The region.
+    request : Request
+        As at the departure; the drone is named.
+    planner : str
+        See `planner.plan.plan`.
+    settings : ReplanSettings
+        When a plan is left for another.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        request: Request,
+        planner: str = DEFAULT_PLANNER,
+        settings: ReplanSettings | None = None,
+    ) -> None:
+        self.scenario, self.request, self.planner = scenario, request, planner
+        self.settings = settings or ReplanSettings()
+        self.drone = scenario.drone(request.drone or "")
+
+    def reach(self, forecast: WindEnsemble, belief: EnergyBelief) -> Reach:
+        """Return what can be flown under a forecast."""
+        request = self.request
+        return Reach(self.scenario, forecast, self.drone, request.payload_kg, belief, airspeed_mps=request.airspeed_mps)
+
+    def decide(
+        self, standing: Grounded, current: Composition | None, forecast: WindEnsemble, belief: EnergyBelief
+    ) -> Decision:
+        """Say what to do at a station.
+
+        Parameters
+        ----------
+        standing : Grounded
+            Where the drone stands.
+        current : Composition or None
+            The plan from this station on; None where there is none.
+        forecast : WindEnsemble
+            Brought up to date.
+        belief : EnergyBelief
+            How much energy flights take.
+        """
+        problem = self._problem(standing, forecast, belief)
+        reach = self.reach(forecast, belief.next_flight())
+        kept = None if current is None else self._kept(problem, current, standing)
+        fresh, why_not = self._fresh(standing, problem, forecast)
+        chosen = self._choose(standing, kept, fresh, why_not)
+        tried: list[str] = []
+        for candidate in (chosen, _Candidate("station", fresh[0], fresh[1], "") if fresh else None):
+            if candidate is None:
+                continue
+            decision = self._with_charge(standing, problem, candidate, reach)
+            if decision.action != "stop":
+                return decision
+            tried.append(decision.reason)
+        reason = tried[0] if tried else why_not
+        return Decision("stop", reason, {"station": standing.station, "soc": standing.soc})
+
+    # The candidates
+
+    def _problem(self, standing: Grounded, forecast: WindEnsemble, belief: EnergyBelief) -> Problem:
+        factor = belief.next_flight().cautious(self.settings.plan_sigmas)
+        drone = cautious_drone(self.drone, factor)
+        drones = tuple(drone if d.id == drone.id else d for d in self.scenario.drones)
+        scenario = replace(self.scenario, drones=drones)
+        soc = min(max(standing.soc, 0.0), 1.0)
+        visited = standing.visited | standing.unusable
+        state = State(from_posix(standing.time_s), standing.station, None, soc, standing.busy_pads, visited)
+        return Problem(scenario, replace(self.request, state=state), drone, forecast)
+
+    def _fresh(
+        self, standing: Grounded, problem: Problem, forecast: WindEnsemble
+    ) -> tuple[tuple[Itinerary, Outcome] | None, str]:
+        try:
+            answer = plan(problem.scenario, problem.request, planner=self.planner, forecast=forecast)
+        except InfeasibleError as error:
+            return None, str(error)
+        unusable = [s.destination for s in answer.composition.services if s.destination in standing.unusable]
+        if unusable:
+            return None, f"the plan from here needs {unusable[0]}, which cannot be used now"
+        return (answer.itinerary, answer.outcome), ""
+
+    def _kept(self, problem: Problem, current: Composition, standing: Grounded) -> tuple[Itinerary, Outcome] | None:
+        """Return the rest of the present plan, flown through the newest forecast."""
+        if any(service.destination in standing.unusable for service in current.services[:1]):
+            return None
+        itinerary = itinerary_of(problem, current)
+        if itinerary is None:
+            return None
+        return itinerary, outcome(problem, *fly_sampled(problem, itinerary))
+
+    def _choose(
+        self,
+        standing: Grounded,
+        kept: tuple[Itinerary, Outcome] | None,
+        fresh: tuple[Itinerary, Outcome] | None,
+        why_not: str,
+    ) -> _Candidate | None:
+        """Keep the present plan unless another is better by the margin, or it will not do."""
+        if kept is None or not len(kept[1].weight):
+            if fresh is None:
+                return None
+            return _Candidate("station", *fresh, "there is no plan from here, so a new one was made")
+        if fresh is None:
+            return _Candidate("continue", *kept, f"the planner has no other ({why_not})")
+        epsilon = self.settings.epsilon_flight
+        if kept[1].p_success < 1.0 - epsilon and fresh[1].p_success > kept[1].p_success + epsilon:
+            reason = (
+                f"the present plan keeps the reserve with probability {kept[1].p_success:.3f} only, "
+                f"the new one with {fresh[1].p_success:.3f}"
+            )
+            return self._named(kept, fresh, reason)
+        left_s = kept[1].mean_s - standing.time_s
+        gain_s = kept[1].mean_s - fresh[1].mean_s
+        margin_s = max(self.settings.margin_s, self.settings.margin_share * left_s)
+        if gain_s > margin_s and fresh[1].p_success >= kept[1].p_success - epsilon:
+            reason = (
+                f"the new plan arrives {gain_s / S_PER_MIN:.1f} min earlier (margin {margin_s / S_PER_MIN:.1f} min)"
+            )
+            return self._named(kept, fresh, reason)
+        better = f"{gain_s / S_PER_MIN:+.1f} min of the best other plan are within the margin"
+        return _Candidate("continue", *kept, f"{better} of {margin_s / S_PER_MIN:.1f} min")
+
+    def _named(self, kept: tuple[Itinerary, Outcome], fresh: tuple[Itinerary, Outcome], reason: str) -> _Candidate:
+        same = kept[0][0].segments == fresh[0][0].segments
+        return _Candidate("charge" if same else "station", *fresh, reason)
+
+    # The charge
+
+    def _with_charge(self, standing: Grounded, problem: Problem, chosen: _Candidate, reach: Reach) -> Decision:
+        """Complete a candidate: enough charge for the next leg and its diverts, and wind that lets it leave."""
+        member, course = typical_member(problem, chosen.itinerary)
+        told = compose(
+            problem, chosen.itinerary, course, member, chosen.outcome, planner=self.planner, planning_time_s=0.0
+        )
+        service = told.services[0]
+        planned = chosen.itinerary[0].charge_to or 0.0
+        need = self.charge_needed(service, standing, reach)
+        figures: dict[str, Any] = {
+            "next": service.destination,
+            "via": list(service.via),
+            "soc": standing.soc,
+            "needed_soc": need.soc,
+            "planned_soc": planned,
+            "arrival_mean_s": chosen.outcome.mean_s,
+            "p_success": chosen.outcome.p_success,
+            "energy_factor": reach.belief.factor,
+            "energy_sigma": reach.belief.sigma,
+        }
+        if need.soc is None:
+            return Decision("stop", f"the leg to {service.destination} is not flown: {need.why}", figures)
+        here = self.scenario.network.stations[self.scenario.network.index[standing.station]]
+        target = max(planned, need.soc)
+        wanted = target if target > standing.soc + 0.5 * self.settings.charge_step else None
+        if wanted is not None and here.pads == 0:
+            reason = f"the leg to {service.destination} needs {100 * need.soc:.0f} %, and there is no pad here"
+            return Decision("stop", reason, figures)
+        held = self._held(service, standing, reach) if wanted is None else None
+        if held is not None:
+            return replace(held, composition=told, diverts=need.diverts, figures=figures | dict(held.figures))
+        action = chosen.action
+        minutes = (chosen.outcome.mean_s - standing.time_s) / S_PER_MIN
+        reason = f"next {service.destination}, {minutes:.0f} min to the delivery: {chosen.reason}"
+        if wanted is not None:
+            reason += f"; charge from {100 * standing.soc:.0f} to {100 * wanted:.0f} %"
+            if action == "continue" and standing.charged:
+                action = "charge"
+        return Decision(action, reason, figures, told, service.destination, None, wanted, need.diverts)
+
+    def charge_needed(self, service: DroneService, standing: Grounded, reach: Reach) -> _Need:
+        """Find the least charge with which a leg keeps the reserve and always has a divert station."""
+        way = reach.way(service.origin, service.via, service.destination)
+        cost = reach.leg_cost(way, standing.time_s, climbs=True)
+        settings, reserve = self.settings, self.request.reserve_soc
+        floor = reserve * settings.divert_share
+        not_at = standing.unusable | {service.destination}
+        least: float | None = None
+        cover = None
+        for step in range(101):
+            soc = 1.0 - 0.01 * step
+            if float(reach.p_below(soc, cost[:, None], reserve)[0]) > settings.epsilon_depart:
+                break
+            least = soc
+        if least is None:
+            p = float(reach.p_below(1.0, cost[:, None], reserve)[0])
+            return _Need(None, (), f"even fully charged it lands below {100 * reserve:.0f} % with probability {p:.2f}")
+        soc = least
+        while soc <= 1.0 + 1e-9:
+            cover = reach.cover(
+                way, standing.time_s, soc, floor_soc=floor, epsilon=settings.epsilon_depart, not_at=not_at
+            )
+            if cover.gap_m is None:
+                return _Need(min(soc, 1.0), cover.stations, "")
+            soc = soc + 0.05 if soc + 0.05 < 1.0 or soc >= 1.0 else 1.0
+        gap = math.nan if cover is None or cover.gap_m is None else cover.gap_m
+        return _Need(None, (), f"from {gap / 1000:.1f} km on no divert station stays in reach, even fully charged")
+
+    def _held(self, service: DroneService, standing: Grounded, reach: Reach) -> Decision | None:
+        """Wait where the wind most probably forbids to leave now."""
+        way = np.array(reach.way(service.origin, service.via, service.destination))
+        now = np.full(len(way), standing.time_s)
+        north, east = reach.winds(way[:, 0], way[:, 1], now)
+        speed = np.hypot(north, east).max(axis=1)
+        p_over = float(reach.wind.probability @ (speed > self.drone.wind_limit_mps))
+        if p_over <= 0.5:
+            return None
+        mean = float(reach.wind.probability @ speed)
+        reason = (
+            f"wait {self.settings.wait_s / S_PER_MIN:.0f} min for the wind: {mean:.1f} m/s expected on the way to "
+            f"{service.destination}, above {self.drone.wind_limit_mps:g} m/s with probability {p_over:.2f}"
+        )
+        figures = {"p_wind_over_limit": p_over, "wind_mps": mean}
+        return Decision(
+            "wait", reason, figures, station=service.destination, until_s=standing.time_s + self.settings.wait_s
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    action: Action
+    itinerary: Itinerary
+    outcome: Outcome
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Need:
+    soc: float | None
+    diverts: tuple[str, ...]
+    why: str
+
+
+def itinerary_of(problem: Problem, composition: Composition) -> Itinerary | None:
+    """Return the decisions of a composition that begins where the problem does; None where it does not fit."""
+    network = problem.network
+    stops = {stop.station: stop for stop in composition.stops}
+    hops: list[Hop] = []
+    where = network.stations[problem.origin].id
+    for service in composition.services:
+        names = [service.origin if hops else where, *service.via, service.destination]
+        if hops and service.origin != where:
+            return None
+        segments = [_segment(problem, a, b) for a, b in pairwise(names)]
+        if any(segment is None for segment in segments):
+            return None
+        stop = stops.get(service.origin)
+        charge = stop.soc_to if stop is not None and stop.recharge_s > 0.0 else None
+        hops.append(Hop(tuple(s for s in segments if s is not None), charge))
+        where = service.destination
+    return tuple(hops) or None
+
+
+def _segment(problem: Problem, tail: str, head: str) -> int | None:
+    network = problem.network
+    if tail not in network.index or head not in network.index:
+        return None
+    begin, end = network.first[network.index[tail]], network.first[network.index[tail] + 1]
+    hit = np.flatnonzero(network.head[begin:end] == network.index[head])
+    return int(begin + hit[0]) if len(hit) else None
