@@ -71,9 +71,10 @@ def test_a_verified_change_goes_on_and_one_without_a_refuge_holds(family):
 def test_a_pilot_who_takes_over_is_left_in_command(family, when):
     scene = in_flight(family)
     far = Refuge(REFUGE.lat_deg, REFUGE.lon_deg, 60.0) if when > 40.0 else REFUGE
-    scene.world.inject(Fault("pilot", scene.vehicle.sim_s + when, word="position"))
+    scene.world.inject(Fault("pilot", when, word="position"))
     diversion = divert(scene.craft, far)
     assert diversion.state is DivertState.TAKEN
+    assert (from_refuge_m(scene) > 20.0) == (when < 10.0)
     assert "position" in diversion.reason
     scene.connection.run_for(5.0)
     assert scene.craft.mode == "position"
