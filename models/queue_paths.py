@@ -10,7 +10,7 @@ drone leaves at a rate 1 / mean charging time, both by the hour. They do not not
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -43,11 +43,19 @@ class QueuePath:
         always.
     land_s : ndarray, shape (k + 1,)
         Earliest time it can touch down, on a pad or a holding spot; nondecreasing and never after `pad_s`.
+    delay_s : ndarray, shape (k + 1,)
+        It gets no pad sooner than this long after its own arrival, in the interval before the first, between the
+        first and the second of them, …; 0 by default. With it a path tells of waits that are expected, not sampled.
+        The pad's time must still be nondecreasing in the arrival.
     """
 
     arrival_s: NDArray[np.float64]
     pad_s: NDArray[np.float64]
     land_s: NDArray[np.float64]
+    delay_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "delay_s", np.broadcast_to(self.delay_s, self.pad_s.shape))
 
     def pad_time(self, arrival_s: ArrayLike) -> NDArray[np.float64]:
         """When our drone gets a pad if it arrives at POSIX seconds `arrival_s`; nondecreasing in it.
@@ -55,20 +63,57 @@ class QueuePath:
         An arrival at the very time of another drone's stands behind it. Before the start of the path the
         answer is that of a drone behind all who are there at the start.
         """
-        return self._at(self.pad_s, arrival_s)
+        arrival, interval = self._at(arrival_s)
+        return np.maximum(arrival + self.delay_s[interval], self.pad_s[interval])
 
     def land_time(self, arrival_s: ArrayLike) -> NDArray[np.float64]:
         """When it can touch down if it arrives at POSIX seconds `arrival_s`; never after `pad_time`."""
-        return self._at(self.land_s, arrival_s)
+        arrival, interval = self._at(arrival_s)
+        return np.maximum(arrival, self.land_s[interval])
 
-    def _at(self, ready_s: NDArray[np.float64], arrival_s: ArrayLike) -> NDArray[np.float64]:
+    def _at(self, arrival_s: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         arrival = np.asarray(arrival_s, dtype=np.float64)
-        return np.maximum(arrival, ready_s[np.searchsorted(self.arrival_s, arrival, side="right")])
+        return arrival, np.searchsorted(self.arrival_s, arrival, side="right")
 
 
 def no_queue() -> QueuePath:
     """Return a path on which a pad is always free, as at a delivery target, where nobody recharges."""
     return QueuePath(np.empty(0), np.array([-math.inf]), np.array([-math.inf]))
+
+
+def expected_path(start_s: float, step_s: float, wait_s: ArrayLike) -> QueuePath:
+    """Make the path of a drone that waits as long as is expected at its arrival.
+
+    Parameters
+    ----------
+    start_s, step_s : float
+        The grid, POSIX seconds and seconds.
+    wait_s : array_like, shape (times,)
+        Expected waits of arrivals at `start_s`, `start_s` + `step_s`, …
+
+    Returns
+    -------
+    QueuePath
+        Within a step the wait is the mean of its two ends, before the grid and after it that of its first and last
+        time. Where that would let a later arrival have its pad earlier, it gets it with the last one before it.
+        Landing needs no wait.
+
+    Raises
+    ------
+    InputError
+        The grid has no times or no length, or a wait is negative or not a number.
+    """
+    wait = np.asarray(wait_s, dtype=np.float64)
+    if wait.ndim != 1 or not len(wait) or not (step_s > 0.0 and math.isfinite(step_s)):
+        raise InputError(Fault("a grid has at least one time, and steps of some length", field="step_s", value=step_s))
+    if not np.all((wait >= 0.0) & np.isfinite(wait)):
+        raise InputError(Fault("not all waits are seconds from 0 up", field="wait_s"))
+    arrival = start_s + step_s * np.arange(len(wait))
+    delay = np.empty(len(wait) + 1)
+    delay[0], delay[1:-1], delay[-1] = wait[0], 0.5 * (wait[1:] + wait[:-1]), wait[-1]
+    pad = np.full(len(delay), -math.inf)
+    pad[1:] = np.maximum.accumulate(arrival + delay[:-1])
+    return QueuePath(arrival, pad, np.full(len(pad), -math.inf), delay)
 
 
 def sample_path(
@@ -203,27 +248,28 @@ def sample_paths(
 
 def pack(
     paths: Sequence[QueuePath],
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Lay paths end to end for kernels.
 
     Returns
     -------
     offset : ndarray of int, shape (paths + 1,)
         Entries of path i are ``offset[i] : offset[i + 1]``, at least one.
-    arrival_s, pad_s, land_s : ndarray, shape (entries,)
+    arrival_s, pad_s, land_s, delay_s : ndarray, shape (entries,)
         An entry's times hold for our arrivals from its `arrival_s` (-inf in the first entry of a path)
         until before the next one's.
     """
     offset = np.zeros(len(paths) + 1, dtype=np.int64)
     np.cumsum([len(path.pad_s) for path in paths], out=offset[1:])
-    arrival, pad, land = (np.empty(offset[-1]) for _ in range(3))
+    arrival, pad, land, delay = (np.empty(offset[-1]) for _ in range(4))
     for i, path in enumerate(paths):
         low, high = offset[i], offset[i + 1]
         arrival[low] = -math.inf
         arrival[low + 1 : high] = path.arrival_s
         pad[low:high] = path.pad_s
         land[low:high] = path.land_s
-    return offset, arrival, pad, land
+        delay[low:high] = path.delay_s
+    return offset, arrival, pad, land, delay
 
 
 def _check(holding_spots: int, hours: float, remaining_s: NDArray[np.float64], busy_pads: int) -> None:

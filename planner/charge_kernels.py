@@ -16,7 +16,7 @@ import numpy as np
 from models.compiled import compiled
 from models.flight import Air
 from models.flight_kernels import NEVER, land, next_opening, slot_end, slot_of
-from planner.course_kernels import expected_pad, sampled_time
+from planner.course_kernels import expected_pad, sampled_pad, sampled_spot
 from planner.evaluation_kernels import gusty_land
 from planner.profile_kernels import interpolate
 
@@ -284,11 +284,11 @@ def fly_by_need(
             entry = sky.queue[run] * count + hop
             joined = now
             if hop > 0 and sampled:
-                spot = sampled_time(queues.land_s, queues, entry, now)
+                spot = sampled_spot(queues, entry, now)
                 soc -= sky.energy[run] * cost[0] * (spot - now)
                 out[run, hop - 1, 2], out[run, hop - 1, 4] = spot, soc
                 now = spot
-            pad = max(now, sampled_time(queues.pad_s, queues, entry, joined)) if sampled else expected_pad(waits, hop, now)
+            pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, hop, now)
             u = interpolate(soc, hops.curve_soc[hop], hops.curve_s[hop])
             most = hops.curve_soc[hop, -1]
             at = max(now, hops.not_before_s[hop])

@@ -51,6 +51,12 @@ class Queues(NamedTuple):
     arrival_s: NDArray[np.float64]
     pad_s: NDArray[np.float64]
     land_s: NDArray[np.float64]
+    delay_s: NDArray[np.float64]
+
+
+def no_queues() -> Queues:
+    """Return no set of paths: expected waits are used instead."""
+    return Queues(np.zeros(1, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
 
 
 class Waits(NamedTuple):
@@ -75,11 +81,22 @@ def expected_pad(waits: Waits, hop: int, time_s: float) -> float:
 
 
 @compiled
-def sampled_time(ready_s: NDArray[np.float64], queues: Queues, entry: int, time_s: float) -> float:
-    """When a drone that arrives at a time gets what `ready_s` tells of: a pad or a spot to land on."""
+def _interval(queues: Queues, entry: int, time_s: float) -> int:
     low, high = queues.offset[entry], queues.offset[entry + 1]
-    k = low + np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1
-    return max(time_s, ready_s[max(k, low)])
+    return max(low + np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, low)
+
+
+@compiled
+def sampled_spot(queues: Queues, entry: int, time_s: float) -> float:
+    """When a drone that arrives at a time can touch down."""
+    return max(time_s, queues.land_s[_interval(queues, entry, time_s)])
+
+
+@compiled
+def sampled_pad(queues: Queues, entry: int, time_s: float) -> float:
+    """When a drone that arrives at a time gets a pad."""
+    k = _interval(queues, entry, time_s)
+    return max(time_s + queues.delay_s[k], queues.pad_s[k])
 
 
 def fly(
@@ -142,7 +159,7 @@ def fly_under(
             entry = sky.queue[run] * count + hop
             joined = now  # a drone that hovers for a spot keeps its place in the queue
             if hop > 0 and sampled:
-                spot = sampled_time(queues.land_s, queues, entry, now)
+                spot = sampled_spot(queues, entry, now)
                 soc -= sky.energy[run] * cost[0] * (spot - now)
                 out[run, hop - 1, TOUCH_DOWN], out[run, hop - 1, SOC_DOWN] = spot, soc
                 now = spot
@@ -151,11 +168,7 @@ def fly_under(
             charges = not math.isnan(hops.charge_to[hop]) and hops.charge_to[hop] > soc
             u = 0.0
             if charges:
-                pad = (
-                    max(now, sampled_time(queues.pad_s, queues, entry, joined))
-                    if sampled
-                    else expected_pad(waits, hop, now)
-                )
+                pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, hop, now)
                 u = interpolate(soc, hops.curve_soc[hop], hops.curve_s[hop])
                 ready = pad + interpolate(hops.charge_to[hop], hops.curve_soc[hop], hops.curve_s[hop]) - u
             ready = max(ready, hops.not_before_s[hop])

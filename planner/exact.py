@@ -80,9 +80,13 @@ class ExactSearch:
     Parameters
     ----------
     problem : Problem
-        Its ensemble must have one member, the truth.
+        Flights are in the wind of the first member of its ensemble, the truth.
     queues : mapping of int to QueuePath
         The true queue at each station with pads.
+    speeds, margin_soc_per_s
+        See `Stays`.
+    stops : ndarray of bool, shape (nodes,), optional
+        Stations that may be landed at on the way; all with pads by default.
 
     Attributes
     ----------
@@ -92,11 +96,22 @@ class ExactSearch:
         Always true: the search ends with a proof.
     """
 
-    def __init__(self, problem: Problem, queues: dict[int, QueuePath]) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        queues: dict[int, QueuePath],
+        *,
+        speeds: NDArray[np.float64] | None = None,
+        margin_soc_per_s: float = 0.0,
+        stops: NDArray[np.bool_] | None = None,
+    ) -> None:
         self.problem = problem
+        self._stops = problem.network.pads > 0
+        if stops is not None:
+            self._stops &= stops
         self.looked_at = 0
         self.complete = True
-        self._stays = Stays(problem, queues)
+        self._stays = Stays(problem, queues, speeds=speeds, margin_soc_per_s=margin_soc_per_s)
         self._best: tuple[list[Stay], float] | None = None
         self._settled: dict[int, _Envelope] = {}
 
@@ -138,6 +153,8 @@ class ExactSearch:
             pieces_of = self._stays.pieces_from(stay, useful, until_s=horizon)
             if node == p.destination:
                 self._keep(chain, *self._stays.arrive(stay, pieces_of(node)))
+                return
+            if not self._stops[node]:
                 return
             landed = self._stays.land(stay, np.array([node]), pieces_of)
             if not landed:
@@ -196,9 +213,7 @@ class ExactSearch:
             if useful[destination]:
                 self._keep(label.chain(), *stays.arrive(label.stay, pieces_of(destination)))
             useful[[destination, node]] = False
-            for bound, after in stays.land(
-                label.stay, np.flatnonzero(useful & (self.problem.network.pads > 0)), pieces_of
-            ):
+            for bound, after in stays.land(label.stay, np.flatnonzero(useful & self._stops), pieces_of):
                 if bound < stays.best_s - GAIN_S:
                     count += 1
                     heapq.heappush(heap, (bound, count, _Label(after, label)))

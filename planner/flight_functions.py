@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.compiled import compiled
-from models.flight_kernels import NEVER, segment_speed, slot_end, slot_of
+from models.flight_kernels import NEVER
+from planner.flight_table import table_slot, table_slot_end
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.flight import Air
+    from planner.flight_table import FlightTable
 
 _EPS_S = 1e-7
 _EARLY_S = 1e-4  # a flight that must be down before a slot begins is down this much earlier
@@ -28,16 +29,16 @@ _POINTS = 16  # points of a function at first; grows as needed
 
 
 @compiled
-def _cruise(air: Air, member: int, segment: int, time_s: float, last_slot: int) -> float:
+def _cruise(table: FlightTable, segment: int, time_s: float, last_slot: int) -> float:
     """Leave a segment entered at a time; the wind of `last_slot` is held on after it."""
-    left = air.distance_m[segment]
+    left = table.distance_m[segment]
     now = time_s
-    slot = min(slot_of(air, now), last_slot)
+    slot = min(table_slot(table, now), last_slot)
     while True:
-        speed = segment_speed(air, member, slot, segment)
+        speed = table.speed_mps[slot, segment]
         if speed <= 0.0:
             return NEVER
-        end = slot_end(air, slot) if slot < last_slot else NEVER
+        end = table_slot_end(table, slot) if slot < last_slot else NEVER
         if now + left / speed <= end:
             return now + left / speed
         left -= speed * (end - now)
@@ -47,29 +48,29 @@ def _cruise(air: Air, member: int, segment: int, time_s: float, last_slot: int) 
 
 @compiled
 def _link(
-    air: Air, member: int, segment: int, last_slot: int, t: NDArray[np.float64], a: NDArray[np.float64], n: int
+    table: FlightTable, segment: int, last_slot: int, t: NDArray[np.float64], a: NDArray[np.float64], n: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Append a segment to an arrival function of n points."""
-    slots = last_slot - slot_of(air, a[0]) + 2
+    slots = last_slot - table_slot(table, a[0]) + 2
     out_t = np.empty(n + 2 * max(slots, 1) * n + 4)
     out_a = np.empty(len(out_t))
     size = 0
     for k in range(n):
-        out_t[size], out_a[size] = t[k], _cruise(air, member, segment, a[k], last_slot)
+        out_t[size], out_a[size] = t[k], _cruise(table, segment, a[k], last_slot)
         size += 1
         if k == n - 1 or a[k + 1] <= a[k]:
             continue
-        slot = slot_of(air, a[k])
+        slot = table_slot(table, a[k])
         while slot < last_slot:  # break points of the segment's own arrival function within (a[k], a[k + 1])
-            end = slot_end(air, slot)
-            speed = segment_speed(air, member, slot, segment)
-            leave = end - air.distance_m[segment] / speed if speed > 0.0 else end
+            end = table_slot_end(table, slot)
+            speed = table.speed_mps[slot, segment]
+            leave = end - table.distance_m[segment] / speed if speed > 0.0 else end
             for x in (leave, end):
                 if a[k] + _EPS_S < x < a[k + 1] - _EPS_S:
                     part = (x - a[k]) / (a[k + 1] - a[k])
                     where = t[k] + part * (t[k + 1] - t[k])
                     if where > out_t[size - 1]:
-                        out_t[size], out_a[size] = where, _cruise(air, member, segment, x, last_slot)
+                        out_t[size], out_a[size] = where, _cruise(table, segment, x, last_slot)
                         size += 1
             if end >= a[k + 1]:
                 break
@@ -156,17 +157,14 @@ def _straighten(t: NDArray[np.float64], a: NDArray[np.float64], n: int) -> int:
 
 
 @compiled
-def _slot_begin(air: Air, slot: int) -> float:
+def _slot_begin(table: FlightTable, slot: int) -> float:
     """Beginning of a slot; the first one also holds the hour before it, as everywhere."""
-    return air.start_s + slot * air.slot_s if slot > 0 else air.start_s - air.slot_s
+    return table.start_s + slot * table.slot_s if slot > 0 else table.start_s - table.slot_s
 
 
 @compiled
 def _search(
-    air: Air,
-    member: int,
-    first: NDArray[np.int64],
-    head: NDArray[np.int64],
+    table: FlightTable,
     source: int,
     slots: tuple[int, int],
     limit_s: float,
@@ -174,14 +172,14 @@ def _search(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Arrival over every node (before descent) for take-offs in slot ``slots[0]``, on segments open up to ``slots[1]``."""
     s0, s1 = slots
-    nodes = len(first) - 1
+    nodes = len(table.first) - 1
     t = np.empty((nodes, _POINTS))
     a = np.empty((nodes, _POINTS))
     n = np.zeros(nodes, dtype=np.int64)
-    begin = _slot_begin(air, s0)
-    end = air.start_s + (s0 + 1) * air.slot_s
+    begin = _slot_begin(table, s0)
+    end = table.start_s + (s0 + 1) * table.slot_s
     t[source, 0], t[source, 1] = begin, end
-    a[source, 0], a[source, 1] = begin + air.climb_s, end + air.climb_s
+    a[source, 0], a[source, 1] = begin + table.climb_s, end + table.climb_s
     n[source] = 2
     queue = np.empty(nodes + 1, dtype=np.int64)
     queued = np.zeros(nodes, dtype=np.bool_)
@@ -191,20 +189,20 @@ def _search(
         node = queue[read]
         read = (read + 1) % (nodes + 1)
         queued[node] = False
-        for segment in range(first[node], first[node + 1]):
-            other = head[segment]
+        for segment in range(table.first[node], table.first[node + 1]):
+            other = table.head[segment]
             if not useful[other]:
                 continue
             closed = False
             for slot in range(s0, s1 + 1):
-                closed = closed or segment_speed(air, member, slot, segment) <= 0.0
+                closed = closed or table.speed_mps[slot, segment] <= 0.0
             if closed or other == source:
                 continue
-            lt, la, ln = _link(air, member, segment, s1, t[node], a[node], n[node])
+            lt, la, ln = _link(table, segment, s1, t[node], a[node], n[node])
             shortest = NEVER
             for k in range(ln):
                 shortest = min(shortest, la[k] - lt[k])
-            if shortest + air.descent_s > limit_s:
+            if shortest + table.descent_s > limit_s:
                 continue
             if n[other] > 0:
                 lt, la, ln, better = _lower(t[other], a[other], n[other], lt, la, ln)
@@ -224,10 +222,7 @@ def _search(
 
 @compiled
 def arrival_functions(
-    air: Air,
-    member: int,
-    first: NDArray[np.int64],
-    head: NDArray[np.int64],
+    table: FlightTable,
     source: int,
     slot: int,
     limit_s: float,
@@ -237,10 +232,8 @@ def arrival_functions(
 
     Parameters
     ----------
-    air, member
-        Segments, and the member of the ensemble flown in.
-    first, head : ndarray
-        Of the network.
+    table : FlightTable
+        Segments and ground speeds.
     source, slot : int
         Take-off node and slot.
     limit_s : float
@@ -255,34 +248,31 @@ def arrival_functions(
     pieces : ndarray, shape (pieces, 4)
         (t0, a0, t1, a1): take-off and touch-down, linear between; sorted, gaps are not flyable.
     """
-    nodes = len(first) - 1
-    slots = air.north.shape[1]
-    reach = min(slot + int(math.ceil(limit_s / air.slot_s)), slots - 1)
+    nodes = len(table.first) - 1
+    slots = len(table.speed_mps)
+    reach = min(slot + int(math.ceil(limit_s / table.slot_s)), slots - 1)
     pieces = [np.empty((0, 4))]
     owner = [np.empty(0, dtype=np.int64)]
-    taken = np.full(nodes, _slot_begin(air, slot))  # up to here earlier last slots have answered
+    taken = np.full(nodes, _slot_begin(table, slot))  # up to here earlier last slots have answered
     for last in range(slot, reach + 1):
         if last < reach:
             same = True
-            for segment in range(len(head)):
-                if (
-                    segment_speed(air, member, last + 1, segment) <= 0.0
-                    and segment_speed(air, member, last, segment) > 0.0
-                ):
+            for segment in range(len(table.head)):
+                if table.speed_mps[last + 1, segment] <= 0.0 and table.speed_mps[last, segment] > 0.0:
                     same = False
                     break
             if same:
                 continue  # the next last slot has the same segments and reaches farther
-        t, a, n = _search(air, member, first, head, source, (slot, last), limit_s, useful)
-        bound = NEVER if last == slots - 1 else air.start_s + (last + 1) * air.slot_s - _EARLY_S
+        t, a, n = _search(table, source, (slot, last), limit_s, useful)
+        bound = NEVER if last == slots - 1 else table.start_s + (last + 1) * table.slot_s - _EARLY_S
         for node in range(nodes):
             if node == source or n[node] == 0:
                 continue
             found = np.empty((n[node], 4))
             size = 0
             for k in range(n[node] - 1):
-                t0, a0 = t[node, k], a[node, k] + air.descent_s
-                t1, a1 = t[node, k + 1], a[node, k + 1] + air.descent_s
+                t0, a0 = t[node, k], a[node, k] + table.descent_s
+                t1, a1 = t[node, k + 1], a[node, k + 1] + table.descent_s
                 if t1 <= taken[node] or t1 <= t0 or a0 > bound:
                     continue
                 slope = (a1 - a0) / (t1 - t0)

@@ -35,7 +35,7 @@ class ExhaustiveSearch:
     Parameters
     ----------
     problem : Problem
-        Its ensemble must have one member, the truth.
+        Flights are in the wind of the first member of its ensemble, the truth.
     queues : mapping of int to QueuePath
         The true queue at each station with pads.
     time_limit_s : float

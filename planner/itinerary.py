@@ -25,6 +25,7 @@ from planner.course_kernels import (
     Waits,
     flight_parts,
     fly,
+    no_queues,
 )
 
 if TYPE_CHECKING:
@@ -71,9 +72,8 @@ def fly_expected(problem: Problem, itinerary: Itinerary) -> NDArray[np.float64]:
     nodes = stop_nodes(problem, itinerary)
     problem.waits.need(nodes)
     waits = Waits(problem.waits.start_s, problem.waits.step_s, problem.waits.wait_s[nodes])
-    none = Queues(np.zeros(1, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0))
     members = np.arange(len(problem.probability))
-    return _fly(problem, itinerary, members, none, waits)
+    return _fly(problem, itinerary, members, no_queues(), waits)
 
 
 def fly_sampled(

@@ -180,6 +180,7 @@ def fly_profile(
     flights: NDArray[np.float64],
     soc_per_s: float,
     soc_fixed: float,
+    margin_soc_per_s: float,
     needed: NDArray[np.float64],
     until_s: float,
 ) -> tuple[NDArray[np.float64], int]:
@@ -193,6 +194,8 @@ def fly_profile(
         Pieces (t0, a0, t1, a1) of the arrival function, sorted; gaps are times nobody takes off at.
     soc_per_s, soc_fixed : float
         A flight costs ``soc_fixed + soc_per_s * (arrival - departure)``.
+    margin_soc_per_s : float
+        Charge beyond `needed` that a second of flight asks for on touch-down.
     needed : ndarray, shape (points, 2)
         Least charge on touch-down by arrival time, piecewise linear.
     until_s : float
@@ -229,7 +232,7 @@ def fly_profile(
             b1 = a0 + slope * (end - t0)
             s0 = g[j, 1] + rate * (now - g[j, 0]) - soc_fixed - soc_per_s * (b0 - now)
             s1 = g[j, 1] + rate * (end - g[j, 0]) - soc_fixed - soc_per_s * (b1 - end)
-            count = _keep(out, count, b0, s0, now, b1, s1, end, needed)
+            count = _keep(out, count, b0, s0, now, b1, s1, end, margin_soc_per_s, needed)
             if end >= t1:
                 break
             now = end
@@ -254,11 +257,13 @@ def _keep(
     a1: float,
     s1: float,
     t1: float,
+    margin: float,
     needed: NDArray[np.float64],
 ) -> int:
     """Add the part of a linear piece that lands with at least the needed charge; returns the new count."""
     if len(needed) == 1:
-        return _clip(out, count, a0, s0, t0, a1, s1, t1, needed[0, 1], needed[0, 1])
+        n0, n1 = needed[0, 1] + margin * (a0 - t0), needed[0, 1] + margin * (a1 - t1)
+        return _clip(out, count, a0, s0, t0, a1, s1, t1, n0, n1)
     last = len(needed) - 1
     begin = np.searchsorted(needed[:, 0], a0, side="left") - 1
     for k in range(begin, last + 1):
@@ -271,20 +276,10 @@ def _keep(
         b0, b1 = max(a0, low), min(a1, high)
         p0 = (b0 - a0) / (a1 - a0) if a1 > a0 else 0.0
         p1 = (b1 - a0) / (a1 - a0) if a1 > a0 else 1.0
-        n0 = interpolate(b0, needed[:, 0], needed[:, 1])
-        n1 = interpolate(b1, needed[:, 0], needed[:, 1])
-        count = _clip(
-            out,
-            count,
-            b0,
-            s0 + p0 * (s1 - s0),
-            t0 + p0 * (t1 - t0),
-            b1,
-            s0 + p1 * (s1 - s0),
-            t0 + p1 * (t1 - t0),
-            n0,
-            n1,
-        )
+        d0, d1 = t0 + p0 * (t1 - t0), t0 + p1 * (t1 - t0)
+        n0 = interpolate(b0, needed[:, 0], needed[:, 1]) + margin * (b0 - d0)
+        n1 = interpolate(b1, needed[:, 0], needed[:, 1]) + margin * (b1 - d1)
+        count = _clip(out, count, b0, s0 + p0 * (s1 - s0), d0, b1, s0 + p1 * (s1 - s0), d1, n0, n1)
         if a1 <= a0:
             break
     return count
@@ -322,10 +317,12 @@ def stop_profile(
     pieces: NDArray[np.float64],
     count: int,
     soc_per_s: float,
+    margin_soc_per_s: float,
     reserve_soc: float,
     others_s: NDArray[np.float64],
     pad_s: NDArray[np.float64],
     land_s: NDArray[np.float64],
+    delay_s: NDArray[np.float64],
     curve_s: NDArray[np.float64],
     curve_soc: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -337,9 +334,9 @@ def stop_profile(
         Of `fly_profile`.
     soc_per_s : float
         Of hovering while every holding spot is taken.
-    reserve_soc : float
-        Least charge on touch-down.
-    others_s, pad_s, land_s : ndarray
+    margin_soc_per_s, reserve_soc : float
+        Least charge on touch-down after T seconds in the air is ``reserve_soc + margin_soc_per_s * T``.
+    others_s, pad_s, land_s, delay_s : ndarray
         The queue path, see `models.queue_paths.QueuePath`.
     curve_s, curve_soc : ndarray
         Charging curve from empty.
@@ -364,24 +361,29 @@ def stop_profile(
                 end = max(others_s[k] - BEFORE_S, now)
             if land_s[k] > now and land_s[k] < end:
                 end = land_s[k]
-            if pad_s[k] > now and pad_s[k] < end:
-                end = pad_s[k]
+            if now < pad_s[k] - delay_s[k] < end:
+                end = pad_s[k] - delay_s[k]
             p0 = (now - a0) / (a1 - a0) if a1 > a0 else 0.0
             p1 = (end - a0) / (a1 - a0) if a1 > a0 else 1.0
             b0, b1 = max(now, land_s[k]), max(end, land_s[k])
             if end > now and land_s[k] >= end:
                 b0 = b1 = land_s[k]
+            w0, w1 = max(now + delay_s[k], pad_s[k]), max(end + delay_s[k], pad_s[k])
             e0 = s0 + p0 * (s1 - s0) - soc_per_s * (b0 - now)
             e1 = s0 + p1 * (s1 - s0) - soc_per_s * (b1 - end)
             d0, d1 = t0 + p0 * (t1 - t0), t0 + p1 * (t1 - t0)
-            if e0 >= reserve_soc - SOC_TOLERANCE or e1 >= reserve_soc - SOC_TOLERANCE:
-                q0 = q1 = 0.0
-                if e0 < reserve_soc - SOC_TOLERANCE:
-                    q0 = (reserve_soc - e0) / (e1 - e0)
-                    b0, e0, d0 = b0 + q0 * (b1 - b0), reserve_soc, d0 + q0 * (d1 - d0)
-                elif e1 < reserve_soc - SOC_TOLERANCE:
-                    q1 = (e0 - reserve_soc) / (e0 - e1)
-                    b1, e1, d1 = b0 + q1 * (b1 - b0), reserve_soc, d0 + q1 * (d1 - d0)
+            spare0 = e0 - reserve_soc - margin_soc_per_s * (b0 - d0) + SOC_TOLERANCE
+            spare1 = e1 - reserve_soc - margin_soc_per_s * (b1 - d1) + SOC_TOLERANCE
+            if spare0 >= 0.0 or spare1 >= 0.0:
+                q0, q1 = 0.0, 1.0
+                if spare0 < 0.0:
+                    q0 = spare0 / (spare0 - spare1)
+                elif spare1 < 0.0:
+                    q1 = spare0 / (spare0 - spare1)
+                b0, b1 = b0 + q0 * (b1 - b0), b0 + q1 * (b1 - b0)
+                w0, w1 = w0 + q0 * (w1 - w0), w0 + q1 * (w1 - w0)
+                e0, e1 = e0 + q0 * (e1 - e0), e0 + q1 * (e1 - e0)
+                d0, d1 = d0 + q0 * (d1 - d0), d0 + q1 * (d1 - d0)
                 if lands >= len(landed) - 2:
                     landed = np.concatenate((landed, np.empty_like(landed)))
                 landed[lands, 0], landed[lands, 1], landed[lands, 2] = b0, e0, d0
@@ -389,7 +391,7 @@ def stop_profile(
                 lands += 1
                 if pads >= len(on_pad) - len(curve_s) - 4:
                     on_pad = np.concatenate((on_pad, np.empty_like(on_pad)))
-                pads = _onto_pad(on_pad, pads, b0, e0, d0, b1, e1, d1, pad_s[k], curve_s, curve_soc)
+                pads = _onto_pad(on_pad, pads, w0, e0, d0, w1, e1, d1, curve_s, curve_soc)
             if end >= a1:
                 break
             now = end
@@ -403,17 +405,16 @@ def stop_profile(
 def _onto_pad(
     out: NDArray[np.float64],
     count: int,
-    b0: float,
+    w0: float,
     s0: float,
     t0: float,
-    b1: float,
+    w1: float,
     s1: float,
     t1: float,
-    free_s: float,
     curve_s: NDArray[np.float64],
     curve_soc: NDArray[np.float64],
 ) -> int:
-    """Turn a landed piece into pieces of charging potential, split where charge meets a knot of the curve."""
+    """Turn a piece that comes onto its pad into pieces of charging potential, split where charge meets a knot of the curve."""
     last = 0.0
     rising = s1 > s0
     knots = len(curve_soc)
@@ -427,10 +428,9 @@ def _onto_pad(
             part = min(part, 1.0)
         elif step < knots:
             continue
-        x0, x1 = b0 + last * (b1 - b0), b0 + part * (b1 - b0)
+        p0, p1 = w0 + last * (w1 - w0), w0 + part * (w1 - w0)
         u0 = interpolate(s0 + last * (s1 - s0), curve_soc, curve_s)
         u1 = interpolate(s0 + part * (s1 - s0), curve_soc, curve_s)
-        p0, p1 = max(x0, free_s), max(x1, free_s)
         out[count, 0], out[count, 1], out[count, 2] = p0, u0 - p0, t0 + last * (t1 - t0)
         out[count, 3], out[count, 4], out[count, 5] = p1, u1 - p1, t0 + part * (t1 - t0)
         count += 1

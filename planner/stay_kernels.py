@@ -18,7 +18,7 @@ class Grounds(NamedTuple):
 
     Attributes
     ----------
-    queue_offset, arrival_s, pad_s, land_s
+    queue_offset, arrival_s, pad_s, land_s, delay_s
         Queue paths of all nodes, packed by `models.queue_paths.pack`.
     curve_of : ndarray of int, shape (nodes,)
         Kind of pad.
@@ -30,6 +30,7 @@ class Grounds(NamedTuple):
     arrival_s: NDArray[np.float64]
     pad_s: NDArray[np.float64]
     land_s: NDArray[np.float64]
+    delay_s: NDArray[np.float64]
     curve_of: NDArray[np.int64]
     curve_s: NDArray[np.float64]
     curve_soc: NDArray[np.float64]
@@ -41,6 +42,7 @@ class Costs(NamedTuple):
 
     soc_per_s: float
     soc_fixed: float
+    margin_soc_per_s: float
     reserve: float
     rate_per_s: float
     landing_s: float
@@ -94,7 +96,13 @@ def land_everywhere(
     for i in range(len(targets)):
         node = targets[i]
         flown, size = fly_profile(
-            g, pieces[piece_offset[i] : piece_offset[i + 1]], costs.soc_per_s, costs.soc_fixed, needed, best_s
+            g,
+            pieces[piece_offset[i] : piece_offset[i + 1]],
+            costs.soc_per_s,
+            costs.soc_fixed,
+            costs.margin_soc_per_s,
+            needed,
+            best_s,
         )
         if size == 0:
             continue
@@ -105,10 +113,12 @@ def land_everywhere(
             flown,
             size,
             costs.soc_per_s,
+            costs.margin_soc_per_s,
             costs.reserve,
             grounds.arrival_s[low + 1 : high],
             grounds.pad_s[low:high],
             grounds.land_s[low:high],
+            grounds.delay_s[low:high],
             grounds.curve_s[kind, :last],
             grounds.curve_soc[kind, :last],
         )

@@ -15,13 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models.flight_kernels import land, segment_speed, slot_of
 from models.queue_paths import no_queue, pack
-from models.wind import ground_speed
 from planner.flight_functions import arrival_functions
+from planner.flight_table import FlightTable, escape_costs, ground_speeds, table_land, table_slot
 from planner.itinerary import Hop
-from planner.outlook import Outlook
-from planner.outlook_kernels import escape_cost
 from planner.profile_kernels import departure_profile, fly_profile, profile_at
 from planner.stay_kernels import Costs, Grounds, land_everywhere, stay_bound
 
@@ -61,9 +58,14 @@ class Stays:
     Parameters
     ----------
     problem : Problem
-        Its ensemble must have one member, the truth.
+        Flights are in the wind of the first member of its ensemble, the truth.
     queues : mapping of int to QueuePath
         The true queue at each station with pads.
+    speeds : ndarray, shape (slots, segments), optional
+        Ground speeds to fly with instead, m/s, 0 where a segment is closed.
+    margin_soc_per_s : float
+        A landing after T seconds in the air keeps the reserve and this much times T; so does the flight on from a
+        destination without pads.
     single_segments : bool
         Land at the end of every segment, as the forward searches do, instead of overflying stations.
 
@@ -73,8 +75,18 @@ class Stays:
         Arrivals from this time on do not matter any more.
     """
 
-    def __init__(self, problem: Problem, queues: dict[int, QueuePath], *, single_segments: bool = False) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        queues: dict[int, QueuePath],
+        *,
+        speeds: NDArray[np.float64] | None = None,
+        margin_soc_per_s: float = 0.0,
+        single_segments: bool = False,
+    ) -> None:
         self.problem = problem
+        self.margin_soc_per_s = margin_soc_per_s
+        self._given_speeds = speeds
         self.queues = queues
         self.single_segments = single_segments
         self.best_s = math.inf
@@ -84,13 +96,22 @@ class Stays:
         self._rate = max(float(np.max(np.diff(soc) / np.diff(t))) for t, soc in problem.curves)
 
     @cached_property
-    def _speeds(self) -> NDArray[np.float64]:
-        """Ground speed over each segment in each slot, 0 where it cannot be flown, shape (slots, segments)."""
-        air = self.problem.air
-        north, east = air.north[0] @ air.weight.T, air.east[0] @ air.weight.T
-        along = north * air.cos_bearing + east * air.sin_bearing
-        across = east * air.cos_bearing - north * air.sin_bearing
-        return ground_speed(air.airspeed_mps, along, across, air.wind_limit_mps, air.max_ground_speed_mps)
+    def table(self) -> FlightTable:
+        """The network and its ground speeds."""
+        air, network = self.problem.air, self.problem.network
+        speeds = self._given_speeds
+        if speeds is None:
+            speeds = ground_speeds(air, 0, np.arange(air.north.shape[1]), np.arange(len(network.head)))
+        return FlightTable(
+            air.start_s,
+            air.slot_s,
+            air.climb_s,
+            air.descent_s,
+            network.first,
+            network.head,
+            air.distance_m,
+            np.ascontiguousarray(speeds, dtype=np.float64),
+        )
 
     def least_s(self, time_s: float) -> NDArray[np.float64]:
         """Least cruise time from each node to the destination, shape (nodes,).
@@ -98,8 +119,8 @@ class Stays:
         Each segment is taken at its best wind of any slot from a time on until `best_s`.
         """
         air, network = self.problem.air, self.problem.network
-        first = int(slot_of(air, time_s))
-        last = int(slot_of(air, self.best_s)) if math.isfinite(self.best_s) else air.north.shape[1] - 1
+        first = int(table_slot(self.table, time_s))
+        last = int(table_slot(self.table, self.best_s)) if math.isfinite(self.best_s) else len(self.table.speed_mps) - 1
         key = (first, max(first, last))
         if key not in self._least:
             from scipy.sparse import csr_array  # imported late: 0.2 s
@@ -107,7 +128,7 @@ class Stays:
 
             shortest: Any = dijkstra
 
-            speed = self._speeds[first : key[1] + 1].max(axis=0)
+            speed = self.table.speed_mps[first : key[1] + 1].max(axis=0)
             open_now = speed > 0.0
             time = air.distance_m[open_now] / speed[open_now]
             size = len(network)
@@ -121,14 +142,18 @@ class Stays:
         p = self.problem
         if not p.needs_escape:
             return np.array([[p.depart_s, p.reserve]])
-        need = Outlook(p).need
-        step = 60.0
-        slot_s = p.air.slot_s
-        slots = p.air.north.shape[1]
-        ends = p.air.start_s + slot_s * np.arange(1, slots + 1)
-        times = np.unique(np.concatenate((np.arange(p.depart_s, ends[-1], step), ends, ends - 1e-3)))
-        values = [p.reserve + min(float(escape_cost(p.air, 0, need, t)), 2.0) for t in times]
-        return np.column_stack((times, values))
+        table = self.table
+        ends = table.start_s + table.slot_s * np.arange(1, len(table.speed_mps) + 1)
+        with np.errstate(divide="ignore"):
+            over = table.distance_m[p.escapes] / table.speed_mps[:, p.escapes] + table.climb_s
+        # Between these times the cost is linear, but for where the best of several segments changes.
+        kinks = [ends - table.climb_s, *(ends - over.T), *(ends - over.T - table.descent_s)]
+        grid = np.arange(p.depart_s, ends[-1], 60.0)
+        times = np.unique(np.concatenate((grid, ends, ends - 1e-3, *kinks)))
+        times = times[(times >= p.depart_s) & np.isfinite(times)]
+        per_s, fixed = p.empty_cost
+        cost = escape_costs(table, p.escapes, per_s + self.margin_soc_per_s, fixed, times)
+        return np.column_stack((times, p.reserve + np.minimum(cost, 2.0)))
 
     def _flight_pieces(
         self, origin: int, slot: int, useful: NDArray[np.bool_]
@@ -140,7 +165,7 @@ class Stays:
         p = self.problem
         limit = (1.0 - p.reserve - p.soc_fixed) / p.soc_per_s
         self._useful[key] = useful.copy()
-        self._flights[key] = arrival_functions(p.air, 0, p.network.first, p.network.head, origin, slot, limit, useful)
+        self._flights[key] = arrival_functions(self.table, origin, slot, limit, useful)
         return self._flights[key]
 
     def origin(self) -> Stay:
@@ -169,7 +194,14 @@ class Stays:
     def _costs(self) -> Costs:
         p = self.problem
         landing = p.air.climb_s + p.air.descent_s
-        return Costs(float(p.soc_per_s), float(p.soc_fixed), float(p.reserve), self._rate, float(landing))
+        return Costs(
+            float(p.soc_per_s),
+            float(p.soc_fixed),
+            float(self.margin_soc_per_s),
+            float(p.reserve),
+            self._rate,
+            float(landing),
+        )
 
     @cached_property
     def _grounds(self) -> Grounds:
@@ -209,9 +241,7 @@ class Stays:
     @cached_property
     def _fastest_mps(self) -> float:
         """Ground speed that no flight exceeds."""
-        air = self.problem.air
-        gust = float(np.max(np.hypot(air.north, air.east)))
-        return min(air.max_ground_speed_mps, air.airspeed_mps + min(gust, air.wind_limit_mps))
+        return float(self.table.speed_mps.max())
 
     def pieces_from(
         self, stay: Stay, useful: NDArray[np.bool_], *, until_s: float = math.inf
@@ -219,12 +249,12 @@ class Stays:
         """Arrival functions from a stop to useful stations, over all slots that can matter."""
         p = self.problem
         begin = stay.begin_s
-        horizon = p.air.start_s + p.air.slot_s * p.air.north.shape[1] - 1.0
+        horizon = self.table.start_s + self.table.slot_s * len(self.table.speed_mps) - 1.0
         end = min(self.best_s - float(self.least_s(begin)[stay.node]), horizon, until_s)
         at_once = p.in_flight and stay.node == p.origin  # a drone in the air cannot stay
         if at_once:
             end = begin
-        slots = range(int(slot_of(p.air, begin)), int(slot_of(p.air, max(end, begin))) + 1)
+        slots = range(int(table_slot(self.table, begin)), int(table_slot(self.table, max(end, begin))) + 1)
         tables = [self._flight_pieces(stay.node, slot, useful) for slot in slots]
         adjacent = set(p.network.head[p.network.first[stay.node] : p.network.first[stay.node + 1]].tolist())
 
@@ -242,7 +272,7 @@ class Stays:
         p = self.problem
         if not len(pieces):
             return np.empty((0, 6)), 0
-        return fly_profile(stay.g, pieces, p.soc_per_s, p.soc_fixed, needed, self.best_s)
+        return fly_profile(stay.g, pieces, p.soc_per_s, p.soc_fixed, self.margin_soc_per_s, needed, self.best_s)
 
     def land(
         self, stay: Stay, targets: NDArray[np.int64], pieces_of: Callable[[int], NDArray[np.float64]]
@@ -306,13 +336,13 @@ class Stays:
     def _walk(self, origin: int, target: int, leave_s: float) -> tuple[int, ...]:
         """Segments of the earliest flight between two stations at a take-off (time-dependent Dijkstra)."""
         p = self.problem
-        network, air = p.network, p.air
+        network, table = p.network, self.table
         best_land = math.inf
         best_walk: tuple[int, ...] = ()
-        first = int(slot_of(air, leave_s))
-        last_possible = int(slot_of(air, leave_s + p.longest_flight_s))
+        first = int(table_slot(table, leave_s))
+        last_possible = int(table_slot(table, leave_s + p.longest_flight_s))
         for last in range(first, last_possible + 1):
-            heap: list[tuple[float, int, tuple[int, ...]]] = [(leave_s + air.climb_s, origin, ())]
+            heap: list[tuple[float, int, tuple[int, ...]]] = [(leave_s + table.climb_s, origin, ())]
             done: set[int] = set()
             while heap:
                 _, node, walk = heapq.heappop(heap)
@@ -320,17 +350,17 @@ class Stays:
                     continue
                 done.add(node)
                 if node == target:
-                    down = float(land(air, 0, np.array(walk, dtype=np.int64), leave_s))
+                    down = float(table_land(table, np.array(walk, dtype=np.int64), leave_s))
                     if down < best_land:
                         best_land, best_walk = down, walk
                     break
                 for segment in range(int(network.first[node]), int(network.first[node + 1])):
                     other = int(network.head[segment])
-                    closed = any(segment_speed(air, 0, slot, segment) <= 0.0 for slot in range(first, last + 1))
+                    closed = bool(np.any(table.speed_mps[first : last + 1, segment] <= 0.0))
                     if other in done or closed:
                         continue
-                    after = float(land(air, 0, np.array([*walk, segment], dtype=np.int64), leave_s))
-                    over = after - air.descent_s if math.isfinite(after) else math.inf
+                    after = float(table_land(table, np.array([*walk, segment], dtype=np.int64), leave_s))
+                    over = after - table.descent_s if math.isfinite(after) else math.inf
                     if math.isfinite(over):
                         heapq.heappush(heap, (over, other, (*walk, segment)))
         return best_walk

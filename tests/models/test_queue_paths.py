@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from models.errors import InputError
 from models.load import PadLoad
-from models.queue_paths import QueuePath, no_queue, pack, sample_path, sample_paths
+from models.queue_paths import QueuePath, expected_path, no_queue, pack, sample_path, sample_paths
 from models.queues import forecast_waits
 
 NEW_YORK = "America/New_York"
@@ -193,16 +193,55 @@ def test_nobody_is_in_the_way_without_load_and_at_a_delivery_target():
 
 
 def test_packed_paths_answer_as_the_paths_do():
-    paths = [sampled(seed=1), no_queue(), sampled(seed=2, utilisation=0.1)]
-    offset, arrival, pad, land = pack(paths)
+    paths = [
+        sampled(seed=1),
+        no_queue(),
+        sampled(seed=2, utilisation=0.1),
+        expected_path(8 * HOUR, 600.0, 900.0 + 600.0 * np.sin(np.arange(60))),
+    ]
+    offset, arrival, pad, land, delay = pack(paths)
     assert offset.tolist() == np.cumsum([0, *(len(path.pad_s) for path in paths)]).tolist()
     for i, path in enumerate(paths):
         part = slice(offset[i], offset[i + 1])
         for t in np.linspace(8 * HOUR, 20 * HOUR, 50):
             entry = np.searchsorted(arrival[part], t, side="right") - 1
-            assert max(t, pad[part][entry]) == path.pad_time(t)
+            assert max(t + delay[part][entry], pad[part][entry]) == path.pad_time(t)
             assert max(t, land[part][entry]) == path.land_time(t)
     assert pack([])[0].tolist() == [0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(0.0, 5_000.0), min_size=1, max_size=30), st.floats(60.0, 1_800.0))
+def test_expected_waits_become_a_path_on_which_nobody_overtakes(waits, step):
+    path = expected_path(START, step, waits)
+    arrivals = np.sort(np.concatenate((START + np.linspace(-2 * step, (len(waits) + 2) * step, 700), path.arrival_s)))
+    pads = path.pad_time(arrivals)
+    assert np.all(np.diff(pads) >= 0.0)
+    assert np.array_equal(path.land_time(arrivals), arrivals)
+    # The least line that never decreases above the mean wait of each step.
+    steps = np.floor((arrivals - START) / step + 1e-12).astype(int)
+    ends = np.pad(np.array(waits), (1, 1), mode="edge")
+    mean = 0.5 * (ends[np.clip(steps + 1, 0, len(waits) + 1)] + ends[np.clip(steps + 2, 0, len(waits) + 1)])
+    on_grid = np.isin(arrivals, path.arrival_s)
+    least = np.maximum.accumulate(arrivals + mean)
+    assert np.all(pads[~on_grid] >= least[~on_grid] - 1e-6)
+    assert np.all(
+        pads <= least + max(np.abs(np.diff(ends)).max(initial=0.0), 1e-6) + (arrivals[1] - arrivals[0]) + 1e-6
+    )
+
+
+def test_expected_waits_that_change_slowly_are_kept_as_they_are():
+    path = expected_path(START, 600.0, [0.0, 600.0, 600.0, 300.0])
+    assert path.pad_time(START + np.array([-50.0, 10.0, 700.0, 1700.0])).tolist() == pytest.approx(
+        (START + np.array([-50.0, 310.0, 1300.0, 2150.0])).tolist()
+    )
+    assert float(path.pad_time(START + 1210.0)) == pytest.approx(START + 1800.0), "behind the one before it"
+
+
+@pytest.mark.parametrize(("step", "waits"), [(600.0, []), (0.0, [1.0]), (600.0, [-1.0]), (600.0, [math.nan])])
+def test_expected_waits_that_are_none_are_refused(step, waits):
+    with pytest.raises(InputError):
+        expected_path(START, step, waits)
 
 
 def test_a_thousand_stations_take_less_than_a_second():

@@ -15,7 +15,7 @@ STEP_S = 4.0
 
 
 class GridOracle:
-    def __init__(self, problem, queues, hours=7.0):
+    def __init__(self, problem, queues, hours=7.0, *, speeds=None, margin_soc_per_s=0.0):
         self.p = problem
         self.queues = queues
         self.t = problem.depart_s + STEP_S * np.arange(int(hours * 3600 / STEP_S))
@@ -23,10 +23,14 @@ class GridOracle:
         self.speed = np.hypot(e.north[0, :, 0], e.east[0, :, 0])
         self.towards = np.arctan2(e.east[0, :, 0], e.north[0, :, 0])
         self.flights = {}
+        self.given = speeds
+        self.margin = margin_soc_per_s
 
     def _ground_speed(self, segment, slot):
         n = self.p.network
         slot = min(slot, len(self.speed) - 1)
+        if self.given is not None:
+            return self.given[slot, segment]
         off = self.towards[slot] - math.radians(n.bearing_deg[segment])
         along, across = self.speed[slot] * math.cos(off), self.speed[slot] * math.sin(off)
         s = self.p.air.airspeed_mps
@@ -112,8 +116,9 @@ class GridOracle:
     def _fly(self, charge, a, b, reserve):
         arrive = self.arrivals(a, b)
         landed = charge - self.p.soc_fixed - self.p.soc_per_s * (arrive - self.t)
-        ok = np.isfinite(arrive) & (charge >= 0.0) & (landed >= reserve)
-        return arrive[ok], landed[ok]
+        ok = np.isfinite(arrive) & (charge >= 0.0)
+        ok[ok] = landed[ok] >= reserve + self.margin * (arrive - self.t)[ok]
+        return arrive[ok], landed[ok], self.t[ok]
 
     def delivery_time_s(self):
         """Least delivery time over all sequences, infinite when there is none."""
@@ -129,18 +134,19 @@ class GridOracle:
                     if before is None:
                         continue
                     last = stops[-2] if len(stops) > 1 else p.origin
-                    arrive, landed = self._fly(before, last, stops[-1], p.reserve)
+                    arrive, landed, off = self._fly(before, last, stops[-1], p.reserve)
                     queue = self.queues[stops[-1]]
                     spot = queue.land_time(arrive)
                     landed = landed - p.soc_per_s * (spot - arrive)
-                    ok = landed >= p.reserve
+                    ok = landed >= p.reserve + self.margin * (spot - off)
                     if not ok.any():
                         continue
                     known[stops] = self._stay(stops[-1], list(zip(arrive[ok], spot[ok], landed[ok], strict=True)))
                 here = stops[-1] if stops else p.origin
-                arrive, landed = self._fly(known[stops], here, p.destination, p.reserve)
+                arrive, landed, off = self._fly(known[stops], here, p.destination, p.reserve)
                 if p.needs_escape and len(arrive):
-                    keep = [s >= p.reserve + self._escape(a) for a, s in zip(arrive, landed, strict=True)]
+                    spare = landed - p.reserve - self.margin * (arrive - off)
+                    keep = [s >= self._escape(a) for a, s in zip(arrive, spare, strict=True)]
                     arrive = arrive[keep]
                 if len(arrive):
                     best = min(best, float(arrive.min()) - p.depart_s)
@@ -154,5 +160,5 @@ class GridOracle:
             while self._land((s,), off) == math.inf and off < self.t[-1]:
                 off = self.p.ensemble.start_s + (self._slot(off) + 1) * self.p.ensemble.slot_s
             down = self._land((s,), off)
-            best = min(best, fixed + rate * (down - off))
+            best = min(best, fixed + (rate + self.margin) * (down - off))
         return best

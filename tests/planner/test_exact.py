@@ -4,14 +4,17 @@ import math
 
 import numpy as np
 import pytest
+from grid_oracle import GridOracle
 from worlds import make_request, make_wind, make_world
 
 from models.errors import NoRouteError
-from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from models.queue_paths import expected_path
+from planner.course_kernels import SOC_DOWN, TAKE_OFF, TOUCH_DOWN
 from planner.exact import ExactSearch
 from planner.ies import ExhaustiveSearch
 from planner.itinerary import fly_true
 from planner.problem import Problem
+from planner.stays import Stays
 
 RELATIVE = 1e-6
 
@@ -75,3 +78,81 @@ def test_it_equals_the_exhaustive_search_a_thousand_times():
     assert np.max(np.abs(differences)) <= 1e-3
     assert len(differences) + infeasible >= 1000
     print(f"{len(differences)} solved, {infeasible} infeasible, largest difference {np.max(np.abs(differences)):.2e}")
+
+
+def small(seed, **world):
+    """Five stations, so that the search on a grid of times can follow; the wind is the same everywhere."""
+    rng = np.random.default_rng(seed)
+    scenario = make_world(rng, 5, **({"utilisation": 0.0, "target": seed % 3 == 0} | world))
+    winds = [make_wind(rng, mean_mps=float(rng.choice([2.0, 5.0]))) for _ in range(2)]
+    reserve = float(rng.choice([0.1, 0.2]))
+    request = make_request(scenario, rng, reserve_soc=reserve, payload_kg=0.5)
+    problems = [Problem(scenario, request, scenario.drones[0], wind) for wind in winds]
+    return problems, problems[0].queue_paths(range(5), 0)
+
+
+def close_to_the_grid(time_s, problem, queues, **changes):
+    """Compare with an independent search on a grid of times, an upper bound; true where both find nothing."""
+    grid = GridOracle(problem, queues, **changes).delivery_time_s()
+    if math.isinf(time_s):
+        return math.isinf(grid)
+    return (math.isinf(grid) and time_s > 6.5 * 3600.0) or -1e-3 <= grid - time_s <= 60.0 + 0.01 * time_s
+
+
+def test_a_table_of_ground_speeds_takes_the_place_of_the_wind():
+    solved = 0
+    for seed in range(6):
+        (here, there), queues = small(seed)
+        table = Stays(there, queues).table.speed_mps
+        _, time = best_time(ExactSearch(here, queues, speeds=table))
+        _, expected = best_time(ExactSearch(there, queues))
+        assert time == pytest.approx(expected, rel=1e-9), seed
+        solved += math.isfinite(time)
+    assert solved >= 3
+
+
+def test_any_table_is_flown_as_it_stands_closed_segments_and_all():
+    found = []
+    for seed in range(6):
+        (problem, _), queues = small(seed, target=False)
+        rng = np.random.default_rng(seed)
+        table = rng.uniform(8.0, 20.0, (48, len(problem.network.head)))
+        table[rng.random(table.shape) < 0.15] = 0.0
+        _, time = best_time(ExactSearch(problem, queues, speeds=table))
+        assert close_to_the_grid(time, problem, queues, speeds=table), seed
+        found.append(time)
+    assert np.sum(np.isfinite(found)) >= 3
+
+
+def test_a_margin_per_second_of_flight_is_kept_on_every_landing():
+    changed = 0
+    for seed in range(6):
+        (problem, _), queues = small(seed, utilisation=0.5)
+        margin = 0.15 * problem.soc_per_s
+        itinerary, time = best_time(ExactSearch(problem, queues, margin_soc_per_s=margin))
+        assert close_to_the_grid(time, problem, queues, margin_soc_per_s=margin), seed
+        _, without = best_time(ExactSearch(problem, queues))
+        assert without <= time
+        changed += without < time - 1.0
+        if itinerary is not None:
+            course = fly_true(problem, itinerary, queues)[0]
+            spare = course[:, SOC_DOWN] - problem.reserve - margin * (course[:, TOUCH_DOWN] - course[:, TAKE_OFF])
+            assert np.all(spare >= -1e-6), seed
+    assert changed >= 3
+
+
+def test_expected_waits_delay_the_pad():
+    waited = 0
+    for seed in range(6):
+        (problem, _), free = small(seed)
+        rng = np.random.default_rng(seed)
+        waits = np.maximum(0.0, 900.0 + np.cumsum(rng.normal(0.0, 300.0, 289)))
+        queues = {node: expected_path(problem.depart_s, 600.0, waits) for node in free}
+        itinerary, time = best_time(ExactSearch(problem, queues))
+        assert close_to_the_grid(time, problem, queues), seed
+        waited += math.isfinite(time) and time > best_time(ExactSearch(problem, free))[1] + 60.0
+        if itinerary is not None:
+            course = fly_true(problem, itinerary, queues)[0]
+            assert course[-1, TOUCH_DOWN] - problem.depart_s == pytest.approx(time, abs=0.02), seed
+            assert np.all(course[:, SOC_DOWN] >= problem.reserve - 1e-6), seed
+    assert waited >= 2
