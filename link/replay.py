@@ -1,82 +1,42 @@
 """A recorded flight, gone through as if it were live: filter and monitors over the log, and what they found.
 
-A log is read once, piece by piece, and reduced to one row a second on the way, so that a day of telemetry fits into a few
-megabytes whatever its rate.
+A log is read piece by piece and each piece is forgotten when it has been seen, so that a log of any size needs the same memory.
+What the monitors see at a time is what came before it. Only the drag may be known beforehand: given, or identified
+in a first pass over the log, which is said.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from models.calibration_energy import VERTICAL_MPS
+from link.flight_monitor import FlightMonitor, WindTally, pieces
+from link.logs.log import MAX_EVENTS, LogEvent
+from link.replay_monitors import PERIOD_S, Leg, Notice, PhaseEnergy
 from models.calibration_wind import DragFit, identify_drag
-from models.drag import DragModel
-from models.drag_monitor import DragCheck, check_drag
-from models.energy import PHASES, Phase
 from models.errors import Fault, InputError
-from models.telemetry import COLUMN, TelemetryTrack
-from models.wind_filter import FilteredWind, WindFilterSettings, chi2_band, filter_log
-from models.wind_filter_blocks import BlockMaker, Blocks, is_flying
-from models.wind_filter_measurement import Measurements, measurements, tilt_air_velocity
+from models.wind_filter_blocks import BlockMaker, Blocks
+from models.wind_filter_live import NOMINAL_DRAG, LiveWind
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from collections.abc import Callable, Iterator
 
-    from link.logs.log import Log, LogEvent, LogSummary
+    from link.flight_monitor import Listener
+    from link.logs.log import Log, LogSummary
+    from models.drag import DragModel
+    from models.drag_monitor import DragCheck
+    from models.energy import Phase
+    from models.telemetry import TelemetryTrack
+    from models.wind_field import WindObservation
+    from models.wind_filter import FilteredWind, WindFilterSettings
+    from models.wind_filter_live import Forecast
 
-PERIOD_S = 1.0
-NOMINAL = DragModel(relative_sigma=0.35)
-"""Where no drag is known: that of a common quadcopter, uncertain by a third."""
-NO_FORECAST = WindFilterSettings(tau_s=1800.0, sigma_mps=5.0)
-"""How the wind is taken where nothing is forecast: anything up to a gale, slowly changing."""
-LEG_GAP_S = 5.0
-MIN_LEG_S = 10.0
-DRAG_WINDOW_S = 300
-
-
-@dataclass(frozen=True, slots=True)
-class Leg:
-    """One flight, from leaving the ground to landing.
-
-    Attributes
-    ----------
-    start_s, end_s : float
-        Times as in the log.
-    distance_m : float
-        Flown over the ground.
-    from_lat, from_lon, to_lat, to_lon : float
-        NaN where not known.
-    soc_start, soc_end : float
-        State of charge, 0 to 1.
-    energy_j : float
-        Taken from the battery; NaN where power is not known.
-    """
-
-    start_s: float
-    end_s: float
-    distance_m: float
-    from_lat: float
-    from_lon: float
-    to_lat: float
-    to_lon: float
-    soc_start: float
-    soc_end: float
-    energy_j: float
+MOST_BLOCKS = 20_000
+"""The drag is looked for in so many seconds at the end of the log."""
 
 
-@dataclass(frozen=True, slots=True)
-class PhaseEnergy:
-    """Time and energy of one phase of flight."""
-
-    time_s: float
-    energy_j: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Replay:
     """What a log says about one vehicle.
 
@@ -87,23 +47,31 @@ class Replay:
     system : int or None
         Whose; None where no vehicle gave telemetry.
     seconds : TelemetryTrack
-        One row a second.
+        One row a second, fewer of a very long log.
     wind : FilteredWind
-        The filter's course.
-    measured : Measurements
-        What it was fed.
-    forecast : ndarray, shape (2,), or None
-        (north, east) that it was told to expect.
+        The filter's course where something was measured, thinned likewise.
+    tally : WindTally
+        Sums over the whole course.
+    measured : dict of str to int
+        Measurements of each kind.
+    rejected : int
+        Those that the gate did not let pass.
+    forecast : bool
+        Whether a wind was expected.
     drag : DragModel or None
         In use; None where tilt tells nothing.
     drag_source : str
-        ``given``, ``identified``, ``nominal`` or ``none``.
-    drag_fit : DragFit
-        What this flight tells about it.
+        ``given``, ``identified`` (from the whole log, so not as live), ``nominal`` or ``none``.
+    drag_reason : str
+        What this flight tells about it; empty where it was given.
     drag_check : DragCheck
         Whether the drag in use fits, by the last minutes.
+    observations : tuple of WindObservation
+        Averages over slots, for `models.forecast_update`.
     legs : tuple of Leg
     phases : dict of Phase to PhaseEnergy
+    soc : (float, float)
+        First and last known state of charge.
     events : tuple of LogEvent
         Of this vehicle and of the monitors.
     """
@@ -112,14 +80,18 @@ class Replay:
     system: int | None
     seconds: TelemetryTrack
     wind: FilteredWind
-    measured: Measurements
-    forecast: NDArray[np.float64] | None
+    tally: WindTally
+    measured: dict[str, int]
+    rejected: int
+    forecast: bool
     drag: DragModel | None
     drag_source: str
-    drag_fit: DragFit
+    drag_reason: str
     drag_check: DragCheck
+    observations: tuple[WindObservation, ...]
     legs: tuple[Leg, ...]
     phases: dict[Phase, PhaseEnergy]
+    soc: tuple[float, float]
     events: tuple[LogEvent, ...]
 
 
@@ -141,14 +113,39 @@ def choose_system(summary: LogSummary, system: int | None) -> int | None:
     return system
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayOptions:
+    """Which part of a log is gone through, and what is known beforehand.
+
+    Attributes
+    ----------
+    system : int or None
+        Vehicle; by default the first.
+    from_s, to_s : float
+        Part of the log, in its own time.
+    drag : DragModel or None
+        Of this drone; by default identified from the flight, or else a nominal one.
+    forecast : callable or None
+        As `models.wind_filter_live.LiveWind` takes it; by default nothing is expected.
+    settings : WindFilterSettings or None
+        How the wind strays from it.
+    """
+
+    system: int | None = None
+    from_s: float = -math.inf
+    to_s: float = math.inf
+    drag: DragModel | None = None
+    forecast: Forecast | None = None
+    settings: WindFilterSettings | None = None
+
+
 def replay(
     log: Log,
+    options: ReplayOptions | None = None,
     *,
-    system: int | None = None,
-    from_s: float = -math.inf,
-    to_s: float = math.inf,
-    drag: DragModel | None = None,
-    forecast: tuple[float, float] | None = None,
+    notice: Callable[[Notice], None] | None = None,
+    wait_until: Callable[[float], None] | None = None,
+    listener: Listener | None = None,
 ) -> Replay:
     """Go through a log as if it were live.
 
@@ -156,179 +153,128 @@ def replay(
     ----------
     log : Log
         From `link.logs.reader.open_log`.
-    system : int, optional
-        Vehicle; by default the first.
-    from_s, to_s : float
-        Part of the log, in its own time.
-    drag : DragModel, optional
-        Of this drone; by default identified from the flight, or else a nominal one.
-    forecast : (float, float), optional
-        (north, east) TOWARDS, m/s; by default nothing is expected.
+    options : ReplayOptions, optional
+    notice : callable, optional
+        Told what the monitors notice, second by second as they notice it, and what the vehicle said.
+    wait_until : callable, optional
+        Called before each second of the log is looked at, with the time of its last sample: keeps pace with a clock.
+    listener : callable, optional
+        Told every second of telemetry with the wind that was estimated then.
     """
-    chosen = choose_system(log.summary, system)
-    seconds, air = reduce_log(log, chosen, from_s, to_s)
-    fit = identify_drag(air, PERIOD_S)
-    used, source = (drag, "given") if drag is not None else (fit.drag, "identified")
-    if used is None:
-        wings = air.flying.any() and bool(air.winged[air.flying].mean() > 0.5)
-        used, source = (None, "none") if wings or not air.flying.any() else (NOMINAL, "nominal")
-    measured = measurements(air, used)
-    settings = NO_FORECAST if forecast is None else WindFilterSettings()
-    expected = np.zeros(2) if forecast is None else np.array(forecast)
-    wind = filter_log(measured.time_s, measured.wind, measured.noise, expected, settings)
-    check = _check(air, used)
-    legs = find_legs(seconds)
-    found = Replay(
+    asked = options or ReplayOptions()
+    system = choose_system(log.summary, asked.system)
+    drag, source, reason = _drag(log, system, asked)
+    monitor = FlightMonitor(LiveWind(drag=drag, forecast=asked.forecast, settings=asked.settings), listener)
+    told = _Told(log.summary, system, asked, notice)
+    for track in _tracks(log, system, asked):
+        steps = pieces(track, PERIOD_S) if notice is not None or wait_until is not None else iter((track,))
+        for step in steps:
+            if wait_until is not None:
+                wait_until(float(step.time_s[-1]))
+            told.add(monitor.feed(step))
+    told.add(monitor.close())
+    told.until(math.inf)
+    told.add(_last_words(monitor, source, reason))
+    return Replay(
         summary=log.summary,
-        system=chosen,
-        seconds=seconds,
-        wind=wind,
-        measured=measured,
-        forecast=None if forecast is None else expected,
-        drag=used,
+        system=system,
+        seconds=monitor.seconds(),
+        wind=monitor.course(),
+        tally=monitor.tally,
+        measured=dict(monitor.wind.measured),
+        rejected=monitor.wind.rejected,
+        forecast=asked.forecast is not None,
+        drag=drag,
         drag_source=source,
-        drag_fit=fit,
-        drag_check=check,
-        legs=legs,
-        phases=phase_energy(seconds),
-        events=(),
+        drag_reason=reason,
+        drag_check=monitor.wind.check_drag(),
+        observations=monitor.wind.observations(),
+        legs=tuple(monitor.legs.legs),
+        phases=monitor.legs.phases(),
+        soc=(monitor.battery.first, monitor.battery.last),
+        events=told.events(),
     )
-    return replace(found, events=_events(found, from_s, to_s))
 
 
-def reduce_log(log: Log, system: int | None, from_s: float, to_s: float) -> tuple[TelemetryTrack, Blocks]:
-    """Return one row a second of a vehicle, and the averages that measurements are made of."""
-    rows: list[TelemetryTrack] = []
-    parts: list[Blocks] = []
-    maker = BlockMaker(PERIOD_S)
+def flight_blocks(log: Log, system: int | None, from_s: float = -math.inf, to_s: float = math.inf) -> Blocks:
+    """Return the averages that a drag is found in: those of the last `MOST_BLOCKS` seconds of telemetry."""
+    maker, parts, count = BlockMaker(PERIOD_S), [Blocks.joined(())], 0
     for track in log.tracks(from_s, to_s):
-        if track.system == system and len(track):
-            rows.append(each_second(track))
+        if track.system == system:
             parts.append(maker.feed(track))
-    return TelemetryTrack.joined(rows), Blocks.joined([*parts, maker.flush()])
+            count += len(parts[-1])
+        if count > 2 * MOST_BLOCKS:
+            parts, count = [Blocks.joined(parts).part(slice(-MOST_BLOCKS, None))], MOST_BLOCKS
+    return Blocks.joined([*parts, maker.flush()]).part(slice(-MOST_BLOCKS, None))
 
 
-def each_second(track: TelemetryTrack) -> TelemetryTrack:
-    """Return the last known value of each second, but the mean of the power."""
-    number = np.floor(track.time_s - track.time_s[0]).astype(np.int64)
-    _, starts = np.unique(number, return_index=True)
-    last = np.append(starts[1:], len(track)) - 1
-    values = track.values[last].copy()
-    power = track["power_w"]
-    known = np.isfinite(power)
-    total = np.add.reduceat(np.where(known, power, 0.0), starts)
-    count = np.add.reduceat(known.astype(np.float64), starts)
-    values[:, COLUMN["power_w"]] = np.where(count > 0, total / np.maximum(count, 1.0), np.nan)
-    return TelemetryTrack(track.system, track.time_s[last], values)
+def _tracks(log: Log, system: int | None, asked: ReplayOptions) -> Iterator[TelemetryTrack]:
+    for track in log.tracks(asked.from_s, asked.to_s):
+        if track.system == system and len(track):
+            yield track
 
 
-def find_legs(seconds: TelemetryTrack) -> tuple[Leg, ...]:
-    """Find the flights; pauses in the air of a few seconds do not end one."""
-    flying = np.flatnonzero(is_flying(seconds)) if len(seconds) else np.empty(0, dtype=np.int64)
-    if not len(flying):
-        return ()
-    cuts = np.flatnonzero(np.diff(seconds.time_s[flying]) > LEG_GAP_S) + 1
-    legs = []
-    for group in np.split(flying, cuts):
-        part = seconds.part(slice(int(group[0]), int(group[-1]) + 1))
-        if part.time_s[-1] - part.time_s[0] >= MIN_LEG_S:
-            legs.append(_leg(part))
-    return tuple(legs)
+def _drag(log: Log, system: int | None, asked: ReplayOptions) -> tuple[DragModel | None, str, str]:
+    """Return the drag to use, where it comes from, and what the log tells about it."""
+    if asked.drag is not None:
+        return asked.drag, "given", ""
+    air = flight_blocks(log, system, asked.from_s, asked.to_s)
+    fit: DragFit = identify_drag(air, PERIOD_S)
+    if fit.drag is not None:
+        return fit.drag, "identified", fit.reason
+    wings = bool(air.winged[air.flying].mean() > 0.5) if air.flying.any() else True
+    return (None, "none", fit.reason) if wings else (NOMINAL_DRAG, "nominal", fit.reason)
 
 
-def _leg(part: TelemetryTrack) -> Leg:
-    def first(name: str, *, last: bool = False) -> float:
-        known = part[name][np.isfinite(part[name])]
-        return float(known[-1 if last else 0]) if len(known) else math.nan
+class _Told:
+    """Brings what the vehicle said and what the monitors notice into one order, and keeps the events."""
 
-    step = np.minimum(np.diff(part.time_s, prepend=part.time_s[0]), LEG_GAP_S)
-    speed = np.hypot(part["vel_north_mps"], part["vel_east_mps"])
-    power = part["power_w"]
-    return Leg(
-        start_s=float(part.time_s[0]),
-        end_s=float(part.time_s[-1]),
-        distance_m=float(np.nansum(speed * step)),
-        from_lat=first("lat_deg"),
-        from_lon=first("lon_deg"),
-        to_lat=first("lat_deg", last=True),
-        to_lon=first("lon_deg", last=True),
-        soc_start=first("soc"),
-        soc_end=first("soc", last=True),
-        energy_j=float(np.nansum(power * step)) if np.isfinite(power).any() else math.nan,
-    )
+    def __init__(
+        self, summary: LogSummary, system: int | None, asked: ReplayOptions, notice: Callable[[Notice], None] | None
+    ) -> None:
+        self._system = system or 0
+        self._notice = notice
+        self._events: list[LogEvent] = []
+        self._said = [
+            event
+            for event in summary.events
+            if event.system == self._system and asked.from_s <= event.time_s < asked.to_s
+        ]
+        self._next = 0
 
+    def until(self, time_s: float) -> None:
+        """Pass on what the vehicle said before this time."""
+        while self._next < len(self._said) and self._said[self._next].time_s < time_s:
+            event = self._said[self._next]
+            self._next += 1
+            self._events.append(event)
+            if self._notice is not None:
+                self._notice(Notice(event.time_s, "mission", event.text))
 
-def phase_energy(seconds: TelemetryTrack) -> dict[Phase, PhaseEnergy]:
-    """Time and energy of climb, cruise and descent, in the air."""
-    if not len(seconds):
-        return {phase: PhaseEnergy(0.0, 0.0) for phase in PHASES}
-    step = np.minimum(np.diff(seconds.time_s, prepend=seconds.time_s[0]), LEG_GAP_S)
-    rise = -np.nan_to_num(seconds["vel_down_mps"])
-    flying = is_flying(seconds)
-    power = np.nan_to_num(seconds["power_w"])
-    where: dict[Phase, NDArray[np.bool_]] = {
-        "climb": flying & (rise > VERTICAL_MPS),
-        "cruise": flying & (np.abs(rise) <= VERTICAL_MPS),
-        "descent": flying & (rise < -VERTICAL_MPS),
-    }
-    known = bool(np.isfinite(seconds["power_w"]).any())
-    return {
-        phase: PhaseEnergy(float(step[rows].sum()), float((step * power)[rows].sum()) if known else math.nan)
-        for phase, rows in where.items()
-    }
+    def add(self, notices: list[Notice]) -> None:
+        """Pass on what the monitors noticed, and before each what the vehicle had said by then."""
+        for one in notices:
+            self.until(one.time_s)
+            if one.event and len(self._events) < MAX_EVENTS:
+                text = one.text if one.kind == "mission" else f"monitor: {one.text}"
+                self._events.append(LogEvent(one.time_s, self._system, text))
+            if self._notice is not None:
+                self._notice(one)
+
+    def events(self) -> tuple[LogEvent, ...]:
+        return tuple(sorted(self._events, key=lambda event: event.time_s))
 
 
-def _check(air: Blocks, drag: DragModel | None) -> DragCheck:
-    if drag is None or not len(air):
-        return DragCheck(math.nan, math.nan, 0.0)
-    good = air.flying & ~air.winged & np.isfinite(air.drag).all(axis=1)
-    seen = tilt_air_velocity(air, drag)[good][-DRAG_WINDOW_S:]
-    return check_drag(air.velocity[good][-DRAG_WINDOW_S:], seen)
-
-
-def _events(found: Replay, from_s: float, to_s: float) -> tuple[LogEvent, ...]:
-    """Join what the log says with what the monitors notice."""
-    from link.logs.log import LogEvent
-
-    system = found.system or 0
-    events = [event for event in found.summary.events if event.system == system and from_s <= event.time_s < to_s]
-    for number, leg in enumerate(found.legs, 1):
-        events.append(LogEvent(leg.start_s, system, f"leg {number} begins"))
-        events.append(LogEvent(leg.end_s, system, f"leg {number} ends"))
-    if len(found.seconds):
-        end_s = float(found.seconds.time_s[-1])
-        events += [LogEvent(end_s, system, text) for text in _remarks(found)]
-        events += [LogEvent(time_s, system, text) for time_s, text in _battery_remarks(found.seconds)]
-    return tuple(sorted(events, key=lambda event: event.time_s))
-
-
-def _remarks(found: Replay) -> list[str]:
-    remarks = []
-    if found.drag_source == "nominal":
-        remarks.append(f"monitor: a nominal drag is used; {found.drag_fit.reason}")
-    if found.drag_check.wrong:
-        remarks.append(f"monitor: {found.drag_check.advice}")
-    if not len(found.wind) and found.legs:
-        remarks.append("monitor: no wind could be measured in this flight")
-    nis = found.wind.nis[np.isfinite(found.wind.nis)]
-    if len(nis) >= 60 and float(nis.mean()) > chi2_band(len(nis) / 10.0)[1]:
-        remarks.append(f"monitor: the filter is overconfident (mean NIS {float(nis.mean()):.1f} instead of 2)")
-    rejected = int((~found.wind.accepted).sum())
-    if rejected:
-        remarks.append(f"monitor: {rejected} of {len(found.wind)} wind measurements were rejected by the gate")
-    return remarks
-
-
-def _battery_remarks(seconds: TelemetryTrack) -> list[tuple[float, str]]:
-    soc = seconds["soc"]
-    known = np.flatnonzero(np.isfinite(soc))
-    if len(known) < 2:
+def _last_words(monitor: FlightMonitor, source: str, reason: str) -> list[Notice]:
+    """Say what is only known at the end."""
+    if math.isnan(monitor.end_s):
         return []
-    jumps = known[1:][np.abs(np.diff(soc[known])) > 0.10]
-    remarks = [
-        (float(seconds.time_s[row]), f"monitor: the state of charge jumps to {soc[row]:.0%}") for row in jumps[:20]
-    ]
-    low = known[soc[known] < 0.20]
-    if len(low):
-        remarks.append((float(seconds.time_s[low[0]]), "monitor: the state of charge falls below 20%"))
-    return remarks
+    texts = []
+    if source == "nominal":
+        texts.append(f"a nominal drag is used; {reason}")
+    if not monitor.tally.count and monitor.legs.legs:
+        texts.append("no wind could be measured in this flight")
+    if monitor.wind.rejected:
+        total = sum(monitor.wind.measured.values())
+        texts.append(f"{monitor.wind.rejected} of {total} wind measurements were rejected by the gate")
+    return [Notice(monitor.end_s, "wind", text) for text in texts]

@@ -90,6 +90,25 @@ class SamplePackets:
         return [(sample.time_s, encode(sample, self.start_s)) for sample in self._samples[first:last]]
 
 
+class Part:
+    """Part of a source, as if it were the whole.
+
+    Parameters
+    ----------
+    source : PacketSource
+    from_s, to_s : float
+        In the source's time; infinite for its own ends.
+    """
+
+    def __init__(self, source: PacketSource, from_s: float, to_s: float) -> None:
+        self._source = source
+        self.start_s, self.end_s = max(source.start_s, from_s), min(source.end_s, to_s)
+
+    def between(self, from_s: float, to_s: float) -> list[Packet]:
+        """Return the packets with ``from_s < time <= to_s``."""
+        return self._source.between(from_s, min(to_s, self.end_s))
+
+
 def packets_of(log: Log) -> PacketSource:
     """Return what of a log can be played."""
     from link.logs.tlog_track import Tlog

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -15,9 +15,15 @@ from models.wind import speed_from
 from models.wind_filter import chi2_band
 
 if TYPE_CHECKING:
-    from link.replay import Leg, Replay
+    from link.replay import Replay
+    from link.replay_monitors import Leg
+    from models.telemetry import TelemetryTrack
+    from models.wind_filter import FilteredWind
 
 SCHEMA = "skyway.replay/1"
+ESTIMATED = ("estimated_wind_north_mps", "estimated_wind_east_mps", "estimated_sigma_mps")
+CORRELATED = 10.0
+"""So many neighbouring innovations of a real log are as good as one."""
 MAX_WINDS = 2000
 WIND_EVERY_S = 5.0
 MAX_EVENTS = 500
@@ -101,28 +107,31 @@ def _winds(found: Replay) -> list[dict[str, Any]]:
 
 
 def _wind_summary(found: Replay) -> dict[str, Any]:
-    wind = found.wind
-    nis = wind.nis[np.isfinite(wind.nis)]
-    mean = wind.wind.mean(axis=0) if len(wind) else np.full(2, np.nan)
-    speed, direction = (float(value) for value in speed_from(*mean))
-    forecast = found.forecast
-    expected = None
-    if forecast is not None:
-        known_speed, known_from = (float(value) for value in speed_from(*forecast))
-        expected = {
-            "speed_mps": _known(known_speed),
-            "from_deg": _known(known_from, 1),
-            "vector_difference_mps": _known(float(np.hypot(*(mean - forecast)))),
-        }
-    sources, counts = np.unique(found.measured.source, return_counts=True)
+    tally = found.tally
+    speed, direction = (float(value) for value in speed_from(tally.mean(tally.north), tally.mean(tally.east)))
+    band = chi2_band(tally.count / CORRELATED)
     return {
         "mean_speed_mps": _known(speed),
-        "mean_from_deg": _known(direction, 1) if len(wind) else None,
-        "forecast": expected,
-        "measurements": {str(name): int(count) for name, count in zip(sources, counts, strict=True)},
-        "rejected": int((~wind.accepted).sum()),
-        "nis_mean": _known(float(nis.mean())) if len(nis) else None,
-        "nis_band_95": [_known(value) for value in chi2_band(len(nis))] if len(nis) else None,
+        "mean_from_deg": _known(direction, 1),
+        "forecast": _against_forecast(found),
+        "measurements": found.measured,
+        "rejected": found.rejected,
+        "nis_mean": _known(tally.mean(tally.nis)),
+        "nis_band_95": [_known(value) for value in band] if tally.count else None,
+    }
+
+
+def _against_forecast(found: Replay) -> dict[str, Any] | None:
+    """Wind estimated against forecast: the forecast's mean, how far it was off in the mean, and how far at each time."""
+    tally = found.tally
+    if not found.forecast or not tally.count:
+        return None
+    speed, direction = speed_from(tally.mean(tally.expected_north), tally.mean(tally.expected_east))
+    return {
+        "speed_mps": _known(float(speed)),
+        "from_deg": _known(float(direction), 1),
+        "vector_difference_mps": _known(math.hypot(tally.mean(tally.off_north), tally.mean(tally.off_east))),
+        "vector_rms_mps": _known(math.sqrt(tally.mean(tally.off_squared))),
     }
 
 
@@ -130,23 +139,21 @@ def _drag(found: Replay) -> dict[str, Any]:
     drag = found.drag
     return {
         "source": found.drag_source,
+        "as_live": found.drag_source != "identified",
         "linear_per_s": None if drag is None else _known(drag.linear_per_s, 5),
         "quadratic_per_m": None if drag is None else _known(drag.quadratic_per_m, 6),
-        "identified": found.drag_fit.identified,
-        "reason": found.drag_fit.reason,
+        "reason": found.drag_reason or None,
         "check_factor": _known(found.drag_check.factor),
         "check_sigma": _known(found.drag_check.sigma),
     }
 
 
 def _energy(found: Replay) -> dict[str, Any]:
-    soc = found.seconds["soc"]
-    known = soc[np.isfinite(soc)]
     total = sum(phase.energy_j for phase in found.phases.values())
     return {
         "total_wh": _known(total / J_PER_WH),
-        "soc_start": _known(float(known[0])) if len(known) else None,
-        "soc_end": _known(float(known[-1])) if len(known) else None,
+        "soc_start": _known(found.soc[0]),
+        "soc_end": _known(found.soc[1]),
         "phases": {
             name: {
                 "time_s": _known(phase.time_s, 1),
@@ -158,18 +165,28 @@ def _energy(found: Replay) -> dict[str, Any]:
     }
 
 
-def as_csv(found: Replay) -> str:
-    """Return one row a second: the vehicle's own quantities, and the wind estimated."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(
-        ["time_s", *QUANTITIES, "estimated_wind_north_mps", "estimated_wind_east_mps", "estimated_sigma_mps"]
-    )
-    times, wind = found.seconds.time_s, found.wind
-    place = np.searchsorted(wind.time_s, times, side="right") - 1
-    for row, time_s in enumerate(times):
-        known = place[row] >= 0
-        extra = [*wind.wind[place[row]], wind.sigma_mps[place[row]]] if known else [math.nan] * 3
-        cells = [f"{value:.10g}" if math.isfinite(value) else "" for value in (*found.seconds.values[row], *extra)]
-        writer.writerow([f"{time_s:.6f}", *cells])
-    return out.getvalue()
+class Table:
+    """Writes a row a second as the replay goes: the vehicle's own quantities, and the wind estimated then.
+
+    Parameters
+    ----------
+    stream : binary file
+    """
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._text = io.TextIOWrapper(stream, encoding="utf-8", newline="", write_through=True)
+        self._writer = csv.writer(self._text, lineterminator="\n")
+        self._writer.writerow(["time_s", *QUANTITIES, *ESTIMATED])
+        self._measured = False
+
+    def add(self, rows: TelemetryTrack, course: FilteredWind) -> None:
+        """Write some seconds."""
+        for row, time_s in enumerate(rows.time_s.tolist()):
+            self._measured = self._measured or bool(course.accepted[row])
+            extra = [*course.wind[row], course.sigma_mps[row]] if self._measured else [math.nan] * 3
+            cells = [f"{value:.10g}" if math.isfinite(value) else "" for value in (*rows.values[row], *extra)]
+            self._writer.writerow([f"{time_s:.6f}", *cells])
+
+    def close(self) -> None:
+        """Leave the stream to its owner."""
+        self._text.detach()

@@ -6,11 +6,13 @@ import gzip
 import os
 import tempfile
 import zlib
-from typing import TYPE_CHECKING
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, BinaryIO
 
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 
@@ -65,7 +67,19 @@ def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -
     InputError
         The file exists and `force` is false, or it cannot be written.
     """
-    data = content.encode() if isinstance(content, str) else content
+    with writing(path, force=force) as stream:
+        stream.write(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def writing(path: Path, *, force: bool = False) -> Iterator[BinaryIO]:
+    """Open a file for writing that appears whole when the block ends, and not at all when it fails.
+
+    Raises
+    ------
+    InputError
+        The file exists and `force` is false, or it cannot be written.
+    """
     try:
         if path.exists() and not force:
             remedy = "give another name, or --force to overwrite it"
@@ -73,7 +87,7 @@ def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -
         descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(descriptor, "wb") as stream:
-                stream.write(data)
+                yield stream
                 stream.flush()
                 os.fsync(stream.fileno())
             mask = os.umask(0)

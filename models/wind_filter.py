@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 GATE_99 = 9.21034037197618
 """99 % quantile of chi-squared with 2 degrees of freedom: -2 ln 0.01."""
+HEALTH_WINDOW, HEALTH_CORRELATION = 120, 5.0
+"""Innovations that the filter's health is judged by, and how many neighbours of them are as good as one."""
 HELD_AFTER_S = 30.0
 """An estimate to which nothing was measured for so long is called held."""
 
@@ -133,7 +135,7 @@ class WindFilter:
 
         self.settings = settings or WindFilterSettings()
         self.time_s = start_s
-        self.health = ConsistencyMonitor()
+        self.health = ConsistencyMonitor(HEALTH_WINDOW, HEALTH_CORRELATION)
         self.last_nis = math.nan
         self._forecast = np.array([[north_mps], [east_mps]])
         self._last_used_s: float | None = None
@@ -358,9 +360,9 @@ class ConsistencyMonitor:
 
 def chi2_band(count: float, dimensions: int = 2) -> tuple[float, float]:
     """95 % band of the mean of `count` independent chi-squared values with so many degrees of freedom."""
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv  # scipy.stats takes ten times as long to import
 
     if count <= 0.0:
         return 0.0, math.inf
-    freedom = dimensions * count
-    return float(chi2.ppf(0.025, freedom)) / count, float(chi2.ppf(0.975, freedom)) / count
+    shape = 0.5 * dimensions * count
+    return float(gammaincinv(shape, 0.025)) * 2.0 / count, float(gammaincinv(shape, 0.975)) * 2.0 / count

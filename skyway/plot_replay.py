@@ -57,7 +57,8 @@ def _draw_wind(upper: Any, lower: Any, found: Replay, zero: float) -> None:
     lower.plot(minutes, direction, ".", color=CALM, markersize=2)
     lower.set_ylabel("wind FROM, degrees", color=CALM, fontsize=8)
     lower.set_ylim(0, 360)
-    if found.forecast is not None:
-        expected, bearing = (float(value) for value in speed_from(*found.forecast))
-        upper.axhline(expected, color=ROUTE, linewidth=1.0, linestyle="--")
-        lower.axhline(bearing, color=ROUTE, linewidth=1.0, linestyle="--")
+    if found.forecast:
+        expected, bearing = speed_from(found.wind.forecast[:, 0], found.wind.forecast[:, 1])
+        upper.plot(minutes, expected, color=ROUTE, linewidth=1.0, linestyle="--", label="forecast")
+        lower.plot(minutes, bearing, ".", color=ROUTE, markersize=1)
+        upper.legend(fontsize=7, loc="upper right", frameon=False)

@@ -62,13 +62,14 @@ def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
 ) -> None:
     import numpy as np
 
-    from link.replay import PERIOD_S, choose_system, reduce_log
+    from link.replay import choose_system, flight_blocks
+    from link.replay_monitors import PERIOD_S
     from models.calibration_wind import fit_known_wind, identify_drag
     from models.drag_file import drag_file
 
     options.refuse_overwriting(output, force=force)
     opened = open_any(log, columns)
-    _, air = reduce_log(opened, choose_system(opened.summary, system), -math.inf, math.inf)
+    air = flight_blocks(opened, choose_system(opened.summary, system))
     fit = identify_drag(air, PERIOD_S)
     model = fit.drag
     if wind is not None:

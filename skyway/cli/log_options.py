@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
+from zoneinfo import ZoneInfo
 
 import typer
 
+from models.errors import Fault, InputError
 from skyway.cli import options
 
 if TYPE_CHECKING:
     from link.logs.log import Log
+    from models.scenario import Scenario
+    from models.wind_ensemble import WindEnsemble
 
 LogFile = Annotated[Path, typer.Argument(help="Flight log: .tlog, .bin, .ulg or .csv.", show_default=False)]
 Columns = Annotated[
@@ -22,6 +27,97 @@ System = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Answer as JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
+
+Speed = Annotated[str, typer.Option("--speed", help="Times real time: 1, 10, max.")]
+Begin = Annotated[str | None, typer.Option("--from", help="Begin here, H:MM:SS.", show_default=False)]
+End = Annotated[str | None, typer.Option("--to", help="End here, H:MM:SS.", show_default=False)]
+Follow = Annotated[
+    str | None, typer.Option("--follow", help="Print as it happens: wind,battery,mission.", show_default=False)
+]
+Expected = Annotated[
+    str | None, typer.Option("--wind", help="Wind that was forecast, m/s@degrees FROM: 8@270.", show_default=False)
+]
+ForecastFile = Annotated[
+    Path | None,
+    typer.Option("--forecast", help="Forecast that was made, a file as for plan.", show_default=False),
+]
+ScenarioName = Annotated[
+    str | None,
+    typer.Option(
+        "--scenario",
+        help="Scenario folder (newyork: the built-in one) whose record is the forecast.",
+        show_default=False,
+    ),
+]
+Drag = Annotated[
+    Path | None, typer.Option("--drag", help="Drag of the drone, from calibrate wind.", show_default=False)
+]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw the flight: FILE.png or FILE.svg.", show_default=False)]
+TableFile = Annotated[Path | None, typer.Option("--csv", help="Write a table, one row a second.", show_default=False)]
+Connect = Annotated[
+    str | None,
+    typer.Option("--connect", help="Send the log as MAVLink: udpout:127.0.0.1:14550.", show_default=False),
+]
+Control = Annotated[
+    int | None,
+    typer.Option("--control", help="With --connect: obey JSON lines on this TCP port.", show_default=False),
+]
+FAR_M = 300_000.0
+"""A forecast for sites further away than this says little about a flight."""
+
+
+def load_named(name: str | None) -> Scenario:
+    """Read the scenario named; ``newyork``, or none, is the built-in one."""
+    return options.load_scenario(None if name in (None, "newyork", options.BUILT_IN) else Path(str(name)))
+
+
+def log_forecast(log: Log, wind: str | None, file: Path | None, scenario: str | None) -> dict[str, Any]:
+    """What was forecast for a log, as `link.replay.ReplayOptions` takes it; empty where nothing was."""
+    if wind is not None:
+        if file is not None or scenario is not None:
+            raise InputError(Fault("--wind excludes --forecast and --scenario", remedy="give one of them"))
+        north, east = towards(wind)
+        return {"forecast": lambda *_: (north, east)}
+    if file is None and scenario is None:
+        return {}
+    from models.units import from_posix
+    from models.wind_filter_live import forecast_of, settings_for
+
+    world = load_named(scenario)
+    start = from_posix(dated(log))
+    ensemble = options.wind_forecast(world, start, None, file, None, start.astimezone(ZoneInfo(world.timezone)).date())
+    warn_if_far(log, ensemble)
+    rules = world.rules
+    aloft = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
+    return {"forecast": forecast_of(ensemble, rules.wind_profile_exponent), "settings": settings_for(aloft)}
+
+
+def dated(log: Log) -> float:
+    """Start of a log in POSIX seconds; an `InputError` where it does not know the date."""
+    summary = log.summary
+    if not summary.time_base.absolute or not math.isfinite(summary.start_s):
+        remedy = "give the wind with --wind"
+        raise InputError(
+            Fault("does not know its date, so no forecast can be found for it", summary.format, remedy=remedy)
+        )
+    return summary.start_s
+
+
+def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
+    """Say on stderr that the flight was far from every site of a forecast."""
+    import numpy as np
+
+    from models import geodesy
+
+    for track in log.tracks():
+        placed = np.flatnonzero(np.isfinite(track["lat_deg"]) & np.isfinite(track["lon_deg"]))
+        if len(placed):
+            here = float(track["lat_deg"][placed[0]]), float(track["lon_deg"][placed[0]])
+            distance, _ = geodesy.inverse(*here, ensemble.site_lat, ensemble.site_lon)
+            if float(distance.min()) > FAR_M:
+                away = f"{float(distance.min()) / 1000.0:.0f} km from the nearest site of the forecast"
+                typer.echo(f"skyway: the flight was {away}", err=True)
+            return
 
 
 def open_any(path: Path, columns: Path | None) -> Log:

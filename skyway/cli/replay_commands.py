@@ -5,23 +5,23 @@ from __future__ import annotations
 import json
 import math
 import re
-import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from models.errors import Fault, InputError
-from skyway.cli import calibrate_commands, options
-from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, open_any, towards, write
+from skyway.cli import calibrate_commands, log_options, options
+from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, open_any
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable
 
     from link.logs.log import Log
-    from link.replay import Replay
-    from models.drag import DragModel
+    from link.replay import Replay, ReplayOptions
+    from link.replay_monitors import Notice
 
 REPLAY_HELP = """Go through a flight log as if it were live: legs, battery, wind, events.
 
@@ -33,72 +33,60 @@ Examples:
 
   skyway replay flight.tlog --from 00:05:00 --to 00:10:00 --wind 6@270 --plot flight.png
 
-  skyway replay flight.tlog --speed 10 --follow wind,battery
+  skyway replay flight.tlog --speed 10 --follow wind,battery --drag drag.toml
 
   skyway replay flight.tlog --connect udpout:127.0.0.1:14550 --control 5790
 """
 _CLOCK = re.compile(r"^(?:(\d{1,4}):)?(\d{1,2}):(\d{1,2}(?:\.\d+)?)$|^(\d+(?:\.\d+)?)$")
 FOLLOWED = ("wind", "battery", "mission")
-FOLLOW_EVERY_S = {"wind": 10.0, "battery": 30.0}
 
 
 def replay(  # noqa: D103  the help text is REPLAY_HELP
     log: LogFile,
-    speed: Annotated[str, typer.Option("--speed", help="Times real time: 1, 10, max.")] = "max",
-    begin: Annotated[str | None, typer.Option("--from", help="Begin here, H:MM:SS.", show_default=False)] = None,
-    end: Annotated[str | None, typer.Option("--to", help="End here, H:MM:SS.", show_default=False)] = None,
+    speed: log_options.Speed = "max",
+    begin: log_options.Begin = None,
+    end: log_options.End = None,
     system: System = None,
-    follow: Annotated[
-        str | None, typer.Option("--follow", help="Print as it happens: wind,battery,mission.", show_default=False)
-    ] = None,
-    wind: Annotated[
-        str | None, typer.Option("--wind", help="Wind that was forecast, m/s@degrees FROM: 8@270.", show_default=False)
-    ] = None,
-    drag: Annotated[
-        Path | None, typer.Option("--drag", help="Drag of the drone, from calibrate wind.", show_default=False)
-    ] = None,
+    follow: log_options.Follow = None,
+    wind: log_options.Expected = None,
+    forecast: log_options.ForecastFile = None,
+    scenario: log_options.ScenarioName = None,
+    drag: log_options.Drag = None,
     columns: Columns = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", help="Draw the flight: FILE.png or FILE.svg.", show_default=False)
-    ] = None,
-    csv: Annotated[
-        Path | None, typer.Option("--csv", help="Write a table, one row a second.", show_default=False)
-    ] = None,
-    connect: Annotated[
-        str | None,
-        typer.Option("--connect", help="Send the log as MAVLink: udpout:127.0.0.1:14550.", show_default=False),
-    ] = None,
-    control: Annotated[
-        int | None,
-        typer.Option("--control", help="With --connect: obey JSON lines on this TCP port.", show_default=False),
-    ] = None,
+    plot: log_options.Plot = None,
+    csv: log_options.TableFile = None,
+    connect: log_options.Connect = None,
+    control: log_options.Control = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    from link.replay import replay as go_through
-
-    factor = _speed(speed)
+    factor = _speed(speed, connect)
     followed = _followed(follow)
     options.check_picture(plot)
     options.refuse_overwriting(plot, csv, force=force)
-    if control is not None and connect is None:
-        raise InputError(Fault("needs --connect", field="--control", value=control))
+    _check_control(control, connect)
     opened = open_any(log, columns)
     first, last = _part(opened, begin, end)
     if connect is not None:
-        _serve(opened, connect, control, factor, first)
+        _serve(opened, connect, control, factor, (first, last))
         return
-    found = go_through(
-        opened,
+    from link.replay import ReplayOptions
+    from models.drag_file import read_drag
+
+    asked = ReplayOptions(
         system=system,
         from_s=first,
         to_s=last,
-        drag=_drag(drag),
-        forecast=None if wind is None else towards(wind),
+        drag=None if drag is None else read_drag(drag),
+        **log_options.log_forecast(opened, wind, forecast, scenario),
     )
-    if followed:
-        _follow(found, followed, factor, as_json=as_json)
-    _write_outputs(found, plot, csv, force=force)
+    if followed and drag is None:
+        typer.echo("skyway: the drag is looked for in the whole log beforehand; --drag FILE makes it as live", err=True)
+    found = _go_through(opened, asked, followed, factor, csv, err=as_json, force=force)
+    if plot is not None:
+        from skyway.plot_replay import plot_replay
+
+        plot_replay(found, plot)
     if as_json:
         from link.replay_report import as_json as report
 
@@ -107,14 +95,63 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
         _tell(found, log)
 
 
-def _speed(text: str) -> float:
+def _go_through(
+    log: Log,
+    asked: ReplayOptions,
+    followed: tuple[str, ...],
+    factor: float,
+    csv: Path | None,
+    *,
+    err: bool,
+    force: bool,
+) -> Replay:
+    """Replay, telling on the way what is followed (on stderr where stdout is one object), and writing the table."""
+    from link.replay import replay as go_through
+    from link.replay_report import Table
+    from models.files import writing
+
+    zero = log.summary.start_s
+
+    def tell(notice: Notice) -> None:
+        if notice.kind in followed:
+            typer.echo(f"{_clock(notice.time_s - zero)}  {notice.text}", err=err)
+
+    with ExitStack() as stack:
+        listener = None
+        if csv is not None:
+            table = Table(stack.enter_context(writing(csv, force=force)))
+            stack.callback(table.close)
+            listener = table.add
+        return go_through(
+            log,
+            asked,
+            notice=tell if followed else None,
+            wait_until=_pace(factor) if followed and math.isfinite(factor) else None,
+            listener=listener,
+        )
+
+
+def _pace(factor: float) -> Callable[[float], None]:
+    """Wait so that the log goes by so many times as fast as the wall clock."""
+    begun: list[tuple[float, float]] = []
+
+    def wait_until(time_s: float) -> None:
+        if not begun:
+            begun.append((time_s, time.monotonic()))
+        log_s, wall_s = begun[0]
+        time.sleep(max((time_s - log_s) / factor - (time.monotonic() - wall_s), 0.0))
+
+    return wait_until
+
+
+def _speed(text: str, connect: str | None) -> float:
     if text == "max":
         return math.inf
     try:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not 0.0 < abs(value) <= 1000.0:
+    if not 0.0 < abs(value) <= 1000.0 or (value < 0.0 and connect is None):
         raise InputError(
             Fault("is no speed", field="--speed", value=text, remedy="1, 10, max; below 0 backwards with --connect")
         )
@@ -155,35 +192,21 @@ def _part(log: Log, begin: str | None, end: str | None) -> tuple[float, float]:
     return (-math.inf if first is None else zero + first), (math.inf if last is None else zero + last)
 
 
-def _drag(path: Path | None) -> DragModel | None:
-    from models.drag_file import read_drag
-
-    return None if path is None else read_drag(path)
-
-
-def _write_outputs(found: Replay, plot: Path | None, csv: Path | None, *, force: bool) -> None:
-    if csv is not None:
-        from link.replay_report import as_csv
-
-        write(csv, as_csv(found), force=force)
-    if plot is not None:
-        from skyway.plot_replay import plot_replay
-
-        plot_replay(found, plot)
-
-
-def _serve(log: Log, connect: str, control: int | None, factor: float, first: float) -> None:
-    from link.replay_player import Player, packets_of
-    from link.replay_server import ControlServer, Output, play
-
+def _check_control(control: int | None, connect: str | None) -> None:
+    if control is not None and connect is None:
+        raise InputError(Fault("needs --connect", field="--control", value=control))
     if control is not None and not 0 <= control <= 65535:
         raise InputError(Fault("port out of range", field="--control", value=control, remedy="0 to 65535"))
-    source = packets_of(log)
+
+
+def _serve(log: Log, connect: str, control: int | None, factor: float, part: tuple[float, float]) -> None:
+    from link.replay_player import Part, Player, packets_of
+    from link.replay_server import ControlServer, Output, play
+
+    source = Part(packets_of(log), *part)
     output = Output(connect)
     player = Player(source, output.send, speed=factor)
-    if math.isfinite(first):
-        player.seek(first - source.start_s)
-    elif factor < 0.0:
+    if factor < 0.0:
         player.position_s = source.end_s
     server = None
     try:
@@ -196,46 +219,6 @@ def _serve(log: Log, connect: str, control: int | None, factor: float, first: fl
             server.close()
         output.close()
     typer.echo(f"sent {sent} packets to {connect}")
-
-
-def _follow(found: Replay, followed: tuple[str, ...], factor: float, *, as_json: bool) -> None:
-    """Print lines as they would have come; with ``--json`` on stderr, so that stdout stays one object."""
-    last = None
-    for time_s, line in sorted(_lines(found, followed)):
-        if last is not None and math.isfinite(factor):
-            time.sleep(max(time_s - last, 0.0) / abs(factor))
-        last = time_s
-        typer.echo(line, err=as_json)
-        (sys.stderr if as_json else sys.stdout).flush()
-
-
-def _lines(found: Replay, followed: tuple[str, ...]) -> Iterator[tuple[float, str]]:
-    from models.wind import speed_from
-
-    zero = found.summary.start_s
-    if "wind" in followed:
-        due = -math.inf
-        speed, direction = speed_from(found.wind.wind[:, 0], found.wind.wind[:, 1])
-        for row, time_s in enumerate(found.wind.time_s.tolist()):
-            if time_s >= due:
-                due = time_s + FOLLOW_EVERY_S["wind"]
-                sigma = found.wind.sigma_mps[row]
-                yield (
-                    time_s,
-                    f"{_clock(time_s - zero)}  wind {speed[row]:.1f} ± {sigma:.1f} m/s from {direction[row]:.0f}°",
-                )
-    if "battery" in followed:
-        due = -math.inf
-        table = found.seconds
-        for time_s, soc, power in zip(
-            table.time_s.tolist(), table["soc"].tolist(), table["power_w"].tolist(), strict=True
-        ):
-            if time_s >= due and (math.isfinite(soc) or math.isfinite(power)):
-                due = time_s + FOLLOW_EVERY_S["battery"]
-                yield time_s, f"{_clock(time_s - zero)}  battery {_percent(soc)}, {_figure(power, 'W', 0)}"
-    if "mission" in followed:
-        for event in found.events:
-            yield event.time_s, f"{_clock(event.time_s - zero)}  {event.text}"
 
 
 def _clock(seconds: float) -> str:
@@ -272,7 +255,8 @@ def _tell(found: Replay, path: Path) -> None:
         )
     for name, phase in found.phases.items():
         if phase.time_s > 0.0:
-            typer.echo(f"  {name}: {phase.time_s:.0f} s, {_figure(phase.energy_j / phase.time_s, 'W', 0)}")
+            used = f"{_figure(phase.energy_j / 3600.0, 'Wh')}, {_figure(phase.energy_j / phase.time_s, 'W', 0)}"
+            typer.echo(f"  {name}: {phase.time_s:.0f} s, {used}")
     _tell_wind(found, facts["wind_summary"])
     for event in found.events:
         typer.echo(f"  {_clock(event.time_s - summary.start_s)}  {event.text}")
@@ -282,15 +266,21 @@ def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
     if not len(found.wind):
         typer.echo("  wind: not measured")
         return
+    drag = {
+        "identified": "drag identified from the whole log, so not as live",
+        "none": "no drag: by airspeed",
+        "given": "given drag",
+        "nominal": "nominal drag",
+    }[found.drag_source]
     typer.echo(
         f"  wind: {facts['mean_speed_mps']} m/s from {facts['mean_from_deg']}° in the mean, ± "
-        f"{float(found.wind.sigma_mps[-1]):.1f} m/s at the end ({found.drag_source} drag)"
+        f"{float(found.wind.sigma_mps[-1]):.1f} m/s at the end ({drag})"
     )
     forecast = facts["forecast"]
     if isinstance(forecast, dict):
         typer.echo(
-            f"  forecast: {forecast['speed_mps']} m/s from {forecast['from_deg']}°, "
-            f"{forecast['vector_difference_mps']} m/s apart"
+            f"  forecast: {forecast['speed_mps']} m/s from {forecast['from_deg']}°; in the mean "
+            f"{forecast['vector_difference_mps']} m/s apart, {forecast['vector_rms_mps']} m/s RMS"
         )
 
 

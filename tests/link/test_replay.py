@@ -13,9 +13,9 @@ from test_log_readers import record
 from tlog_factory import START_US, mixed_log
 
 from link.logs.reader import open_log
-from link.replay import replay
+from link.replay import ReplayOptions, flight_blocks, replay
 from link.replay_player import Player, packets_of
-from link.replay_report import as_csv, as_json
+from link.replay_report import Table, as_json
 from link.replay_server import ControlServer, Output, play
 from models.drag import DragModel
 from models.errors import InputError, LinkError
@@ -48,7 +48,7 @@ def test_a_replay_finds_the_wind_the_leg_and_the_energy(flight):
 
 def test_a_replay_as_json_is_complete_and_plain(flight):
     path, _ = flight
-    report = as_json(replay(open_log(path), forecast=(-4.0, 3.0)))
+    report = as_json(replay(open_log(path), ReplayOptions(forecast=lambda *_: (-4.0, 3.0))))
     text = json.dumps(report, allow_nan=False)
     assert report["schema"] == "skyway.replay/1"
     for key in (
@@ -73,12 +73,20 @@ def test_a_replay_as_json_is_complete_and_plain(flight):
     assert "NaN" not in text
 
 
+def replay_to(table, path):
+    """Replay a log and write its table, as ``--csv`` does."""
+    with table.open("wb") as stream:
+        writer = Table(stream)
+        found = replay(open_log(path), ReplayOptions(drag=KNOWN), listener=writer.add)
+        writer.close()
+    return found
+
+
 def test_the_table_of_a_replay_is_a_log_itself(flight, tmp_path):
     path, _ = flight
-    first = replay(open_log(path), drag=KNOWN)
     table = tmp_path / "flight.csv"
-    table.write_text(as_csv(first))
-    second = replay(open_log(table), drag=KNOWN)
+    first = replay_to(table, path)
+    second = replay(open_log(table), ReplayOptions(drag=KNOWN))
     assert len(second.seconds) == len(first.seconds)
     assert second.legs[0].distance_m == pytest.approx(first.legs[0].distance_m, rel=0.01)
 
@@ -86,20 +94,66 @@ def test_the_table_of_a_replay_is_a_log_itself(flight, tmp_path):
 def test_a_part_of_a_log_is_replayed_alone(flight):
     path, _ = flight
     log = open_log(path)
-    found = replay(log, from_s=log.summary.start_s + 60.0, to_s=log.summary.start_s + 120.0)
+    found = replay(log, ReplayOptions(from_s=log.summary.start_s + 60.0, to_s=log.summary.start_s + 120.0))
     assert len(found.seconds) == pytest.approx(60, abs=1)
+
+
+def test_second_by_second_or_all_at_once_is_the_same_replay(flight):
+    path, _ = flight
+    heard = []
+    fast = replay(open_log(path), ReplayOptions(drag=KNOWN))
+    slow = replay(open_log(path), ReplayOptions(drag=KNOWN), notice=heard.append)
+    assert as_json(fast) == as_json(slow)
+    assert [notice.time_s for notice in heard] == sorted(notice.time_s for notice in heard)
+    assert {notice.kind for notice in heard} >= {"wind", "battery", "mission"}
+
+
+def test_what_is_followed_does_not_depend_on_what_comes_later(flight):
+    path, _ = flight
+    log = open_log(path)
+    whole, early = [], []
+    cut = log.summary.start_s + 100.0
+    replay(log, ReplayOptions(drag=KNOWN), notice=whole.append)
+    replay(log, ReplayOptions(drag=KNOWN, to_s=cut), notice=early.append)
+    assert [one for one in early if one.time_s < cut - 1.0] == [one for one in whole if one.time_s < cut - 1.0]
+    assert len(early) > 10
+
+
+def test_a_replay_keeps_pace_with_the_time_of_the_log(flight):
+    path, _ = flight
+    log = open_log(path)
+    stamps, waited = [], []
+    replay(
+        log,
+        ReplayOptions(drag=KNOWN),
+        notice=lambda one: stamps.append((one.time_s, waited[-1] if waited else -math.inf)),
+        wait_until=waited.append,
+    )
+    assert waited == sorted(waited)
+    assert len(waited) == pytest.approx(240, abs=1)
+    assert all(time_s <= heard_s for time_s, heard_s in stamps)
+
+
+def test_the_monitors_need_no_more_memory_for_a_longer_flight():
+    from link.flight_monitor import MAX_ROWS, Thinned
+
+    kept = Thinned(lambda rows, part: rows[part], lambda parts: [row for part in parts for row in part], most=100)
+    for begin in range(0, 1000, 7):
+        kept.add(list(range(begin, min(begin + 7, 1000))))
+    assert kept.rows() == list(range(0, 1000, 16))
+    assert MAX_ROWS < 100_000
 
 
 def test_a_vehicle_that_is_not_in_the_log_is_an_input_error(flight):
     path, _ = flight
     with pytest.raises(InputError, match="these did: 1"):
-        replay(open_log(path), system=9)
+        replay(open_log(path), ReplayOptions(system=9))
 
 
 def test_a_simulated_log_without_any_wind_finds_none(tmp_path):
     path = tmp_path / "calm.tlog"
     record(path, fly(duration_s=120.0, mean=(0.0, 0.0), sigma_mps=1e-6, tilt_sigma_mps2=0.05, leg_s=30.0))
-    found = replay(open_log(path), drag=KNOWN)
+    found = replay(open_log(path), ReplayOptions(drag=KNOWN))
     assert np.hypot(*found.wind.wind[40:].mean(axis=0)) < 0.5
 
 
@@ -127,11 +181,10 @@ def test_every_real_log_is_replayed(shared_data):
 
 def test_the_quadplanes_own_wind_is_near_airspeed_and_ground_velocity_once_it_has_settled(shared_data):
     """Its own estimate starts 8 m/s off and settles within a minute of turning; compared on the last 15 s on its wings."""
-    from link.replay import reduce_log
     from models.wind_filter_measurement import airspeed_wind
 
     log = open_log(shared_data / "logs" / "cuav_quadplane_flight.tlog")
-    _, air = reduce_log(log, 2, -math.inf, math.inf)
+    air = flight_blocks(log, 2)
     taken = airspeed_wind(air)
     own = air.autopilot[np.isin(air.time_s, taken.time_s)]
     settled = taken.time_s > taken.time_s[-1] - 25.0
@@ -226,7 +279,7 @@ def test_a_csv_is_played_as_messages_that_pymavlink_reads(flight, tmp_path):
 
     path, _ = flight
     table = tmp_path / "flight.csv"
-    table.write_text(as_csv(replay(open_log(path), drag=KNOWN)))
+    replay_to(table, path)
     sink = Sink()
     Player(packets_of(open_log(table)), sink, speed=math.inf).step(1.0)
     reader = common.MAVLink(None)
