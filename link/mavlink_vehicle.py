@@ -72,11 +72,6 @@ class MavlinkVehicle(Seen):
     autopilot : str or None
         ``px4`` or ``ardupilot`` where its heartbeat shall not decide.
 
-    Attributes
-    ----------
-    blocked : UploadOutcome or None
-        An upload after which it is not known what the vehicle holds: it is not started.
-
     Raises
     ------
     VehicleTimeoutError
@@ -87,9 +82,18 @@ class MavlinkVehicle(Seen):
 
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
         super().__init__(connection, system, autopilot)
-        self.blocked: UploadOutcome | None = None
+        self._blocked: dict[MissionKind, UploadOutcome] = {}
         self._speaker: Speaker = connection
         self._ground_name = _GROUND_NAMES[0]
+
+    @property
+    def blocked(self) -> UploadOutcome | None:
+        """An upload after which it is not started: what the vehicle holds is not known, or it will not fly it."""
+        return next(iter(self._blocked.values()), None)
+
+    def _refuse_while_blocked(self, what: str) -> None:
+        if self.blocked is not None:
+            raise UploadMismatchError(f"{what}: after the last upload of its {self.blocked}")
 
     def _do(self, exchange: E_) -> E_:
         def steps() -> Steps[None]:
@@ -237,8 +241,7 @@ class MavlinkVehicle(Seen):
 
     def start(self, patience_s: float = 0.0) -> None:
         """Arm and fly the mission from its beginning."""
-        if self.blocked is not None:
-            raise UploadMismatchError(f"start blocked, what the vehicle holds is not known: {self.blocked.holds}")
+        self._refuse_while_blocked("start blocked")
         self._set_current(0)
         if self.family.arms_in is not None:
             self.set_mode(self.family.arms_in)
@@ -258,8 +261,7 @@ class MavlinkVehicle(Seen):
 
     def resume(self) -> None:
         """Go on with the mission."""
-        if self.blocked is not None:
-            raise UploadMismatchError(f"not resumed, what the vehicle holds is not known: {self.blocked.holds}")
+        self._refuse_while_blocked("not resumed")
         if self.family.pauses_in_mission and self.mode == "mission":
             self.command("continue", _PAUSE, 1.0)
         else:
@@ -332,13 +334,15 @@ class MavlinkVehicle(Seen):
             progress=progress,
         )
         broken = "parts of what was being sent: the upload was interrupted"
-        self.blocked = UploadOutcome(UploadState.UNKNOWN, job.kind, broken)
+        self._blocked[job.kind] = UploadOutcome(UploadState.UNKNOWN, job.kind, broken)
         self.expect(job.kind.word, for_s=math.inf)
         try:
             outcome = self._speaker.perform(upload_verified(job))
         finally:
             self.expect(job.kind.word)
-        self.blocked = outcome if outcome.state is UploadState.UNKNOWN else None
+        self._blocked[job.kind] = outcome
+        if not outcome.blocks_start:
+            del self._blocked[job.kind]
         return outcome
 
     def change_in_flight(self, mission: Mission, current: int) -> UploadOutcome:
@@ -372,8 +376,7 @@ class MavlinkVehicle(Seen):
         left = None if down.items is None else len(down.items)
         home = int(self.family.name == "ardupilot" and kind is MissionKind.MISSION)
         if left is not None and left <= home:
-            if kind is MissionKind.MISSION:
-                self.blocked = None
+            self._blocked.pop(kind, None)
             return
         if cleared.answer not in (None, ACCEPTED):
             raise CommandRefusedError(f"clear its {kind.word}", in_words(cleared.answer), self.texts()[-1:])

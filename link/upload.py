@@ -69,6 +69,8 @@ class Upload(Exchange):
         Number of the item asked for last; -1 before the first.
     sent : int
         Greatest number sent; -1 before the first.
+    heard_s : float
+        When the vehicle was last heard in this transfer.
     """
 
     def __init__(
@@ -90,13 +92,13 @@ class Upload(Exchange):
         self.resent = 0
         self._progress = progress
         self._tries = 0
-        self._heard_s = self._begun_s = self._sent_s = self._moved_s = 0.0
+        self.heard_s = self._begun_s = self._sent_s = self._moved_s = 0.0
         self._doubt_s = math.inf
         self._busy = False
 
     def begin(self, now_s: float) -> None:
         """Say how many items there are."""
-        self._begun_s = self._heard_s = self._moved_s = now_s
+        self._begun_s = self.heard_s = self._moved_s = now_s
         self._count(now_s)
 
     def _count(self, now_s: float) -> None:
@@ -139,7 +141,7 @@ class Upload(Exchange):
             return  # a doubled packet
         if fresh and self._tries == 1:
             self.round_trip.learn(now_s - self._sent_s)
-        self._heard_s, self._doubt_s, self._busy = now_s, math.inf, False
+        self.heard_s, self._doubt_s, self._busy = now_s, math.inf, False
         if fresh and self._progress is not None:
             self._progress(number, len(self.items))
         self.asked, self._tries = number, 0
@@ -151,6 +153,7 @@ class Upload(Exchange):
         complete = self.sent == len(self.items) - 1
         if answer == ACCEPTED:
             if complete:
+                self.heard_s = now_s
                 self._end(UploadEnd.ACCEPTED, answer)
             return  # else of another transfer
         if answer == INVALID_SEQUENCE:
@@ -177,11 +180,11 @@ class Upload(Exchange):
                 return
             # It may still be waiting for the acknowledgement of a download of ours.
             self.send("MISSION_ACK", type=ACCEPTED, mission_type=int(self.kind))
-            self._heard_s = now_s
+            self.heard_s = now_s
             self._count(now_s)
             return
         complete = self.sent == len(self.items) - 1 and self._tries >= _LAST_TRIES
-        if complete or now_s >= self._heard_s + GIVE_UP_S:
+        if complete or now_s >= self.heard_s + GIVE_UP_S:
             self._end(UploadEnd.SILENT, self.answer)
         elif self.asked < 0:
             self._count(now_s)

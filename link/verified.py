@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from link.download import Download
 from link.mission_words import MissionKind, in_words
 from link.upload import Upload, UploadEnd
+from link.verdict import AskVerdict, items_named, refusing
 from missions.comparison import Difference, diff
 from missions.dialects import dialect
 from missions.dialects.wire import (
@@ -53,8 +54,9 @@ class UploadOutcome:
     Attributes
     ----------
     state : UploadState
-        Verified: it was read back and means the same. Refused: the vehicle holds what it held. Rolled back: what it
-        held was sent again and read back. Unknown: see `holds`; a start is blocked.
+        Verified: it was read back and means the same. Refused: the vehicle holds what it held, or it has taken what
+        was sent and says that it will not fly it. Rolled back: what it held was sent again and read back. Unknown:
+        see `holds`; a start is blocked.
     kind : MissionKind
         What was sent.
     holds : str
@@ -67,6 +69,8 @@ class UploadOutcome:
         Found when reading back last.
     attempts : int
         Transfers begun.
+    infeasible : bool
+        It was taken, read back the same, and the vehicle says that it will not fly it.
     """
 
     state: UploadState
@@ -76,6 +80,12 @@ class UploadOutcome:
     items: tuple[int, ...] = ()
     differences: tuple[Difference, ...] = ()
     attempts: int = 0
+    infeasible: bool = False
+
+    @property
+    def blocks_start(self) -> bool:
+        """Whether the vehicle must not be started after this."""
+        return self.state is UploadState.UNKNOWN or self.infeasible
 
     @property
     def verified(self) -> bool:
@@ -220,10 +230,25 @@ class _Run:
             if found is None:
                 return self.outcome(UploadState.UNKNOWN, self._may_hold(), "it cannot be read back: no answer")
             if not self.differences:
-                return self.outcome(UploadState.VERIFIED, f"what was sent, {self._count()}")
+                return (yield from self._judged(up.heard_s))
             if up.end is UploadEnd.REFUSED:
                 break
         return (yield from self._give_up(before, found or (), reason, concerned))
+
+    def _judged(self, taken_s: float) -> Steps[UploadOutcome]:
+        """Verified, unless it is a mission that the vehicle says it will not fly."""
+        holds = f"what was sent, {self._count()}"
+        job = self.job
+        if job.kind is not MissionKind.MISSION or job.family != "px4" or not self.wire:
+            return self.outcome(UploadState.VERIFIED, holds)
+        asked = AskVerdict(job.target, taken_s, round_trip=job.round_trip)
+        yield asked
+        words = refusing(job.texts()[self._texts :])
+        if asked.refused is False or (asked.refused is None and not words):
+            return self.outcome(UploadState.VERIFIED, holds)
+        why = " / ".join(dict.fromkeys(words)) or "it says that there is no mission to fly, and not why"
+        refused = self.outcome(UploadState.REFUSED, f"{holds}, which it will not fly", why, items_named(words))
+        return replace(refused, infeasible=True)
 
     def _read_back(self, wanted: Part) -> Steps[tuple[WireItem, ...] | None]:
         """Read what is there and compare it; twice where it differs, since late packets may have got in between."""

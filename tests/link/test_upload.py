@@ -9,6 +9,7 @@ from wires import FAMILIES, Meddler, Scene, a_mission, as_stored, bad_radio, way
 from link.connection import Connection
 from link.exchange import Target
 from link.frames import FrameWriter, kind_named
+from link.mavlink_vehicle import MavlinkVehicle
 from link.mission_words import MissionKind
 from link.upload import Upload, UploadEnd
 from link.verified import UploadJob, UploadState, upload_verified
@@ -17,6 +18,7 @@ from missions.coordinates import Point
 from missions.geofence import FenceCircle, FencePolygon, Geofence
 from missions.mission import Mission, MissionItem
 from missions.rally import RallyPoint, RallyPoints
+from models.errors import UploadMismatchError
 from sim_stub.faults import Fault
 
 OLD = a_mission(5, height=90.0)
@@ -387,3 +389,59 @@ def test_link_loss_of_seconds_is_waited_out():
     scene.meet()
     scene.connection.run_for(4.8)
     assert scene.upload(a_mission(60)).verified
+
+
+TWO_TAKEOFFS = Mission((*OLD.items[:3], waypoint(3, command=Command.NAV_TAKEOFF), *OLD.items[3:]))
+
+
+def without_state(_number, message, frame, up):
+    """PX4 1.16 does not tell the state of its mission."""
+    if message is None or message.name != "MISSION_CURRENT" or up:
+        return frame
+    writer = FrameWriter(message.system, message.component)
+    return writer.frame("MISSION_CURRENT", message.fields | {"mission_state": 0})
+
+
+@pytest.mark.parametrize("spoil", [None, without_state], ids=["main", "1.16"])
+@pytest.mark.parametrize("loss", [0.0, 0.05])
+def test_a_mission_that_px4_takes_and_will_not_fly_is_refused_in_its_words(spoil, loss):
+    scene = Scene("px4", impairment=bad_radio(loss), spoil=spoil)
+    outcome = scene.upload(TWO_TAKEOFFS)
+    assert outcome.state is UploadState.REFUSED
+    assert outcome.blocks_start
+    assert "takeoff is not the first" in outcome.reason
+    assert outcome.holds == "what was sent, 6 items, which it will not fly"
+    assert scene.stored() == as_stored(TWO_TAKEOFFS)
+    again = scene.upload(OLD)
+    assert again.verified
+    assert not again.blocks_start
+
+
+def test_a_mission_that_px4_will_not_fly_is_refused_though_its_words_are_lost():
+    scene = Scene("px4", spoil=lambda _n, m, frame, _up: b"" if m and m.name == "STATUSTEXT" else frame)
+    outcome = scene.upload(TWO_TAKEOFFS)
+    assert outcome.state is UploadState.REFUSED
+    assert outcome.infeasible
+
+
+def test_words_about_something_else_refuse_nothing():
+    scene = Scene("px4", spoil=without_state)
+    scene.meet()
+    scene.vehicle.say(4, "Low battery")
+    assert scene.upload(NEW).verified
+
+
+def test_a_fence_that_is_verified_does_not_start_a_mission_that_is_unknown():
+    scene = with_old("ardupilot")
+    craft = MavlinkVehicle(scene.connection)
+    scene.link.spoil = lambda _n, m, frame, up: (
+        b"" if up and m and m.name == "MISSION_ITEM_INT" and not m["mission_type"] and m["seq"] == 3 else frame
+    )
+    assert craft.upload(NEW).state is UploadState.UNKNOWN
+    around = tuple(Point(i.x, i.y) for i in (waypoint(0), waypoint(3), waypoint(16)))
+    assert craft.upload(Geofence((FencePolygon(around, True),))).verified
+    with pytest.raises(UploadMismatchError, match=r"start blocked.*mission: unknown.*mixture"):
+        craft.start()
+    scene.link.spoil = None
+    assert craft.upload(NEW).verified
+    assert craft.blocked is None

@@ -1,0 +1,90 @@
+"""What a vehicle says of a mission that it has taken: PX4 acknowledges missions that it will not fly.
+
+PX4 judges a mission after it has taken it over, says so in words (STATUSTEXT), and newer versions in
+MISSION_CURRENT.mission_state. ArduPilot judges nothing before it flies.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from link.exchange import Exchange
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from link.exchange import RoundTrip, Target
+    from link.frames import Message
+
+GIVE_UP_S = 3.0
+SETTLE_S = 0.2
+"""It judges within so much of the last item; what it says before may be of the mission before."""
+WORDS_S = 1.0
+"""Words come no later than so long after."""
+_MISSION_CURRENT, _REQUEST_MESSAGE = 42, 512
+_UNKNOWN, _NO_MISSION = 0, 1
+_REFUSING = re.compile(
+    r"reject|infeasible|not feasible|cannot be flown|too far|violat|no valid mission|invalid|not allowed|unsupported",
+    re.IGNORECASE,
+)
+_NUMBER = re.compile(r"\b(?:WP|waypoint|item|at) #?(\d+)", re.IGNORECASE)
+
+
+class AskVerdict(Exchange):
+    """Asks whether the mission that is stored can be flown.
+
+    Parameters
+    ----------
+    since_s : float
+        When the mission was taken over, by the connection's clock.
+
+    Attributes
+    ----------
+    refused : bool or None
+        What its state says; None where it does not tell.
+    """
+
+    def __init__(self, target: Target, since_s: float, *, round_trip: RoundTrip | None = None) -> None:
+        super().__init__(target, round_trip)
+        self.refused: bool | None = None
+        self._since_s, self._end_s = since_s, 0.0
+        self._tries = 0
+        self._told = False
+
+    def begin(self, now_s: float) -> None:
+        """Ask, as soon as it can have judged."""
+        self._end_s = now_s + GIVE_UP_S
+        self.next_s = max(now_s, self._since_s + SETTLE_S)
+
+    def hear(self, message: Message, now_s: float) -> None:
+        """Take its state."""
+        if message.name == "MISSION_CURRENT" and now_s >= self._since_s + SETTLE_S:
+            state = message["mission_state"]
+            self._told = True
+            if state != _UNKNOWN:
+                self.refused = state == _NO_MISSION
+                self.finish()
+            else:  # older versions have nothing but words
+                self._end_s = min(self._end_s, self._since_s + WORDS_S)
+                self.next_s = max(now_s, self._end_s)
+
+    def tick(self, now_s: float) -> None:
+        """Ask again, or give up."""
+        if now_s >= self._end_s:
+            self.finish()
+        elif not self._told:
+            self._tries += 1
+            self.send("COMMAND_LONG", command=_REQUEST_MESSAGE, param1=float(_MISSION_CURRENT))
+            self.next_s = min(now_s + max(self.round_trip.retry_s(self._tries), 0.1), self._end_s)
+
+
+def refusing(texts: Sequence[str]) -> list[str]:
+    """Those of a vehicle's words that refuse a mission."""
+    return [text for text in texts if _REFUSING.search(text)]
+
+
+def items_named(texts: Sequence[str]) -> tuple[int, ...]:
+    """Numbers of the items that words concern, from 0: PX4 counts from 1 when it speaks."""
+    found = (_NUMBER.search(text) for text in texts)
+    return tuple(sorted({int(hit[1]) - 1 for hit in found if hit is not None and int(hit[1]) > 0}))
