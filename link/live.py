@@ -5,6 +5,7 @@ What a message says (`link.logs.messages`) and how samples are made of it (`link
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from link.doubts import Doubts
@@ -26,6 +27,8 @@ _WINDOW = 256
 """Packets over which losses are counted."""
 _WINDOW_BITS = (1 << _WINDOW) - 1
 _REORDERED = 128
+_STEP_S = 5.0
+"""Times that go back by more are of another time base."""
 
 
 class LiveTelemetry:
@@ -54,6 +57,7 @@ class LiveTelemetry:
         self._assembler = Assembler(system)
         self._doubts = Doubts()
         self._newest: int | None = None
+        self._newest_s = -math.inf
         self._came = self._counted = 0
 
     @property
@@ -71,9 +75,12 @@ class LiveTelemetry:
         reboots = self.clock.reboots
         time_s = self.clock.hear(message, posix_s)
         if self.clock.reboots != reboots:
-            self._assembler.forget()
-            self._doubts.forget()
             self.reached.clear()
+        if self.clock.reboots != reboots or time_s < self._newest_s - _STEP_S:
+            self._assembler.forget()  # also where another time base takes over: what was told so far is of another time
+            self._doubts.forget()
+            self._newest_s = time_s
+        self._newest_s = max(self._newest_s, time_s)
         if speak is None:
             return None
         reports = {quantity: float(value) for quantity, value in speak(message.fields).items()}

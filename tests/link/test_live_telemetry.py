@@ -7,6 +7,7 @@ from wires import FAMILIES, Scene, bad_radio
 
 from link.doubts import Doubts
 from link.frames import FrameWriter, Message
+from link.live import LiveTelemetry
 from link.mavlink_vehicle import MavlinkVehicle
 from link.rates import check_rates
 from link.timebase import VehicleClock
@@ -209,3 +210,14 @@ def test_a_percentage_that_stays_while_power_is_drawn_is_flagged_until_it_moves(
     assert doubts.words["soc"] == "stuck at 70 % while 575 W are drawn"
     doubts.hear(drawn | {"soc": 0.69}, 260.0)
     assert doubts.words == {}
+
+
+def test_samples_go_on_when_a_clock_far_behind_ours_takes_over():
+    """Before the first SYSTEM_TIME samples carry our time; the vehicle's may be years behind (a simulation of 2013)."""
+    live = LiveTelemetry(1)
+    turn = {"roll": 0.1, "pitch": 0.0, "yaw": 0.0}
+    first = live.hear(heard("ATTITUDE", time_boot_ms=1000, **turn), BEGAN_S + 4e8)
+    assert first.time_s == BEGAN_S + 4e8
+    live.hear(heard("SYSTEM_TIME", time_unix_usec=int(BEGAN_S * 1e6), time_boot_ms=1050), BEGAN_S + 4e8)
+    later = [live.hear(heard("ATTITUDE", time_boot_ms=1100 + n, **turn), BEGAN_S + 4e8) for n in (0, 100)]
+    assert [sample.time_s for sample in later] == pytest.approx([BEGAN_S + 0.05, BEGAN_S + 0.15])
