@@ -10,7 +10,7 @@ import numpy as np
 
 from models.errors import InputError
 from models.units import from_posix, iso, parse_instant
-from models.wind import vector
+from models.wind import speed_from, vector
 from models.wind_columns import MAX_SPEED_MPS
 from models.wind_table import (
     LISTED_FAULTS,
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from models.wind_ensemble import WindEnsemble
     from models.wind_table import Chunk
 
 MAX_SLOT_S = 6 * 3600.0
@@ -90,6 +91,19 @@ def read_forecast_table(path: Path, site_ids: Sequence[str]) -> ForecastTable:
     order = np.argsort(cell)
     north, east = (part[order].reshape(shape) for part in vector(speed, direction))
     return ForecastTable(times_s, slot_s, tuple(reader.members), north, east, weights)
+
+
+def forecast_table(ensemble: WindEnsemble, site_ids: Sequence[str]) -> str:
+    """Write an ensemble as a file that `read_forecast_table` reads; site ``j`` of the ensemble is ``site_ids[j]``."""
+    speed, direction = speed_from(ensemble.north, ensemble.east)
+    times = [iso(from_posix(ensemble.start_s + slot * ensemble.slot_s)) for slot in range(ensemble.slots)]
+    lines = [",".join((*_COLUMNS, "probability"))]
+    for member, (name, probability) in enumerate(zip(ensemble.labels, ensemble.probability.tolist(), strict=True)):
+        for slot, time in enumerate(times):
+            for site, place in enumerate(site_ids):
+                wind = f"{speed[member, slot, site]:.4f},{direction[member, slot, site] % 360.0:.3f}"
+                lines.append(f"{time},{place},{name},{wind},{probability!r}")
+    return "\n".join(lines) + "\n"
 
 
 def _step(times_s: NDArray[np.float64], faults: FaultCollector) -> float:

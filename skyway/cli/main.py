@@ -16,6 +16,7 @@ from models.errors import SkywayError
 from skyway import __version__
 from skyway.cli import (
     bench_commands,
+    forecast_commands,
     link_commands,
     mission_commands,
     plan_commands,
@@ -63,6 +64,7 @@ for commands in (
     sim_commands,
     link_commands,
     replay_commands,
+    forecast_commands,
     bench_commands,
 ):
     commands.register(app)

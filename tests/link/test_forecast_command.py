@@ -1,0 +1,135 @@
+"""What yesterday's drones measured becomes the forecast that today's plan is made with."""
+
+import csv
+import json
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from drone_truth import fly
+
+from models.drag import DragModel
+from models.drag_file import drag_file
+from skyway.cli.main import main
+
+TAKE_OFF = datetime(2013, 7, 10, 17, 0, tzinfo=UTC).timestamp()
+WIND = (-6.0, 5.0)
+"""True mean wind, (north, east) TOWARDS: 7.8 m/s from 320 degrees."""
+
+
+@pytest.fixture
+def skyway(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments, code=0):
+        capsys.readouterr()
+        assert main([str(argument) for argument in arguments]) == code
+        return capsys.readouterr()
+
+    return run
+
+
+def write_log(path, *, seed=0, lat=40.75, lon=-73.95, begin_s=TAKE_OFF):
+    """A flight of 3 minutes near New York at 60 m, as a table that carries the names of telemetry."""
+    track = fly(seed=seed, duration_s=180.0, mean=WIND, sigma_mps=0.5, c1=0.3, c2=0.0).track(0)
+    names = ("vel_north_mps", "vel_east_mps", "vel_down_mps", "roll_rad", "pitch_rad", "yaw_rad", "height_m", "landed")
+    columns = [begin_s + track.time_s - track.time_s[0], *(track[name] for name in names)]
+    columns += [np.full(len(track), lat), np.full(len(track), lon)]
+    with path.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(["time_s", *names, "lat_deg", "lon_deg"])
+        writer.writerows(zip(*(column.tolist() for column in columns), strict=True))
+
+
+@pytest.fixture
+def logs(tmp_path):
+    write_log(tmp_path / "one.csv", seed=1)
+    write_log(tmp_path / "two.csv", seed=2, lat=40.85, lon=-73.80, begin_s=TAKE_OFF + 900.0)
+    (tmp_path / "drag.toml").write_text(drag_file(DragModel(linear_per_s=0.3)))
+
+
+@pytest.mark.usefixtures("logs")
+def test_two_logs_are_fused_and_the_forecast_comes_nearer_to_what_they_measured(skyway):
+    report = json.loads(skyway("forecast", "one.csv", "two.csv", "--drag", "drag.toml", "--json").out)
+    assert report["schema"] == "skyway.forecast-update/1"
+    assert len(report["observations"]) == 2
+    now, later = report["hours"][0], report["hours"][-1]
+    assert now["after"]["speed_mps"] == pytest.approx(7.8, abs=1.5)
+    assert now["after"]["from_deg"] == pytest.approx(320.0, abs=15.0)
+    assert now["after"]["sigma_mps"] < 0.6 * now["before"]["sigma_mps"]
+    assert later["after"]["sigma_mps"] > now["after"]["sigma_mps"]
+    assert {row["site"] for row in report["field"]} == {"EWR", "JFK", "LGA"}
+    assert max(row["sigma_mps"] for row in report["field"]) < 2.4
+
+
+@pytest.mark.usefixtures("logs")
+def test_two_drones_make_the_field_surer_than_one(skyway):
+    def sigma(*names):
+        report = json.loads(skyway("forecast", *names, "--drag", "drag.toml", "--json").out)
+        return {row["site"]: row["sigma_mps"] for row in report["field"]}
+
+    both, one = sigma("one.csv", "two.csv"), sigma("one.csv", "--depart", "2013-07-10T17:16:00Z")
+    assert all(both[site] < one[site] for site in both)
+
+
+@pytest.mark.usefixtures("logs")
+def test_the_written_forecast_is_read_back_by_plan_and_wind(skyway, tmp_path):
+    told = skyway("forecast", "one.csv", "two.csv", "--drag", "drag.toml", "-o", "new.csv", "--slot", "30").out
+    assert "2 measurements" in told
+    assert "plan --forecast new.csv" in told
+    shown = json.loads(
+        skyway("wind", "--forecast", "new.csv", "--depart", "2013-07-10T17:30:00Z", "--hours", "1", "--json").out
+    )
+    assert shown["hours"][0]["from_deg"] == pytest.approx(320.0, abs=20.0)
+    assert "exists already" in skyway("forecast", "one.csv", "-o", "new.csv", code=2).err
+    assert (tmp_path / "new.csv").stat().st_size > 10_000
+
+
+def test_without_logs_the_forecast_of_the_record_is_written_as_it_is(skyway):
+    skyway("forecast", "--depart", "2013-07-10T17:00:00Z", "-o", "plain.csv", "--hours", "3")
+    again = json.loads(
+        skyway("forecast", "--forecast", "plain.csv", "--depart", "2013-07-10T17:00Z", "--hours", "3", "--json").out
+    )
+    assert again["observations"] == []
+    assert again["hours"][0]["before"] == again["hours"][0]["after"]
+
+
+@pytest.mark.usefixtures("logs")
+def test_a_replay_is_compared_with_the_forecast_of_the_record_at_the_height_that_is_flown(skyway):
+    report = json.loads(skyway("replay", "one.csv", "--drag", "drag.toml", "--scenario", "newyork", "--json").out)
+    told = report["wind_summary"]["forecast"]
+    assert told["vector_rms_mps"] >= told["vector_difference_mps"] > 0.0
+    assert 0.0 < told["speed_mps"] < 15.0
+    skyway("forecast", "--depart", "2013-07-10T17:00:00Z", "-o", "plain.csv", "--hours", "48")
+    same = json.loads(skyway("replay", "one.csv", "--drag", "drag.toml", "--forecast", "plain.csv", "--json").out)
+    assert same["wind_summary"]["forecast"]["speed_mps"] == pytest.approx(told["speed_mps"], abs=0.02)
+
+
+def test_measurements_far_from_every_site_or_of_another_day_change_nothing(skyway, tmp_path):
+    write_log(tmp_path / "far.csv", lat=47.0, lon=8.0)
+    write_log(tmp_path / "old.csv", begin_s=TAKE_OFF - 3 * 86_400.0)
+    (tmp_path / "drag.toml").write_text(drag_file(DragModel(linear_per_s=0.3)))
+    answer = skyway(
+        "forecast", "far.csv", "old.csv", "--drag", "drag.toml", "--depart", "2013-07-10T17:10:00Z", "--json"
+    )
+    assert "km from every wind site" in answer.err
+    assert "too far from the departure in time" in answer.err
+    assert json.loads(answer.out)["observations"] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "when the forecast is for"),
+        (("missing.csv",), "cannot be read"),
+        (("--slot", "0"), "out of range"),
+        (("--depart", "noon"), "--depart"),
+        (("--forecast", "missing.csv", "--depart", "2013-07-10T17:00Z"), "missing.csv"),
+        (("hollow.csv",), "does not know its date"),
+    ],
+)
+def test_bad_input_is_one_line(skyway, tmp_path, arguments, message):
+    (tmp_path / "hollow.csv").write_text("time_s,soc\n0,1\n1,1\n")
+    answer = skyway("forecast", *arguments, code=2)
+    assert message in answer.err
+    assert len(answer.err.splitlines()) == 1
