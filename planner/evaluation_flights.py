@@ -11,6 +11,7 @@ from models.errors import InfeasibleError
 from models.queue_paths import pack
 from models.services import State
 from models.units import from_posix
+from planner.charge_policy import ChargePolicy
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN, Queues, fly_under
 from planner.itinerary import hops_of, no_waits, stop_nodes
 from planner.plan import plan
@@ -190,8 +191,12 @@ class Standing:
 class Policy(Protocol):
     """Decides at every stop, knowing what is known there; must not look into the truth."""
 
-    def decide(self, standing: Standing) -> Hop | None:
-        """The next flight and the stay before it, or None where there is no way on."""
+    def decide(self, standing: Standing) -> Hop | ChargePolicy | None:
+        """The next flight and the stay before it, or None where there is no way on.
+
+        Of a `ChargePolicy` the first flight is flown, and its rule decides when the drone leaves for it. A policy answers
+        with one kind only.
+        """
 
 
 @dataclass(frozen=True)
@@ -257,25 +262,51 @@ def _fly_decisions(truths: Truths, problem: Problem, policy: Policy, run: int) -
     node, time_s, soc = problem.origin, problem.depart_s, problem.soc
     visited: tuple[str, ...] = ()
     flown: Flown | None = None
+    course: NDArray[np.float64] | None = None
     while len(hops) < MOST_STOPS:
         slot = truths.wind.slot_at(time_s)
         wind = truths.wind.north[truths.day[run], slot], truths.wind.east[truths.day[run], slot]
         station = network.stations[node].id
-        hop = policy.decide(Standing(node, station, time_s, soc, visited, wind))
-        if hop is None:
+        decision = policy.decide(Standing(node, station, time_s, soc, visited, wind))
+        if decision is None:
             break
-        hops = (*hops, hop)
         visited = (*visited, station)
-        course = courses(truths, problem, hops, one)
+        if isinstance(decision, ChargePolicy):
+            flight = _fly_first(truths, problem, decision, one, (time_s, soc), learned=bool(hops))
+            charged = float(flight[0, 0, SOC_OFF])
+            hops = (*hops, replace(decision.itinerary[0], charge_to=charged if charged > soc else None))
+            course = flight if course is None else np.concatenate((course, flight), axis=1)
+        else:
+            hops = (*hops, decision)
+            course = courses(truths, problem, hops, one)
         flown = tally(problem, hops, block, course)
-        node = int(network.head[hop.segments[-1]])
+        node = int(network.head[hops[-1].segments[-1]])
         if node == problem.destination or flown.ending[0] != DELIVERED:
             return flown, hops
         landed = float(course[0, -1, TOUCH_DOWN])
         queue = truths.queues(problem, [node], int(truths.queue[run]))[node]
         time_s = float(queue.land_time(landed))
         soc = float(course[0, -1, SOC_DOWN] - truths.energy[run] * problem.soc_per_s * (time_s - landed))
+        course[0, -1, TOUCH_DOWN], course[0, -1, SOC_DOWN] = time_s, soc
     return _given_up(flown, block, problem.soc), hops
+
+
+def _fly_first(
+    truths: Truths,
+    problem: Problem,
+    policy: ChargePolicy,
+    one: NDArray[np.int64],
+    start: tuple[float, float],
+    *,
+    learned: bool,
+) -> NDArray[np.float64]:
+    """Course of the first flight of a policy in one truth, shape (1, 1, 6)."""
+    nodes = stop_nodes(problem, policy.itinerary)
+    found = truths.queues(problem, nodes, int(truths.queue[one[0]]))
+    queues = Queues(*pack([found[node] for node in nodes]))
+    sky = truths.sky(one)._replace(queue=np.zeros(1, dtype=np.int64))
+    course, _ = policy.fly(problem, sky, truths.day[one], queues, start=start, learned=learned)
+    return course[:, :1].copy()
 
 
 def _given_up(flown: Flown | None, block: NDArray[np.int64], soc: float) -> Flown:

@@ -19,6 +19,7 @@ from planner.pfs import ForwardSearch
 from planner.pfs_strict import StrictForwardSearch
 from planner.problem import HORIZON_H, ExpectedWaits, Problem
 from planner.result import Comparison, PlanResult
+from planner.robust import RobustSearch
 from planner.shortest import ShortestFlight
 from planner.skyline import skyline
 
@@ -56,14 +57,16 @@ SMALL_NETWORK = 200
 """Up to this many stations the waits are forecast for all of them beforehand; else as the search meets them."""
 CLAIRVOYANT_PLANNERS = ("ies", "exact")
 """Planners that are told the truth."""
-PLANNERS = (*FORECAST_PLANNERS, *CLAIRVOYANT_PLANNERS)
+ROBUST = "robust"
+"""The planner that decides charges at each stop."""
+PLANNERS = (ROBUST, *FORECAST_PLANNERS, *CLAIRVOYANT_PLANNERS)
 
 
 def plan(
     scenario: Scenario,
     request: Request,
     *,
-    planner: str = "pfs",
+    planner: str = ROBUST,
     forecast: WindEnsemble | None = None,
     truth: WindEnsemble | None = None,
     time_limit_s: float = math.inf,
@@ -120,7 +123,7 @@ def plan(
             rejected[drone.id] = str(error)
     if not answers:
         raise _none(errors)
-    best = min(answers, key=lambda answer: answer.outcome.mean_s)
+    best = min(answers, key=lambda answer: request.objective.loss(answer.outcome))
     for answer in answers:
         if answer is not best:
             later = (answer.outcome.mean_s - best.outcome.mean_s) / S_PER_MIN
@@ -208,6 +211,8 @@ def _solve(
     if problem.origin == problem.destination:
         value = problem.request.destination
         raise InputError(Fault("start and destination are the same", field="destination", value=value))
+    if planner == ROBUST:
+        return _solve_robust(problem)
     if planner in FORECAST_PLANNERS:
         if len(problem.network) <= SMALL_NETWORK:
             problem.waits.need(np.arange(len(problem.network)))
@@ -238,3 +243,27 @@ def _solve(
         problem, itinerary, course[0], 0, summary, planner=planner, planning_time_s=spent, notes=notes
     )
     return PlanResult(composition, itinerary, problem, summary, spent, clairvoyant.looked_at, {}, complete)
+
+
+def _solve_robust(problem: Problem) -> PlanResult:
+    """Choose a route and a rule of charging; the composition tells its nominal course."""
+    problem.waits.need(np.arange(len(problem.network)))
+    search = RobustSearch(problem)
+    started = time.perf_counter()
+    answer = search.solve()
+    spent = time.perf_counter() - started
+    itinerary, summary = answer.policy.itinerary, answer.outcome
+    notes = _doubts(search.problem, answer.course, summary)
+    composition = compose(
+        search.problem,
+        itinerary,
+        answer.course,
+        answer.member,
+        summary,
+        planner=ROBUST,
+        planning_time_s=spent,
+        notes=notes,
+    )
+    return PlanResult(
+        composition, itinerary, search.problem, summary, spent, search.looked_at, {}, policy=answer.policy, robust=answer
+    )

@@ -200,6 +200,12 @@ class Problem:
         free.__dict__["waits"] = ExpectedWaits.free(self)
         return free
 
+    def thinned(self, members: int) -> Problem:
+        """Return the same problem with so many members of the forecast at most; what is known of the waits stays."""
+        if len(self.probability) <= members:
+            return self
+        return Problem(self.scenario, self.request, self.drone, self.ensemble.thinned(members), waits=self.waits)
+
     def with_ensemble(self, ensemble: WindEnsemble) -> Problem:
         """Return the same problem in another wind."""
         return Problem(self.scenario, self.request, self.drone, ensemble)
@@ -216,6 +222,8 @@ class ExpectedWaits:
         The grid of arrival times.
     wait_s, p_free, p_full : ndarray, shape (nodes, times)
         Linear between grid points. Only rows of nodes passed to `need` are filled.
+    known : ndarray of bool, shape (nodes,)
+        Which rows are filled.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -227,19 +235,19 @@ class ExpectedWaits:
         self.wait_s = np.zeros((len(problem.network), points))
         self.p_free = np.ones((len(problem.network), points))
         self.p_full = np.zeros((len(problem.network), points))
-        self._known = np.zeros(len(problem.network), dtype=bool)
+        self.known = np.zeros(len(problem.network), dtype=bool)
 
     @classmethod
     def free(cls, problem: Problem) -> ExpectedWaits:
         """Nobody waits anywhere."""
         waits = cls(problem)
-        waits._known[:] = True
+        waits.known[:] = True
         return waits
 
     def need(self, nodes: NDArray[np.int64] | list[int]) -> None:
         """Fill the rows of some nodes."""
         wanted = np.unique(np.asarray(nodes, dtype=np.int64))
-        wanted = wanted[~self._known[wanted]]
+        wanted = wanted[~self.known[wanted]]
         if not len(wanted):
             return
         found = forecast_waits(
@@ -254,7 +262,7 @@ class ExpectedWaits:
             full = forecast.p_full(self._spots[node])
             self.p_full[node, :count] = full[:count]
             self.p_full[node, count:] = full[-1]
-        self._known[wanted] = True
+        self.known[wanted] = True
 
     def at(self, node: int, time_s: float) -> tuple[float, float]:
         """(expected wait, P(pad free)) of an arrival."""

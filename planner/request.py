@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from models.errors import Fault, InputError
+from planner.objective import Objective
 
 if TYPE_CHECKING:
     from models.services import Recharge, State
@@ -40,6 +41,8 @@ class Request:
         At a target without pads the drone must still reach a station at or above the reserve.
     seed : int
         Of everything that is sampled.
+    objective : Objective
+        Of the planner ``robust``; the others know the mean only.
     """
 
     state: State
@@ -52,6 +55,7 @@ class Request:
     recharge: Recharge = "enough"
     escape: bool = True
     seed: int = 0
+    objective: Objective = field(default_factory=Objective)
 
     def __post_init__(self) -> None:
         faults = []

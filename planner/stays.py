@@ -325,6 +325,7 @@ class Stays:
 
     def _charge(self, stay: Stay, leave_s: float) -> tuple[float | None, float]:
         """Charge with which the drone leaves a stop (None: it used no pad), and when it left the stop before."""
+        leave_s = max(leave_s, stay.begin_s)  # but for rounding it never leaves before it landed
         potential, by_pad = profile_at(stay.z, leave_s)
         landed, by_spot = profile_at(stay.h, leave_s)
         curve_s, curve_soc = self.problem.curve(stay.node)

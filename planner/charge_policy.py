@@ -1,0 +1,262 @@
+"""A route with charges that are decided at each stop, by what is known there; and what becomes of it.
+
+The rule is that of `planner.charge_kernels`. It is judged out of sample: each member of the forecast is flown as the
+truth by a drone whose forecast lacks that member and its neighbours, with sampled queues, gusts and errors of energy.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from datetime import date
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.queue_paths import pack
+from models.wind_field import ResidualModel
+from planner.charge_kernels import Aims, Known, fly_by_need
+from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues, no_queues
+from planner.evaluation_kernels import Sky
+from planner.evaluation_truths import Errors
+from planner.itinerary import hops_of, no_waits, outcome, stop_nodes
+from planner.outlook import Outlook
+from planner.room import room_at
+from planner.outlook_kernels import escape_cost
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from models.wind_forecast import WindEnsemble
+    from planner.itinerary import Itinerary, Outcome
+    from planner.problem import Problem
+
+APART_DAYS = 2
+"""Members of the record less than so many days apart are no evidence for each other."""
+QUEUES = 32
+"""Sampled sets of queues in a rehearsal."""
+_GUSTS = 0x47
+
+
+def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float, margin: float = 0.0) -> Known:
+    """What a drone of a problem knows at every stop; see `planner.charge_kernels.Known`."""
+    residual = ResidualModel()
+    return Known(
+        air=problem.air,
+        share=np.ascontiguousarray(problem.probability[None]),
+        measured=measured,
+        sigma_mps=residual.sigma_mps,
+        tau_s=residual.tau_s,
+        gust_sd=errors.gust_sd,
+        gust_time_s=errors.gust_time_s,
+        energy_error=errors.energy,
+        epsilon=epsilon,
+        margin=margin,
+    )
+
+
+def left_out(ensemble: WindEnsemble) -> NDArray[np.float64]:
+    """Forecast for each member as the truth, shape (members, members): the others that are not its neighbours."""
+    labels = ensemble.labels
+    try:
+        days = np.array([date.fromisoformat(label).toordinal() for label in labels])
+        near = np.abs(days[:, None] - days[None]) < APART_DAYS
+    except ValueError:
+        near = np.eye(len(labels), dtype=bool)
+    share = np.where(near, 0.0, ensemble.probability[None])
+    lonely = share.sum(axis=1) <= 0.0
+    share[lonely] = ensemble.probability
+    return np.ascontiguousarray(share / share.sum(axis=1, keepdims=True))
+
+
+@dataclass(frozen=True, eq=False)
+class ChargePolicy:
+    """Flights in a fixed order, each charged for by what is known when it is due.
+
+    Attributes
+    ----------
+    problem : Problem
+        With the forecast at the time of planning.
+    itinerary : Itinerary
+        The flights; ``charge_to`` is the charge of the nominal course.
+    known : Known
+        The rule.
+    carry : ndarray, shape (hops,)
+        Charge wanted beyond the need of the next flight.
+    most_full : float
+        A flight is begun when the chance to find its station full is at most this.
+    """
+
+    problem: Problem
+    itinerary: Itinerary
+    known: Known
+    carry: NDArray[np.float64]
+    most_full: float = 1.0
+
+    def __len__(self) -> int:
+        return len(self.itinerary)
+
+    @cached_property
+    def aims(self) -> Aims:
+        """Least charge at each landing, and what is wanted beyond the need."""
+        p = self.problem
+        landing = np.full(len(self), p.reserve)
+        if p.needs_escape:
+            landing[-1] += self._escape
+        fixed = np.full(len(self), math.nan)
+        if p.in_flight:
+            fixed[0] = -1.0
+        return Aims(landing, self.carry, fixed)
+
+    @cached_property
+    def _escape(self) -> float:
+        """Charge for the way on from a target without pads that is enough in nearly all members, any hour of the delivery."""
+        p = self.problem
+        need = Outlook(p).need
+        hours = p.depart_s + 3600.0 * np.arange(12)
+        costs = np.array(
+            [[float(escape_cost(p.air, m, need, t)) for t in hours] for m in range(len(p.probability))]
+        )
+        finite = np.isfinite(costs).all(axis=1)
+        if not finite.any():
+            return 1.0
+        return float(np.quantile(costs[finite].max(axis=1), 0.98)) * (1.0 + self.known.energy_error)
+
+    def fly(
+        self,
+        truth: Problem,
+        sky: Sky,
+        member: NDArray[np.int64],
+        queues: Queues,
+        *,
+        share: NDArray[np.float64] | None = None,
+        waits: Waits | None = None,
+        start: tuple[float, float] | None = None,
+        learned: bool = False,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Fly it in truths: (course, strain), see `planner.charge_kernels.fly_by_need`.
+
+        Parameters
+        ----------
+        truth : Problem
+            The same request in the winds that are true.
+        sky, member, queues
+            Of each run.
+        share : ndarray, shape (members of truth, members), optional
+            Forecast for each member of the truth; the policy's own for all by default.
+        waits : Waits, optional
+            Expected waits, where no queues are given.
+        start : (time_s, soc), optional
+            Where that is not the state that the truth starts from.
+        learned : bool
+            A flight has shown the vehicle's error of energy.
+        """
+        row = np.zeros(len(member), dtype=np.int64) if share is None else member
+        known = self.known if share is None else self.known._replace(share=share)
+        hops = hops_of(truth, self.itinerary)._replace(not_before_s=np.full(len(self), -math.inf))
+        begin = start if start is not None else (float(truth.depart_s), float(truth.soc))
+        cost = (float(truth.soc_per_s), float(truth.soc_fixed))
+        flown = fly_by_need(
+            known,
+            self.aims,
+            sky,
+            truth.air,
+            member,
+            row,
+            hops,
+            queues,
+            waits if waits is not None else no_waits(len(self)),
+            begin,
+            cost,
+            room_at(truth, [int(truth.network.head[hop.segments[-1]]) for hop in self.itinerary], self.most_full),
+            learned,
+        )
+        return flown[0], flown[1]
+
+    def rehearse(self, errors: Errors, runs_per_member: int) -> Rehearsal:
+        """Fly it out of sample: each member as the truth, forecast by the others, through `QUEUES` sets of queues."""
+        p = self.problem
+        members = np.repeat(np.arange(len(p.probability)), runs_per_member)
+        sample = np.arange(len(members)) % QUEUES
+        nodes = stop_nodes(p, self.itinerary)
+        sets = [p.queue_paths(dict.fromkeys(nodes), number) for number in range(QUEUES)]
+        paths = [found[node] for found in sets for node in nodes]
+        rng = np.random.default_rng((p.request.seed, _GUSTS))
+        table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
+        energy = 1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0)
+        sky = Sky(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s)
+        course, strain = self.fly(p, sky, members, Queues(*pack(paths)), share=left_out(p.ensemble))
+        return Rehearsal(course, strain, p.probability[members] / runs_per_member, members)
+
+    def nominal(self) -> tuple[int, NDArray[np.float64]]:
+        """Member of the median arrival and the course in it, with expected waits and without gusts, shape (hops, 6)."""
+        p = self.problem
+        nodes = stop_nodes(p, self.itinerary)
+        p.waits.need(nodes)
+        waits = Waits(p.waits.start_s, p.waits.step_s, p.waits.wait_s[nodes])
+        members = np.arange(len(p.probability))
+        still = Sky(members, np.ones(len(members)), np.zeros(len(members), dtype=np.uint64), 0.0, 1.0)
+        course, _ = self.fly(p, still, members, no_queues(), share=left_out(p.ensemble), waits=waits)
+        arrival = course[:, -1, TOUCH_DOWN]
+        arrives = np.flatnonzero(np.isfinite(arrival))
+        if not len(arrives):
+            return 0, course[0]
+        order = arrives[np.argsort(arrival[arrives], kind="stable")]
+        half = np.searchsorted(np.cumsum(p.probability[order]), 0.5 * p.probability[order].sum())
+        member = int(order[min(int(half), len(order) - 1)])
+        return member, course[member]
+
+    def with_charges(self, course: NDArray[np.float64]) -> ChargePolicy:
+        """The same policy whose itinerary names the charges of a course, shape (hops, 6)."""
+        p = self.problem
+        hops = []
+        before = p.soc
+        for number, hop in enumerate(self.itinerary):
+            leave = float(course[number, SOC_OFF])
+            charged = math.isfinite(leave) and leave > before + 1e-9
+            hops.append(replace(hop, charge_to=leave if charged else None, not_before_s=-math.inf))
+            before = float(course[number, SOC_DOWN])
+        return replace(self, itinerary=tuple(hops))
+
+
+@dataclass(frozen=True, eq=False)
+class Rehearsal:
+    """A policy flown out of sample.
+
+    Attributes
+    ----------
+    course : ndarray, shape (runs, hops, 6)
+        See `planner.course_kernels`.
+    strain : ndarray, shape (runs, hops)
+        Energy of each flight as a share of what it was charged for.
+    weight : ndarray, shape (runs,)
+        Probability of each run.
+    member : ndarray of int, shape (runs,)
+        The truth of each run.
+    """
+
+    course: NDArray[np.float64]
+    strain: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    member: NDArray[np.int64]
+
+    def outcome(self, problem: Problem) -> Outcome:
+        """Sum the runs up."""
+        return outcome(problem, self.course, self.weight)
+
+
+def margin_for(rehearsals: Sequence[Rehearsal], epsilon: float) -> float:
+    """Least margin with which at most a share epsilon of rehearsed deliveries would have broken the reserve.
+
+    A delivery breaks it where one of its flights takes more energy than was charged for, which the flight's strain
+    tells; the margin is the strain that a share epsilon of the deliveries exceeds, 0 where that is below 1.
+    """
+    worst = np.concatenate([found.strain.max(axis=1) for found in rehearsals])
+    weight = np.concatenate([found.weight for found in rehearsals])
+    order = np.argsort(-worst)
+    above = np.cumsum(weight[order]) / weight.sum()
+    at = int(np.searchsorted(above, epsilon, side="right"))
+    return max(float(worst[order][min(at, len(order) - 1)]) - 1.0, 0.0)

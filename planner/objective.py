@@ -1,0 +1,59 @@
+"""What a delivery is planned for: an early arrival in the mean, or hardly ever a late one, or a deadline."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from models.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from planner.itinerary import Outcome
+
+Kind = Literal["mean", "p95", "on-time"]
+KINDS: tuple[Kind, ...] = ("mean", "p95", "on-time")
+
+
+@dataclass(frozen=True, slots=True)
+class Objective:
+    """An objective.
+
+    Attributes
+    ----------
+    kind : ``mean``, ``p95`` or ``on-time``
+        Least mean arrival, least 95th percentile, or the greatest probability to arrive by the deadline.
+    deadline : datetime or None
+        Aware; of ``on-time`` only.
+
+    Raises
+    ------
+    InputError
+        ``on-time`` without a deadline, or a deadline without it.
+    """
+
+    kind: Kind = "mean"
+    deadline: datetime | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError(Fault("no such objective", field="objective", value=self.kind, remedy=", ".join(KINDS)))
+        if (self.kind == "on-time") != (self.deadline is not None):
+            remedy = "on-time needs one, mean and p95 have none"
+            raise InputError(Fault("the deadline does not fit", field="objective", value=self.kind, remedy=remedy))
+
+    def loss(self, outcome: Outcome) -> tuple[float, float]:
+        """What to make small, first by the first number: seconds, or the probability to be late and then seconds."""
+        if self.kind == "mean":
+            return outcome.mean_s, outcome.quantile_s(0.95)
+        if self.kind == "p95":
+            return outcome.quantile_s(0.95), outcome.mean_s
+        return 1.0 - self.on_time(outcome), outcome.mean_s
+
+    def on_time(self, outcome: Outcome) -> float:
+        """Probability to arrive by the deadline."""
+        if self.deadline is None:
+            return outcome.p_arrive
+        due = self.deadline.timestamp()
+        return float(outcome.weight[outcome.arrival_s <= due + 1e-6].sum())

@@ -1,0 +1,253 @@
+"""The robust planner: a route and a rule for charging, chosen by what becomes of them in worlds they were not made for.
+
+Routes are composed by the exact planner in worlds that stand for the forecast (`planner.equivalent`): that of the mean
+flight time at several margins, and some of its members with sampled queues. Each route is flown with charges decided at
+each stop (`planner.charge_policy`), every member being the truth once for a drone whose forecast lacks it. The best by
+the objective among those that keep the reserve is the answer; its margin is calibrated in the same way, and what is
+promised of it is what was counted there. Stations that may be full to the last holding spot are left out where
+another way exists: a drone that hovers lives on its reserve.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.errors import NoRouteError
+from models.units import S_PER_MIN
+from planner.charge_policy import ChargePolicy, Rehearsal, known_at, margin_for
+from planner.course_kernels import SOC_DOWN, TAKE_OFF, TOUCH_DOWN
+from planner.equivalent import expected_queues, mean_speeds
+from planner.evaluation_truths import Errors
+from planner.exact import ExactSearch
+from planner.room import chances_full
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from models.queue_paths import QueuePath
+    from planner.itinerary import Itinerary, Outcome
+    from planner.problem import Problem
+
+MEMBERS = 30
+"""Members of the forecast that routes are rehearsed in, at most."""
+SPEED_MEMBERS = 10
+"""Members whose flight times are averaged on large networks."""
+LARGE = 200
+"""Stations from which on a network is large: fewer worlds are composed in."""
+HOURS = 16.0
+"""How far ahead speeds and full stations are worked out; beyond, the last hour holds on."""
+ROOM = (0.1, 1.0, 10.0, math.inf)
+"""Chances, in multiples of epsilon, of finding a station full that had a free pad at take-off; the first with a route."""
+MARGINS = (0.12, 0.25, 0.06, 0.45, 0.0)
+"""Margins of the energy of each flight that routes are composed with, in the order they are tried."""
+WORLDS = 3
+"""Members with sampled queues that routes are composed in on small networks."""
+SCREEN_RUNS, FINAL_RUNS = 120, 1500
+"""Simulated deliveries by which routes are compared, and those behind the figures of the answer."""
+CALIBRATIONS = 2
+"""Times the margin is calibrated: the second time with the first one's margin in place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A route with its rule of charging, and how it fares.
+
+    Attributes
+    ----------
+    policy : ChargePolicy
+        Flights and rule.
+    outcome : Outcome
+        Out of sample.
+    most_full : float
+        Chance to find a station full with which a flight is still begun.
+    loss : tuple of float
+        See `planner.objective.Objective.loss`.
+    """
+
+    policy: ChargePolicy
+    outcome: Outcome
+    most_full: float
+    loss: tuple[float, float]
+
+    @property
+    def stops(self) -> tuple[int, ...]:
+        """Nodes landed at, in order."""
+        head = self.policy.problem.network.head
+        return tuple(int(head[hop.segments[-1]]) for hop in self.policy.itinerary)
+
+
+@dataclass(frozen=True, eq=False)
+class RobustAnswer:
+    """What the robust planner answers.
+
+    Attributes
+    ----------
+    policy : ChargePolicy
+        Its itinerary names the charges of the nominal course.
+    member, course
+        The nominal course: the median member, shape (hops, 6).
+    rehearsal : Rehearsal
+        Runs behind the outcome.
+    outcome : Outcome
+        Out of sample.
+    candidates : tuple of Candidate
+        All that were compared, best first.
+    """
+
+    policy: ChargePolicy
+    member: int
+    course: NDArray[np.float64]
+    rehearsal: Rehearsal
+    outcome: Outcome
+    candidates: tuple[Candidate, ...]
+
+
+class RobustSearch:
+    """One search.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the forecast; more than `MEMBERS` members are thinned out.
+    errors : Errors
+        What the truth has beyond the forecast.
+    measured : bool
+        The wind at the sites is measured while the drone stands at a station.
+
+    Attributes
+    ----------
+    looked_at : int
+        Stays looked at by the exact searches and simulated deliveries.
+    """
+
+    def __init__(self, problem: Problem, *, errors: Errors = Errors(), measured: bool = True) -> None:
+        self.problem = problem.thinned(MEMBERS)
+        self.errors = errors
+        self.measured = measured
+        self.looked_at = 0
+        self._large = len(problem.network) > LARGE
+
+    def solve(self) -> RobustAnswer:
+        """Search.
+
+        Raises
+        ------
+        NoRouteError
+            There is no route even without margin.
+        """
+        candidates = self.candidates()
+        policy = candidates[0].policy
+        rehearsal = self._rehearsed(policy, FINAL_RUNS)
+        for _ in range(CALIBRATIONS):
+            extra = margin_for([rehearsal], self.problem.epsilon)
+            if extra <= policy.known.margin + 1e-6:
+                break
+            policy = replace(policy, known=policy.known._replace(margin=extra))
+            rehearsal = self._rehearsed(policy, FINAL_RUNS)
+        member, course = policy.nominal()
+        outcome = rehearsal.outcome(self.problem)
+        return RobustAnswer(policy.with_charges(course), member, course, rehearsal, outcome, tuple(candidates))
+
+    def _rehearsed(self, policy: ChargePolicy, runs: int) -> Rehearsal:
+        rehearsal = policy.rehearse(self.errors, max(1, round(runs / len(self.problem.probability))))
+        self.looked_at += len(rehearsal.weight)
+        return rehearsal
+
+    def candidates(self) -> list[Candidate]:
+        """Routes of all worlds, each once, best first.
+
+        Raises
+        ------
+        NoRouteError
+            There is no route even without margin.
+        """
+        p = self.problem
+        error: NoRouteError | None = None
+        full = chances_full(p)
+        for level in ROOM:
+            allowed = full <= level * p.epsilon
+            allowed[[p.origin, p.destination]] = True
+            found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
+            try:
+                for itinerary, margin in self._routes(allowed):
+                    flights = tuple(hop.segments for hop in itinerary)
+                    if flights not in found:
+                        found[flights] = self._judged(itinerary, margin, min(level * p.epsilon, 1.0))
+            except NoRouteError as none:
+                error = none
+            if found:
+                return sorted(found.values(), key=lambda one: (one.outcome.p_arrive < 0.5, *one.loss))
+        raise error if error is not None else NoRouteError("no route", constraint="energy")
+
+    def _routes(self, allowed: NDArray[np.bool_]) -> Iterator[tuple[Itinerary, float]]:
+        """Compose in the worlds that stand for the forecast: (itinerary, margin).
+
+        Raises
+        ------
+        NoRouteError
+            No world has a route, with the least margin; where any has, the others without are passed over.
+        """
+        p = self.problem
+        speeds = self._speeds(p.probability)
+        queues = expected_queues(p)
+        any_found = False
+        error: NoRouteError | None = None
+        for number, margin in enumerate(MARGINS):
+            last = number == len(MARGINS) - 1
+            if any_found and (last or (self._large and number > 0)):
+                break
+            try:
+                yield self._compose(speeds, queues, margin, allowed), margin
+                any_found = True
+            except NoRouteError as none:
+                error = none
+        if not any_found and error is not None:
+            raise error
+        if self._large:
+            return
+        chosen = (np.arange(WORLDS) * 2 + 1) * len(p.probability) // (2 * WORLDS)
+        for sample, member in enumerate(dict.fromkeys(chosen.tolist())):
+            alone = np.zeros(len(p.probability))
+            alone[member] = 1.0
+            try:
+                queues = p.queue_paths(range(len(p.network)), sample)
+                yield self._compose(self._speeds(alone), queues, MARGINS[0], allowed), MARGINS[0]
+            except NoRouteError:
+                continue
+
+    def _speeds(self, probability: NDArray[np.float64]) -> NDArray[np.float64]:
+        count = np.count_nonzero(probability)
+        if self._large and count > SPEED_MEMBERS:
+            kept = (np.arange(SPEED_MEMBERS) * 2 + 1) * len(probability) // (2 * SPEED_MEMBERS)
+            mask = np.zeros(len(probability))
+            mask[kept] = probability[kept]
+            if mask.sum() > 0.0:
+                probability = mask / mask.sum()
+        return mean_speeds(self.problem.air, probability, HOURS)
+
+    def _compose(
+        self, speeds: NDArray[np.float64], queues: dict[int, QueuePath], margin: float, allowed: NDArray[np.bool_]
+    ) -> Itinerary:
+        p = self.problem
+        search = ExactSearch(p, queues, speeds=speeds, margin_soc_per_s=margin * p.soc_per_s, stops=allowed)
+        try:
+            return search.solve()
+        finally:
+            self.looked_at += search.looked_at
+
+    def _judged(self, itinerary: Itinerary, margin: float, most_full: float) -> Candidate:
+        p = self.problem
+        known = known_at(p, self.errors, measured=self.measured, epsilon=p.epsilon / len(itinerary))
+        policy = ChargePolicy(p, itinerary, known, self._carry(itinerary, margin), most_full)
+        outcome = self._rehearsed(policy, SCREEN_RUNS).outcome(p)
+        return Candidate(policy, outcome, most_full, p.request.objective.loss(outcome))
+
+    def _carry(self, itinerary: Itinerary, margin: float) -> NDArray[np.float64]:
+        """Charge that the route's plan takes along beyond what its next flight needs, shape (hops,)."""
+        return np.zeros(len(itinerary))

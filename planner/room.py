@@ -1,0 +1,58 @@
+"""Room at stations: where a drone may have to hover, and how sure it must be of a place before it takes off.
+
+A drone that finds all pads and holding spots taken hovers on its reserve. The pads and the line of the next station are
+known before a take-off (the pad service tells), so that a flight is begun only when the chance to find the station full
+at its end is small. Stations where even a free pad now does not make it small are left out of routes where others serve.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.load import hours_of_week
+from models.units import S_PER_H
+from planner.room_kernels import Room, chance_full
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from planner.problem import Problem
+
+AHEAD_H = 10
+"""Hours in which the busiest one counts."""
+USUAL_FLIGHT_S = 900.0
+"""Flight for which stations are judged before a route is known."""
+
+
+def _rates(problem: Problem) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Greatest arrival rate and least rate of service of each node in the hours ahead, shape (nodes,)."""
+    load = problem.load
+    hours = hours_of_week(load.timezone, problem.depart_s, AHEAD_H)
+    charging = load.mean_charging_s[:, hours].max(axis=1)
+    busiest = load.arrivals_per_s[:, hours].max(axis=1)
+    return busiest, np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0)
+
+
+def room_at(problem: Problem, nodes: Sequence[int], most: float) -> Room:
+    """Room of the stations at the end of each hop, to be looked at before it."""
+    arrivals, services = _rates(problem)
+    at = np.asarray(nodes, dtype=np.int64)
+    spots = np.array([problem.network.stations[node].holding_spots for node in at], dtype=np.int64)
+    return Room(problem.network.pads[at].astype(np.int64), spots, arrivals[at], services[at], most)
+
+
+def chances_full(problem: Problem, flight_s: float = USUAL_FLIGHT_S) -> NDArray[np.float64]:
+    """Chance that each station is full after a flight that begins with a pad free there, shape (nodes,)."""
+    arrivals, services = _rates(problem)
+    return np.array(
+        [
+            float(chance_full(station.pads, station.holding_spots, arrivals[node] * flight_s, services[node] * flight_s, 0, True))  # noqa: FBT003
+            if station.pads
+            else 0.0
+            for node, station in enumerate(problem.network.stations)
+        ]
+    )
