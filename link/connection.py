@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from link.exchange import RoundTrip, Target
 from link.frames import FrameReader, FrameWriter, Message, Rejected, Signing
@@ -28,6 +28,8 @@ GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
 _GROUND_STATION, _INVALID_AUTOPILOT = 6, 8
 _MAX_SYSTEMS = 255
 _MAX_TEXTS = 200
+_GUEST_S = 0.002
+"""So long at most a guest's words wait while we wait for the vehicle's."""
 
 
 @dataclass(slots=True)
@@ -97,6 +99,18 @@ class Peer:
         self._text = (number, chunk)
 
 
+class Guest(Protocol):
+    """Another MAVLink library that speaks on a connection in our name, with a heartbeat of its own."""
+
+    def hear(self, frame: bytes) -> None:
+        """Take a frame that came and was believed."""
+        ...
+
+    def frames(self) -> Iterable[tuple[int, bytes]]:
+        """Yield what it has to say, with the system that each frame is for; 0 is everybody."""
+        ...
+
+
 class Connection:
     """Frames in and out of one transport.
 
@@ -112,6 +126,11 @@ class Connection:
         Ours.
     signing : Signing or None
         With a key, only well signed packets are believed.
+
+    Attributes
+    ----------
+    guest : Guest or None
+        Who speaks on it besides us; our own heart rests meanwhile.
     """
 
     def __init__(
@@ -131,11 +150,12 @@ class Connection:
         self.peers: dict[int, Peer] = {}
         self.listeners: list[Callable[[Peer, Message], None]] = []
         self.conflict: StationConflictError | None = None
+        self.guest: Guest | None = None
         self._writer = FrameWriter(system, component, signing=signing)
         self._reader = FrameReader(signing)
         self._routed = transport if isinstance(transport, Routed) else None
         self._beat_s = -math.inf
-        self._own_beats: deque[bytes] = deque(maxlen=16)
+        self._own: deque[bytes] = deque(maxlen=16)
         self._exchanges: list[Exchange] = []
 
     @property
@@ -143,39 +163,50 @@ class Connection:
         """Packets that were not believed."""
         return self._reader.rejected
 
+    @property
+    def signed(self) -> bool:
+        """Whether it has a signing key."""
+        return self._writer.signing is not None
+
     def send(self, name: str, system: int = 0, **fields: Any) -> None:
         """Send a message; MAVLink 1 to a vehicle that speaks nothing else."""
         peer = self.peers.get(system)
-        data = self._writer.frame(name, fields, None if peer is None else peer.version)
+        self._pass_on(self._writer.frame(name, fields, None if peer is None else peer.version), system)
+
+    def _pass_on(self, frame: bytes, system: int) -> None:
         if self.recorder is not None:
-            self.recorder.frame(data)
+            self.recorder.frame(frame)
         if system and self._routed is not None:
-            self._routed.write_to(system, data)
+            self._routed.write_to(system, frame)
         else:
-            self.transport.write(data)
+            self.transport.write(frame)
 
     def pump(self, timeout_s: float = 0.0) -> None:
         """Take what has come, waiting for it at most so long; keep our heart beating."""
         now = self.clock.now_s()
-        if now >= self._beat_s + HEARTBEAT_S:
-            self._beat_s = now
-            version = 1 if self._only_version_1() else 2
-            fields = {
-                "type": _GROUND_STATION,
-                "autopilot": _INVALID_AUTOPILOT,
-                "system_status": 4,
-                "mavlink_version": 3,
-            }
-            data = self._writer.frame("HEARTBEAT", fields, version)
-            self._own_beats.append(data)
-            if self.recorder is not None:
-                self.recorder.frame(data)
-            self.transport.write(data)
-        data = self.transport.read(max(0.0, min(timeout_s, self._beat_s + HEARTBEAT_S - now)))
+        if self.guest is not None:
+            due_s = now + _GUEST_S
+            for system, frame in self.guest.frames():
+                if not system:
+                    self._own.append(frame)
+                self._pass_on(frame, system)
+        else:
+            if now >= self._beat_s + HEARTBEAT_S:
+                self._beat(now)
+            due_s = self._beat_s + HEARTBEAT_S
+        data = self.transport.read(max(0.0, min(timeout_s, due_s - now)))
         if data:
             self._take(data)
         if self.recorder is not None:
             self.recorder.tend()
+
+    def _beat(self, now: float) -> None:
+        self._beat_s = now
+        version = 1 if self._only_version_1() else 2
+        fields = {"type": _GROUND_STATION, "autopilot": _INVALID_AUTOPILOT, "system_status": 4, "mavlink_version": 3}
+        frame = self._writer.frame("HEARTBEAT", fields, version)
+        self._own.append(frame)
+        self._pass_on(frame, 0)
 
     def _only_version_1(self) -> bool:
         return bool(self.peers) and all(peer.version == 1 for peer in self.peers.values())
@@ -185,8 +216,10 @@ class Connection:
         for frame, message in self._reader.feed(data):
             if self.recorder is not None:
                 self.recorder.frame(frame)
-            if message is not None and frame not in self._own_beats:  # routers send our own words back
+            if message is not None and frame not in self._own:  # routers send our own words back
                 self._hear(message, now)
+            if self.guest is not None:
+                self.guest.hear(frame)
 
     def _hear(self, message: Message, now: float) -> None:
         name = message.name
