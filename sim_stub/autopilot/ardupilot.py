@@ -65,7 +65,11 @@ class ArduPilot(Autopilot):
     BAD_VALUE: ClassVar[Result] = Result.FAILED
     UNKNOWN_MESSAGE: ClassVar[Result] = Result.UNSUPPORTED
     LONG_HEIGHTS_RELATIVE: ClassVar[bool] = True
-    MINUS_ONE_RESETS_SPEED: ClassVar[bool] = False
+    FORCES_ARMING: ClassVar[float | None] = 2989.0
+    FORCES_DISARMING: ClassVar[float] = 21196.0
+    NO_LAND_START: ClassVar[Result] = Result.FAILED
+    NO_REBOOT: ClassVar[Result] = Result.UNSUPPORTED
+    REBOOT_REFUSED: ClassVar[Result] = Result.FAILED
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle, ParameterStore(ardupilot_parameters.TABLE))
@@ -77,10 +81,11 @@ class ArduPilot(Autopilot):
         """WPNAV_* and LAND_SPEED, kept in cm/s; at most 20 m/s."""
         p = self.parameters
         cruise = p.clamped("WPNAV_SPEED", 20.0, 2000.0) / 100.0
+        up, down = self.commanded_up_mps, self.commanded_down_mps
         return Speeds(
             cruise,
-            p.clamped("WPNAV_SPEED_UP", 10.0, 1000.0) / 100.0,
-            p.clamped("WPNAV_SPEED_DN", 10.0, 500.0) / 100.0,
+            p.clamped("WPNAV_SPEED_UP", 10.0, 1000.0) / 100.0 if up is None else min(max(up, 0.1), 10.0),
+            p.clamped("WPNAV_SPEED_DN", 10.0, 500.0) / 100.0 if down is None else min(max(down, 0.1), 5.0),
             p.clamped("LAND_SPEED", 30.0, 200.0) / 100.0,
             cruise,
         )
@@ -135,9 +140,28 @@ class ArduPilot(Autopilot):
         if not self.landed or self.parameters.bit("AUTO_OPTIONS", 1):
             self.auto_armed = True
 
-    def mode_of_command(self, main: int, sub: int) -> Mode | None:  # noqa: ARG002
+    def set_mode(self, base: int, main: int, sub: int, by: str) -> Result:  # noqa: ARG002
         """The number is in p2 alone."""
-        return self.mode_of(main)
+        if not base & 1:
+            return Result.DENIED
+        mode = self.mode_of(main)
+        return self.BAD_VALUE if mode is None else self.request_mode(mode, by)
+
+    def speed_command(self, kind: float, speed_mps: float) -> Result:
+        """Set the ground speed, or with kind 2 the speed up and with 3 the speed down."""
+        if not math.isfinite(speed_mps) or speed_mps <= 0.0:
+            return Result.FAILED
+        if kind > 2.9:
+            self.commanded_down_mps = speed_mps
+        elif kind > 1.9:
+            self.commanded_up_mps = speed_mps
+        else:
+            self.change_speed(speed_mps)
+        return Result.ACCEPTED
+
+    def gripper_s(self) -> float:
+        """Its command is done at once."""
+        return 0.0
 
     def take_off(self, height_m: float, by: str) -> Result:
         """Only armed, on the ground, in GUIDED; the height is above home."""

@@ -64,6 +64,8 @@ class Autopilot(Family):
         self.terminated = False
         self.gripper_closed = True
         self.commanded_mps: float | None = None
+        self.commanded_up_mps: float | None = None
+        self.commanded_down_mps: float | None = None
         self.yaw_override_deg: float | None = None
         self.home: Home | None = None
         self.speeds = self.read_speeds()
@@ -264,7 +266,7 @@ class Autopilot(Family):
         self.flown = False
         self.grounded_s = self.sim_s
         self.terminated = False
-        self.commanded_mps = None
+        self.commanded_mps = self.commanded_up_mps = self.commanded_down_mps = None
         self.failsafes.reset()
         self.set_home(Home(self.lat, self.lon, self.body.alt_m))
         if self.mode not in (Mode.MISSION, Mode.TAKEOFF):
@@ -328,7 +330,7 @@ class Autopilot(Family):
         """Do an item that takes no time."""
         match item.command:
             case Command.DO_CHANGE_SPEED:
-                self.change_speed(item.p2)
+                self.speed_command(item.p1, item.p2)
             case Command.DO_SET_HOME if item.p1 == 1.0:
                 self.set_home(Home(self.lat, self.lon, self.body.alt_m))
             case Command.DO_SET_HOME if item.has_position:
@@ -342,9 +344,14 @@ class Autopilot(Family):
             case _:
                 pass
 
+    @property
+    def has_gripper(self) -> bool:
+        """Whether one is enabled."""
+        return self.parameters[self.GRIPPER_ENABLE] == 1.0
+
     def move_gripper(self, *, close: bool) -> bool:
         """Close the gripper, or open it and let the package go; False where none is enabled."""
-        if self.parameters[self.GRIPPER_ENABLE] != 1.0:
+        if not self.has_gripper:
             self.event("no gripper is enabled: nothing moves")
             return False
         if self.gripper_closed and not close and self.body.payload_kg > 0.0:

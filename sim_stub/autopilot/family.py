@@ -32,8 +32,11 @@ class Family(ABC):
     UNKNOWN_MESSAGE: ClassVar[Result]
     UNSUPPORTED: ClassVar[frozenset[int]] = frozenset()
     LONG_HEIGHTS_RELATIVE: ClassVar[bool]
-    MINUS_ONE_RESETS_SPEED: ClassVar[bool]
-    conditions_wait: ClassVar[bool] = True
+    FORCES_ARMING: ClassVar[float | None]
+    FORCES_DISARMING: ClassVar[float]
+    NO_LAND_START: ClassVar[Result]
+    NO_REBOOT: ClassVar[Result]
+    REBOOT_REFUSED: ClassVar[Result]
     MODE_REFUSED: ClassVar[Result] = Result.TEMPORARILY_REJECTED
     ARM_PREFIX: ClassVar[str] = "Arm: "
     ARMED_TEXT: ClassVar[str] = "Arming motors"
@@ -56,8 +59,16 @@ class Family(ABC):
         """Mode of a number, None where there is none such."""
 
     @abstractmethod
-    def mode_of_command(self, main: int, sub: int) -> Mode | None:
-        """Mode that DO_SET_MODE names in p2 and p3, or None."""
+    def set_mode(self, base: int, main: int, sub: int, by: str) -> Result:
+        """Do DO_SET_MODE; p1 to p3."""
+
+    @abstractmethod
+    def speed_command(self, kind: float, speed_mps: float) -> Result:
+        """Do DO_CHANGE_SPEED; p1 and p2."""
+
+    @abstractmethod
+    def gripper_s(self) -> float:
+        """How long a gripper takes until its command is done."""
 
     @abstractmethod
     def take_off(self, height_m: float, by: str) -> Result:

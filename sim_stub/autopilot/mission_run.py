@@ -65,6 +65,12 @@ class MissionRun:
         self.condition_until_s = None
         self.state = MissionState.NOT_STARTED if self.items else MissionState.NO_MISSION
 
+    def begin_anew(self) -> None:
+        """Forget how often jumps were taken, and that the mission is complete; the current item stays."""
+        self.repeats.clear()
+        if self.state == MissionState.COMPLETE:
+            self.state = MissionState.NOT_STARTED
+
     def jump(self, index: int) -> None:
         """Make an item the current one; it is begun at the next step."""
         self.current = index
@@ -155,7 +161,7 @@ class MissionRun:
     def _run_pending(self, pilot: Autopilot) -> None:
         while self.pending:
             item = self.items[self.pending[0]] if self.pending[0] < len(self.items) else None
-            if item is not None and pilot.conditions_wait:
+            if item is not None:
                 if item.command == Command.CONDITION_DELAY:
                     if self.condition_until_s is None:
                         self.condition_until_s = pilot.sim_s + min(max(item.p1, 0.0), 1e7)

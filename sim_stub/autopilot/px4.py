@@ -40,6 +40,19 @@ _FENCE_ACTIONS = {
     5: Action.LAND,
 }
 _BATTERY_UNKNOWN_S = 2.0
+_CUSTOM_MODE, _AUTO_MODE, _GUIDED_MODE, _MANUAL_MODE = 1, 4, 8, 64
+"""Bits of MAV_MODE_FLAG."""
+_CHANGE_MODE = 1.0
+"""MAV_DO_REPOSITION_FLAGS_CHANGE_MODE."""
+
+
+def _mode_of_base(base: int) -> Mode | None:
+    """Mode of a base_mode without a custom one."""
+    if base & _AUTO_MODE:
+        return Mode.MISSION
+    if not base & _MANUAL_MODE:
+        return None
+    return Mode.POSITION if base & _GUIDED_MODE else Mode.STABILIZE
 
 
 class Px4(Autopilot):
@@ -54,7 +67,6 @@ class Px4(Autopilot):
     READY_AFTER_S: ClassVar[float] = 8.0
     BOOT_S: ClassVar[float] = 3.0
     GLITCH_PATIENCE_S: ClassVar[float] = 7.0
-    MODE_REFUSED: ClassVar[Result] = Result.DENIED
     ARM_PREFIX: ClassVar[str] = "Preflight Fail: "
     ARM_REFUSED: ClassVar[Result] = Result.TEMPORARILY_REJECTED
     ARMED_TEXT: ClassVar[str] = "Armed by external command"
@@ -66,7 +78,7 @@ class Px4(Autopilot):
     UNKNOWN_MESSAGE: ClassVar[Result] = Result.DENIED
     UNSUPPORTED: ClassVar[frozenset[int]] = frozenset(
         {
-            Command.DO_SET_MISSION_CURRENT,
+            Command.LOITER_UNLIM,
             Command.DO_PAUSE_CONTINUE,
             Command.DO_FENCE_ENABLE,
             Command.CONDITION_YAW,
@@ -74,8 +86,11 @@ class Px4(Autopilot):
         }
     )
     LONG_HEIGHTS_RELATIVE: ClassVar[bool] = False
-    MINUS_ONE_RESETS_SPEED: ClassVar[bool] = True
-    conditions_wait: ClassVar[bool] = False
+    FORCES_ARMING: ClassVar[float | None] = None  # checks are run for every command from outside
+    FORCES_DISARMING: ClassVar[float] = 21196.0
+    NO_LAND_START: ClassVar[Result] = Result.CANCELLED
+    NO_REBOOT: ClassVar[Result] = Result.ACCEPTED
+    REBOOT_REFUSED: ClassVar[Result] = Result.DENIED
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle, ParameterStore(px4_parameters.TABLE))
@@ -104,14 +119,29 @@ class Px4(Autopilot):
         return _MODES.get(self.mode, _MODES[Mode.HOLD])
 
     def mode_of(self, custom_mode: int) -> Mode | None:
-        """Mode of a number; main mode AUTO alone is HOLD."""
-        if custom_mode == _AUTO:
-            return Mode.HOLD
-        return _BY_NUMBER.get(custom_mode)
+        """Mode of a number; main mode AUTO alone is the mission."""
+        return Mode.MISSION if custom_mode == _AUTO else _BY_NUMBER.get(custom_mode)
 
-    def mode_of_command(self, main: int, sub: int) -> Mode | None:
-        """Main and sub mode come in parameters of their own."""
-        return self.mode_of(main << 16 | sub << 24)
+    def set_mode(self, base: int, main: int, sub: int, by: str) -> Result:
+        """Main and sub mode come in parameters of their own; what names no mode is accepted and does nothing."""
+        if not base & _CUSTOM_MODE:
+            mode = _mode_of_base(base)
+        elif main << 16 == _AUTO and sub and main << 16 | sub << 24 not in _BY_NUMBER:
+            self.say(2, "Unsupported auto mode")
+            return self.MODE_REFUSED
+        else:
+            mode = self.mode_of(main << 16 | (sub << 24 if main << 16 == _AUTO else 0))
+        return Result.ACCEPTED if mode is None else self.request_mode(mode, by)
+
+    def speed_command(self, kind: float, speed_mps: float) -> Result:  # noqa: ARG002
+        """Set the ground speed; what is no speed goes back to the parameters' one."""
+        if not self.change_speed(speed_mps):
+            self.commanded_mps = None
+        return Result.ACCEPTED
+
+    def gripper_s(self) -> float:
+        """PD_GRIPPER_TO."""
+        return self.parameters.clamped("PD_GRIPPER_TO", 0.0, 60.0)
 
     def take_off(self, height_m: float, by: str) -> Result:
         """Enter the take-off mode; the height is above sea level, and may be left out."""
@@ -123,18 +153,21 @@ class Px4(Autopilot):
         return result
 
     def start_mission(self, first: float, last: float, by: str) -> Result:  # noqa: ARG002
-        """Start at an item; DENIED where the mission is infeasible."""
-        refusal = self.mode_refusal(Mode.MISSION)
-        if refusal is not None:
-            self.say(3, refusal)
+        """Start at an item (-1: the current one), and arm; DENIED where the mission is infeasible."""
+        if self.infeasible is not None:
+            self.say(2, "Mission start denied! No valid mission")
             return Result.DENIED
-        if math.isfinite(first) and 0.0 <= first < len(self.run.items):
+        if not -1.0 <= first < len(self.run.items):
+            return Result.DENIED
+        if first >= 0.0:
             self.run.jump(int(first))
-        return self.request_mode(Mode.MISSION, by)
+        if self.request_mode(Mode.MISSION, by) != Result.ACCEPTED:
+            return self.MODE_REFUSED
+        return self.arm(force=False, by=by)
 
     def reposition_refusal(self, *, here: bool, as_int: bool, flags: float) -> Result | None:  # noqa: ARG002
-        """Obeyed in the air."""
-        return None if self.armed and not self.landed else Result.TEMPORARILY_REJECTED
+        """Only with the flag that changes to HOLD, and with no other."""
+        return None if flags == _CHANGE_MODE else Result.UNSUPPORTED
 
     def reposition_yaw(self, degrees: float) -> float | None:
         """Taken over."""
@@ -145,7 +178,9 @@ class Px4(Autopilot):
         return self.infeasible is not None
 
     def mode_refusal(self, mode: Mode) -> str | None:
-        """Refuse what the state does not allow."""
+        """Refuse what cannot be flown now; disarmed, every mode can be entered, and arming is refused instead."""
+        if not self.armed:
+            return None
         if mode == Mode.MISSION and self.infeasible is not None:
             return self.infeasible
         if mode == Mode.OFFBOARD:
@@ -227,6 +262,8 @@ class Px4(Autopilot):
             reasons.append("Global position required")
         if self.mode == Mode.MISSION and self.infeasible is not None:
             reasons.append(self.infeasible)
+        if self.mode == Mode.OFFBOARD:
+            reasons.append("Offboard: no setpoints")
         if self.battery_level() >= 2:
             reasons.append("Low battery")
         return reasons + self.vehicle.faults.arming_faults()

@@ -15,11 +15,10 @@ if TYPE_CHECKING:
 
 _GROUND_STATION = 6
 _CAPABILITIES = {
-    # mission float 1, param float/C cast 2, mission int 4, command int 8, param bytewise (PX4) 16, set attitude
-    # target 64, local and global targets 128/256, terrain 512, termination 2048, MAVLink 2 8192, fence 16384,
-    # rally 32768
-    "px4": 1 | 4 | 8 | 131072 | 64 | 128 | 256 | 2048 | 8192 | 16384 | 32768,
-    "ardupilot": 1 | 2 | 4 | 8 | 262144 | 64 | 128 | 256 | 2048 | 8192 | 16384 | 32768,
+    # Mission float 1, mission int 4, command int 8, termination 2048, MAVLink 2 8192, fence 16384, rally 32768.
+    # Integer parameters travel bytewise (PX4, 16) or as numbers (ArduPilot, 131072; 2 is its old name).
+    "px4": 1 | 4 | 8 | 16 | 2048 | 8192 | 16384 | 32768,
+    "ardupilot": 1 | 2 | 4 | 8 | 256 | 2048 | 8192 | 16384 | 32768 | 131072,
 }
 _VERSIONS = {"px4": 0x011000FF, "ardupilot": 0x04060000}
 _MAX_STATIONS = 32

@@ -101,8 +101,8 @@ def test_one_that_does_not_come_closer_is_told_again_and_then_given_up():
     assert scene.craft.mode == "hold"
 
 
-def test_on_the_ground_a_diversion_is_refused():
-    scene = Scene("px4")
+def test_on_the_ground_ardupilot_refuses_a_diversion():
+    scene = Scene("ardupilot")  # PX4 accepts, and stays where it is
     with pytest.raises(CommandRefusedError, match="go there"):
         divert(MavlinkVehicle(scene.connection), REFUGE)
 

@@ -40,13 +40,112 @@ def test_heartbeats_come_every_second_and_carry_the_real_mode_numbers(autopilot)
     for parameters, number in numbers.items():
         assert s.command(176, *parameters) == 0
         assert s.wait("HEARTBEAT", 2.0, custom_mode=number) is not None
-    assert s.command(176, 1, 99) in (2, 4), "no such mode"
+    assert s.command(176, 1, 4, 99) == {"px4": 1, "ardupilot": 0}[autopilot], "no such mode; ArduPilot reads p2 alone"
+    assert s.command(176, 1, 99) == {"px4": 0, "ardupilot": 4}[autopilot], "PX4 accepts what means nothing"
     s.send(dialect.MAVLink_set_mode_message(1, 1, next(iter(numbers.values()))))
     assert s.wait("HEARTBEAT", 2.0, custom_mode=next(iter(numbers.values()))) is not None
 
 
-def test_px4_offboard_without_setpoints_is_refused():
-    assert Stage("px4").station.command(176, 1, 6) == 2
+def test_px4_enters_any_mode_disarmed_and_then_refuses_to_arm_or_in_the_air_to_change():
+    stage = Stage("px4")
+    assert stage.station.command(176, 1, 6) == 0
+    assert stage.station.command(400, 1) == 1
+    assert "Preflight Fail: Offboard: no setpoints" in stage.station.texts
+    assert stage.station.command(176, 1, 4, 3) == 0
+    stage.take_off(10.0)
+    assert stage.station.command(176, 1, 6) == 1
+    assert stage.pilot.mode == Mode.HOLD
+
+
+@BOTH
+@pytest.mark.parametrize("magic", [21196.0, 2989.0])
+def test_the_word_that_forces_arming(autopilot, magic):
+    stage = Stage(autopilot, faults=(parse_fault("prearm"),))
+    assert stage.station.command(400, 1) in (1, 4)
+    forced = autopilot == "ardupilot" and magic == 2989.0
+    assert stage.station.command(400, 1, magic) == (0 if forced else {"px4": 1, "ardupilot": 4}[autopilot])
+
+
+def test_px4_mission_start_arms_and_is_denied_for_items_it_has_not():
+    stage = Stage("px4")
+    s = stage.station
+    assert s.command(300) == 2, "no mission"
+    s.upload(stage.mission(*leg()))
+    assert s.command(300, 3) == 2
+    assert s.command(300, -1) == 0
+    assert stage.pilot.armed
+    s.until(lambda: stage.vehicle.body.alt_m > 20.0)
+
+
+@BOTH
+def test_what_the_families_answer_to_commands_they_know_or_do_not(autopilot):
+    """Commander.cpp and navigator_main.cpp of PX4, GCS_Common.cpp of ArduPilot."""
+    stage = Stage(autopilot)
+    s = stage.station
+    answers = {
+        # (command, parameters): PX4, ArduPilot
+        (193, 0): (3, 4),  # DO_PAUSE_CONTINUE: PX4 has none; ArduPilot only in AUTO
+        (42651, 255, 90): (3, 0),  # BATTERY_RESET is ArduPilot's own
+        (17,): (3, 0),  # NAV_LOITER_UNLIM
+        (115, 90): (3, 0),  # CONDITION_YAW
+        (207, 0): (3, 0),  # DO_FENCE_ENABLE
+        (178, 1, -1): (0, 4),  # DO_CHANGE_SPEED: no speed is the default one on PX4
+        (178, 2, 3): (0, 0),
+        (189,): (6, 4),  # DO_LAND_START without one
+        (192, -1, 0): (3, 4),  # DO_REPOSITION without the flag, on the ground
+        (224, 0, 0): (4, 4),  # DO_SET_MISSION_CURRENT without a mission
+        (224, -2, 0): (2, 2),
+        (224, 0, 7): (2, 2),
+        (246, 0): (0, 3),  # PREFLIGHT_REBOOT_SHUTDOWN that asks for nothing
+    }
+    got = {asked: s.command(*asked) for asked in answers}
+    assert got == {asked: pair[autopilot == "ardupilot"] for asked, pair in answers.items()}
+
+
+@BOTH
+def test_the_current_item_is_set_by_command_with_its_jump_counters(autopilot):
+    stage = Stage(autopilot)
+    s = stage.station
+    s.upload(stage.mission(*leg()))
+    assert s.command(224, 1) == 0
+    assert [m.seq for m in s.seen if m.get_type() == "MISSION_CURRENT"][-1] == 1
+    stage.pilot.run.repeats[2] = 1
+    assert s.command(224, -1, 1) == 0
+    assert not stage.pilot.run.repeats
+    assert stage.pilot.run.current == 1
+    assert s.command(224, 99) == 4
+
+
+def test_ardupilot_changes_the_speed_up_and_down_too():
+    stage = Stage("ardupilot")
+    assert stage.station.command(178, 2, 1.5) == 0
+    assert stage.station.command(178, 3, 0.8) == 0
+    stage.pilot.step()
+    assert (stage.pilot.speeds.up_mps, stage.pilot.speeds.down_mps) == pytest.approx((1.5, 0.8))
+
+
+def test_px4_reads_a_base_mode_where_no_custom_mode_is_given():
+    stage = Stage("px4")
+    for base, mode in ((4, Mode.MISSION), (64 | 8, Mode.POSITION), (64, Mode.STABILIZE)):
+        assert stage.station.command(176, base) == 0
+        assert stage.pilot.mode == mode
+    assert stage.station.command(176, 1, 4) == 0
+    assert stage.pilot.mode == Mode.MISSION, "AUTO alone is the mission"
+
+
+def test_px4_a_gripper_takes_its_time_and_says_so():
+    stage = Stage("px4", payload_kg=0.7, parameters=(("PD_GRIPPER_EN", 1.0), ("PD_GRIPPER_TO", 2.0)))
+    s = stage.station
+    assert s.command(211, 1, 1) == 0, "closed already"
+    assert s.command(211, 1, 0) == 5
+    assert s.command(211, 1, 0) == 1, "the same again"
+    assert stage.vehicle.body.payload_kg == 0.7
+    assert s.wait("COMMAND_ACK", 3.0, command=211).result == 0
+    assert stage.vehicle.body.payload_kg == 0.0
+    assert s.command(211, 1, 1) == 5
+    s.send(dialect.MAVLink_command_long_message(1, 1, 211, 0, 1, 0, 0, 0, 0, 0, 0))
+    results = [m.result for m in s.run(0.5) if m.get_type() == "COMMAND_ACK"]
+    assert results == [6, 0], "the first is cancelled, and it is open still"
 
 
 # Commands
@@ -116,7 +215,8 @@ def test_a_gripper_obeys_and_says_so(autopilot):
     stage = Stage(autopilot, payload_kg=0.7)
     assert stage.station.command(211, 1, 0) == 4, "none is enabled"
     stage.pilot.parameters.set({"px4": "PD_GRIPPER_EN", "ardupilot": "GRIP_ENABLE"}[autopilot], 1.0)
-    assert stage.station.command(211, 1, 0) == 0
+    assert stage.station.command(211, 1, 0) == {"px4": 5, "ardupilot": 0}[autopilot]
+    stage.station.run(1.5)
     assert stage.vehicle.body.payload_kg == 0.0
     assert stage.happened("package of 0.7 kg released")
     assert stage.station.command(211, 1, 7) == 2
@@ -327,7 +427,9 @@ def test_time_version_and_ping_are_answered(autopilot):
     assert answer.tc1 == pytest.approx(stage.vehicle.boot_us * 1000, rel=1e-6)
     assert s.command(512, 148) == 0
     version = [m for m in s.seen if m.get_type() == "AUTOPILOT_VERSION"][-1]
-    assert bool(version.capabilities & 131072) is (autopilot == "px4"), "parameters as bytes"
+    bytewise, by_number = 16, 131072
+    assert bool(version.capabilities & bytewise) is (autopilot == "px4")
+    assert bool(version.capabilities & by_number) is (autopilot == "ardupilot")
     assert version.capabilities & 8192, "MAVLink 2"
     assert s.command(520) == 0
     s.send(dialect.MAVLink_ping_message(5, 7, 0, 0))
