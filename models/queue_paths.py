@@ -47,12 +47,18 @@ class QueuePath:
         It gets no pad sooner than this long after its own arrival, in the interval before the first, between the
         first and the second of them, …; 0 by default. With it a path tells of waits that are expected, not sampled.
         The pad's time must still be nondecreasing in the arrival.
+    present : int
+        Others on the pads and in line when the path begins.
+    left_s : ndarray, shape (departures,)
+        When others leave after that, ascending.
     """
 
     arrival_s: NDArray[np.float64]
     pad_s: NDArray[np.float64]
     land_s: NDArray[np.float64]
     delay_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
+    present: int = 0
+    left_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "delay_s", np.broadcast_to(self.delay_s, self.pad_s.shape))
@@ -70,6 +76,11 @@ class QueuePath:
         """When it can touch down if it arrives at POSIX seconds `arrival_s`; never after `pad_time`."""
         arrival, interval = self._at(arrival_s)
         return np.maximum(arrival, self.land_s[interval])
+
+    def present_at(self, time_s: float) -> int:
+        """Others on the pads and in line at a time, as one sees who looks."""
+        came = int(np.searchsorted(self.arrival_s, time_s, side="right"))
+        return self.present + came - int(np.searchsorted(self.left_s, time_s, side="right"))
 
     def _at(self, arrival_s: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         arrival = np.asarray(arrival_s, dtype=np.float64)
@@ -305,13 +316,17 @@ def _path(
         free[: len(known)] = start_s + known
         for pad in range(len(known), min(present, pads)):
             free[pad] = _after(start_s, rng.standard_exponential(), services, first_s)
+    there = free[free > start_s] if present >= 0 else free[:0]
     guess = waiting + 16 + int(1.2 * arrivals.max() * (end_s - begin_s))
-    came, began, ready = _serve(rng, (*rates, first_s), begin_s, end_s, free, waiting, guess)
+    came, began, ready, left = _serve(rng, (*rates, first_s), begin_s, end_s, free, waiting, guess)
     gone = waiting + int(np.searchsorted(came[waiting:], start_s, side="right"))
     pad_s = ready[gone:]
     # It may stand on a holding spot once the drone that is `spots` places ahead in the line has its pad.
     held = np.concatenate((np.full(spots, -math.inf), began)) if spots else ready
-    return QueuePath(came[gone:].copy(), pad_s.copy(), np.minimum(held[gone : len(ready)], pad_s))
+    land_s = np.minimum(held[gone : len(ready)], pad_s)
+    at_start = len(there) + int((left[:gone] > start_s).sum())
+    later = np.sort(np.concatenate((there, left[left > start_s])))
+    return QueuePath(came[gone:].copy(), pad_s.copy(), land_s, present=at_start, left_s=later)
 
 
 @compiled
@@ -342,14 +357,14 @@ def _serve(
     free: Floats,
     waiting: int,
     size: int,
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, Floats]:
     """Serve those in the line at `begin_s` and all who arrive until `end_s`, first come, first served.
 
-    Returns their arrivals and starts, shape (drones,), and the earliest free pad behind each number of them,
-    shape (drones + 1,).
+    Returns their arrivals and starts, shape (drones,), the earliest free pad behind each number of them,
+    shape (drones + 1,), and when they leave, shape (drones,).
     """
     arrivals, services, first_s = rates
-    came, began, free_s = np.empty(size), np.empty(size), np.empty(size + 1)
+    came, began, free_s, left = np.empty(size), np.empty(size), np.empty(size + 1), np.empty(size)
     count = 0
     now = begin_s
     while True:
@@ -364,8 +379,10 @@ def _serve(
             came = np.concatenate((came, np.empty(count)))
             began = np.concatenate((began, np.empty(count)))
             free_s = np.concatenate((free_s, np.empty(count)))
+            left = np.concatenate((left, np.empty(count)))
         came[count] = now
         began[count] = max(now, free[pad])
-        free[pad] = _after(began[count], rng.standard_exponential(), services, first_s)
+        left[count] = _after(began[count], rng.standard_exponential(), services, first_s)
+        free[pad] = left[count]
         count += 1
-    return came[:count], began[:count], free_s[: count + 1]
+    return came[:count], began[:count], free_s[: count + 1], left[:count]

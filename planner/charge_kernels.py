@@ -15,16 +15,19 @@ import numpy as np
 
 from models.compiled import compiled
 from models.flight import Air
-from models.flight_kernels import NEVER, land, next_opening, slot_end, slot_of
+from models.flight_kernels import NEVER, land, next_opening, slot_end, slot_of, wind_on
+from models.wind import MIN_GROUND_SPEED_MPS
 from planner.course_kernels import expected_pad, sampled_pad, sampled_spot
-from planner.evaluation_kernels import gusty_land
+from planner.evaluation_kernels import LATERAL, gusty_land
 from planner.profile_kernels import interpolate
+from planner.room_kernels import is_room
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from planner.course_kernels import Hops, Queues, Waits
     from planner.evaluation_kernels import Sky
+    from planner.room_kernels import Room
 
 GRID_S = 600.0
 """What a flight needs is worked out for take-offs within so long together; the most of both ends counts."""
@@ -32,6 +35,10 @@ LEARNED = 0.005
 """What is left of the energy error once a flight has shown it."""
 LEAST_CHANCE = 1e-9
 """Likeness below which a member does not count."""
+LOOK_S = 120.0
+"""A drone that finds no room at the next station looks again after so long."""
+STEADY = 3.0
+"""Standard deviations of gusts at which the time that they cost is worked out; it is taken as linear in them."""
 _ROUNDS = 24  # of bisection: the charge is found to 1e-7 of the spread
 _CHANGES = 500  # times a stay is looked at again
 
@@ -120,15 +127,38 @@ def expected_winds(
 
 
 @compiled
-def gust_spread(known: Known, speed_mps: float, ground_mps: float, flight_s: float) -> float:
-    """Standard deviation of a flight's time that gusts make, as a share of it.
+def gust_mean(known: Known, flight_s: float) -> float:
+    """Standard deviation of the mean of a flight's gusts, as a share of the wind.
 
     The mean of an Ornstein-Uhlenbeck process of time constant tau over T has the variance
     2 tau / T (1 - tau / T (1 - exp(-T / tau))) of one value.
     """
     x = known.gust_time_s / max(flight_s, 1.0)
-    averaged = math.sqrt(2.0 * x * (1.0 - x * (1.0 - math.exp(-1.0 / x))))
-    return known.gust_sd * speed_mps * averaged / max(ground_mps, 1.0)
+    return known.gust_sd * math.sqrt(2.0 * x * (1.0 - x * (1.0 - math.exp(-1.0 / x))))
+
+
+@compiled
+def slow_land(air: Air, member: int, segments: NDArray[np.int64], depart_s: float, gust: float) -> float:
+    """Touch-down of a flight that a gust of this share of the wind slows all the way; `land` says whether it is flyable."""
+    now = depart_s + air.climb_s
+    for segment in segments:
+        left = air.distance_m[segment]
+        slot = slot_of(air, now)
+        while True:
+            north, east = wind_on(air, member, slot, segment)
+            along = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
+            across = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
+            speed = along + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
+            speed -= gust * math.hypot(along, LATERAL * across)
+            speed = min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
+            end = slot_end(air, slot)
+            if now + left / speed <= end:
+                now += left / speed
+                break
+            left -= speed * (end - now)
+            now = end
+            slot += 1
+    return now + air.descent_s
 
 
 @compiled
@@ -166,9 +196,6 @@ def flight_energy(
         air.climb_s,
         air.descent_s,
     )
-    distance = 0.0
-    for segment in segments:
-        distance += air.distance_m[segment]
     least = NEVER
     for m in range(members):
         if known.share[row, m] > 0.0:
@@ -183,12 +210,9 @@ def flight_energy(
         if down == NEVER:
             continue
         flight = down - time_s
-        speed = 0.0
-        for site in range(north.shape[2]):
-            speed += math.hypot(north[m, 0, site], east[m, 0, site]) / north.shape[2]
-        ground = distance / max(flight - air.climb_s - air.descent_s, 1.0)
+        slow = slow_land(seen, m, segments, time_s, STEADY * gust_mean(known, flight)) - down
         energy[flying] = cost[1] + cost[0] * flight
-        spread[flying] = max(gust_spread(known, speed, ground, flight) * cost[0] * flight, 1e-9)
+        spread[flying] = max(cost[0] * slow / STEADY, 1e-9)
         share[flying] = chance
         total += chance
         low, high = min(low, energy[flying]), max(high, energy[flying] + 6.0 * spread[flying])
@@ -245,6 +269,7 @@ def fly_by_need(
     waits: Waits,
     start: tuple[float, float],
     cost: tuple[float, float],
+    room: Room,
     learned: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly a sequence of hops in several runs, charging by what is known at each stop.
@@ -259,6 +284,8 @@ def fly_by_need(
         Row of `Known.share` of each run.
     hops, queues, waits, start, cost
         As there; `Hops.charge_to` is not read.
+    room : Room
+        Of the stations at the ends of the hops; looked at where queues are sampled.
     learned : bool
         The vehicle's error of energy is known from the start.
 
@@ -310,13 +337,18 @@ def fly_by_need(
                     level = interpolate(u + at - pad, hops.curve_s[hop], hops.curve_soc[hop])
                 if level >= wanted - 1e-9:
                     opening = next_opening(truth, member[run], segments, at)
-                    if opening <= at + 1e-6:
-                        off = at
-                        break
                     if opening == NEVER:
                         break
-                    at = opening
-                    continue
+                    if opening > at + 1e-6:
+                        at = opening
+                        continue
+                    flight = max(base - cost[1], 0.0) / cost[0]
+                    if sampled and hop < count - 1 and room.most < 1.0:
+                        if not is_room(room, hop, queues, entry + 1, at, flight) and aims.fixed_to[hop] != -1.0:
+                            at += LOOK_S
+                            continue
+                    off = at
+                    break
                 reached = NEVER
                 if wanted <= most:
                     reached = pad + interpolate(wanted, hops.curve_soc[hop], hops.curve_s[hop]) - u

@@ -173,6 +173,8 @@ class Standing:
         Stations landed at before, in order.
     wind : tuple of ndarray, shape (sites,)
         (north, east) m/s TOWARDS measured at the sites in this hour, at the height of measurement.
+    busy : dict of str to int
+        Others on the pads and in line at each station, as the pad services tell.
     """
 
     node: int
@@ -181,11 +183,13 @@ class Standing:
     soc: float
     visited: tuple[str, ...]
     wind: tuple[NDArray[np.float64], NDArray[np.float64]]
+    busy: dict[str, int]
 
     def state(self) -> State:
         """The same as the state that a request starts from."""
         soc = min(max(self.soc, 0.0), 1.0)
-        return State(from_posix(self.time_s), self.station, None, soc, visited=frozenset(self.visited))
+        visited = frozenset(self.visited)
+        return State(from_posix(self.time_s), self.station, None, soc, busy_pads=self.busy, visited=visited)
 
 
 class Policy(Protocol):
@@ -267,7 +271,8 @@ def _fly_decisions(truths: Truths, problem: Problem, policy: Policy, run: int) -
         slot = truths.wind.slot_at(time_s)
         wind = truths.wind.north[truths.day[run], slot], truths.wind.east[truths.day[run], slot]
         station = network.stations[node].id
-        decision = policy.decide(Standing(node, station, time_s, soc, visited, wind))
+        busy = _busy(truths, problem, run, time_s)
+        decision = policy.decide(Standing(node, station, time_s, soc, visited, wind, busy))
         if decision is None:
             break
         visited = (*visited, station)
@@ -289,6 +294,13 @@ def _fly_decisions(truths: Truths, problem: Problem, policy: Policy, run: int) -
         soc = float(course[0, -1, SOC_DOWN] - truths.energy[run] * problem.soc_per_s * (time_s - landed))
         course[0, -1, TOUCH_DOWN], course[0, -1, SOC_DOWN] = time_s, soc
     return _given_up(flown, block, problem.soc), hops
+
+
+def _busy(truths: Truths, problem: Problem, run: int, time_s: float) -> dict[str, int]:
+    """Others at each station with pads at a time."""
+    nodes = np.flatnonzero(problem.network.pads > 0).tolist()
+    paths = truths.queues(problem, nodes, int(truths.queue[run]))
+    return {problem.network.stations[node].id: paths[node].present_at(time_s) for node in nodes}
 
 
 def _fly_first(

@@ -179,6 +179,10 @@ class RobustSearch:
                     flights = tuple(hop.segments for hop in itinerary)
                     if flights not in found:
                         found[flights] = self._judged(itinerary, margin, min(level * p.epsilon, 1.0))
+                        shorter = self._without_idle_stops(found[flights].policy)
+                        flights = tuple(hop.segments for hop in shorter)
+                        if flights not in found:
+                            found[flights] = self._judged(shorter, margin, min(level * p.epsilon, 1.0))
             except NoRouteError as none:
                 error = none
             if found:
@@ -247,6 +251,17 @@ class RobustSearch:
         policy = ChargePolicy(p, itinerary, known, self._carry(itinerary, margin), most_full)
         outcome = self._rehearsed(policy, SCREEN_RUNS).outcome(p)
         return Candidate(policy, outcome, most_full, p.request.objective.loss(outcome))
+
+    def _without_idle_stops(self, policy: ChargePolicy) -> Itinerary:
+        """Overfly the stops at which the nominal course does not charge."""
+        named = policy.with_charges(policy.nominal()[1]).itinerary
+        hops = [named[0]]
+        for hop in named[1:]:
+            if hop.charge_to is None:
+                hops[-1] = replace(hops[-1], segments=(*hops[-1].segments, *hop.segments))
+            else:
+                hops.append(hop)
+        return tuple(hops)
 
     def _carry(self, itinerary: Itinerary, margin: float) -> NDArray[np.float64]:
         """Charge that the route's plan takes along beyond what its next flight needs, shape (hops,)."""

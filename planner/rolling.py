@@ -51,7 +51,7 @@ class RollingRobust:
         p = self.start
         request = replace(p.request, state=standing.state())
         forecast = with_measured(p.ensemble, standing)
-        problem = Problem(p.scenario, request, p.drone, forecast, waits=p.waits)
+        problem = Problem(p.scenario, request, p.drone, forecast)
         try:
             return RobustSearch(problem, errors=self.errors).candidates()[0].policy
         except InfeasibleError:
