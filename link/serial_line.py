@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import termios
 import time
 import tty
 from typing import TYPE_CHECKING
 
-from link.transport import read_fd
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from link.address import Address
 
 _AGAIN_S = 1.0
+_READ_BYTES = 4096
+_LEAST_BAUD = 1200
 
 
 class SerialLine:
@@ -31,6 +33,9 @@ class SerialLine:
         self.address = address
         self._descriptor: int | None = None
         self._tried_s = 0.0
+        if address.port not in _rates():
+            remedy = f"one of {', '.join(map(str, sorted(_rates())))}"
+            raise InputError(Fault("no such baud rate", field="--connect", value=address.port, remedy=remedy))
         problem = self._open()
         if problem is not None:
             remedy = "is it plugged in, and may you read it?"
@@ -38,9 +43,6 @@ class SerialLine:
 
     def _open(self) -> str | None:
         self._tried_s = time.monotonic()
-        rate = getattr(termios, f"B{self.address.port}", None)
-        if rate is None:
-            return "no such baud rate"
         try:
             descriptor = os.open(self.address.host, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         except OSError as error:
@@ -49,7 +51,8 @@ class SerialLine:
             tty.setraw(descriptor, termios.TCSANOW)
             settings = termios.tcgetattr(descriptor)
             settings[2] |= termios.CLOCAL | termios.CREAD
-            settings[4] = settings[5] = rate
+            settings[2] &= ~(termios.CSTOPB | termios.CRTSCTS)
+            settings[4] = settings[5] = _rates()[self.address.port]
             termios.tcsetattr(descriptor, termios.TCSANOW, settings)
         except termios.error as error:
             os.close(descriptor)
@@ -61,15 +64,22 @@ class SerialLine:
         """What has come."""
         early = time.monotonic() < self._tried_s + _AGAIN_S
         if self._descriptor is None and (early or self._open() is not None):
-            time.sleep(min(timeout_s, 0.05))
+            time.sleep(min(timeout_s, _AGAIN_S))
             return b""
         if self._descriptor is None:
             return b""
-        try:
-            return read_fd(self._descriptor, timeout_s)
-        except OSError:
-            self.close()
+        ready, _, _ = select.select([self._descriptor], [], [], timeout_s)
+        if not ready:
             return b""
+        try:
+            data = os.read(self._descriptor, _READ_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:  # ready, and nothing to read: it was unplugged
+            self.close()
+        return data
 
     def write(self, data: bytes) -> None:
         """Send; what the line does not take is lost, as radios lose it."""
@@ -89,3 +99,9 @@ class SerialLine:
                 os.close(self._descriptor)
         self._descriptor = None
         self._tried_s = time.monotonic()
+
+
+def _rates() -> dict[int, int]:
+    """The system's number of each baud rate that telemetry radios and flight controllers use."""
+    found = {int(name[1:]): value for name, value in vars(termios).items() if name[0] == "B" and name[1:].isdigit()}
+    return {rate: value for rate, value in found.items() if rate >= _LEAST_BAUD}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 import select
 import socket
 import time
@@ -17,11 +16,25 @@ if TYPE_CHECKING:
 _READ_BYTES = 65536
 _AGAIN_S = 1.0
 _CONNECT_S = 2.0
-_ROUTE_S = 5.0
 _MAX_ROUTES = 255
 _MAX_BACKLOG_BYTES = 1_000_000
-_NOBODY = frozenset({errno.ECONNREFUSED, errno.ENETUNREACH, errno.EHOSTUNREACH, errno.EHOSTDOWN, errno.ENETDOWN})
-"""UDP to where nobody listens yet; packets are lost, as radios lose them."""
+_SILENT_S = 5.0
+"""Who has said nothing for so long may be replaced by somebody else."""
+_DEAD_MS = 10_000
+"""A TCP peer that acknowledges nothing for so long is gone: its power was cut, and it could not say good-bye."""
+_NOBODY = frozenset(
+    {
+        errno.ECONNREFUSED,
+        errno.ENETUNREACH,
+        errno.EHOSTUNREACH,
+        errno.EHOSTDOWN,
+        errno.ENETDOWN,
+        errno.EADDRNOTAVAIL,
+        errno.ENOBUFS,
+        errno.EPERM,
+    }
+)
+"""UDP to where nobody listens yet, or while the network is away; packets are lost, as radios lose them."""
 
 
 class Transport(Protocol):
@@ -64,8 +77,11 @@ def open_transport(address: Address) -> Transport:
         Nobody answers there.
     """
     if address.kind == "serial":
-        from link.serial_line import SerialLine
-
+        try:
+            from link.serial_line import SerialLine
+        except ImportError:
+            problem, remedy = "serial lines need Linux or macOS", "bridge it to udp: or tcp:"
+            raise InputError(Fault(problem, field="--connect", value=str(address), remedy=remedy)) from None
         return SerialLine(address)
     if address.kind == "tcp":
         return TcpClient(address)
@@ -119,7 +135,7 @@ class UdpSocket:
         known, now = self._routes.get(system), time.monotonic()
         if known is None and len(self._routes) >= _MAX_ROUTES:
             return
-        if known is None or known[0] == self._sender or now > known[1] + _ROUTE_S:
+        if known is None or known[0] == self._sender or now > known[1] + _SILENT_S:
             self._routes[system] = (self._sender, now)
 
     def write_to(self, system: int, data: bytes) -> None:
@@ -160,49 +176,60 @@ class TcpClient:
     """
 
     def __init__(self, address: Address) -> None:
-        self.address = address
         self._socket: socket.socket | None = None
+        self._dialled: socket.socket | None = None
         self._backlog = b""
-        self._tried_s = 0.0
-        problem = self._connect()
-        if problem is not None:
-            raise LinkLostError(f"cannot connect to {address}: {problem}; is the vehicle on?")
-
-    def _connect(self) -> str | None:
-        self._tried_s = time.monotonic()
         try:
-            made = socket.create_connection((self.address.host, self.address.port), timeout=_CONNECT_S)
+            made = socket.create_connection((address.host, address.port), timeout=_CONNECT_S)
         except OSError as error:
-            return error.strerror or str(error)
-        made.settimeout(0.0)
-        made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket, self._backlog = made, b""
-        return None
+            problem = f"cannot connect to {address}: {error.strerror or error}; is the vehicle on?"
+            raise LinkLostError(problem) from None
+        self._family, self._there = made.family, made.getpeername()
+        self._dialled_s = 0.0
+        self._take(made)
 
-    def _connected(self) -> socket.socket | None:
-        return self._socket
+    def _take(self, made: socket.socket) -> None:
+        _prepare(made)
+        self._socket, self._dialled, self._backlog = made, None, b""
 
     @property
     def up(self) -> bool:
         """Whether it is connected."""
         return self._socket is not None
 
+    def _dial(self, timeout_s: float) -> None:
+        """Connect again, without blocking for longer than asked."""
+        now = time.monotonic()
+        if self._dialled is None:
+            if now < self._dialled_s + _AGAIN_S:
+                time.sleep(min(timeout_s, self._dialled_s + _AGAIN_S - now))
+                return
+            self._dialled_s = now
+            self._dialled = socket.socket(self._family, socket.SOCK_STREAM)
+            self._dialled.settimeout(0.0)
+            self._dialled.connect_ex(self._there)
+        _, ready, _ = select.select([], [self._dialled], [], timeout_s)
+        if ready and self._dialled.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) == 0:
+            self._take(self._dialled)
+        elif ready or now > self._dialled_s + _CONNECT_S:
+            self._dialled.close()
+            self._dialled = None
+
     def read(self, timeout_s: float = 0.0) -> bytes:
         """What has come."""
         if self._socket is None:
-            if time.monotonic() < self._tried_s + _AGAIN_S:
-                time.sleep(min(timeout_s, 0.05))
-                return b""
-            if self._connect() is not None:
-                return b""
+            self._dial(timeout_s)
+            return b""
         self._flush()
-        connection = self._connected()
-        if connection is None:
+        return self._receive(timeout_s)
+
+    def _receive(self, timeout_s: float) -> bytes:
+        if self._socket is None:
             return b""
         if timeout_s > 0.0:
-            select.select([connection], [], [], timeout_s)
+            select.select([self._socket], [], [], timeout_s)
         try:
-            data = connection.recv(_READ_BYTES)
+            data = self._socket.recv(_READ_BYTES)
         except BlockingIOError:
             return b""
         except OSError:
@@ -232,15 +259,17 @@ class TcpClient:
         if self._socket is not None:
             self._socket.close()
         self._socket = None
-        self._tried_s = time.monotonic()
+        self._dialled_s = time.monotonic()
 
     def close(self) -> None:
         """Close."""
         self._drop()
+        if self._dialled is not None:
+            self._dialled.close()
 
 
 class TcpServer:
-    """A listening TCP port; one vehicle at a time, the newest."""
+    """A listening TCP port; one vehicle at a time, and nobody may push it off as long as it speaks."""
 
     def __init__(self, address: Address) -> None:
         family, target = _resolve(address, socket.SOCK_STREAM)
@@ -251,14 +280,19 @@ class TcpServer:
         self._listener.listen(1)
         self.port: int = self._listener.getsockname()[1]
         self._peer: socket.socket | None = None
+        self._heard_s = 0.0
 
     def read(self, timeout_s: float = 0.0) -> bytes:
         """What has come."""
         waiting = [self._listener] if self._peer is None else [self._listener, self._peer]
         ready, _, _ = select.select(waiting, [], [], timeout_s)
+        data = self._receive() if self._peer in ready else b""
         if self._listener in ready:
             self._accept()
-        if self._peer is None or self._peer not in ready:
+        return data
+
+    def _receive(self) -> bytes:
+        if self._peer is None:
             return b""
         try:
             data = self._peer.recv(_READ_BYTES)
@@ -268,6 +302,7 @@ class TcpServer:
             data = b""
         if not data:
             self._drop()
+        self._heard_s = time.monotonic()
         return data
 
     def _accept(self) -> None:
@@ -275,12 +310,12 @@ class TcpServer:
             peer, _ = self._listener.accept()
         except OSError:
             return
-        if self._peer is not None:
-            peer.close()  # who is connected stays: nobody else may push it off
+        if self._peer is not None and time.monotonic() < self._heard_s + _SILENT_S:
+            peer.close()
             return
-        peer.settimeout(0.0)
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._peer = peer
+        self._drop()
+        _prepare(peer)
+        self._peer, self._heard_s = peer, time.monotonic()
 
     def write(self, data: bytes) -> None:
         """Send; a peer that takes nothing any more is cut off."""
@@ -321,11 +356,8 @@ def _bind(listener: socket.socket, target: Any, address: Address) -> None:
         raise InputError(Fault(problem, field="--connect", value=str(address), remedy=remedy)) from None
 
 
-def read_fd(descriptor: int, timeout_s: float) -> bytes:
-    """Read a descriptor that does not block; empty for nothing."""
-    if timeout_s > 0.0:
-        select.select([descriptor], [], [], timeout_s)
-    try:
-        return os.read(descriptor, _READ_BYTES)
-    except BlockingIOError:
-        return b""
+def _prepare(stream: socket.socket) -> None:
+    stream.settimeout(0.0)
+    stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux; elsewhere the system's own, longer time
+        stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _DEAD_MS)

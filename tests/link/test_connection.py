@@ -1,19 +1,25 @@
 """Connections: strings as people write them, sockets, serial lines, several vehicles at once, coming back."""
 
+import contextlib
 import os
+import select
 import socket
+import threading
 import time
+import tty
 
 import pytest
 from sim_serving import free_port, served
 from wires import a_mission
 
+from link import transport
 from link.address import Address, parse_address
 from link.connection import Connection
 from link.exchange import RoundTrip
+from link.frames import FrameReader, FrameWriter
 from link.mavlink_vehicle import MavlinkVehicle
 from link.opening import open_connection
-from link.transport import TcpClient, UdpSocket, open_transport
+from link.transport import TcpClient, TcpServer, UdpSocket, open_transport
 from models.clock import WallClock
 from models.errors import InputError, LinkLostError
 
@@ -80,11 +86,105 @@ def test_tcp_without_a_vehicle_says_so():
         TcpClient(Address("tcp", "127.0.0.1", free_port(socket.SOCK_STREAM)))
 
 
-def test_a_vehicle_may_connect_to_us():
+def test_connecting_again_never_blocks_for_longer_than_asked():
+    """The other side's queue is full: a connection is neither made nor refused."""
+    there = socket.create_server(("127.0.0.1", 0), backlog=0)
+    client = TcpClient(Address("tcp", *there.getsockname()))
+    there.accept()[0].close()
+    waiting = [socket.socket() for _ in range(4)]
+    for other in waiting:
+        other.setblocking(False)
+        other.connect_ex(there.getsockname())
+    deadline = time.monotonic() + 1.6
+    while time.monotonic() < deadline:
+        begun = time.monotonic()
+        assert client.read(0.05) == b""
+        assert time.monotonic() - begun < 0.5
+    for one in (*waiting, client, there):
+        one.close()
+
+
+def test_a_vehicle_may_connect_to_us_go_and_come_back():
     port = free_port(socket.SOCK_STREAM)
     connection = open_connection(f"tcpin:127.0.0.1:{port}", record=None)
     with served(connect=(f"tcp:127.0.0.1:{port}",), autopilot="ardupilot"):
-        assert MavlinkVehicle(connection).upload(a_mission(5)).verified
+        craft = MavlinkVehicle(connection, 1)
+        assert craft.upload(a_mission(5)).verified
+    with served(connect=(f"tcp:127.0.0.1:{port}",), autopilot="ardupilot") as there:
+        heard = craft.peer.received
+        assert connection.wait(lambda: craft.peer.received > heard, 8.0)
+        assert craft.upload(a_mission(6)).verified
+        assert len(there.world.vehicles[1].autopilot.stores[0]) == 7
+    connection.close()
+
+
+def test_a_speaking_vehicle_is_not_pushed_off_and_a_silent_one_is_replaced(monkeypatch):
+    now = time.monotonic()
+    monkeypatch.setattr(transport.time, "monotonic", lambda: now)
+    server = TcpServer(Address("tcpin", "127.0.0.1", 0))
+    first, second, third = (socket.socket() for _ in range(3))
+    first.connect(("127.0.0.1", server.port))
+    first.sendall(b"first")
+    assert server.read(1.0) + server.read(1.0) == b"first"
+    second.connect(("127.0.0.1", server.port))
+    server.read(1.0)
+    server.write(b"answer")
+    assert (first.recv(10), second.recv(10)) == (b"answer", b"")
+    now += 6.0
+    third.connect(("127.0.0.1", server.port))
+    server.read(1.0)
+    server.write(b"again")
+    assert (first.recv(10), third.recv(10)) == (b"", b"again")
+    for one in (first, second, third, server):
+        one.close()
+
+
+class Distant:
+    """A vehicle on a UDP socket of its own."""
+
+    def __init__(self, port, system):
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.connect(("127.0.0.1", port))
+        self.socket.settimeout(0.2)
+        self.writer = FrameWriter(system, 1)
+
+    def beat(self):
+        self.socket.send(self.writer.frame("HEARTBEAT", {"type": 2, "autopilot": 12, "mavlink_version": 3}))
+
+    def heard(self):
+        """Names of the messages that came."""
+        names = []
+        with contextlib.suppress(TimeoutError):
+            while True:
+                for _, message in FrameReader().feed(self.socket.recv(300)):
+                    names.append(message.name)
+                self.socket.settimeout(0.05)
+        return names
+
+
+def test_each_of_several_vehicles_is_answered_at_its_own_address(monkeypatch):
+    connection = open_connection("udpin:127.0.0.1:0", record=None)
+    port = connection.transport.port
+    fleet = {system: Distant(port, system) for system in (1, 2, 3)}
+    for vehicle in fleet.values():
+        vehicle.beat()
+    assert connection.wait(lambda: len(connection.peers) == 3, 3.0)
+    connection.send("PARAM_REQUEST_LIST", 2, target_system=2)
+    assert [vehicle.heard().count("PARAM_REQUEST_LIST") for vehicle in fleet.values()] == [0, 1, 0]
+    liar, later = Distant(port, 2), time.monotonic() + 6.0
+    heard = connection.peers[2].received
+    liar.beat()
+    assert connection.wait(lambda: connection.peers[2].received > heard, 3.0)
+    connection.send("PARAM_REQUEST_LIST", 2, target_system=2)
+    assert "PARAM_REQUEST_LIST" in fleet[2].heard()  # nobody takes over an address that still speaks
+    assert liar.heard() == []
+    monkeypatch.setattr(transport.time, "monotonic", lambda: later)
+    liar.beat()
+    connection.pump(1.0)
+    connection.send("PARAM_REQUEST_LIST", 2, target_system=2)
+    assert "PARAM_REQUEST_LIST" in liar.heard()  # a vehicle behind a router that has got a new port
+    for one in (liar, *fleet.values()):
+        one.socket.close()
     connection.close()
 
 
@@ -95,17 +195,58 @@ def test_a_port_that_is_taken_is_named():
     first.close()
 
 
-def test_a_serial_line_is_read_and_written():
-    ours, theirs = os.openpty()
-    line = open_transport(Address("serial", os.ttyname(theirs), 57600))
-    connection = Connection(line, WallClock())
-    connection.pump(0.0)
-    assert os.read(ours, 100).startswith(b"\xfd")
-    os.write(ours, b"\xfd\x00hello")
-    assert line.read(1.0) == b"\xfd\x00hello"
-    connection.close()
-    os.close(ours)
-    os.close(theirs)
+class Radio:
+    """A serial line with a vehicle at its far end: a pty whose other side passes bytes to a TCP port and back."""
+
+    def __init__(self, link, where):
+        self.far, near = os.openpty()
+        tty.setraw(near)
+        link.unlink(missing_ok=True)
+        link.symlink_to(os.ttyname(near))
+        self._near = near
+        self._there = socket.create_connection(where)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._pass, daemon=True)
+        self._thread.start()
+
+    def _pass(self):
+        while not self._over.is_set():
+            ready, _, _ = select.select([self.far, self._there], [], [], 0.02)
+            if self.far in ready:
+                self._there.sendall(os.read(self.far, 4096))
+            if self._there in ready:
+                os.write(self.far, self._there.recv(4096))
+
+    def unplug(self):
+        self._over.set()
+        self._thread.join(2.0)
+        os.close(self._near)
+        os.close(self.far)
+        self._there.close()
+
+
+def test_a_mission_goes_over_a_serial_line_that_is_unplugged_and_plugged_in_again(tmp_path):
+    device = tmp_path / "ttyUSB0"
+    with served(tcp_port=0, autopilot="px4") as there:
+        vehicle = there.world.vehicles[1]
+        radio = Radio(device, there.where())
+        connection = Connection(open_transport(Address("serial", str(device), 57600)), WallClock())
+        craft = MavlinkVehicle(connection, 1)
+        assert craft.upload(a_mission(5)).verified
+        radio.unplug()
+        connection.run_for(0.3)
+        heard = craft.peer.received
+        radio = Radio(device, there.where())
+        assert connection.wait(lambda: craft.peer.received > heard, 8.0)
+        assert craft.upload(a_mission(7)).verified
+        assert len(vehicle.autopilot.stores[0]) == 7
+        connection.close()
+        radio.unplug()
+
+
+def test_a_baud_rate_that_no_line_has_is_refused_with_those_that_there_are():
+    with pytest.raises(InputError, match=r"no such baud rate.*57600"):
+        open_transport(Address("serial", "/dev/null", 57601))
 
 
 @pytest.mark.parametrize(
