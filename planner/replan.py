@@ -279,8 +279,11 @@ class GroundReplanner:
                 f"the new plan arrives {gain_s / S_PER_MIN:.1f} min earlier (margin {margin_s / S_PER_MIN:.1f} min)"
             )
             return self._named(kept, fresh, reason)
-        better = f"{gain_s / S_PER_MIN:+.1f} min of the best other plan are within the margin"
-        return _Candidate("continue", *kept, f"{better} of {margin_s / S_PER_MIN:.1f} min")
+        if fresh[0] == kept[0]:
+            return _Candidate("continue", *kept, "a new plan is the same")
+        gained = f"{abs(gain_s) / S_PER_MIN:.1f} min {'earlier' if gain_s > 0 else 'later'}"
+        reason = f"the best other plan arrives {gained}, a margin of {margin_s / S_PER_MIN:.1f} min is asked for"
+        return _Candidate("continue", *kept, reason)
 
     def _named(self, kept: tuple[Itinerary, Outcome], fresh: tuple[Itinerary, Outcome], reason: str) -> _Candidate:
         same = kept[0][0].segments == fresh[0][0].segments

@@ -163,7 +163,13 @@ class Journal:
         return InputError(Fault(f"the journal cannot be written: {error.strerror or error}", str(self.path)))
 
     def write(
-        self, state: str, event: str, reason: str | None = None, *, flight: int = 0, data: Mapping[str, Any] | None = None
+        self,
+        state: str,
+        event: str,
+        reason: str | None = None,
+        *,
+        flight: int = 0,
+        data: Mapping[str, Any] | None = None,
     ) -> Record:
         """Append a record; it is on the disk when this returns."""
         if self._file is None:

@@ -6,11 +6,14 @@ The pictures in the documentation are drawn from it (`mermaid`), and the supervi
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from models.errors import SkywayError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 
 class State(StrEnum):
@@ -106,13 +109,22 @@ TABLE: Mapping[State, Rule] = {
     ),
     _S.LOST_LINK: Rule(
         (
-            _S.FLYING, _S.DIVERTING, _S.LANDED, _S.HOLDING, _S.REPLANNING, _S.WAITING, _S.CHARGING, _S.PREFLIGHT,
-            _S.STOPPED, _S.LEFT, _S.DELIVERED,
+            _S.FLYING,
+            _S.DIVERTING,
+            _S.LANDED,
+            _S.HOLDING,
+            _S.REPLANNING,
+            _S.WAITING,
+            _S.CHARGING,
+            _S.PREFLIGHT,
+            _S.STOPPED,
+            _S.LEFT,
+            _S.DELIVERED,
         ),
         3600.0,
         _S.LEFT,
         "not heard: it does what its parameters say; nothing is commanded",
-    ),  # fmt: skip
+    ),
     _S.HOLDING: Rule(
         (_S.FLYING, _S.DIVERTING, _S.LANDED, _S.LOST_LINK, _S.STOPPED, _S.LEFT, _S.REPLANNING, _S.PREFLIGHT),
         math.inf,
@@ -147,7 +159,7 @@ def mermaid() -> str:
     """Draw the table as a Mermaid diagram."""
     name = {state: state.name.lower().replace("_", "") for state in State}
     lines = ["stateDiagram-v2", "    direction LR"]
-    lines += [f"    state \"{state}\" as {name[state]}" for state in State]
+    lines += [f'    state "{state}" as {name[state]}' for state in State]
     lines.append(f"    [*] --> {name[State.CONNECTING]}")
     for state, rule in TABLE.items():
         lines += [f"    {name[state]} --> {name[following]}" for following in rule.following]

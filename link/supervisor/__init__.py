@@ -1,0 +1,49 @@
+"""Supervision of a delivery: leg by leg, learning and replanning, journaled; the only part of `link` that plans.
+
+`Supervisor` takes a `Mandate` to its end over any `link.vehicle.Vehicle`; `states` is the table it goes by.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from link.supervisor.journal import Journal, Record, read_journal
+    from link.supervisor.machine import Supervisor
+    from link.supervisor.mandate import Mandate, Outcome
+    from link.supervisor.operators import NobodyThere, Operator, Scripted
+    from link.supervisor.states import State
+
+_HOMES = {
+    "Journal": "journal",
+    "Mandate": "mandate",
+    "NobodyThere": "operators",
+    "Operator": "operators",
+    "Outcome": "mandate",
+    "Record": "journal",
+    "Scripted": "operators",
+    "State": "states",
+    "Supervisor": "machine",
+    "read_journal": "journal",
+}
+
+__all__ = [
+    "Journal",
+    "Mandate",
+    "NobodyThere",
+    "Operator",
+    "Outcome",
+    "Record",
+    "Scripted",
+    "State",
+    "Supervisor",
+    "read_journal",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Import what is asked for, and no sooner."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'link.supervisor' has no attribute {name!r}")
+    return getattr(import_module(f"link.supervisor.{_HOMES[name]}"), name)

@@ -1,0 +1,389 @@
+"""What is done in the air: watch, learn, send the speed again, turn elsewhere; and find out where it has landed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from link.divert import Diversion, Refuge
+from link.supervisor.context import Turn
+from link.supervisor.legs import cross_track_m, turn_leg, with_places
+from link.supervisor.states import State
+from models.errors import InputError, LinkError
+from planner.replan import GroundReplanner
+from planner.replan_flight import Airborne, FlightReplanner
+
+if TYPE_CHECKING:
+    from link.seen import Change
+    from link.supervisor.context import After, Context
+    from models.telemetry import TelemetrySample
+    from planner.energy_belief import EnergyBelief
+    from planner.replan import Decision
+
+DECIDE_EVERY_S = 10.0
+LEARN_SOC = 0.04
+"""From so much charge used on, the energy of this very flight is counted in."""
+HOLDS_S = 20.0
+_WAY_MODES = ("mission", "takeoff")
+_DISARM_S = 60.0
+_GLITCH_S = 3.0
+
+
+def flying(ctx: Context) -> After:
+    """Watch a leg to its landing, deciding every ten seconds."""
+    leg = ctx.leg
+    if leg is None:
+        return State.HOLDING, "it flies, and which leg is not known"
+    ctx.request_telemetry()
+    _free_pad(ctx, leg.origin)
+    replanner = _replanner(ctx)
+    decided_s = ctx.now_s
+    while True:
+        check_changes(ctx, ctx.tick(), _WAY_MODES)
+        if landed(ctx):
+            return State.LANDED, "landed and disarmed"
+        if ctx.now_s < decided_s + DECIDE_EVERY_S or not _climbed(ctx):
+            continue
+        decided_s = ctx.now_s
+        decision = _decide(ctx, replanner)
+        if decision is None:
+            continue
+        after = _act(ctx, decision)
+        if after is not None:
+            return after
+
+
+def _free_pad(ctx: Context, station: str) -> None:
+    """Give the pad back that it has left."""
+    try:
+        ctx.pads.release(station, str(ctx.sample.system if ctx.sample is not None else 1))
+    except (LinkError, InputError) as error:
+        ctx.note("pad", f"the pad at {station} could not be given back: {error}")
+
+
+def _replanner(ctx: Context) -> FlightReplanner | None:
+    mandate = ctx.mandate
+    if mandate.replanning is None:
+        return None
+    ground = GroundReplanner(mandate.scenario, mandate.request, mandate.planner, mandate.replanning)
+    return FlightReplanner(ground)
+
+
+def landed(ctx: Context) -> bool:
+    """Whether the flight is over: disarmed, and on the ground as far as it tells."""
+    s = ctx.sample
+    return s is not None and s.armed == 0.0 and s.landed != 0.0
+
+
+def _climbed(ctx: Context) -> bool:
+    """Whether it cruises: not still climbing at the start, nor landing at the end."""
+    s = ctx.sample
+    return s is not None and s.height_m > 0.6 * ctx.mandate.scenario.rules.cruise_height_m and not _landing(ctx, s)
+
+
+def _landing(ctx: Context, s: TelemetrySample) -> bool:
+    if ctx.leg is None or ctx.place is None:
+        return False
+    end = ctx.leg.mission.way[-1]
+    return cross_track_m([end, end], s.lat_deg, s.lon_deg) < 30.0
+
+
+def check_changes(ctx: Context, changes: list[Change], own_modes: tuple[str, ...]) -> None:
+    """Stop commanding where something is not ours: a mode, a mission, arming or disarming in the air."""
+    for change in changes:
+        if change.ours:
+            continue
+        if change.what == "mode" and change.after not in own_modes and not landed(ctx):
+            if not _lasts(ctx, change.after):
+                continue
+            said = "; ".join(ctx.vehicle.texts()[-2:])
+            words = f"; it said: {said}" if said else ""
+            raise Turn(State.HOLDING, f"mode {change.after}, which we did not command{words}")
+        if change.what == "mission" and ctx.in_air:
+            raise Turn(State.HOLDING, f"its mission was changed by somebody else ({change.before} to {change.after})")
+        if change.what == "boot" and ctx.in_air:
+            raise Turn(State.HOLDING, "the autopilot restarted in the air")
+
+
+def _lasts(ctx: Context, mode: str) -> bool:
+    """Whether it is still in that mode, or already on the ground: the end of a mission also changes it."""
+    return ctx.vehicle.mode == mode and not landed(ctx) and ctx.in_air
+
+
+# Deciding
+
+
+def airborne(ctx: Context) -> Airborne | None:
+    """What is known of the flight; None while the position or the charge is not."""
+    leg, place = ctx.leg, ctx.place
+    if leg is None or place is None or not math.isfinite(ctx.soc):
+        return None
+    return Airborne(
+        here=place,
+        time_s=ctx.now_s,
+        soc=ctx.soc,
+        via=_ahead(ctx),
+        destination=leg.destination,
+        commanded_mps=leg.commanded_mps,
+        diverts=tuple(dict.fromkeys((*leg.diverts, leg.origin, *leg.via))),
+        visited=frozenset(ctx.visited),
+        rest=ctx.plan,
+    )
+
+
+def _ahead(ctx: Context) -> tuple[str, ...]:
+    """Stations of the leg that are still to be overflown: by how far along its way the vehicle is."""
+    leg = ctx.leg
+    if leg is None or ctx.place is None or not leg.via:
+        return ()
+    way = leg.mission.way
+    distances = [cross_track_m(way[k : k + 2], *ctx.place) for k in range(len(way) - 1)]
+    piece = min(range(len(distances)), key=lambda k: distances[k])
+    return leg.via[piece:] if len(way) == len(leg.via) + 2 else ()
+
+
+def belief_now(ctx: Context) -> EnergyBelief:
+    """How much energy flights take, this one so far counted in."""
+    leg = ctx.leg
+    belief = ctx.belief.next_flight()
+    if leg is None or not math.isfinite(leg.soc_start):
+        return belief
+    used, expected = leg.soc_start - ctx.soc, leg.modelled_fixed + leg.modelled_per_s * (ctx.now_s - leg.start_s)
+    return belief.learnt(used, expected) if used > LEARN_SOC else belief
+
+
+def _decide(ctx: Context, replanner: FlightReplanner | None) -> Decision | None:
+    known = airborne(ctx)
+    if replanner is None or known is None:
+        return None
+    decision = replanner.decide(known, ctx.wind.forecast(ctx.now_s), belief_now(ctx))
+    _outlook(ctx, decision.figures)
+    if decision.action != "continue":
+        estimate = ctx.wind.estimate
+        wind = {} if estimate is None else {"wind_sigma_mps": estimate.sigma_mps, "wind_source": estimate.source}
+        ctx.note("decision", decision.reason, action=decision.action, where="flight", **dict(decision.figures), **wind)
+        ctx.tell(f"{decision.action}: {decision.reason}")
+    return decision
+
+
+def _outlook(ctx: Context, figures: Any) -> None:
+    """Keep expected against actual for the view and the track."""
+    leg = ctx.leg
+    if leg is None or ctx.place is None:
+        return
+    elapsed = ctx.now_s - leg.start_s
+    ctx.outlook = {
+        "destination": leg.destination,
+        "left_s": figures.get("left_s"),
+        "late_s": elapsed + float(figures.get("left_s", math.nan)) - leg.planned_s,
+        "soc_land": figures.get("soc_land"),
+        "planned_soc_land": leg.planned_soc,
+        "p_below_reserve": figures.get("p_below_reserve"),
+        "cross_track_m": cross_track_m(leg.mission.way, *ctx.place),
+        "commanded_mps": leg.commanded_mps,
+        "believed_north_mps": figures.get("wind_north_mps"),
+        "believed_east_mps": figures.get("wind_east_mps"),
+        "energy_factor": figures.get("energy_factor"),
+    }
+
+
+def _act(ctx: Context, decision: Decision) -> After | None:
+    """Do what was decided; None flies on."""
+    leg = ctx.leg
+    if leg is None:
+        return None
+    if decision.action == "speed" and decision.speed_mps is not None:
+        try:
+            ctx.vehicle.change_speed(decision.speed_mps)
+        except LinkError as error:
+            ctx.note("speed", f"not taken over: {error}")
+        else:
+            leg.commanded_mps = decision.speed_mps
+        return None
+    if decision.action == "station" and decision.station is not None:
+        if decision.composition is not None:
+            ctx.plan = with_places(decision.composition, ctx.mandate.scenario, [decision.station])
+            ctx.note_plan(decision.reason)
+        after = _turn(ctx, decision.station, State.FLYING)
+        return None if after[0] is State.FLYING else after
+    if decision.action == "divert" and decision.station is not None:
+        ctx.divert_to, ctx.turned = decision.station, False
+        return State.DIVERTING, f"to {decision.station}: {decision.reason}"
+    if decision.action == "land":
+        ctx.divert_to, ctx.turned = None, False
+        _intend(ctx, None)
+        return State.DIVERTING, decision.reason
+    return None
+
+
+def _intend(ctx: Context, station: str | None) -> None:
+    """Keep in the leg where it is going now: the last thing on disk before it is commanded."""
+    leg = ctx.leg
+    if leg is None:
+        return
+    ctx.leg = replace(leg, destination=station or "here", via=(), last=False)
+    ctx.note("turn", f"turns to {station}" if station else "lands here", destination=station, begun=True)
+
+
+# Going elsewhere
+
+
+def diverting(ctx: Context) -> After:
+    """Go to the divert station by a new mission, or where that is not verified by reposition; watch it land."""
+    if ctx.divert_to is None:
+        return _land_here(ctx)
+    if not ctx.turned:
+        after = _turn(ctx, ctx.divert_to, State.DIVERTING)
+        if after[0] is not State.DIVERTING:
+            return after
+    while True:
+        check_changes(ctx, ctx.tick(), _WAY_MODES)
+        _watch(ctx)
+        if landed(ctx):
+            return State.LANDED, "landed and disarmed after a divert"
+
+
+def _watch(ctx: Context) -> None:
+    """Keep expected against actual up to date, deciding nothing any more."""
+    known = airborne(ctx)
+    if known is None or not _climbed(ctx) or ctx.leg is None or ctx.leg.destination == "here":
+        return
+    ground = GroundReplanner(ctx.mandate.scenario, ctx.mandate.request, ctx.mandate.planner)
+    reach = ground.reach(ctx.wind.forecast(ctx.now_s), belief_now(ctx))
+    way = reach.way(known.here, known.via, known.destination)
+    flight = reach.along(way, known.time_s)[:, -1] - known.time_s + reach.rules.descent_s
+    soc_land = known.soc - float(reach.expected(reach.energy(flight))) * reach.belief.factor
+    _outlook(ctx, {"left_s": float(reach.expected(flight)), "soc_land": soc_land})
+
+
+def _turn(ctx: Context, station: str, state: State) -> After:
+    """Change the mission in flight so that it lands at another station."""
+    leg, s = ctx.leg, ctx.sample
+    if leg is None or s is None or ctx.place is None or ctx.plan is None:
+        return State.HOLDING, "it cannot be turned: where it is is not known"
+    _intend(ctx, station)
+    plan = with_places(ctx.plan, ctx.mandate.scenario, [station])
+    last = station == ctx.mandate.request.destination
+    home_ground = s.alt_msl_m - s.height_m
+    here = (*ctx.place, s.height_m)
+    mission = turn_leg(
+        plan, station, here, home_ground, leg.commanded_mps, ctx.vehicle.family.name, ctx.mandate.options, last=last
+    )
+    try:
+        outcome = ctx.vehicle.change_in_flight(mission.document.mission, 0)
+    except LinkError as error:
+        ctx.note("turn", f"not by a mission: {error}", verified=False)
+        return _reposition(ctx, station, plan, here, home_ground)
+    ctx.note("upload", str(outcome), part="mission", verified=outcome.verified, attempts=outcome.attempts)
+    if not outcome.verified:
+        return _reposition(ctx, station, plan, here, home_ground)
+    ctx.vehicle.changes()
+    ctx.leg = replace(leg, destination=station, via=(), mission=mission, last=last)
+    ctx.outlook, ctx.turned = {}, True
+    ctx.note("turn", f"turned to {station}", destination=station, begun=False)
+    return state, f"turned to {station}"
+
+
+def _reposition(ctx: Context, station: str, plan: Any, here: tuple[float, float, float], home_ground: float) -> After:
+    """Fly to a station by reposition or GUIDED and land there."""
+    place = plan.stations[station]
+    top = (place.elevation_m or home_ground) + ctx.mandate.scenario.rules.cruise_height_m - home_ground
+    diversion = Diversion(ctx.vehicle, Refuge(place.lat, place.lon, max(top, here[2])))
+    try:
+        diversion.begin()
+        while not diversion.state.over:
+            ctx.tick()
+            if ctx.sample is not None:
+                diversion.hear(ctx.sample)
+    except LinkError as error:
+        return State.HOLDING, f"it could not be turned to {station}: {error}"
+    if landed(ctx):
+        return State.LANDED, f"landed by reposition at {station}"
+    return State.HOLDING, f"the divert to {station} by reposition ended: {diversion.reason}"
+
+
+def _land_here(ctx: Context) -> After:
+    """Land where it is."""
+    try:
+        ctx.vehicle.land()
+    except LinkError as error:
+        ctx.note("turn", f"landing was not taken over: {error}")
+    while True:
+        check_changes(ctx, ctx.tick(), ("land", "mission"))
+        if landed(ctx):
+            return State.LANDED, "landed where it was"
+
+
+# Down
+
+
+def after_landing(ctx: Context) -> After:
+    """Find out where it stands, learn what the flight took, and go on from there."""
+    leg = ctx.leg
+    ctx.wait(3.0)
+    if ctx.in_air:
+        return State.HOLDING, "it is in the air again"
+    ctx.request_telemetry()
+    station = ctx.here_station()
+    ctx.station = station
+    flown = leg is not None and math.isfinite(leg.soc_start) and leg.origin != station
+    if leg is not None and flown:
+        _learn(ctx)
+    where = station or ("at an unknown place" if ctx.place is None else f"at {ctx.place[0]:.5f}, {ctx.place[1]:.5f}")
+    planned = leg is not None and station == leg.destination
+    ctx.note(
+        "landed", f"at {where} with {100 * ctx.soc:.0f} %", soc=ctx.soc, planned=planned,
+        planned_soc=math.nan if leg is None else leg.planned_soc,
+        planned_s=math.nan if leg is None else leg.planned_s,
+        flight_s=math.nan if leg is None else ctx.now_s - leg.start_s, **ctx.standing(),
+    )  # fmt: skip
+    ctx.tell(f"landed at {where} with {100 * ctx.soc:.0f} %")
+    if station is None:
+        return State.ENDED_ELSEWHERE, f"it stands disarmed at {where}, away from any station"
+    ctx.visited.add(station)
+    if station == ctx.mandate.request.destination:
+        return _deliver(ctx)
+    if ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].destination == station:
+        rest = ctx.plan.services[1:]
+        ctx.plan = replace(ctx.plan, services=rest, origin=station) if rest else None
+    elif not (ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].origin == station):
+        ctx.plan = None
+    ctx.leg, ctx.outlook = None, {}
+    if ctx.stop_after_leg:
+        return State.STOPPED, f"the operator asked to stay; it stands disarmed at {station}"
+    return State.REPLANNING, f"at {station}"
+
+
+def _learn(ctx: Context) -> None:
+    """Learn the energy factor from the whole flight."""
+    leg = ctx.leg
+    if leg is None:
+        return
+    used, expected = leg.soc_start - ctx.soc, leg.modelled_fixed + leg.modelled_per_s * (ctx.now_s - leg.start_s)
+    if used > LEARN_SOC:
+        ctx.belief = ctx.belief.next_flight().learnt(used, expected)
+        reason = f"the flight took {100 * used:.0f} %, the model says {100 * expected:.0f} % for its time"
+        ctx.note(
+            "energy", reason, used_soc=used, modelled_soc=expected, factor=ctx.belief.factor, sigma=ctx.belief.sigma
+        )
+
+
+def _deliver(ctx: Context) -> After:
+    """The package is released, by the gripper or by a person who says so."""
+    destination = ctx.mandate.request.destination
+    if ctx.mandate.options.release == "gripper":
+        try:
+            ctx.vehicle.release()
+        except LinkError as error:
+            ctx.note("release", f"the gripper was not opened: {error}")
+            return State.STOPPED, f"at {destination}, but the package is not released: {error}"
+        ctx.note("release", "the gripper is open")
+        return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.soc:.0f} %"
+    if ctx.operator.present:
+        from link.supervisor.ground import ctx_answer
+
+        ctx.operator.ask(f"is the package taken off at {destination}? done")
+        ctx_answer(ctx, ("done",))
+    ctx.note("release", "by a person")
+    return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.soc:.0f} %"

@@ -1,0 +1,307 @@
+"""Meeting the vehicle: at the beginning, after a crash of the program, after a lost link, and while somebody else has control."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from link.supervisor.context import Leg, Turn
+from link.supervisor.ground import make_leg
+from link.supervisor.states import IN_AIR, State
+from link.supervisor.wind_book import observations_of
+from models.composition_file import from_json
+from models.errors import InputError, LinkError
+from planner.energy_belief import EnergyBelief
+from planner.replan import GroundReplanner
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from link.supervisor.context import After, Context
+    from link.supervisor.journal import Record
+
+KNOWN_S = 45.0
+"""So long we wait for position, charge and whether it is armed."""
+SETTLE_S = 90.0
+"""Armed on the ground, it either takes off or disarms within this time."""
+BACK_S = 3.0
+WORDS = "go, land, leave"
+
+
+def connecting(ctx: Context) -> After:
+    """Meet it for the first time: it must stand disarmed where the plan begins."""
+    _meet(ctx)
+    who = ctx.vehicle.identify()
+    ctx.uid, ctx.reboots = who.uid, ctx.vehicle.reboots
+    ctx.note("vehicle", str(who), system=who.system, autopilot=who.autopilot, uid=who.uid)
+    ctx.tell(str(who))
+    if not ctx.on_ground:
+        return State.STOPPED if not ctx.in_air else State.HOLDING, "the vehicle does not stand disarmed on the ground"
+    ctx.station = ctx.here_station()
+    origin = ctx.mandate.composition.origin
+    if ctx.station != origin:
+        return State.STOPPED, f"the vehicle stands at {ctx.station or 'no station'}, and the plan begins at {origin}"
+    ctx.plan = ctx.mandate.composition
+    ctx.visited.add(origin)
+    ctx.note_plan("the plan as given")
+    return State.REPLANNING, f"at {origin} with {100 * ctx.soc:.0f} %"
+
+
+def _meet(ctx: Context) -> None:
+    """Wait until position, charge, and whether it is armed and landed are known."""
+    ctx.request_telemetry()
+    end = ctx.clock.now_s() + KNOWN_S
+    asked = ctx.clock.now_s()
+    while ctx.clock.now_s() < end:
+        ctx.tick()
+        s = ctx.sample
+        if s is not None and ctx.place is not None and all(map(math.isfinite, (s.armed, s.landed, s.soc))):
+            return
+        if ctx.clock.now_s() > asked + 10.0:
+            asked = ctx.clock.now_s()
+            ctx.request_telemetry()
+    s = ctx.sample
+    lacking = ["position"] if ctx.place is None else []
+    if s is None or not math.isfinite(s.soc):
+        lacking.append("state of charge")
+    if s is None or not math.isfinite(s.armed + s.landed):
+        lacking.append("whether it is armed and landed")
+    raise Turn(State.STOPPED, f"the vehicle does not tell its {', its '.join(lacking)}")
+
+
+# After a crash of the program
+
+
+def restore(ctx: Context, records: Sequence[Record]) -> None:
+    """Bring back what the journal knows: plan, place, energy, wind, and the leg under way."""
+    ctx.flight = max(record.flight for record in records)
+    for record in records:
+        data = record.data
+        if record.event == "vehicle":
+            ctx.uid = int(data.get("uid") or 0)
+        if record.event == "plan" and data.get("plan") is not None:
+            ctx.plan = from_json(data["plan"], file="journal")
+        if record.event in ("plan", "leg", "landed"):
+            _restore_standing(ctx, data)
+        if record.event == "leg":
+            ctx.leg, ctx.divert_to, ctx.turned = _restore_leg(ctx, data, record.time_s), None, False
+        elif record.event == "turn" and ctx.leg is not None and data.get("destination"):
+            ctx.divert_to, ctx.turned = str(data["destination"]), not data.get("begun")
+        elif record.event == "landed":
+            ctx.leg, ctx.divert_to, ctx.turned = None, None, False
+            _restore_progress(ctx, data)
+
+
+def _restore_standing(ctx: Context, data: dict[str, Any]) -> None:
+    ctx.station = data.get("station") or ctx.station
+    ctx.visited = set(data.get("visited", ()))
+    belief = data.get("belief")
+    if belief:
+        ctx.belief = EnergyBelief(float(belief["factor"]), float(belief["sigma"]))
+    ctx.diverts = tuple(data.get("diverts", ()))
+    ctx.charge_to = data.get("charge_to")
+    ctx.asked_once = bool(data.get("asked_once"))
+    ctx.wind.earlier = observations_of(data.get("observations", ()))
+
+
+def _restore_progress(ctx: Context, data: dict[str, Any]) -> None:
+    """Take the flown leg from the plan; a later plan in the journal replaces it anyway."""
+    station = data.get("station")
+    if ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].destination == station:
+        rest = ctx.plan.services[1:]
+        ctx.plan = replace(ctx.plan, services=rest, origin=str(station)) if rest else None
+    elif not (ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].origin == station):
+        ctx.plan = None
+
+
+def _restore_leg(ctx: Context, data: dict[str, Any], time_s: float) -> Leg | None:
+    """Make the leg under way again from what was written before its take-off."""
+    if ctx.plan is None or not ctx.plan.services:
+        return None
+    try:
+        _, mission = make_leg(ctx)
+    except (InputError, Turn):
+        return None
+    mandate = ctx.mandate
+    reach = GroundReplanner(mandate.scenario, mandate.request, mandate.planner).reach(mandate.forecast, ctx.belief)
+    soc, planned_s, planned_soc = (_number(data.get(key)) for key in ("soc", "planned_s", "planned_soc"))
+    return Leg(
+        origin=str(data["origin"]),
+        destination=str(data["destination"]),
+        via=tuple(data.get("via", ())),
+        diverts=tuple(data.get("diverts", ())),
+        mission=mission,
+        commanded_mps=_number(data.get("ground_speed_mps")),
+        start_s=time_s,
+        soc_start=soc,
+        planned_s=planned_s,
+        planned_soc=planned_soc,
+        modelled_per_s=reach.soc_per_s,
+        modelled_fixed=reach.soc_climb - reach.soc_per_s * reach.rules.climb_s,
+        last=bool(data.get("last")),
+    )
+
+
+def _number(value: Any) -> float:
+    return math.nan if value is None else float(value)
+
+
+def resuming(ctx: Context) -> After:
+    """Find the vehicle where it is, and go on from there: never upload or start what was flown already."""
+    _meet(ctx)
+    who = ctx.vehicle.identify()
+    ctx.reboots = ctx.vehicle.reboots
+    if ctx.uid and who.uid and who.uid != ctx.uid:
+        return State.STOPPED, f"{who} is not the vehicle of this journal"
+    ctx.note("resume", f"found {who} {'in the air' if ctx.in_air else 'on the ground'}", mode=ctx.vehicle.mode)
+    return take_up(ctx)
+
+
+def take_up(ctx: Context) -> After:
+    """Tell from the vehicle itself where the delivery stands."""
+    if not ctx.on_ground and not ctx.in_air:
+        _settle(ctx)
+    if ctx.in_air:
+        return _in_the_air(ctx)
+    if not ctx.on_ground:
+        return State.HOLDING, "it is armed on the ground, and not by us"
+    station, leg = ctx.here_station(), ctx.leg
+    if leg is not None and station != leg.origin:
+        return State.LANDED, f"flight {ctx.flight} has ended while nobody watched"
+    if leg is not None:
+        ctx.leg = None
+        ctx.note("start", f"the flight from {leg.origin} was not begun")
+    ctx.station = station
+    if station is None or station == ctx.mandate.request.destination:
+        return State.LANDED, f"it stands at {station or 'no station'}"
+    if ctx.plan is None or not ctx.plan.services or ctx.plan.services[0].origin != station:
+        ctx.plan = None
+    return State.REPLANNING, f"at {station} with {100 * ctx.soc:.0f} %"
+
+
+def _settle(ctx: Context) -> None:
+    """Wait for a vehicle that is armed on the ground to take off or to disarm; disarm it if it does neither."""
+    end = ctx.clock.now_s() + SETTLE_S
+    while ctx.clock.now_s() < end and not ctx.on_ground and not ctx.in_air:
+        ctx.tick()
+    if not ctx.on_ground and not ctx.in_air:
+        try:
+            ctx.vehicle.disarm()
+        except LinkError as error:
+            ctx.note("start", str(error))
+        ctx.wait(3.0)
+
+
+def _in_the_air(ctx: Context) -> After:
+    """Go on with a flight where the vehicle flies what we gave it."""
+    leg = ctx.leg
+    if leg is None or ctx.plan is None:
+        return State.HOLDING, "it is in the air, and not on a leg of this delivery"
+    mode = ctx.vehicle.mode
+    if ctx.divert_to is not None and not ctx.turned:
+        if mode in ("mission", "hold", "guided"):
+            return State.DIVERTING, f"the turn to {ctx.divert_to} was not finished"
+        return State.HOLDING, f"it is in mode {mode}, which we did not command"
+    if mode not in ("mission", "takeoff"):
+        return State.HOLDING, f"it is in mode {mode}, which we did not command"
+    if ctx.divert_to is not None:
+        return State.DIVERTING, f"on its way to {ctx.divert_to}"
+    try:
+        differences = ctx.vehicle.verify(leg.mission.document.mission)
+    except LinkError as error:
+        raise Turn(State.HOLDING, f"it could not be told whether it flies our mission: {error}") from None
+    if differences:
+        return State.HOLDING, f"it flies another mission than ours: {differences[0]}"
+    return State.FLYING, f"on its way to {leg.destination}"
+
+
+# A lost link
+
+
+def lost_link(ctx: Context) -> After:
+    """Listen until it is heard again, then find it where it is."""
+    before = ctx.before
+    ctx.tell(f"link lost; {ctx.left_words}" if before in IN_AIR else "link lost")
+    begun = ctx.clock.now_s()
+    while True:
+        ctx.tick()
+        if ctx.vehicle.silent_s < BACK_S:
+            break
+    gone_s = ctx.clock.now_s() - begun
+    ctx.note("link", f"heard again after {gone_s:.0f} s", gone_s=gone_s)
+    ctx.tell(f"link back after {gone_s:.0f} s")
+    ctx.request_telemetry()
+    ctx.wait(3.0)
+    if before is State.HOLDING:
+        return State.HOLDING, "heard again; somebody else has had control"
+    if before is State.CONNECTING:
+        return State.STOPPED, "it was lost before it was known where it stands: begin anew"
+    return take_up(ctx)
+
+
+# Somebody else has control
+
+
+def holding(ctx: Context) -> After:
+    """Command nothing; watch, record, and go on only on the operator's word."""
+    ctx.words.clear()
+    if ctx.operator.present:
+        ctx.operator.ask(f"nothing is commanded any more; say {WORDS} when it is ours again")
+    else:
+        ctx.tell("nothing is commanded any more; nobody is there to give the word")
+    ground_s = math.nan
+    while True:
+        ctx.tick()
+        if ctx.words:
+            after = _word(ctx, ctx.words.pop(0))
+            if after is not None:
+                return after
+        if ctx.operator.present:
+            continue
+        ground_s = (ctx.clock.now_s() if math.isnan(ground_s) else ground_s) if ctx.on_ground else math.nan
+        if ctx.clock.now_s() - ground_s > 30.0:
+            place = ctx.here_station() or "no station"
+            return State.STOPPED, f"somebody else has landed it at {place}; nobody is there to give the word"
+
+
+def _word(ctx: Context, word: str) -> After | None:
+    ctx.note("operator", f"said {word}")
+    if word == "leave":
+        return State.LEFT, f"left by the operator's word; {ctx.left_words}"
+    if word == "land" and ctx.in_air:
+        ctx.divert_to, ctx.turned = None, False
+        return State.DIVERTING, "the operator wants it to land here"
+    if word == "go":
+        return _go_on(ctx)
+    ctx.operator.ask(f"please say {WORDS}")
+    return None
+
+
+def _restored_turn(ctx: Context) -> bool:
+    """Whether it was turned before the program was begun anew: then its mission is not the leg's, and is not known here."""
+    return ctx.turned and ctx.leg is not None and ctx.leg.destination != ctx.divert_to
+
+
+def _go_on(ctx: Context) -> After | None:
+    """Take the vehicle over again by the operator's word."""
+    ctx.vehicle.changes()
+    if ctx.on_ground:
+        return take_up(ctx)
+    leg = ctx.leg
+    if not ctx.in_air or leg is None or ctx.plan is None:
+        ctx.operator.ask("it is not on a leg of this delivery; land it, then say go")
+        return None
+    try:
+        if not _restored_turn(ctx) and ctx.vehicle.verify(leg.mission.document.mission):
+            outcome = ctx.vehicle.upload(leg.mission.document.mission)
+            if not outcome.verified:
+                ctx.operator.ask(f"its mission is not ours and could not be sent anew ({outcome}); say {WORDS}")
+                return None
+        ctx.vehicle.resume()
+        ctx.wait(3.0)
+    except LinkError as error:
+        ctx.operator.ask(f"it cannot be taken over: {error}; say {WORDS}")
+        return None
+    ctx.vehicle.changes()
+    return (State.DIVERTING if ctx.divert_to is not None else State.FLYING), "ours again, by the operator's word"

@@ -1,0 +1,335 @@
+"""What all states of a supervised delivery share: the vehicle, the clock, the journal, what is known, and the passing of time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from link.supervisor.legs import station_at
+from link.supervisor.states import IN_AIR, TABLE, State
+from models.composition_file import to_json
+from models.services import Place
+from planner.energy_belief import EnergyBelief
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from link.seen import Change
+    from link.supervisor.journal import Journal, Record
+    from link.supervisor.legs import LegMission
+    from link.supervisor.mandate import Mandate
+    from link.supervisor.operators import Operator
+    from link.supervisor.wind_book import WindBook
+    from link.vehicle import Vehicle
+    from models.clock import Clock
+    from models.pad_service import PadService
+    from models.services import Composition
+    from models.telemetry import TelemetrySample
+
+After = tuple[State, str]
+"""The next state, and why."""
+TICK_S = 1.0
+SILENT_S = 5.0
+"""Not heard for so long, the link is lost."""
+AT_STATION_M = 60.0
+TRACK_EVERY_S, GROUND_TRACK_EVERY_S = 5.0, 120.0
+FLYING_RATES: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 1.0, 2: 1.0, 168: 1.0}
+GROUND_RATES: Mapping[int, float] = {30: 1.0, 33: 1.0, 74: 0.5, 1: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 0.2}
+"""Messages a second on the ground, where nothing moves for hours."""
+
+
+class Turn(Exception):  # noqa: N818  not an error: the next state, from wherever in a state it is found out
+    """The delivery goes to another state, from the midst of what it is doing."""
+
+    def __init__(self, state: State, reason: str, **data: Any) -> None:
+        super().__init__(reason)
+        self.state, self.reason, self.data = state, reason, data
+
+
+@dataclass(slots=True)
+class Leg:
+    """The leg under way.
+
+    Attributes
+    ----------
+    origin, destination : str
+        Station ids; the origin is None for one begun in the air.
+    via : tuple of str
+        Stations overflown.
+    diverts : tuple of str
+        Stations inside its fence that it may go to instead.
+    mission : LegMission
+        What the vehicle flies.
+    commanded_mps : float
+        Ground speed it was last told.
+    start_s, soc_start, planned_s, planned_soc : float
+        Take-off and charge then; planned flight time and charge at the landing.
+    modelled_per_s, modelled_fixed : float
+        Charge by the model: a second of cruise, and climb and descent.
+    """
+
+    origin: str
+    destination: str
+    via: tuple[str, ...]
+    diverts: tuple[str, ...]
+    mission: LegMission
+    commanded_mps: float
+    start_s: float = math.nan
+    soc_start: float = math.nan
+    planned_s: float = math.nan
+    planned_soc: float = math.nan
+    modelled_per_s: float = math.nan
+    modelled_fixed: float = 0.0
+    last: bool = False
+
+
+@dataclass(slots=True)
+class Context:
+    """A delivery under way.
+
+    Attributes
+    ----------
+    plan : Composition or None
+        From where the vehicle stands, or from the leg under way, on.
+    station : str or None
+        Where it stands; None in the air and away from stations.
+    flight : int
+        Flights begun.
+    visited : set of str
+        Stations landed at.
+    charge_to : float or None
+        Charge to leave with.
+    entered_s : float
+        When the present state began.
+    before : State
+        The state before a lost link or a hold.
+    divert_to : str or None
+        Station of a divert under way; None lands here.
+    turned : bool
+        The vehicle holds the mission of that divert.
+    stop_after_leg : bool
+        The operator wants it to stay at the next landing.
+    """
+
+    vehicle: Vehicle
+    clock: Clock
+    journal: Journal
+    pads: PadService
+    operator: Operator
+    mandate: Mandate
+    wind: WindBook
+    on_tick: Callable[[Context], None] | None = None
+    state: State = State.CONNECTING
+    before: State = State.CONNECTING
+    entered_s: float = 0.0
+    plan: Composition | None = None
+    leg: Leg | None = None
+    station: str | None = None
+    flight: int = 0
+    visited: set[str] = field(default_factory=set)
+    diverts: tuple[str, ...] = ()
+    unusable: dict[str, float] = field(default_factory=dict)
+    charge_to: float | None = None
+    charged: bool = False
+    belief: EnergyBelief = field(default_factory=EnergyBelief)
+    failsafes: dict[str, float] = field(default_factory=dict)
+    sample: TelemetrySample | None = None
+    soc: float = math.nan
+    soc_source: str = "unknown"
+    uid: int = 0
+    asked_once: bool = False
+    stop_after_leg: bool = False
+    divert_to: str | None = None
+    turned: bool = False
+    outlook: dict[str, Any] = field(default_factory=dict)
+    reboots: int = 0
+    interrupts: int = 0
+    words: list[str] = field(default_factory=list)
+    tracked_s: float = -math.inf
+    samples: int = 0
+
+    # Time
+
+    @property
+    def now_s(self) -> float:
+        """POSIX seconds."""
+        return self.clock.posix_s()
+
+    def tick(self, duration_s: float = TICK_S) -> list[Change]:
+        """Let time pass, listening; whatever takes the delivery to another state is raised as a `Turn`.
+
+        Returns
+        -------
+        list of Change
+            What became different about the vehicle.
+        """
+        for sample in self.vehicle.samples(duration_s):
+            self.samples += 1
+            self.sample = sample
+            if math.isfinite(sample.soc):
+                self.soc, self.soc_source = sample.soc, "the vehicle"
+            self.wind.hear(sample)
+        changes = self.vehicle.changes()
+        for change in changes:
+            self.note(
+                "change", str(change), what=change.what, before=change.before, after=change.after, ours=change.ours
+            )
+        self._after_reboot()
+        self._listen()
+        self._track()
+        if self.on_tick is not None:
+            self.on_tick(self)
+        if self.state is not State.LOST_LINK and self.vehicle.silent_s > SILENT_S:
+            raise Turn(State.LOST_LINK, f"nothing was heard of the vehicle for {self.vehicle.silent_s:.0f} s")
+        rule = TABLE[self.state]
+        if rule.overdue is not None and self.clock.now_s() - self.entered_s > rule.longest_s:
+            raise Turn(rule.overdue, f"{self.state} has lasted longer than {rule.longest_s / 60:.0f} min")
+        return changes
+
+    def wait(self, duration_s: float) -> None:
+        """Let some time pass."""
+        end = self.clock.now_s() + duration_s
+        while (left := end - self.clock.now_s()) > 1e-6:
+            self.tick(min(left, TICK_S))
+
+    def _after_reboot(self) -> None:
+        """A vehicle that has restarted is asked for its telemetry anew."""
+        if self.vehicle.reboots == self.reboots:
+            return
+        self.reboots = self.vehicle.reboots
+        self.note("reboot", "the vehicle has restarted: identified, checked and uploaded anew before it flies again")
+        self.request_telemetry()
+
+    def request_telemetry(self) -> None:
+        """Ask for the messages of the state we are in."""
+        from models.errors import LinkError
+
+        try:
+            self.vehicle.request_telemetry(FLYING_RATES if self.state in IN_AIR or self.in_air else GROUND_RATES)
+        except LinkError as error:
+            self.note("link", f"telemetry could not be asked for: {error}")
+
+    def _listen(self) -> None:
+        """Take what the operator says at any time."""
+        word = self.operator.heard()
+        if word:
+            self.words.append(word.strip().lower())
+        if self.operator.interrupts > self.interrupts:
+            first = not self.stop_after_leg
+            self.interrupts = self.operator.interrupts
+            if first:
+                self.stop_after_leg = True
+                self.note("operator", "Ctrl-C: the vehicle stays at the next landing")
+                self.operator.ask(
+                    f"Ctrl-C: the vehicle stays at {self.heading_for}; Ctrl-C again leaves it now, then {self.left_words}. "
+                    "Type go to go on after all."
+                )
+            else:
+                raise Turn(State.LEFT, f"Ctrl-C twice: left to itself; {self.left_words}")
+        if self.stop_after_leg and self.words and self.words[-1] == "go":
+            self.words.pop()
+            self.stop_after_leg = False
+            self.note("operator", "go: the delivery goes on")
+
+    @property
+    def heading_for(self) -> str:
+        """Where it will stand next, for a person."""
+        if self.leg is not None and self.in_air:
+            return self.leg.destination
+        return self.station or "this place"
+
+    @property
+    def left_words(self) -> str:
+        """What the vehicle does when it is left."""
+        from link.supervisor.failsafes import when_left
+
+        if self.on_ground:
+            return "it stands disarmed on the ground"
+        if self.vehicle.mode != "mission":
+            return f"it is in mode {self.vehicle.mode} and stays in it until its battery failsafe, or a pilot, ends it"
+        return when_left(self.vehicle.family.name, self.failsafes)
+
+    # Where
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether it is known to stand disarmed on the ground."""
+        s = self.sample
+        return s is not None and s.armed == 0.0 and s.landed != 0.0
+
+    @property
+    def in_air(self) -> bool:
+        """Whether it is armed and not known to be on the ground."""
+        s = self.sample
+        return s is not None and s.armed == 1.0 and s.landed != 1.0
+
+    @property
+    def place(self) -> tuple[float, float] | None:
+        """Latitude and longitude; None where they are not known."""
+        s = self.sample
+        if s is None or not (math.isfinite(s.lat_deg) and math.isfinite(s.lon_deg)):
+            return None
+        return s.lat_deg, s.lon_deg
+
+    def here_station(self) -> str | None:
+        """Station at which it is, of all that are known."""
+        place = self.place
+        if place is None:
+            return None
+        network = self.mandate.scenario.network
+        known = {s.id: Place(s.lat, s.lon, s.elevation_m, s.name, s.pads) for s in network.stations}
+        if self.plan is not None:
+            known |= dict(self.plan.stations)
+        return station_at(known, *place, AT_STATION_M)
+
+    # Saying
+
+    def note(self, event: str, reason: str | None = None, **data: Any) -> Record:
+        """Write into the journal."""
+        return self.journal.write(self.state, event, reason, flight=self.flight, data=data)
+
+    def tell(self, line: str) -> None:
+        """Say something to the operator."""
+        self.operator.tell(line)
+
+    def note_plan(self, reason: str) -> None:
+        """Write the plan in force, and all that a resume needs."""
+        plan = None if self.plan is None else to_json(self.plan)
+        self.note("plan", reason, plan=plan, **self.standing())
+
+    def standing(self) -> dict[str, Any]:
+        """What a resume needs besides the plan."""
+        return {
+            "station": self.station,
+            "visited": sorted(self.visited),
+            "belief": {"factor": self.belief.factor, "sigma": self.belief.sigma},
+            "diverts": list(self.diverts),
+            "charge_to": self.charge_to,
+            "asked_once": self.asked_once,
+            "observations": self.wind.as_data(),
+        }
+
+    def _track(self) -> None:
+        """Write where it is, from time to time."""
+        every_s = TRACK_EVERY_S if self.in_air else GROUND_TRACK_EVERY_S
+        s = self.sample
+        if s is None or self.now_s < self.tracked_s + every_s:
+            return
+        self.tracked_s = self.now_s
+        estimate = self.wind.estimate if self.in_air else None
+        expected = self.wind.expected(s.time_s, s.lat_deg, s.lon_deg)
+        data: dict[str, Any] = {
+            "lat": s.lat_deg, "lon": s.lon_deg, "height_m": s.height_m, "alt_msl_m": s.alt_msl_m, "soc": s.soc,
+            "ground_speed_mps": s.ground_speed_mps, "power_w": s.power_w, "mode": self.vehicle.mode,
+            "armed": s.armed == 1.0, "landed": s.landed == 1.0,
+            "forecast_north_mps": expected[0], "forecast_east_mps": expected[1],
+        }  # fmt: skip
+        if estimate is not None:
+            data |= {
+                "wind_north_mps": estimate.north_mps, "wind_east_mps": estimate.east_mps,
+                "wind_sigma_mps": estimate.sigma_mps, "wind_source": estimate.source,
+            }  # fmt: skip
+        if self.leg is not None and self.in_air:
+            data |= self.outlook
+        self.journal.write(self.state, "track", None, flight=self.flight, data=data)

@@ -1,0 +1,157 @@
+"""Missions of single legs: as planned, and from wherever the vehicle is in the air."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from missions.commands import Command, Frame
+from missions.coordinates import Point
+from missions.dialects import dialect
+from missions.document import MissionDocument
+from missions.leg_builder import GROUND_SPEED, NO_THROTTLE_CHANGE, LegBuilder
+from missions.mission import MissionItem
+from models import geodesy
+from models.services import Place
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from missions.mission_options import MissionOptions
+    from missions.parameters import Parameter
+    from models.scenario import Scenario
+    from models.services import Composition, DroneService
+
+IN_FLIGHT = "in-flight"
+
+
+@dataclass(frozen=True, slots=True)
+class LegMission:
+    """What is uploaded for one leg.
+
+    Attributes
+    ----------
+    document : MissionDocument
+        Mission, fence and rally points.
+    parameters : tuple of Parameter
+        What it needs of the vehicle.
+    way : tuple of (lat, lon)
+        The points that it passes, beginning and end included.
+    """
+
+    document: MissionDocument
+    parameters: tuple[Parameter, ...]
+    way: tuple[tuple[float, float], ...]
+
+
+def with_places(composition: Composition, scenario: Scenario, stations: Sequence[str]) -> Composition:
+    """Return a plan that knows where some more stations are."""
+    network = scenario.network
+    more: dict[str, Place] = {}
+    for name in stations:
+        if name not in composition.stations and name in network.index:
+            s = network.stations[network.index[name]]
+            more[name] = Place(s.lat, s.lon, s.elevation_m, s.name, s.pads)
+    return replace(composition, stations={**composition.stations, **more}) if more else composition
+
+
+def plan_leg(
+    composition: Composition, service: DroneService, family: str, options: MissionOptions, *, last: bool
+) -> LegMission:
+    """Make the mission of a leg that begins at a station; the last one releases the package.
+
+    The parameters allow the greatest ground speed of the plan, not only that of the leg: the speed is sent again in flight.
+    """
+    build = LegBuilder(composition, dialect(family), options)
+    build.check_elevations((service,))
+    ground = build.ground_m(service.origin)
+    items = [*build.departure(service.origin, ground), *build.way(service, ground)]
+    if last:
+        items += build.delivery()
+    document = MissionDocument(
+        build.mission(items, build.home(service.origin)), build.fence((service,)), build.rally((service,), ground)
+    )
+    return _leg(build, service, document)
+
+
+def _leg(build: LegBuilder, service: DroneService, document: MissionDocument) -> LegMission:
+    needs = replace(build.needs((service,), document), ground_speed_mps=build.max_speed_mps)
+    places = [build.place(name) for name in (service.origin, *service.via, service.destination)]
+    way = tuple((place.lat, place.lon) for place in places)
+    return LegMission(document, build.dialect.parameters(needs), way)
+
+
+def turn_leg(
+    composition: Composition,
+    station: str,
+    here: tuple[float, float, float],
+    home_ground_m: float,
+    speed_mps: float,
+    family: str,
+    options: MissionOptions,
+    *,
+    last: bool,
+) -> LegMission:
+    """Make the mission from the air to a station: heights count from the home of the leg under way.
+
+    It begins with a waypoint where the vehicle is, never with a TAKEOFF, which PX4 would fly back to.
+
+    Parameters
+    ----------
+    here : (lat, lon, height above home)
+        Where the vehicle is.
+    home_ground_m : float
+        Ground height of its home.
+    """
+    build = LegBuilder(composition, dialect(family), options)
+    place = build.place(station)
+    lat, lon, height_m = here
+    begin = Point.of_degrees(lat, lon)
+    lift = max(height_m, 10.0)
+    top = build.ground_m(station) + build.cruise_height_m - home_ground_m
+    first = MissionItem(
+        Command.NAV_WAYPOINT, Frame.GLOBAL_RELATIVE_ALT, param4=build.dialect.open_yaw_deg,
+        x=begin.lat_e7, y=begin.lon_e7, z=round(max(lift, top), 2),
+    )  # fmt: skip
+    speed = MissionItem(
+        Command.DO_CHANGE_SPEED, Frame.MISSION, GROUND_SPEED, round(min(speed_mps, build.max_speed_mps), 2),
+        NO_THROTTLE_CHANGE,
+    )  # fmt: skip
+    land_height = build.ground_m(station) - home_ground_m
+    items = [
+        first, speed, build.above(station, home_ground_m), build.position(Command.NAV_LAND, station, land_height)
+    ]  # fmt: skip
+    if last:
+        items += build.delivery()
+    home = (
+        build.home(composition.services[0].origin) if composition.services[0].origin in composition.stations else None
+    )
+    mission = build.mission(items, home) if home is not None else build.mission(items, build.home(station))
+    return LegMission(MissionDocument(mission), (), ((lat, lon), (place.lat, place.lon)))
+
+
+def cross_track_m(way: Sequence[tuple[float, float]], lat: float, lon: float) -> float:
+    """Distance of a point from a way, metres."""
+    import numpy as np
+
+    north, east = geodesy.local_offsets_m([p[0] for p in way], [p[1] for p in way], lat, lon)
+    points = np.column_stack((north, east))
+    best = float(np.hypot(*points.T).min())
+    for a, b in pairwise(points):
+        along = b - a
+        square = float(along @ along)
+        if square > 0.0:
+            share = min(max(float(-a @ along) / square, 0.0), 1.0)
+            best = min(best, float(np.hypot(*(a + share * along))))
+    return best
+
+
+def station_at(stations: Mapping[str, Place], lat: float, lon: float, within_m: float) -> str | None:
+    """Name the nearest of some places within a distance, or None."""
+    names = list(stations)
+    if not names:
+        return None
+    distance, _ = geodesy.inverse(lat, lon, [stations[n].lat for n in names], [stations[n].lon for n in names])
+    nearest = int(distance.argmin())
+    return names[nearest] if float(distance[nearest]) <= within_m else None

@@ -1,0 +1,161 @@
+"""The supervisor: one delivery, taken from state to state by the table, until it ends."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from link.supervisor import air, contact, ground
+from link.supervisor.context import Context, Turn
+from link.supervisor.journal import SCHEMA, read_journal
+from link.supervisor.mandate import Outcome
+from link.supervisor.states import ENDS, IN_AIR, State, check
+from link.supervisor.wind_book import WindBook
+from models.composition_file import to_json
+from models.errors import LinkError, StationConflictError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from link.supervisor.context import After
+    from link.supervisor.journal import Journal
+    from link.supervisor.mandate import Mandate
+    from link.supervisor.operators import Operator
+    from link.vehicle import Vehicle
+    from models.clock import Clock
+    from models.pad_service import PadService
+
+STEPS: Mapping[State, Callable[[Context], After]] = {
+    State.CONNECTING: contact.connecting,
+    State.REPLANNING: ground.replanning,
+    State.WAITING: ground.waiting,
+    State.CHARGING: ground.charging,
+    State.PREFLIGHT: ground.preflight,
+    State.UPLOADING: ground.uploading,
+    State.READY: ground.ready,
+    State.ARMING: ground.arming,
+    State.FLYING: air.flying,
+    State.DIVERTING: air.diverting,
+    State.LANDED: air.after_landing,
+    State.LOST_LINK: contact.lost_link,
+    State.HOLDING: contact.holding,
+}
+"""What is done in each state that is no end."""
+
+
+class Supervisor:
+    """Takes one delivery to its end.
+
+    Parameters
+    ----------
+    mandate : Mandate
+        The plan, and how to go about it.
+    vehicle : Vehicle
+        Over any driver.
+    clock : Clock
+        The wall's, or a simulation's.
+    pads : PadService
+        What the stations offer.
+    operator : Operator
+        Who watches.
+    journal : Journal
+        Where everything is written.
+    resume : bool
+        The journal has a delivery under way: go on with it.
+    on_tick : callable, optional
+        Told after each second, for a live view.
+    """
+
+    def __init__(
+        self,
+        mandate: Mandate,
+        vehicle: Vehicle,
+        clock: Clock,
+        pads: PadService,
+        operator: Operator,
+        journal: Journal,
+        *,
+        resume: bool = False,
+        on_tick: Callable[[Context], None] | None = None,
+    ) -> None:
+        rules = mandate.scenario.rules
+        wind = WindBook(mandate.forecast, rules.cruise_height_m, rules.wind_profile_exponent, drag=mandate.drag)
+        self.context = Context(vehicle, clock, journal, pads, operator, mandate, wind, on_tick=on_tick)
+        self.context.entered_s = clock.now_s()
+        self.resume = resume
+        if resume:
+            records = read_journal(journal.path).records
+            contact.restore(self.context, records)
+            self.context.note("resume", f"the journal ends in state {records[-1].state}", last=records[-1].n)
+        else:
+            self.context.note("start", f"delivery {mandate.composition}", **self._start(mandate))
+
+    @staticmethod
+    def _start(mandate: Mandate) -> dict[str, Any]:
+        """Everything that a report, or a resume, needs of the beginning."""
+        c = mandate.composition
+        return {
+            "schema": SCHEMA,
+            "composition": to_json(c),
+            "planner": mandate.planner,
+            "supervised": mandate.replanning is not None,
+            "replanning": None if mandate.replanning is None else asdict(mandate.replanning),
+            "release": mandate.options.release,
+            "asking": mandate.asking,
+            "forecast": {
+                "members": len(mandate.forecast),
+                "labels": list(mandate.forecast.labels),
+                "height_m": mandate.forecast.height_m,
+            },
+            "destination": mandate.request.destination,
+            "reserve_soc": mandate.request.reserve_soc,
+            "payload_kg": mandate.request.payload_kg,
+        }
+
+    def run(self) -> Outcome:
+        """Take it to its end.
+
+        Raises
+        ------
+        InputError
+            The journal, or the recording, cannot be written any more.
+        """
+        ctx = self.context
+        first = True
+        while ctx.state not in ENDS:
+            step = contact.resuming if first and self.resume else STEPS[ctx.state]
+            first = False
+            try:
+                after, reason = step(ctx)
+            except Turn as turn:
+                after, reason = turn.state, turn.reason
+            except LinkError as error:
+                after, reason = self._failed(error)
+            self._go(after, reason)
+        ctx.note("end", self.reason, outcome=str(ctx.state), station=ctx.station, flights=ctx.flight)
+        return Outcome(str(ctx.state), self.reason, ctx.station, ctx.flight)
+
+    reason = ""
+
+    def _go(self, after: State, reason: str) -> None:
+        """Enter the next state, if the table has the way there."""
+        ctx = self.context
+        check(ctx.state, after)
+        if ctx.state not in (State.LOST_LINK, State.HOLDING) or after not in (State.LOST_LINK, State.HOLDING):
+            ctx.before = ctx.state
+        if after is not ctx.state:
+            ctx.entered_s = ctx.clock.now_s()
+        before, ctx.state = ctx.state, after
+        self.reason = reason
+        ctx.note("state", reason, before=str(before), after=str(after))
+        if after in (State.HOLDING, State.LOST_LINK) or after in ENDS:
+            ctx.tell(f"{after}: {reason}")
+
+    def _failed(self, error: LinkError) -> After:
+        """End what failed on the link in a named state."""
+        ctx = self.context
+        if isinstance(error, StationConflictError):
+            return (State.HOLDING if ctx.in_air else State.STOPPED), str(error)
+        if ctx.state in IN_AIR or ctx.in_air:
+            return (State.LOST_LINK if ctx.state is not State.LOST_LINK else State.LEFT), str(error)
+        return State.STOPPED, str(error)

@@ -1,0 +1,218 @@
+"""The list before each take-off: every entry is in order, or not, or not known, and says so with its figure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from link.supervisor.failsafes import finishes_alone, read_failsafes
+from models import geodesy
+from models.errors import InputError, LinkError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from link.supervisor.context import Context
+    from link.supervisor.legs import LegMission
+    from models.services import DroneService
+
+Verdict = Literal["ok", "no", "unknown"]
+AT_PLACE_M = 60.0
+HOME_M = 60.0
+HOME_HEIGHT_M = 30.0
+"""Heights of stations and of a satellite fix differ by so much at most."""
+SOC_SLACK = 0.015
+"""A charge told in whole percent may be so much lower."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One entry of the list.
+
+    Attributes
+    ----------
+    name : str
+        What was looked at.
+    verdict : str
+        ``ok``, ``no`` or ``unknown``.
+    said : str
+        What was found, with figures.
+    waits : bool
+        Whether it may come right by itself in a while.
+    """
+
+    name: str
+    verdict: Verdict
+    said: str
+    waits: bool = False
+
+    @property
+    def ok(self) -> bool:
+        """Whether it is in order."""
+        return self.verdict == "ok"
+
+    def __str__(self) -> str:
+        mark = {"ok": "ok", "no": "NOT OK", "unknown": "NOT KNOWN"}[self.verdict]
+        return f"{self.name}: {mark}: {self.said}"
+
+
+def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> list[Check]:
+    """Go through the list; parameters that will not do are set where that is allowed.
+
+    Raises
+    ------
+    LinkError
+        The vehicle did not answer.
+    """
+    checks = [*_identity(ctx), *_position(ctx, service), _battery(ctx, service), *_wind(ctx, service)]
+    checks += [*_parameters(ctx, leg), _failsafe(ctx), _mission(ctx, leg), _diverts(ctx, service), _pads(ctx, service)]
+    return checks
+
+
+def _identity(ctx: Context) -> Iterator[Check]:
+    who = ctx.vehicle.identify()
+    if ctx.uid and who.uid and who.uid != ctx.uid:
+        yield Check("vehicle", "no", f"{who} has another hardware id than the one this delivery began with")
+    else:
+        ctx.uid = ctx.uid or who.uid
+        yield Check("vehicle", "ok", str(who))
+    try:
+        ctx.vehicle.check_ground_station()
+    except LinkError as error:
+        yield Check("ground station", "no", str(error))
+    else:
+        yield Check("ground station", "ok", "the vehicle counts our heartbeat")
+
+
+def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
+    place = ctx.place
+    station = ctx.plan.stations[service.origin] if ctx.plan is not None else None
+    if place is None or station is None:
+        yield Check("position", "unknown", "the vehicle does not tell where it is", waits=True)
+        return
+    away = geodesy.distance_m(*place, station.lat, station.lon)
+    doubt = _doubts(ctx).get("position")
+    if away > AT_PLACE_M:
+        yield Check("position", "no", f"{away:.0f} m from {service.origin}, at most {AT_PLACE_M:.0f} m", waits=True)
+    elif doubt is not None:
+        yield Check("position", "no", doubt, waits=True)
+    else:
+        yield Check("position", "ok", f"{away:.0f} m from {service.origin}")
+    try:
+        home = ctx.vehicle.home()
+    except LinkError as error:
+        yield Check("home", "unknown", str(error), waits=True)
+        return
+    off = geodesy.distance_m(home.lat_deg, home.lon_deg, *place)
+    moves = "moves here at arming" if off > HOME_M else f"{off:.0f} m away"
+    ground = station.elevation_m
+    height = ctx.sample.alt_msl_m if ctx.sample is not None else math.nan
+    if ground is not None and math.isfinite(height) and abs(height - ground) > HOME_HEIGHT_M:
+        yield Check(
+            "home", "no", f"the vehicle puts the ground at {height:.0f} m, the station has {ground:.0f} m", waits=True
+        )
+    else:
+        yield Check("home", "ok", moves)
+
+
+def _doubts(ctx: Context) -> dict[str, str]:
+    live = getattr(ctx.vehicle, "live", None)
+    return dict(live.doubts) if live is not None else {}
+
+
+def _battery(ctx: Context, service: DroneService) -> Check:
+    wanted = ctx.charge_to if ctx.charge_to is not None else service.soc_depart
+    if not math.isfinite(ctx.soc) or (ctx.sample is not None and not math.isfinite(ctx.sample.soc)):
+        return Check("battery", "unknown", "the vehicle does not tell its state of charge", waits=True)
+    said = f"{100 * ctx.soc:.0f} %, {100 * wanted:.0f} % wanted for {service.destination}"
+    doubt = _doubts(ctx).get("soc")
+    if doubt is not None and ("stuck" in doubt or "know" in doubt):
+        return Check("battery", "unknown", doubt, waits=True)
+    return Check("battery", "ok" if ctx.soc >= wanted - SOC_SLACK else "no", said)
+
+
+def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:
+    plan, drone = ctx.plan, ctx.mandate.scenario.drone(ctx.mandate.request.drone or "")
+    if plan is None:
+        return
+    wind = ctx.wind.forecast(ctx.now_s, now=True)
+    speeds = []
+    for name in (service.origin, *service.via, service.destination):
+        north, east = wind.wind_at(plan.stations[name].lat, plan.stations[name].lon, wind.slot_at(ctx.now_s))
+        speeds.append(np.hypot(north, east))
+    highest = np.max(speeds, axis=0)
+    mean, p_over = float(wind.probability @ highest), float(wind.probability @ (highest > drone.wind_limit_mps))
+    source = {"measured": "measured", "held": "measured on an earlier leg", "forecast": "forecast"}[ctx.wind.source]
+    said = f"{mean:.1f} m/s ({source}), above {drone.wind_limit_mps:g} m/s with probability {p_over:.2f}"
+    yield Check("wind", "no" if p_over > 0.5 else "ok", said, waits=True)
+
+
+def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:
+    """Read what the leg needs; set what will not do where that is allowed, and read it back."""
+    changed = 0
+    for check in ctx.vehicle.check_required(leg.parameters):
+        name = check.wanted.name
+        if check.actual is None:
+            yield Check(
+                f"parameter {name}", "unknown", f"the vehicle does not tell it ({check.wanted.why})", waits=True
+            )
+        elif not check.ok and check.to_set is not None and ctx.mandate.set_parameters:
+            ctx.vehicle.set_parameter(name, check.to_set)
+            ctx.note("parameter", f"{name} set from {check.actual:g} to {check.to_set:g}: {check.wanted.why}")
+            changed += 1
+        elif not check.ok:
+            wanted = "must be checked by hand" if check.to_set is None else f"must be {check.to_set:g}"
+            yield Check(f"parameter {name}", "no", f"is {check.actual:g}, {wanted}: {check.wanted.why}")
+    said = f"{len(leg.parameters)} read" + (f", {changed} set and read back" if changed else "")
+    yield Check("parameters", "ok", said)
+
+
+def _failsafe(ctx: Context) -> Check:
+    from link.supervisor.failsafes import when_left
+
+    ctx.failsafes = read_failsafes(ctx.vehicle)
+    family = ctx.vehicle.family.name
+    alone = finishes_alone(family, ctx.failsafes)
+    said = when_left(family, ctx.failsafes)
+    if alone is None:
+        return Check("link loss", "unknown", said, waits=True)
+    return Check("link loss", "ok" if alone else "no", said)
+
+
+def _mission(ctx: Context, leg: LegMission) -> Check:
+    """Look at the mission, its fence and its rally points as ``skyway check`` does."""
+    from missions.checks.report import check
+    from missions.dialects import dialect
+
+    scenario = ctx.mandate.scenario
+    report = check(leg.document, dialect=dialect(ctx.vehicle.family.name), zones=scenario.network.zones)
+    errors = [finding for finding in report.findings if finding.severity == "error"]
+    if errors:
+        first = errors[0]
+        return Check("mission", "no", f"item {first.item}: {first.message}")
+    fence, rally = len(leg.document.fence.areas), len(leg.document.rally)
+    return Check("mission", "ok", f"{len(leg.document.mission)} items, {fence} fence area, {rally} rally points")
+
+
+def _diverts(ctx: Context, service: DroneService) -> Check:
+    if not ctx.diverts:
+        return Check("diverts", "no", f"no station stays in reach on the way to {service.destination}")
+    return Check("diverts", "ok", ", ".join(ctx.diverts))
+
+
+def _pads(ctx: Context, service: DroneService) -> Check:
+    """The state of the pads at the end of the leg must be known; a full station without a free spot is no place to fly to."""
+    station = ctx.mandate.scenario.network.index.get(service.destination)
+    pads = 0 if station is None else ctx.mandate.scenario.network.stations[station].pads
+    if pads == 0:
+        return Check("pads", "ok", f"{service.destination} is a delivery target without pads")
+    try:
+        status = ctx.pads.status(service.destination)
+    except (LinkError, InputError) as error:
+        return Check("pads", "unknown", f"{service.destination}: {error}", waits=True)
+    said = f"{service.destination}: {status.busy} of {status.pads} pads busy, {status.holding_free} holding spots free"
+    full = status.busy >= status.pads and status.holding_free == 0
+    return Check("pads", "no" if full else "ok", said, waits=True)

@@ -1,0 +1,113 @@
+"""What is known of the wind in a delivery: the forecast it began with, and all that was measured since."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from models.forecast_update import update_forecast
+from models.wind_field import WindObservation
+from models.wind_filter_live import NOMINAL_DRAG, LiveWind, forecast_of, settings_for
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from models.drag import DragModel
+    from models.telemetry import TelemetrySample
+    from models.wind_ensemble import WindEnsemble
+    from models.wind_filter import WindEstimate
+
+UPDATE_EVERY_S = 30.0
+MIN_HEIGHT_SHARE = 0.6
+"""Below this share of the cruise height the wind is not that of the forecast."""
+
+
+class WindBook:
+    """The wind of one delivery.
+
+    Parameters
+    ----------
+    forecast : WindEnsemble
+        At any height.
+    cruise_height_m, exponent : float
+        Where it is flown, and how wind grows with height.
+    drag : DragModel or None
+        Of the drone; None takes that of a common quadcopter, uncertain by a third.
+    earlier : sequence of WindObservation
+        Measured before, as a journal has them.
+    """
+
+    def __init__(
+        self,
+        forecast: WindEnsemble,
+        cruise_height_m: float,
+        exponent: float,
+        *,
+        drag: DragModel | None = None,
+        earlier: Sequence[WindObservation] = (),
+    ) -> None:
+        self.base = forecast.at_height(cruise_height_m, exponent)
+        self.cruise_height_m, self.exponent = cruise_height_m, exponent
+        self.earlier = tuple(earlier)
+        self._expected = forecast_of(self.base, exponent)
+        self.live = LiveWind(drag=drag or NOMINAL_DRAG, forecast=self._expected, settings=settings_for(self.base))
+        self._updated: WindEnsemble = self.base
+        self._updated_s = -math.inf
+
+    def expected(self, time_s: float, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        """What the first forecast says of cruise height: (north, east), m/s."""
+        return self._expected(time_s, lat_deg, lon_deg, self.cruise_height_m)
+
+    def hear(self, sample: TelemetrySample) -> None:
+        """Learn from a sample in the air, near cruise height."""
+        if sample.landed == 0.0 and sample.height_m > MIN_HEIGHT_SHARE * self.cruise_height_m:
+            self.live.hear(sample)
+
+    @property
+    def estimate(self) -> WindEstimate | None:
+        """Newest estimate of the wind at the vehicle; None before the first."""
+        return self.live.estimate
+
+    @property
+    def observations(self) -> tuple[WindObservation, ...]:
+        """All that was measured, each averaged over a slot, carried to cruise height."""
+        measured = self.live.observations()
+        return (*self.earlier, *(one.at_height(self.cruise_height_m, self.exponent) for one in measured))
+
+    @property
+    def source(self) -> str:
+        """Where what is believed comes from: ``measured``, ``held`` or ``forecast``."""
+        now = self.estimate
+        if now is not None:
+            return now.source
+        return "held" if self.earlier else "forecast"
+
+    def forecast(self, time_s: float, *, now: bool = False) -> WindEnsemble:
+        """Return the forecast brought up to date, at cruise height; at most every half minute anew."""
+        if now or time_s >= self._updated_s + UPDATE_EVERY_S:
+            self._updated_s = time_s
+            self._updated = update_forecast(self.base, self.observations)
+        return self._updated
+
+    def as_data(self) -> list[dict[str, float]]:
+        """Observations for the journal."""
+        return [
+            {
+                "time_s": one.time_s,
+                "lat_deg": one.lat_deg,
+                "lon_deg": one.lon_deg,
+                "north_mps": one.north_mps,
+                "east_mps": one.east_mps,
+                "variance": one.variance,
+                "height_m": one.height_m,
+            }
+            for one in self.observations
+        ]
+
+
+def observations_of(data: Sequence[dict[str, Any]]) -> tuple[WindObservation, ...]:
+    """Read observations from a journal."""
+    return tuple(
+        WindObservation(**{key: math.nan if value is None else float(value) for key, value in one.items()})
+        for one in data
+    )

@@ -1,0 +1,136 @@
+"""Supervised deliveries in virtual time: a simulated world, its pads, and our supervisor on one thread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from functools import cache
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+from link.connection import Connection
+from link.mavlink_vehicle import MavlinkVehicle
+from link.supervisor import Journal, Mandate, NobodyThere, Supervisor
+from missions.examples import NEW_YORK
+from models.scenario_file import read_scenario
+from models.services import State
+from planner.plan import plan
+from planner.problem import HORIZON_H
+from planner.replan import ReplanSettings
+from planner.request import Request
+from sim_stub.config import VehicleConfig
+from sim_stub.pads import Pads
+from sim_stub.transports.channel import Impairment
+from sim_stub.transports.lockstep import Lockstep
+from sim_stub.wind_truth import RecordedWind
+from sim_stub.world import World
+
+PLANNER = "pfs-charge-aware"
+LOCAL = ZoneInfo("America/New_York")
+
+
+@cache
+def newyork():
+    return replace(read_scenario(NEW_YORK), path="builtin:newyork")
+
+
+@dataclass
+class Story:
+    """One delivery to be told: what, when, in which wind, with which faults."""
+
+    autopilot: str = "px4"
+    start: str = "bellevue"
+    to: str = "jacobi"
+    depart: str = "2013-07-10T14:00-04:00"
+    payload_kg: float = 0.8
+    seed: int = 1
+    drone: str = "m200"
+    soc: float = 1.0
+    faults: tuple = ()
+    impairment: Impairment | None = None
+    traffic: bool = True
+    supervised: bool = True
+    planner: str = PLANNER
+    still: bool = False
+    truth: str | None = None
+    vehicle: dict = field(default_factory=dict)
+
+    def instant(self):
+        return datetime.fromisoformat(self.depart)
+
+    def plan(self):
+        scenario, depart = newyork(), self.instant()
+        request = Request(
+            state=State(depart, self.start, None, self.soc),
+            destination=self.to,
+            payload_kg=self.payload_kg,
+            drone=self.drone,
+            seed=self.seed,
+        )
+        forecast = scenario.forecast(depart, HORIZON_H)
+        return request, forecast, plan(scenario, request, planner=self.planner, forecast=forecast).composition
+
+
+class Stage:
+    """The world of a story, and a supervisor that may be killed and begun anew."""
+
+    def __init__(self, story: Story, folder: Path, operator=None):
+        self.story = story
+        scenario, depart = newyork(), story.instant()
+        self.request, self.forecast, self.composition = story.plan()
+        day = (datetime.fromisoformat(story.truth) if story.truth else depart).astimezone(LOCAL).date()
+        wind = None if story.still else RecordedWind(scenario.truth(day, depart, HORIZON_H))
+        self.world = World(
+            epoch_s=depart.timestamp(), wind=wind, stations=scenario.network.stations, faults=story.faults
+        )
+        place = scenario.network.stations[scenario.network.index[story.start]]
+        drone = scenario.drone(story.drone)
+        from sim_stub.airframe import Airframe
+
+        self.craft = self.world.add(
+            VehicleConfig(
+                lat=place.lat,
+                lon=place.lon,
+                ground_m=place.elevation_m or 0.0,
+                autopilot=story.autopilot,
+                soc=story.soc,
+                payload_kg=story.payload_kg,
+                seed=story.seed,
+                warm=True,
+                airframe=Airframe(drone=drone),
+                **story.vehicle,
+            )
+        )
+        self.pads = Pads(self.world, scenario.load if story.traffic else None, seed=story.seed)
+        self.lockstep = Lockstep(self.world)
+        self.journal_path = folder / f"flight-{story.autopilot}-{story.seed}.jsonl"
+        self.operator = operator or NobodyThere()
+        self.supervisor = None
+
+    def mandate(self):
+        settings = ReplanSettings() if self.story.supervised else None
+        return Mandate(
+            composition=self.composition,
+            scenario=newyork(),
+            request=self.request,
+            forecast=self.forecast,
+            planner=self.story.planner,
+            replanning=settings,
+            asking="once" if self.operator.present else "never",
+        )
+
+    def board(self, *, resume=False, on_tick=None):
+        """Connect, and put a supervisor in charge."""
+        link = self.lockstep.connect(self.craft, self.story.impairment, seed=self.story.seed)
+        connection = Connection(link, self.lockstep.clock)
+        vehicle = MavlinkVehicle(connection)
+        journal = Journal(self.journal_path, self.lockstep.clock.posix_s, resume=resume)
+        self.supervisor = Supervisor(
+            self.mandate(), vehicle, self.lockstep.clock, self.pads, self.operator, journal,
+            resume=resume, on_tick=on_tick,
+        )  # fmt: skip
+        return self.supervisor
+
+    def fly(self, **how):
+        """Take the delivery to its end."""
+        return self.board(**how).run()
