@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING
 from link.flight_monitor import FlightMonitor, WindTally, pieces
 from link.logs.log import MAX_EVENTS, LogEvent
 from link.replay_monitors import PERIOD_S, Leg, Notice, PhaseEnergy
-from models.calibration_wind import DragFit, identify_drag
+from models.airspeed import AirspeedModel
+from models.calibration_airspeed import identify_airspeed
+from models.calibration_wind import identify_drag
 from models.errors import Fault, InputError
 from models.wind_filter_blocks import BlockMaker, Blocks
 from models.wind_filter_live import NOMINAL_DRAG, LiveWind
@@ -66,6 +68,10 @@ class Replay:
         What this flight tells about it; empty where it was given.
     drag_check : DragCheck
         Whether the drag in use fits, by the last minutes.
+    airspeed : AirspeedModel
+        Of the sensor of a plane.
+    airspeed_source : str
+        ``given``, ``identified`` (from the whole log) or ``plain`` (as the sensor says).
     observations : tuple of WindObservation
         Averages over slots, for `models.forecast_update`.
     legs : tuple of Leg
@@ -88,6 +94,8 @@ class Replay:
     drag_source: str
     drag_reason: str
     drag_check: DragCheck
+    airspeed: AirspeedModel
+    airspeed_source: str
     observations: tuple[WindObservation, ...]
     legs: tuple[Leg, ...]
     phases: dict[Phase, PhaseEnergy]
@@ -125,6 +133,8 @@ class ReplayOptions:
         Part of the log, in its own time.
     drag : DragModel or None
         Of this drone; by default identified from the flight, or else a nominal one.
+    airspeed : AirspeedModel or None
+        Of its sensor; by default identified from a flight on wings, or else as the sensor says.
     forecast : callable or None
         As `models.wind_filter_live.LiveWind` takes it; by default nothing is expected.
     settings : WindFilterSettings or None
@@ -135,6 +145,7 @@ class ReplayOptions:
     from_s: float = -math.inf
     to_s: float = math.inf
     drag: DragModel | None = None
+    airspeed: AirspeedModel | None = None
     forecast: Forecast | None = None
     settings: WindFilterSettings | None = None
 
@@ -163,8 +174,9 @@ def replay(
     """
     asked = options or ReplayOptions()
     system = choose_system(log.summary, asked.system)
-    drag, source, reason = _drag(log, system, asked)
-    monitor = FlightMonitor(LiveWind(drag=drag, forecast=asked.forecast, settings=asked.settings), listener)
+    air = _find_air(log, system, asked)
+    wind = LiveWind(drag=air.drag, airspeed=air.airspeed, forecast=asked.forecast, settings=asked.settings)
+    monitor = FlightMonitor(wind, listener)
     told = _Told(log.summary, system, asked, notice)
     for track in _tracks(log, system, asked):
         steps = pieces(track, PERIOD_S) if notice is not None or wait_until is not None else iter((track,))
@@ -174,7 +186,7 @@ def replay(
             told.add(monitor.feed(step))
     told.add(monitor.close())
     told.until(math.inf)
-    told.add(_last_words(monitor, source, reason))
+    told.add(_last_words(monitor, air))
     return Replay(
         summary=log.summary,
         system=system,
@@ -184,10 +196,12 @@ def replay(
         measured=dict(monitor.wind.measured),
         rejected=monitor.wind.rejected,
         forecast=asked.forecast is not None,
-        drag=drag,
-        drag_source=source,
-        drag_reason=reason,
+        drag=air.drag,
+        drag_source=air.drag_source,
+        drag_reason=air.reason,
         drag_check=monitor.wind.check_drag(),
+        airspeed=air.airspeed,
+        airspeed_source=air.airspeed_source,
         observations=monitor.wind.observations(),
         legs=tuple(monitor.legs.legs),
         phases=monitor.legs.phases(),
@@ -214,16 +228,34 @@ def _tracks(log: Log, system: int | None, asked: ReplayOptions) -> Iterator[Tele
             yield track
 
 
-def _drag(log: Log, system: int | None, asked: ReplayOptions) -> tuple[DragModel | None, str, str]:
-    """Return the drag to use, where it comes from, and what the log tells about it."""
-    if asked.drag is not None:
-        return asked.drag, "given", ""
+@dataclass(frozen=True, slots=True)
+class _Air:
+    """How the drone feels the air, and where that is known from."""
+
+    drag: DragModel | None
+    drag_source: str
+    airspeed: AirspeedModel
+    airspeed_source: str
+    reason: str = ""
+
+
+def _find_air(log: Log, system: int | None, asked: ReplayOptions) -> _Air:
+    """Take what was given, and look for the rest in the whole log."""
+    plain = AirspeedModel()
+    if asked.drag is not None or asked.airspeed is not None:
+        given = "given" if asked.airspeed is not None else "plain"
+        return _Air(asked.drag, "given" if asked.drag is not None else "none", asked.airspeed or plain, given)
     air = flight_blocks(log, system, asked.from_s, asked.to_s)
-    fit: DragFit = identify_drag(air, PERIOD_S)
+    if not air.flying.any():
+        return _Air(None, "none", plain, "plain", "the vehicle does not fly")
+    sensor = identify_airspeed(air) if air.winged[air.flying].any() else None
+    found, source = (plain, "plain") if sensor is None or sensor.model is None else (sensor.model, "identified")
+    if sensor is not None and air.winged[air.flying].mean() > 0.5:
+        return _Air(None, "none", found, source, f"airspeed: {sensor.reason}")
+    fit = identify_drag(air, PERIOD_S)
     if fit.drag is not None:
-        return fit.drag, "identified", fit.reason
-    wings = bool(air.winged[air.flying].mean() > 0.5) if air.flying.any() else True
-    return (None, "none", fit.reason) if wings else (NOMINAL_DRAG, "nominal", fit.reason)
+        return _Air(fit.drag, "identified", found, source, fit.reason)
+    return _Air(NOMINAL_DRAG, "nominal", found, source, fit.reason)
 
 
 class _Told:
@@ -265,13 +297,13 @@ class _Told:
         return tuple(sorted(self._events, key=lambda event: event.time_s))
 
 
-def _last_words(monitor: FlightMonitor, source: str, reason: str) -> list[Notice]:
+def _last_words(monitor: FlightMonitor, air: _Air) -> list[Notice]:
     """Say what is only known at the end."""
     if math.isnan(monitor.end_s):
         return []
     texts = []
-    if source == "nominal":
-        texts.append(f"a nominal drag is used; {reason}")
+    if air.drag_source == "nominal":
+        texts.append(f"a nominal drag is used; {air.reason}")
     if not monitor.tally.count and monitor.legs.legs:
         texts.append("no wind could be measured in this flight")
     if monitor.wind.rejected:

@@ -139,12 +139,17 @@ def _drag(found: Replay) -> dict[str, Any]:
     drag = found.drag
     return {
         "source": found.drag_source,
-        "as_live": found.drag_source != "identified",
+        "as_live": "identified" not in (found.drag_source, found.airspeed_source),
         "linear_per_s": None if drag is None else _known(drag.linear_per_s, 5),
         "quadratic_per_m": None if drag is None else _known(drag.quadratic_per_m, 6),
         "reason": found.drag_reason or None,
         "check_factor": _known(found.drag_check.factor),
         "check_sigma": _known(found.drag_check.sigma),
+        "airspeed": {
+            "source": found.airspeed_source,
+            "factor": _known(found.airspeed.factor, 4),
+            "heading_offset_deg": _known(math.degrees(found.airspeed.heading_offset_rad), 2),
+        },
     }
 
 

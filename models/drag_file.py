@@ -1,10 +1,15 @@
-"""Drag of a drone as a file (``schema = "skyway.drag/1"``), written by ``skyway calibrate wind``."""
+"""How a drone feels the air, as a file (``schema = "skyway.drag/1"``), written by ``skyway calibrate wind``.
+
+The drag of a multirotor stands at the top, the airspeed sensor of a plane in a table ``[airspeed]``; a VTOL may have both.
+"""
 
 from __future__ import annotations
 
-from dataclasses import fields
+import math
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
+from models.airspeed import AirspeedModel
 from models.drag import DragModel
 from models.errors import Fault, InputError
 from models.fields import Table, read_toml
@@ -16,15 +21,42 @@ if TYPE_CHECKING:
 SCHEMA = "skyway.drag/1"
 
 
-def drag_file(drag: DragModel, notes: Sequence[str] = ()) -> str:
-    """Write a drag as TOML, with notes as comments."""
+@dataclass(frozen=True, slots=True)
+class AirFile:
+    """What a file says; None where it says nothing about it."""
+
+    drag: DragModel | None
+    airspeed: AirspeedModel | None
+
+
+def drag_file(drag: DragModel | None, notes: Sequence[str] = (), airspeed: AirspeedModel | None = None) -> str:
+    """Write a drag, an airspeed sensor, or both as TOML, with notes as comments."""
     lines = [*(f"# {note}" for note in notes), f'schema = "{SCHEMA}"']
-    lines += [f"{item.name} = {float(getattr(drag, item.name))!r}" for item in fields(drag)]
+    if drag is not None:
+        lines += [f"{item.name} = {float(getattr(drag, item.name))!r}" for item in fields(drag)]
+    if airspeed is not None:
+        lines += ["", "[airspeed]", f"factor = {airspeed.factor!r}"]
+        lines += [f"heading_offset_deg = {math.degrees(airspeed.heading_offset_rad)!r}"]
+        lines += [f"sigma_mps = {airspeed.sigma_mps!r}", f"slip_sigma_deg = {math.degrees(airspeed.slip_sigma_rad)!r}"]
     return "\n".join(lines) + "\n"
 
 
 def read_drag(path: Path) -> DragModel:
-    """Read a drag.
+    """Read the drag of a file that has one.
+
+    Raises
+    ------
+    InputError
+        With every fault in the file.
+    """
+    drag = read_air(path).drag
+    if drag is None:
+        raise InputError(Fault("is missing", str(path), None, "linear_per_s"))
+    return drag
+
+
+def read_air(path: Path) -> AirFile:
+    """Read a file.
 
     Raises
     ------
@@ -34,8 +66,19 @@ def read_drag(path: Path) -> DragModel:
     faults: list[Fault] = []
     top = Table(read_toml(path), str(path), "", faults)
     top.text("schema", SCHEMA, choices=(SCHEMA,))
+    airspeed = _airspeed(top.table("airspeed")) if "airspeed" in top else None
+    drag = _drag(top) if airspeed is None or "linear_per_s" in top else None
+    top.finish()
+    if drag is not None and not faults and drag["linear_per_s"] + drag["quadratic_per_m"] <= 0.0:
+        top.fault("linear_per_s", "and quadratic_per_m are both 0: a drag of 0 tells no wind")
+    if faults:
+        raise InputError(faults)
+    return AirFile(None if drag is None else DragModel(**drag), None if airspeed is None else AirspeedModel(**airspeed))
+
+
+def _drag(top: Table) -> dict[str, float]:
     known = DragModel()
-    values = {
+    return {
         "linear_per_s": top.number("linear_per_s", low=0.0, high=10.0),
         "quadratic_per_m": top.number("quadratic_per_m", 0.0, low=0.0, high=10.0),
         "bias_forward_mps2": top.number("bias_forward_mps2", 0.0, low=-5.0, high=5.0),
@@ -44,9 +87,15 @@ def read_drag(path: Path) -> DragModel:
         "period_s": top.number("period_s", known.period_s, low=0.1, high=60.0),
         "relative_sigma": top.number("relative_sigma", 0.0, low=0.0, high=1.0),
     }
-    top.finish()
-    if not faults and values["linear_per_s"] + values["quadratic_per_m"] <= 0.0:
-        top.fault("linear_per_s", "and quadratic_per_m are both 0: a drag of 0 tells no wind")
-    if faults:
-        raise InputError(faults)
-    return DragModel(**values)
+
+
+def _airspeed(part: Table) -> dict[str, float]:
+    known = AirspeedModel()
+    values = {
+        "factor": part.number("factor", 1.0, low=0.2, high=5.0),
+        "heading_offset_rad": math.radians(part.number("heading_offset_deg", 0.0, low=-180.0, high=180.0)),
+        "sigma_mps": part.number("sigma_mps", known.sigma_mps, above=0.0, high=20.0),
+        "slip_sigma_rad": math.radians(part.number("slip_sigma_deg", 5.0, above=0.0, high=90.0)),
+    }
+    part.finish()
+    return values

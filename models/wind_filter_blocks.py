@@ -48,7 +48,9 @@ class Blocks:
     drag : ndarray, shape (n, 2)
         What the thrust gives beyond the acceleration, (north, east), m/s2.
     yaw_rad, airspeed_mps : ndarray, shape (n,)
-        Heading, and what the sensor says.
+        Heading, and what the sensor says, the climb taken off.
+    turn_rad_s : ndarray, shape (n,)
+        How fast the course over the ground turns, clockwise; NaN where the acceleration is not known.
     autopilot : ndarray, shape (n, 2)
         The autopilot's own wind.
     flying, winged : ndarray of bool, shape (n,)
@@ -62,6 +64,7 @@ class Blocks:
     drag: NDArray[np.float64]
     yaw_rad: NDArray[np.float64]
     airspeed_mps: NDArray[np.float64]
+    turn_rad_s: NDArray[np.float64]
     autopilot: NDArray[np.float64]
     flying: NDArray[np.bool_]
     winged: NDArray[np.bool_]
@@ -83,7 +86,7 @@ class Blocks:
 
 def _NONE() -> Blocks:  # noqa: N802  an empty value, not a verb
     pair, one, flag = np.empty((0, 2)), np.empty(0), np.empty(0, dtype=np.bool_)
-    return Blocks(one, pair, pair, one, one, pair, flag, flag, np.empty((0, 3)))
+    return Blocks(one, pair, pair, one, one, one, pair, flag, flag, np.empty((0, 3)))
 
 
 def is_flying(track: TelemetryTrack) -> NDArray[np.bool_]:
@@ -148,7 +151,8 @@ class BlockMaker:
         yaw = track["yaw_rad"]
         rows[:, _THRUST] = thrust_acceleration(attitude[:, 0], attitude[:, 1], yaw)
         rows[:, _HEADING] = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
-        rows[:, _AIRSPEED] = track["airspeed_mps"]
+        climb = np.nan_to_num(track["vel_down_mps"])
+        rows[:, _AIRSPEED] = np.sqrt(np.maximum(track["airspeed_mps"] ** 2 - climb**2, 0.0))
         rows[:, _AUTOPILOT] = np.stack([track["wind_north_mps"], track["wind_east_mps"]], axis=1)
         rows[:, _FLAGS] = np.stack([is_flying(track), track["fixed_wing"] == 1.0], axis=1)
         rows[:, _PLACE] = np.stack([track["lat_deg"], track["lon_deg"], track["height_m"]], axis=1)
@@ -167,12 +171,14 @@ class BlockMaker:
         seen = self._repeats + np.cumsum(np.add.reduceat(rows[:, _REPEATS], starts, axis=0), axis=0)
         self._repeats = seen[-1]
         sensor = (seen[:, 0] >= REPEATS_SAMPLES) & (seen[:, 1] >= REPEATS_MPS**2 * seen[:, 0])
+        north, east = mean[:, _VELOCITY][:, :2].T
         return Blocks(
             time_s=mean[:, 0],
             velocity=mean[:, _VELOCITY][:, :2],
             drag=mean[:, _THRUST] * up[:, None] - change[:, :2],
             yaw_rad=np.arctan2(mean[:, 7], mean[:, 6]),
             airspeed_mps=np.where(sensor, mean[:, _AIRSPEED], np.nan),
+            turn_rad_s=(north * change[:, 1] - east * change[:, 0]) / np.maximum(north**2 + east**2, 1.0),
             autopilot=mean[:, _AUTOPILOT],
             flying=mean[:, 11] > 0.99,
             winged=mean[:, 12] > 0.5,

@@ -30,11 +30,12 @@ from models.wind import height_factor
 from models.wind_field import MIN_PROFILE_M
 from models.wind_filter import FilteredWind, WindEstimate, WindFilter, WindFilterSettings
 from models.wind_filter_blocks import BlockMaker, Blocks
-from models.wind_filter_measurement import measurements, tilt_air_velocity
+from models.wind_filter_measurement import PLAIN_SENSOR, measurements, tilt_air_velocity
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from models.airspeed import AirspeedModel
     from models.telemetry import TelemetrySample
     from models.wind_ensemble import WindEnsemble
     from models.wind_field import WindObservation
@@ -96,6 +97,8 @@ class LiveWind:
     ----------
     drag : DragModel or None
         Of this drone (`models.drag_file.read_drag`); `NOMINAL_DRAG` where it is not known, None where tilt tells nothing.
+    airspeed : AirspeedModel
+        Of a plane; by default as the sensor says.
     forecast : callable, optional
         (POSIX seconds, latitude, longitude, height above take-off, m) to the (north, east) that is expected, m/s; by default
         nothing is.
@@ -120,11 +123,13 @@ class LiveWind:
         self,
         *,
         drag: DragModel | None = NOMINAL_DRAG,
+        airspeed: AirspeedModel = PLAIN_SENSOR,
         forecast: Forecast | None = None,
         settings: WindFilterSettings | None = None,
         period_s: float = 1.0,
     ) -> None:
         self.drag = drag
+        self.airspeed = airspeed
         self.settings = settings or (NO_FORECAST if forecast is None else WindFilterSettings())
         self.filter: WindFilter | None = None
         self.expected = (math.nan, math.nan)
@@ -178,7 +183,7 @@ class LiveWind:
     def _follow(self, air: Blocks) -> FilteredWind:
         """Let the filter live through blocks."""
         course = FilteredWind.empty(len(air))
-        found = measurements(air, self.drag, self._autopilot_s)
+        found = measurements(air, self.drag, self.airspeed, autopilot_s=self._autopilot_s)
         self.measured.update(found.source.tolist())
         taken = found.source == "autopilot"
         self._autopilot_s = float(found.time_s[taken][-1]) if taken.any() else self._autopilot_s

@@ -8,19 +8,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from models.airspeed import AirspeedModel
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from models.drag import DragModel
     from models.wind_filter_blocks import Blocks
 
-AIRSPEED_SIGMA_MPS = 0.7
-"""Of a pitot tube, along the heading."""
-SLIP_SIGMA_RAD = math.radians(5.0)
-"""Side slip and heading error of a plane."""
+LAG_S = 0.3
+"""Airspeed, heading and ground velocity lag each other by so much, which tells in turns."""
 AUTOPILOT_SIGMA_MPS = 1.0
 AUTOPILOT_EVERY_S = 10.0
 """The autopilot's estimate is a filtered one: it is taken this often and no oftener."""
+PLAIN_SENSOR = AirspeedModel()
 MIN_AIRSPEED_MPS = 8.0
 """Below this a plane does not fly on its wings."""
 
@@ -69,15 +70,18 @@ def tilt_wind(air: Blocks, drag: DragModel) -> Measurements:
     return _chosen(air, wind, drag.noise(through_air), air.flying & ~air.winged, "tilt")
 
 
-def airspeed_wind(air: Blocks) -> Measurements:
-    """Wind by an airspeed sensor: ground velocity minus airspeed along the heading.
+def airspeed_wind(air: Blocks, sensor: AirspeedModel = PLAIN_SENSOR) -> Measurements:
+    """Wind by an airspeed sensor: ground velocity minus airspeed along the heading, as the sensor's calibration reads them.
 
     On wings only: a multirotor without a sensor reports a made-up airspeed, and one with a sensor feels the air from ahead only.
     """
-    cos_yaw, sin_yaw = np.cos(air.yaw_rad), np.sin(air.yaw_rad)
-    wind = air.velocity - air.airspeed_mps[:, None] * np.stack([cos_yaw, sin_yaw], axis=1)
-    along = AIRSPEED_SIGMA_MPS**2
-    across = (SLIP_SIGMA_RAD * air.airspeed_mps) ** 2 + along
+    towards = air.yaw_rad + sensor.heading_offset_rad
+    cos_yaw, sin_yaw = np.cos(towards), np.sin(towards)
+    speed = sensor.factor * air.airspeed_mps
+    wind = air.velocity - speed[:, None] * np.stack([cos_yaw, sin_yaw], axis=1)
+    along = sensor.sigma_mps**2
+    turned = LAG_S * np.where(np.isfinite(air.turn_rad_s), air.turn_rad_s, 0.0)
+    across = (sensor.slip_sigma_rad**2 + turned**2) * speed**2 + along
     noise = np.stack(
         [
             along * cos_yaw**2 + across * sin_yaw**2,
@@ -108,7 +112,9 @@ def autopilot_wind(air: Blocks, after_s: float = -math.inf) -> Measurements:
     return _chosen(air, air.autopilot, noise, first, "autopilot")
 
 
-def measurements(air: Blocks, drag: DragModel | None, autopilot_s: float = -math.inf) -> Measurements:
+def measurements(
+    air: Blocks, drag: DragModel | None, sensor: AirspeedModel = PLAIN_SENSOR, *, autopilot_s: float = -math.inf
+) -> Measurements:
     """Every measurement of the wind that telemetry gives, in the order of time.
 
     Parameters
@@ -117,10 +123,12 @@ def measurements(air: Blocks, drag: DragModel | None, autopilot_s: float = -math
         From `models.wind_filter_blocks`.
     drag : DragModel or None
         None: the drag is not known, so tilt tells nothing.
+    sensor : AirspeedModel
+        Of a plane; by default as the sensor says.
     autopilot_s : float
         When the autopilot's estimate was taken last.
     """
-    parts = [airspeed_wind(air), autopilot_wind(air, autopilot_s)]
+    parts = [airspeed_wind(air, sensor), autopilot_wind(air, autopilot_s)]
     if drag is not None:
         parts.insert(0, tilt_wind(air, drag))
     time_s = np.concatenate([part.time_s for part in parts])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,14 +15,16 @@ from skyway.cli import options
 from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, open_any, towards, write
 
 if TYPE_CHECKING:
+    from models.airspeed import AirspeedModel
     from models.calibration_energy import EnergyFit, ModelName, PowerRecord
-    from models.calibration_wind import DragFit
     from models.drag import DragModel
     from models.drone import Drone
+    from models.wind_filter_blocks import Blocks
 
-WIND_HELP = """Find the drag of a drone in a log of its flight, so that its tilt tells the wind.
+WIND_HELP = """Find how a drone feels the air in a log of its flight: the drag that makes its tilt tell the wind, or on wings the
+factor of its airspeed sensor and the offset of its heading.
 
-Needs flight on two courses (out and back, a circle), or --wind, the wind as it was. Says when a flight cannot tell the drag.
+Needs flight on two courses (out and back, a circle), or --wind, the wind as it was. Says when a flight cannot tell.
 
 Examples:
 
@@ -60,34 +63,61 @@ def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    import numpy as np
-
     from link.replay import choose_system, flight_blocks
-    from link.replay_monitors import PERIOD_S
-    from models.calibration_wind import fit_known_wind, identify_drag
-    from models.drag_file import drag_file
 
     options.refuse_overwriting(output, force=force)
     opened = open_any(log, columns)
-    air = flight_blocks(opened, choose_system(opened.summary, system))
-    fit = identify_drag(air, PERIOD_S)
-    model = fit.drag
-    if wind is not None:
-        model = fit_known_wind(air, np.broadcast_to(np.array(towards(wind)), (len(air), 2)), PERIOD_S)
-    if output is not None and model is not None:
-        write(
-            output,
-            drag_file(
-                model, [f"drag found in {one_line(log.name)}", fit.reason if wind is None else f"known wind {wind}"]
-            ),
-            force=force,
-        )
+    found = _air_of(flight_blocks(opened, choose_system(opened.summary, system)), wind)
+    if output is not None and found.known:
+        from models.drag_file import drag_file
+
+        notes = [f"found in {one_line(log.name)}", found.reason]
+        write(output, drag_file(found.drag, notes, found.airspeed), force=force)
     if as_json:
-        typer.echo(json.dumps(_drag_json(fit, model, known=wind is not None), allow_nan=False))
+        typer.echo(json.dumps(_air_json(found), allow_nan=False))
     else:
-        _tell_drag(fit, model, known=wind is not None)
-    if model is None:
+        _tell_air(found)
+    if not found.known:
         raise typer.Exit(1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Air:
+    """What a flight tells about how the drone feels the air."""
+
+    drag: DragModel | None
+    airspeed: AirspeedModel | None
+    reason: str
+    sigma: float = math.inf
+    wind: tuple[float, float] = (math.nan, math.nan)
+    course_spread_deg: float = 0.0
+
+    @property
+    def known(self) -> bool:
+        return self.drag is not None or self.airspeed is not None
+
+
+def _air_of(air: Blocks, wind: str | None) -> _Air:
+    """Find the drag in what was flown on rotors, the airspeed sensor in what was flown on wings."""
+    import numpy as np
+
+    from link.replay_monitors import PERIOD_S
+    from models.calibration_airspeed import identify_airspeed
+    from models.calibration_wind import course_spread_deg, fit_known_wind, identify_drag
+
+    spread = course_spread_deg(air.velocity[air.flying & np.isfinite(air.velocity).all(axis=1)])
+    if wind is not None:
+        known = towards(wind)
+        drag = fit_known_wind(air, np.broadcast_to(np.array(known), (len(air), 2)), PERIOD_S)
+        return _Air(drag, None, f"found from the wind that was given, {wind}", wind=known, course_spread_deg=spread)
+    sensor = identify_airspeed(air) if (air.flying & air.winged).any() else None
+    if sensor is not None and (sensor.model is not None or air.winged[air.flying].mean() > 0.5):
+        rotors = identify_drag(air.part(~air.winged), PERIOD_S)
+        mean = (sensor.wind_north_mps, sensor.wind_east_mps)
+        return _Air(rotors.drag, sensor.model, sensor.reason, sensor.factor_sigma, mean, spread)
+    fit = identify_drag(air, PERIOD_S)
+    mean = (fit.wind_north_mps, fit.wind_east_mps)
+    return _Air(fit.drag, None, fit.reason, fit.relative_sigma, mean, fit.course_spread_deg)
 
 
 def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
@@ -146,36 +176,48 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
         _tell_energy(records, fits, published, chosen, output)
 
 
-def _drag_json(fit: DragFit, model: DragModel | None, *, known: bool) -> dict[str, object]:
-    from dataclasses import asdict
-
+def _air_json(found: _Air) -> dict[str, object]:
+    sensor = found.airspeed
     return {
         "schema": "skyway.calibrate-wind/1",
-        "identified": model is not None,
-        "reason": "found from the wind that was given" if known and model is not None else fit.reason,
-        "relative_sigma": fit.relative_sigma if math.isfinite(fit.relative_sigma) and not known else None,
-        "course_spread_deg": round(fit.course_spread_deg, 1),
+        "identified": found.known,
+        "reason": found.reason,
+        "relative_sigma": found.sigma if math.isfinite(found.sigma) else None,
+        "course_spread_deg": round(found.course_spread_deg, 1),
         "wind": None
-        if known or not math.isfinite(fit.wind_north_mps)
-        else {"north_mps": round(fit.wind_north_mps, 3), "east_mps": round(fit.wind_east_mps, 3)},
-        "drag": None if model is None else asdict(model),
+        if not math.isfinite(found.wind[0])
+        else {"north_mps": round(found.wind[0], 3), "east_mps": round(found.wind[1], 3)},
+        "drag": None if found.drag is None else asdict(found.drag),
+        "airspeed": None
+        if sensor is None
+        else {
+            "factor": round(sensor.factor, 5),
+            "heading_offset_deg": round(math.degrees(sensor.heading_offset_rad), 3),
+            "sigma_mps": round(sensor.sigma_mps, 3),
+            "slip_sigma_deg": round(math.degrees(sensor.slip_sigma_rad), 3),
+        },
     }
 
 
-def _tell_drag(fit: DragFit, model: DragModel | None, *, known: bool) -> None:
-    if model is None:
-        typer.echo(f"the drag cannot be identified: {fit.reason}")
+def _tell_air(found: _Air) -> None:
+    if not found.known:
+        typer.echo(f"drag and airspeed cannot be identified: {found.reason}")
         return
-    typer.echo("drag found from the wind that was given" if known else f"drag {fit.reason}")
-    typer.echo(f"  linear {model.linear_per_s:.4f} 1/s, quadratic {model.quadratic_per_m:.5f} 1/m")
-    typer.echo(f"  level bias forward {model.bias_forward_mps2:+.3f}, right {model.bias_right_mps2:+.3f} m/s²")
-    if not known:
+    typer.echo(found.reason)
+    if found.drag is not None:
+        drag = found.drag
+        typer.echo(f"  drag: linear {drag.linear_per_s:.4f} 1/s, quadratic {drag.quadratic_per_m:.5f} 1/m")
+        typer.echo(f"  level bias forward {drag.bias_forward_mps2:+.3f}, right {drag.bias_right_mps2:+.3f} m/s²")
+    if found.airspeed is not None:
+        offset = math.degrees(found.airspeed.heading_offset_rad)
+        typer.echo(
+            f"  airspeed: the sensor times {found.airspeed.factor:.3f}; through the air {offset:+.1f}° off the nose"
+        )
+    if math.isfinite(found.sigma):
         from models.wind import speed_from
 
-        speed, direction = speed_from(fit.wind_north_mps, fit.wind_east_mps)
-        typer.echo(
-            f"  sure to ± {fit.relative_sigma:.0%}; mean wind {float(speed):.1f} m/s from {float(direction):.0f}°"
-        )
+        speed, direction = (float(value) for value in speed_from(*found.wind))
+        typer.echo(f"  sure to ± {found.sigma:.1%}; mean wind {speed:.1f} m/s from {direction:.0f}°")
 
 
 def _base_drone(path: Path | None, name: str) -> Drone:

@@ -18,7 +18,6 @@ from skyway.cli.log_options import AsJson, Columns, Force, open_any, write
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from models.drag import DragModel
     from models.scenario import Scenario
     from models.wind_ensemble import WindEnsemble
     from models.wind_field import WindObservation
@@ -83,7 +82,6 @@ def forecast(  # noqa: D103  the help text is FORECAST_HELP
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    from models.drag_file import read_drag
     from models.forecast_update import SLOT_S
 
     if not 1.0 <= slot <= 360.0:
@@ -93,8 +91,8 @@ def forecast(  # noqa: D103  the help text is FORECAST_HELP
     world = log_options.load_named(scenario)
     if not world.wind_sites:
         raise InputError(Fault("the scenario has no wind sites", world.path, remedy="name them in [[wind.sites]]"))
-    known = None if drag is None else read_drag(drag)
-    seen = [one for path in logs or () for one in _observations(path, columns, known)]
+    air = log_options.air_of(drag)
+    seen = [one for path in logs or () for one in _observations(path, columns, air)]
     update = _update(world, seen, instant, hours, base, max(60.0 * slot, SLOT_S / 10.0))
     if output is not None:
         from models.wind_forecast_table import forecast_table
@@ -106,7 +104,7 @@ def forecast(  # noqa: D103  the help text is FORECAST_HELP
         _tell(update, output)
 
 
-def _observations(path: Path, columns: Path | None, drag: DragModel | None) -> list[WindObservation]:
+def _observations(path: Path, columns: Path | None, air: dict[str, Any]) -> list[WindObservation]:
     """What every vehicle of a log measured; nothing is expected of the wind, so that no forecast counts twice."""
     from link.replay import ReplayOptions, replay
 
@@ -114,7 +112,7 @@ def _observations(path: Path, columns: Path | None, drag: DragModel | None) -> l
     log_options.dated(log)
     found: list[WindObservation] = []
     for system in log.summary.systems:
-        course = replay(log, ReplayOptions(system=system, drag=drag))
+        course = replay(log, ReplayOptions(system=system, **air))
         if course.drag_source == "nominal":
             typer.echo(f"skyway: {path}: vehicle {system}: a nominal drag is used; {course.drag_reason}", err=True)
         found += course.observations

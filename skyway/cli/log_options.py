@@ -66,6 +66,16 @@ FAR_M = 300_000.0
 """A forecast for sites further away than this says little about a flight."""
 
 
+def air_of(path: Path | None) -> dict[str, Any]:
+    """Drag and airspeed of a file of ``calibrate wind``, as `link.replay.ReplayOptions` takes them."""
+    from models.drag_file import read_air
+
+    if path is None:
+        return {}
+    found = read_air(path)
+    return {"drag": found.drag, "airspeed": found.airspeed}
+
+
 def load_named(name: str | None) -> Scenario:
     """Read the scenario named; ``newyork``, or none, is the built-in one."""
     return options.load_scenario(None if name in (None, "newyork", options.BUILT_IN) else Path(str(name)))

@@ -71,13 +71,12 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
         _serve(opened, connect, control, factor, (first, last))
         return
     from link.replay import ReplayOptions
-    from models.drag_file import read_drag
 
     asked = ReplayOptions(
         system=system,
         from_s=first,
         to_s=last,
-        drag=None if drag is None else read_drag(drag),
+        **log_options.air_of(drag),
         **log_options.log_forecast(opened, wind, forecast, scenario),
     )
     if followed and drag is None:
@@ -266,15 +265,16 @@ def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
     if not len(found.wind):
         typer.echo("  wind: not measured")
         return
-    drag = {
-        "identified": "drag identified from the whole log, so not as live",
-        "none": "no drag: by airspeed",
+    later = "from the whole log, so not as live"
+    how = {
+        "identified": f"drag identified {later}",
+        "none": f"by airspeed, calibrated {later}" if found.airspeed_source == "identified" else "by airspeed",
         "given": "given drag",
         "nominal": "nominal drag",
     }[found.drag_source]
     typer.echo(
         f"  wind: {facts['mean_speed_mps']} m/s from {facts['mean_from_deg']}° in the mean, ± "
-        f"{float(found.wind.sigma_mps[-1]):.1f} m/s at the end ({drag})"
+        f"{float(found.wind.sigma_mps[-1]):.1f} m/s at the end ({how})"
     )
     forecast = facts["forecast"]
     if isinstance(forecast, dict):

@@ -17,8 +17,11 @@ from link.replay import ReplayOptions, flight_blocks, replay
 from link.replay_player import Player, packets_of
 from link.replay_report import Table, as_json
 from link.replay_server import ControlServer, Output, play
+from models.airspeed import AirspeedModel
+from models.calibration_airspeed import identify_airspeed
 from models.drag import DragModel
 from models.errors import InputError, LinkError
+from models.wind_filter_measurement import airspeed_wind
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
 KNOWN = DragModel(linear_per_s=0.15, quadratic_per_m=0.010)
@@ -179,18 +182,39 @@ def test_every_real_log_is_replayed(shared_data):
             json.dumps(as_json(replay(open_log(path))), allow_nan=False)
 
 
-def test_the_quadplanes_own_wind_is_near_airspeed_and_ground_velocity_once_it_has_settled(shared_data):
-    """Its own estimate starts 8 m/s off and settles within a minute of turning; compared on the last 15 s on its wings."""
-    from models.wind_filter_measurement import airspeed_wind
+@pytest.fixture(scope="module")
+def quadplane(shared_data):
+    return flight_blocks(open_log(shared_data / "logs" / "cuav_quadplane_flight.tlog"), 2)
 
-    log = open_log(shared_data / "logs" / "cuav_quadplane_flight.tlog")
-    air = flight_blocks(log, 2)
-    taken = airspeed_wind(air)
-    own = air.autopilot[np.isin(air.time_s, taken.time_s)]
-    settled = taken.time_s > taken.time_s[-1] - 25.0
-    difference = np.median(taken.wind[settled], axis=0) - np.median(own[settled], axis=0)
-    print("difference of the medians (north, east):", difference.round(2))
-    assert np.hypot(*difference) < 3.0
+
+def test_the_quadplanes_own_wind_is_that_of_airspeed_and_ground_velocity_once_its_sensors_are_calibrated(quadplane):
+    """Read plainly, airspeed along the heading is 2.3 m/s off: the sensor reads 7 % too much and it flies 9 degrees askew.
+
+    The last 40 s of the wing-borne part, when the autopilot's filter has seen a turn; it does not use side slip.
+    """
+    fit = identify_airspeed(quadplane)
+    print(f"factor {fit.model.factor:.3f}, offset {math.degrees(fit.model.heading_offset_rad):.1f} degrees")
+    differences = []
+    for sensor in (AirspeedModel(), fit.model):
+        taken = airspeed_wind(quadplane, sensor)
+        own = quadplane.autopilot[np.isin(quadplane.time_s, taken.time_s)]
+        settled = taken.time_s > taken.time_s[-1] - 40.0
+        difference = np.median(taken.wind[settled], axis=0) - np.median(own[settled], axis=0)
+        differences.append(float(np.hypot(*difference)))
+    print("difference of the medians, m/s: plain, calibrated", np.round(differences, 2))
+    assert differences[1] < 0.8
+    assert differences[1] < 0.4 * differences[0]
+
+
+def test_the_quadplanes_own_wind_is_that_of_the_length_of_its_airspeed_alone(quadplane):
+    """|ground velocity - wind| = factor x airspeed needs no heading; it agrees with what the autopilot settles at."""
+    fit = identify_airspeed(quadplane)
+    own = np.nanmedian(quadplane.autopilot[-30:], axis=0)
+    apart = math.hypot(fit.wind_north_mps - own[0], fit.wind_east_mps - own[1])
+    print(
+        f"wind by length alone {fit.wind_north_mps:.2f}, {fit.wind_east_mps:.2f}; own {own.round(2)}; apart {apart:.2f}"
+    )
+    assert apart < 0.5
 
 
 class Sink:

@@ -1,0 +1,42 @@
+"""What a plane's airspeed sensor and heading mean: a factor on the one, an offset of the other.
+
+An uncalibrated pitot tube is a few per cent off (ArduPilot's ARSPD_RATIO), and a compass, or a fuselage that flies askew, a
+few degrees; at 20 m/s each of them makes a wind of 1 to 3 m/s that is not there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from models.errors import Fault, InputError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirspeedModel:
+    """From sensors to the velocity through the air.
+
+    Attributes
+    ----------
+    factor : float
+        True airspeed is what the sensor says times this.
+    heading_offset_rad : float
+        The vehicle moves through the air where its heading points plus this, clockwise.
+    sigma_mps : float
+        Standard deviation of the airspeed.
+    slip_sigma_rad : float
+        Standard deviation of the heading and of side slip.
+    """
+
+    factor: float = 1.0
+    heading_offset_rad: float = 0.0
+    sigma_mps: float = 0.7
+    slip_sigma_rad: float = math.radians(5.0)
+
+    def __post_init__(self) -> None:
+        if not (0.2 <= self.factor <= 5.0 and abs(self.heading_offset_rad) <= math.pi):
+            value = (self.factor, self.heading_offset_rad)
+            raise InputError(Fault("is no airspeed calibration", field="airspeed", value=value))
+        if not (self.sigma_mps > 0.0 and self.slip_sigma_rad > 0.0):
+            value = (self.sigma_mps, self.slip_sigma_rad)
+            raise InputError(Fault("must be above 0", field="airspeed sigma", value=value))
