@@ -27,6 +27,7 @@ SILENT_S = 5.0
 GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
 _GROUND_STATION, _INVALID_AUTOPILOT = 6, 8
 _MAX_SYSTEMS = 255
+_RADIOS = frozenset(("RADIO", "RADIO_STATUS"))
 _MAX_TEXTS = 200
 _GUEST_S = 0.002
 """So long at most a guest's words wait while we wait for the vehicle's."""
@@ -223,6 +224,8 @@ class Connection:
 
     def _hear(self, message: Message, now: float) -> None:
         name = message.name
+        if name in _RADIOS:
+            return  # in nobody's name, and even unsigned
         if message.system == self.system:
             if name == "HEARTBEAT" and message["type"] == _GROUND_STATION and self.conflict is None:
                 self.conflict = StationConflictError(message.system, message.component)
@@ -233,6 +236,9 @@ class Connection:
             if peer is None:
                 return
         if message.component != peer.component:
+            return
+        if self._routed is not None and not self._routed.learn(peer.system, proven=self.signed):
+            self.rejected.elsewhere += 1
             return
         self._count(peer, message, now)
         if name == "STATUSTEXT":
@@ -265,8 +271,6 @@ class Connection:
         if message.name == "HEARTBEAT":
             peer.beat_s = now
             peer.autopilot, peer.kind, peer.version = message["autopilot"], message["type"], message.version
-        if self._routed is not None:
-            self._routed.learn(peer.system)
 
     def _for_us(self, message: Message) -> bool:
         system = message.fields.get("target_system", 0)

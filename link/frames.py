@@ -264,17 +264,33 @@ class FrameWriter:
 
 @dataclass(slots=True)
 class Rejected:
-    """Packets not taken, counted by why."""
+    """Packets not taken, counted by why.
+
+    Attributes
+    ----------
+    checksum : int
+        Damaged on the way.
+    unsigned, forged, replayed : int
+        Without a signature, with a wrong one, with an old one.
+    elsewhere : int
+        In the name of a vehicle that speaks from another address.
+    """
 
     checksum: int = 0
     unsigned: int = 0
     forged: int = 0
     replayed: int = 0
+    elsewhere: int = 0
+
+    @property
+    def untrusted(self) -> int:
+        """Those that somebody else may have sent."""
+        return self.unsigned + self.forged + self.replayed + self.elsewhere
 
     @property
     def total(self) -> int:
         """All of them."""
-        return self.checksum + self.unsigned + self.forged + self.replayed
+        return self.checksum + self.untrusted
 
 
 @dataclass(slots=True)

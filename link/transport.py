@@ -57,8 +57,11 @@ class Transport(Protocol):
 class Routed(Protocol):
     """A transport with several others at the far end."""
 
-    def learn(self, system: int) -> None:
-        """The packet read last came from that vehicle, and was believed."""
+    def learn(self, system: int, *, proven: bool = False) -> bool:
+        """Take it that the packet read last came from that vehicle, proven by its signature or only so by its word.
+
+        Returns False where that vehicle speaks from another address at this time: this is somebody else.
+        """
         ...
 
     def write_to(self, system: int, data: bytes) -> None:
@@ -128,15 +131,17 @@ class UdpSocket:
                 return data
         return b""
 
-    def learn(self, system: int) -> None:
-        """Remember the way to a vehicle; another address takes it over only when the first has been silent."""
+    def learn(self, system: int, *, proven: bool = False) -> bool:
+        """Remember the way to a vehicle; who only says so takes it over when the first address has been silent."""
         if self._target is not None:
-            return
+            return True
         known, now = self._routes.get(system), time.monotonic()
         if known is None and len(self._routes) >= _MAX_ROUTES:
-            return
-        if known is None or known[0] == self._sender or now > known[1] + _SILENT_S:
-            self._routes[system] = (self._sender, now)
+            return False
+        if known is not None and known[0] != self._sender and not proven and now <= known[1] + _SILENT_S:
+            return False
+        self._routes[system] = (self._sender, now)
+        return True
 
     def write_to(self, system: int, data: bytes) -> None:
         """Send towards one vehicle."""

@@ -1,13 +1,15 @@
 """Who is believed: the vehicle meant, with its signature, and nobody twice."""
 
 import random
+import socket
+import time
 
 import pytest
 from wires import Scene, a_mission
 
 from link.frames import FrameReader, FrameWriter, Signing
 from link.mavlink_vehicle import MavlinkVehicle
-from link.opening import KEY_VARIABLE, read_key
+from link.opening import KEY_VARIABLE, open_connection, read_key
 from link.verified import UploadState
 from models.errors import InputError
 
@@ -113,3 +115,40 @@ def test_no_bytes_make_the_reader_fail_or_grow():
         assert len(reader._rest) < 600
     reader._rest = b""
     assert len(list(reader.feed(frame))) == 1
+
+
+def signed_vehicle(port, key, system=1, stamp=0):
+    """A vehicle on a UDP socket of its own, signing with a key."""
+    there = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    there.connect(("127.0.0.1", port))
+    signing = Signing(key)
+    signing.advance_to(time.time() + stamp)
+    writer = FrameWriter(system, 1, signing=signing)
+    return there, writer
+
+
+def test_a_signed_vehicle_may_change_its_address_and_nobody_else_may():
+    connection = open_connection("udpin:127.0.0.1:0", record=None, key=KEY)
+    beat = {"type": 2, "autopilot": 12, "mavlink_version": 3}
+    first, writer = signed_vehicle(connection.transport.port, KEY)
+    first.send(writer.frame("HEARTBEAT", beat))
+    assert connection.wait(lambda: 1 in connection.peers, 2.0)
+    liar, forger = signed_vehicle(connection.transport.port, bytes(32))
+    radio = FrameWriter(1, 1).frame("RADIO_STATUS", {"rssi": 9})  # radios cannot sign: anybody can say this
+    for words in (forger.frame("HEARTBEAT", beat), FrameWriter(1, 1).frame("HEARTBEAT", beat), radio):
+        liar.send(words)
+    assert connection.wait(lambda: connection.rejected.untrusted == 2, 2.0)
+    connection.send("PARAM_REQUEST_LIST", 1)
+    first.settimeout(1.0)
+    assert first.recv(300)
+    moved, _ = signed_vehicle(connection.transport.port, KEY)
+    moved.send(writer.frame("HEARTBEAT", beat))
+    assert connection.wait(lambda: connection.peers[1].received == 2, 2.0)
+    connection.send("PARAM_REQUEST_LIST", 1)
+    moved.settimeout(1.0)
+    assert FrameReader().feed(moved.recv(300))
+    liar.settimeout(0.05)
+    with pytest.raises(TimeoutError):
+        liar.recv(300)
+    for one in (first, liar, moved, connection):
+        one.close()
