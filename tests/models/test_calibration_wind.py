@@ -17,7 +17,6 @@ from models.wind_filter import chi2_band, filter_log
 from models.wind_filter_blocks import Blocks, blocks
 from models.wind_filter_measurement import tilt_wind
 
-
 CHI2_95 = -2.0 * math.log(0.05)
 
 
