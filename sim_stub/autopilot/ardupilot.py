@@ -310,6 +310,14 @@ class ArduPilot(Autopilot):
         """Always along the way (WP_YAW_BEHAVIOR); the heading of an item is not kept."""
         return math.nan
 
+    def circling(self, radius_m: float) -> tuple[float, float]:
+        """CIRCLE_RADIUS, CIRCLE_RATE; no more than half of WPNAV_ACCEL goes into the turn."""
+        p = self.parameters
+        radius_m = radius_m or p.clamped("CIRCLE_RADIUS", 100.0, 200_000.0) / 100.0
+        turning = math.sqrt(0.5 * p.clamped("WPNAV_ACCEL", 50.0, 500.0) / 100.0 * radius_m)
+        rate = math.radians(max(1.0, abs(p.clamped("CIRCLE_RATE", -90.0, 90.0))))
+        return radius_m, min(self.cruise_mps, turning, rate * radius_m)
+
     def delay_s(self, item: Item) -> float:
         """p1 seconds; where that is 0 or less, until the UTC time of day in p2, p3, p4: midnight, if they are 0."""
         if item.p1 > 0.0:

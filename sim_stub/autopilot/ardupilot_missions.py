@@ -99,6 +99,13 @@ def accept(item: Item, kind: int) -> Item | Answer:
     return _stored(item)
 
 
+def _circle_m(radius_m: float) -> float:
+    """Radius of turns as it is kept: whole metres in a byte, tens of metres beyond; negative is anticlockwise."""
+    size = abs(radius_m)
+    kept = math.floor(size + 0.5) if size <= 255.0 else min(math.floor(size / 10.0 + 0.5), 255) * 10
+    return math.copysign(float(kept), radius_m)
+
+
 def _known(item: Item) -> bool:
     return item.frame in _FRAMES
 
@@ -113,6 +120,8 @@ def _stored(item: Item) -> Item:
         p1 = float(int(max(-32768.0, min(65535.0, p1))))
     if item.command == Command.LAND:
         p4 = 1.0
+    if item.command == Command.LOITER_TURNS:
+        p1, p3 = max(0.0, min(p1, 255.0)), _circle_m(p3)
     if item.command == Command.LOITER_TIME:
         p3 = -1.0 if p3 < 0 else 1.0
     if item.command not in _STORED_IN_LOCATION:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _LANDED_AFTER_S = 1.0
 _CRASH_MPS = 4.0
 _BRAKING_MPS2 = 1.6
+_YAW_REACHED_DEG = 2.0
 _FLYING = (Mode.HOLD, Mode.BRAKE, Mode.GUIDED, *MANUAL_MODES)
 
 
@@ -326,6 +327,19 @@ class Autopilot(Family):
         self.commanded_mps = speed_mps
         return True
 
+    def turn_to(self, degrees: float, *, clockwise: bool, relative: bool) -> None:
+        """Take a heading and keep it until the next item or mode."""
+        if relative:
+            degrees = math.degrees(self.body.yaw) + (degrees if clockwise else -degrees)
+        self.yaw_override_deg = degrees % 360.0
+
+    def yaw_reached(self) -> bool:
+        """Whether the heading of `turn_to` is taken."""
+        if self.yaw_override_deg is None:
+            return True
+        error = (math.degrees(self.body.yaw) - self.yaw_override_deg + 180.0) % 360.0 - 180.0
+        return abs(error) <= _YAW_REACHED_DEG
+
     def execute(self, item: Item) -> None:
         """Do an item that takes no time."""
         match item.command:
@@ -337,8 +351,8 @@ class Autopilot(Family):
                 self.set_home(Home(item.lat, item.lon, item.z))
             case Command.DO_GRIPPER:
                 self.move_gripper(close=item.p2 != 0.0)
-            case Command.CONDITION_YAW:
-                self.yaw_override_deg = item.p1 % 360.0 if math.isfinite(item.p1) else None
+            case Command.CONDITION_YAW if math.isfinite(item.p1):
+                self.turn_to(item.p1, clockwise=item.p3 >= 0.0, relative=item.p4 == 1.0)
             case Command.COMPONENT_ARM_DISARM if item.p1 == 0.0:
                 self.disarm_in_mission()
             case _:

@@ -135,6 +135,10 @@ class Family(ABC):
         """Heading that a waypoint asks for, degrees, or NaN."""
 
     @abstractmethod
+    def circling(self, radius_m: float) -> tuple[float, float]:
+        """Radius and speed of a circle for which a radius is asked; 0 is the default one."""
+
+    @abstractmethod
     def delay_s(self, item: Item) -> float:
         """How long a NAV_DELAY lasts."""
 

@@ -8,6 +8,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING
 
 from sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Land, Wait
+from sim_stub.autopilot.circle import Circle
 from sim_stub.autopilot.items import NAV_COMMANDS, RELATIVE_FRAMES, Command, Item
 from sim_stub.physics import Demand, offset_m
 
@@ -53,7 +54,7 @@ class MissionRun:
     pending: list[int] = field(default_factory=list)
     state: MissionState = MissionState.NO_MISSION
     repeats: dict[int, int] = field(default_factory=dict)
-    condition_until_s: float | None = None
+    condition_s: float | None = None
     hold: Fly | None = None
 
     def reset(self, current: int = 0) -> None:
@@ -62,7 +63,7 @@ class MissionRun:
         self.behaviour = self.hold = None
         self.pending.clear()
         self.repeats.clear()
-        self.condition_until_s = None
+        self.condition_s = None
         self.state = MissionState.NOT_STARTED if self.items else MissionState.NO_MISSION
 
     def begin_anew(self) -> None:
@@ -76,7 +77,7 @@ class MissionRun:
         self.current = index
         self.behaviour = None
         self.pending.clear()
-        self.condition_until_s = None
+        self.condition_s = None
         if self.state in (MissionState.COMPLETE, MissionState.UNKNOWN):
             self.state = MissionState.NOT_STARTED
 
@@ -162,19 +163,25 @@ class MissionRun:
         while self.pending:
             item = self.items[self.pending[0]] if self.pending[0] < len(self.items) else None
             if item is not None:
-                if item.command == Command.CONDITION_DELAY:
-                    if self.condition_until_s is None:
-                        self.condition_until_s = pilot.sim_s + min(max(item.p1, 0.0), 1e7)
-                    if pilot.sim_s < self.condition_until_s:
-                        return
-                    self.condition_until_s = None
-                elif item.command == Command.CONDITION_DISTANCE:
-                    behaviour = self.behaviour
-                    if isinstance(behaviour, Fly) and behaviour.distance_m > item.p1:
-                        return
+                if self.condition_s is None:
+                    self.condition_s = pilot.sim_s
+                    pilot.execute(item)
+                if not self._holds(pilot, item, self.condition_s):
+                    return
+                self.condition_s = None
             self.pending.pop(0)
-            if item is not None:
-                pilot.execute(item)
+
+    def _holds(self, pilot: Autopilot, item: Item, since_s: float) -> bool:
+        """Whether what an item waits for has come; those that wait for nothing are done."""
+        match item.command:
+            case Command.CONDITION_DELAY:
+                return pilot.sim_s >= since_s + min(max(item.p1, 0.0), 1e7)
+            case Command.CONDITION_DISTANCE:
+                return not isinstance(self.behaviour, Fly) or self.behaviour.distance_m <= item.p1
+            case Command.CONDITION_YAW:
+                return pilot.yaw_reached()
+            case _:
+                return True
 
     def _behaviour(self, pilot: Autopilot, item: Item, index: int) -> Behaviour:
         """What the item has the vehicle do."""
@@ -196,9 +203,8 @@ class MissionRun:
             case Command.LOITER_UNLIM:
                 return Fly(lat, lon, altitude, radius, math.inf, _yaw(item.p4))
             case Command.LOITER_TURNS:
-                # A circle of radius p3 flown p1 times takes this long; it is waited for over the centre.
-                turn_s = 2.0 * math.pi * max(abs(item.p3), 1.0) / max(pilot.cruise_mps, 1.0)
-                return Fly(lat, lon, altitude, radius, min(max(item.p1, 0.0) * turn_s, 1e7))
+                wide_m, speed_mps = pilot.circling(abs(item.p3))
+                return Circle(lat, lon, altitude, wide_m, speed_mps, item.p1, clockwise=item.p3 >= 0.0)
             case Command.LOITER_TIME:
                 return Fly(lat, lon, altitude, radius, min(max(item.p1, 0.0), 1e7), _yaw(item.p4))
             case Command.LOITER_TO_ALT:

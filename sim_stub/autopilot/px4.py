@@ -313,6 +313,10 @@ class Px4(Autopilot):
         """p4; NaN looks along the way."""
         return item.p4
 
+    def circling(self, radius_m: float) -> tuple[float, float]:
+        """NAV_LOITER_RAD; a multirotor is never given turns, for their items are refused."""
+        return radius_m or self.parameters.clamped("NAV_LOITER_RAD", 5.0, 1000.0), self.cruise_mps
+
     def delay_s(self, item: Item) -> float:
         """p1 seconds."""
         return max(0.0, min(item.p1, 1e7)) if math.isfinite(item.p1) else 0.0

@@ -47,22 +47,36 @@ _PLAIN = frozenset(
         Command.DO_LAND_START,
         Command.DELAY,
         Command.RETURN_TO_LAUNCH,
-        Command.CONDITION_DELAY,
-        Command.CONDITION_DISTANCE,
         Command.COMPONENT_ARM_DISARM,
+        80,  # NAV_ROI
+        187,  # DO_SET_ACTUATOR
+        196,  # DO_SET_ROI_WPNEXT_OFFSET
+        197,  # DO_SET_ROI_NONE
+        200,  # DO_CONTROL_VIDEO
+        Command.DO_SET_ROI,
         203,  # DO_DIGICAM_CONTROL
         204,  # DO_MOUNT_CONFIGURE
         205,  # DO_MOUNT_CONTROL
         206,  # DO_SET_CAM_TRIGG_DIST
+        212,  # DO_AUTOTUNE_ENABLE
+        214,  # DO_SET_CAM_TRIGG_INTERVAL
+        260,  # OBLIQUE_SURVEY
         530,  # SET_CAMERA_MODE
+        532,  # SET_CAMERA_FOCUS
+        534,  # SET_CAMERA_SOURCE
         1000,  # DO_GIMBAL_MANAGER_PITCHYAW
+        1001,  # DO_GIMBAL_MANAGER_CONFIGURE
         2000,  # IMAGE_START_CAPTURE
         2001,  # IMAGE_STOP_CAPTURE
+        2003,  # DO_TRIGGER_CONTROL
         2500,  # VIDEO_START_CAPTURE
         2501,  # VIDEO_STOP_CAPTURE
         3000,  # DO_VTOL_TRANSITION
+        42600,  # DO_WINCH
     }
 )
+_LOOK_AT = frozenset({80, 195, Command.DO_SET_ROI, 212})
+"""Accepted with a position, and nothing that is flown to: regions of interest, and autotuning."""
 _FENCE_COMMANDS = frozenset(range(5000, 5005))
 _KEPT: dict[int, tuple[int, ...]] = {
     # Which of p1..p4 survive in an item with a position; the rest come back as 0.
@@ -83,9 +97,11 @@ _KEPT: dict[int, tuple[int, ...]] = {
 def accept(item: Item, kind: int) -> Item | Answer:
     """Take an item of a kind of mission as PX4 does: keep what it keeps, or the code it refuses with."""
     if item.frame in _GLOBAL:
-        if item.command not in _PLACED:
+        if item.command not in _PLACED | _LOOK_AT:
             return Answer.UNSUPPORTED
     elif item.frame == Frame.MISSION:
+        if item.command == Command.CONDITION_DELAY:  # kept as NAV_DELAY, since PX4 has nothing that waits in flight
+            return replace(item, command=Command.DELAY)
         if item.command not in _PLAIN:
             return Answer.UNSUPPORTED
     else:

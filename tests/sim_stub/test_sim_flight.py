@@ -1,9 +1,10 @@
 """One vehicle, one mission, both families: what a delivery leg looks like on the wire."""
 
+import itertools
 import math
 
 import pytest
-from sim_station import JUMP, LAND, LAT, NAN, SPEED, TAKEOFF, WAYPOINT, Stage, item, leg, plain
+from sim_station import JUMP, LAND, LAT, LON, NAN, SPEED, TAKEOFF, WAYPOINT, Stage, item, leg, plain
 
 from sim_stub.physics import offset_m
 from sim_stub.wind_truth import ConstantWind
@@ -71,19 +72,77 @@ def test_a_waypoint_holds_as_long_as_it_says_and_a_gripper_lets_go(autopilot):
 
 
 @BOTH
-def test_condition_and_delay_items_and_loiter_time(autopilot):
+def test_loiter_time_loiter_to_alt_and_delay_take_their_time(autopilot):
     stage = Stage(autopilot)
     waits = [item(19, 50, p=(15, 0, 0, 0)), item(31, 50, z=60.0, p=(0, 0, 0, 0)), plain(93, 10)]
-    conditions = [plain(112, 5), plain(178, 1, 4, -1), plain(114, 20), plain(178, 1, 6, -1)]
-    if autopilot == "ardupilot":
-        conditions.append(plain(115, 90, 0, 1, 0))
-    stage.station.upload(
-        stage.mission(item(TAKEOFF), *waits, *conditions, item(WAYPOINT, 150, z=60), item(LAND, 150, z=0))
-    )
+    stage.station.upload(stage.mission(item(TAKEOFF), *waits, item(LAND, 50, z=0)))
     assert set(stage.start()) == {0}
+    began = {}
+    first = 1 if autopilot == "px4" else 2
+    for number in range(first, first + 4):
+        stage.station.until(lambda number=number: stage.happened(f"item {number} begins"))
+        began[number - first] = stage.lockstep.now_s
+    assert began[1] - began[0] > 15.0
+    assert began[2] - began[1] > 20.0 / 3.0, "20 m up at 3 m/s at most"
+    assert began[3] - began[2] == pytest.approx(10.0, abs=0.2)
+    assert stage.vehicle.body.alt_m == pytest.approx(65.0, abs=1.5)
+
+
+def test_ardupilot_conditions_hold_back_what_follows_them_until_they_are_met():
+    stage = Stage("ardupilot")
+    s = stage.station
+    s.command(511, 30, 50_000)  # something to hear at every step
+    conditions = [plain(112, 5), plain(178, 1, 4, -1), plain(114, 20), plain(178, 1, 6, -1), plain(115, 90, 0, 1, 0)]
+    s.upload(
+        stage.mission(
+            item(TAKEOFF), item(WAYPOINT, 20), *conditions, plain(178, 1, 2, -1), item(WAYPOINT, 150), item(LAND, 150)
+        )
+    )
+    stage.start()
+    s.until(lambda: stage.happened("item 9 begins"))
+    begun = stage.lockstep.now_s
+    s.until(lambda: stage.pilot.commanded_mps == 4.0)
+    assert stage.lockstep.now_s - begun == pytest.approx(5.0, abs=0.2)
+    s.until(lambda: stage.pilot.commanded_mps == 6.0)
+    north, _ = offset_m(LAT, LON, stage.vehicle.body.lat, stage.vehicle.body.lon)
+    assert 150 - north == pytest.approx(20.0, abs=1.0)
+    s.until(lambda: stage.pilot.commanded_mps == 2.0)
+    assert math.degrees(stage.vehicle.body.yaw) == pytest.approx(90.0, abs=2.5)
+
+
+def test_ardupilot_skips_what_a_condition_holds_back_when_the_waypoint_comes_first():
+    stage = Stage("ardupilot")
+    held = [plain(112, 500), plain(178, 1, 4, -1)]
+    stage.station.upload(
+        stage.mission(item(TAKEOFF), *held, item(WAYPOINT, 60), item(WAYPOINT, 120), item(LAND, 120, z=0))
+    )
+    stage.start()
     stage.rest()
-    assert stage.happened("mission complete") or autopilot == "ardupilot"
-    assert stage.pilot.commanded_mps == 6.0
+    assert stage.pilot.commanded_mps is None
+
+
+@pytest.mark.parametrize(("p3", "p4", "heading"), [(1, 0, 200.0), (1, 1, 250.0), (-1, 1, 210.0)])
+def test_ardupilot_turns_to_a_heading_absolute_or_relative_either_way(p3, p4, heading):
+    stage = Stage("ardupilot")
+    stage.take_off()
+    stage.vehicle.body.yaw = math.radians(230.0 - 360.0)
+    assert stage.station.command(115, 20 if p4 else 200, 0, p3, p4) == 0
+    stage.station.run(8.0)
+    assert math.degrees(stage.vehicle.body.yaw) % 360.0 == pytest.approx(heading, abs=2.0)
+
+
+def test_px4_keeps_a_condition_delay_as_a_delay_and_refuses_the_other_conditions():
+    stage = Stage("px4")
+    s = stage.station
+    assert s.upload((item(TAKEOFF), plain(112, 8), item(LAND, 0, z=0))) == 0
+    assert [m.command for m in s.download()] == [TAKEOFF, 93, LAND]
+    stage.start()
+    s.until(lambda: stage.happened("item 1 begins"))
+    begun = stage.lockstep.now_s
+    s.until(lambda: stage.happened("item 2 begins"))
+    assert stage.lockstep.now_s - begun == pytest.approx(8.0, abs=0.2)
+    for refused in (plain(114, 20), plain(115, 90), item(18, 50, p=(2, 0, 30, 0))):
+        assert s.upload((item(TAKEOFF), refused, item(LAND, 0, z=0))) == 3
 
 
 @BOTH
@@ -153,14 +212,34 @@ def test_loiter_unlimited_stays_until_told_otherwise(autopilot):
     stage.rest()
 
 
-def test_ardupilot_loiters_turns_for_as_long_as_they_would_take():
-    stage = Stage("ardupilot")
-    stage.station.upload(stage.mission(item(TAKEOFF), item(18, 60, p=(2, 0, 50, 0)), item(LAND, 60)))
+@pytest.mark.parametrize(("radius", "clockwise"), [(30.0, True), (-60.0, False)])
+def test_ardupilot_flies_its_turns_as_circles(radius, clockwise):
+    stage = Stage("ardupilot", wind=ConstantWind.of(6.0, 250.0))
+    s = stage.station
+    s.upload(stage.mission(item(TAKEOFF), item(18, 100, p=(2, 0, radius, 0)), item(LAND, 100)))
     stage.start()
-    stage.station.until(lambda: stage.happened("item 2 begins"))
-    begun = stage.lockstep.now_s
-    stage.station.until(lambda: stage.happened("item 2 reached"))
-    assert stage.lockstep.now_s - begun > 2 * 2 * math.pi * 50 / 10
+    s.until(lambda: stage.happened("item 2 begins"))
+    s.until(lambda: stage.pilot.run.behaviour.edge is not None and stage.pilot.run.behaviour.edge.done)
+    centre = item(18, 100)[6] * 1e-7, item(18, 100)[7] * 1e-7
+    away, angles = [], []
+    while not stage.happened("item 2 reached"):
+        s.run(0.5)
+        body = stage.vehicle.body
+        north, east = offset_m(*centre, body.lat, body.lon)
+        away.append(math.hypot(north, east))
+        angles.append(math.atan2(east, north))
+    assert min(away[6:]) > 0.85 * abs(radius)
+    assert max(away[6:]) < 1.15 * abs(radius)
+    turned = sum((b - a + math.pi) % (2 * math.pi) - math.pi for a, b in itertools.pairwise(angles))
+    assert abs(turned) == pytest.approx(4 * math.pi, rel=0.1)
+    assert (turned > 0) is clockwise
+
+
+@pytest.mark.parametrize(("asked", "kept"), [(50.0, 50), (-30.4, -30), (255.0, 255), (256.0, 260), (9999.0, 2550)])
+def test_ardupilot_keeps_the_radius_of_turns_in_a_byte(asked, kept):
+    stage = Stage("ardupilot")
+    stage.station.upload(stage.mission(item(TAKEOFF), item(18, 100, p=(2, 0, asked, 0)), item(LAND, 100)))
+    assert stage.station.download()[2].param3 == kept
 
 
 @BOTH
