@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from sim_stub.airframe import Airframe
 
 STEP_S = 0.05
-"""Physics is advanced in steps of this length; attitude and vertical lag are exact over a step."""
+"""Physics is advanced in steps of this length; the lag of the attitude is exact over a step."""
+FINE_STEP_S = 0.02
+"""The same for a vehicle of which somebody asks for messages more often than that."""
 _A = 6_378_137.0
 _E2 = 0.006694379990141
 _DRAG_LAG_S = 0.8

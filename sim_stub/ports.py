@@ -42,6 +42,8 @@ class Port:
         By message id.
     next_due_s : float
         When the next stream is due.
+    shortest_s : float
+        Interval of the fastest stream.
     """
 
     send: Callable[[bytes], None]
@@ -49,6 +51,7 @@ class Port:
     reader: FrameReader
     streams: dict[int, Stream] = field(default_factory=dict)
     next_due_s: float = math.inf
+    shortest_s: float = math.inf
     heard_version_2: bool = False
     closed: bool = False
     muted: bool = False
@@ -78,5 +81,6 @@ class Port:
         self.reschedule()
 
     def reschedule(self) -> None:
-        """Find when the next stream is due."""
+        """Find when the next stream is due, and how fast the fastest is."""
+        self.shortest_s = min((stream.interval_s for stream in self.streams.values()), default=math.inf)
         self.next_due_s = min((stream.due_s for stream in self.streams.values()), default=math.inf)

@@ -58,6 +58,11 @@ class Radio:
             due = min(due, port.next_due_s)
         return due
 
+    @property
+    def shortest_s(self) -> float:
+        """Interval of the message that goes out most often."""
+        return min((port.shortest_s for port in self.ports), default=math.inf)
+
     def send_due(self, now: float) -> None:
         """Send what is due."""
         if self._reached is not None and self._reached[2] <= now:

@@ -14,7 +14,7 @@ from sim_stub.autopilot.ardupilot import ArduPilot
 from sim_stub.autopilot.px4 import Px4
 from sim_stub.battery import Battery
 from sim_stub.faults import FaultState
-from sim_stub.physics import STEP_S, Body, Demand, offset_m
+from sim_stub.physics import FINE_STEP_S, STEP_S, Body, Demand, offset_m
 from sim_stub.positioning import Positioning
 from sim_stub.power import PowerModel
 from sim_stub.protocols.ardupilot_missions import ArduPilotMissionServer
@@ -97,6 +97,7 @@ class Vehicle:
         self._wind_mean = (0.0, 0.0)
         self._wind_now = (0.0, 0.0)
         self._wind_s = -math.inf
+        self.step_s = STEP_S
         self._was_booting = not config.warm
         self.radio = Radio(self)
         family = AUTOPILOTS[config.autopilot]
@@ -152,7 +153,7 @@ class Vehicle:
     def next_due_s(self) -> float:
         """Simulated instant at which something happens by itself."""
         if self.active:
-            return self.stepped_s + STEP_S
+            return self.stepped_s + self.step_s
         due = min(self.tended_s + _HOUSEKEEPING_S, self.faults.next_change_s, self.reboot_at_s)
         due = min(due, self.position.next_change_s)
         if self._was_booting:
@@ -185,7 +186,7 @@ class Vehicle:
         if self.reboot_at_s <= now:
             self._reboot()
         if self.active:
-            if now >= self.stepped_s + STEP_S - 1e-9:
+            if now >= self.stepped_s + self.step_s - 1e-9:
                 self._step(now)
         elif now - self.tended_s >= _HOUSEKEEPING_S - 1e-9:
             self.tend()
@@ -202,11 +203,11 @@ class Vehicle:
         if now - self._wind_s >= 1.0:
             self._look_around(now)
         north, east = self._wind_mean
-        gust_north, gust_east = self.gusts.step(math.hypot(north, east), STEP_S)
+        gust_north, gust_east = self.gusts.step(math.hypot(north, east), self.step_s)
         self._wind_now = (north + gust_north, east + gust_east)
         demand: Demand = self.autopilot.step()
         body = self.body
-        body.step(demand, *self._wind_now, self.ground_m)
+        body.step(demand, *self._wind_now, self.ground_m, self.step_s)
         if self.autopilot.armed and demand.motors:
             if body.grounded:
                 watts = _IDLE_ARMED_W
@@ -214,13 +215,14 @@ class Vehicle:
                 watts = self.power.electrical_w(body.thrust_n, body.airspeed_mps, body.up_mps, body.drag_w)
         else:
             watts = _AVIONICS_W
-        self._draw(watts, STEP_S)
+        self._draw(watts, self.step_s)
         self.stepped_s = self.tended_s = now
         self.autopilot.after_step()
 
     def _look_around(self, now: float) -> None:
-        """Look up wind and ground where the vehicle is now."""
+        """Look up wind and ground where the vehicle is now, and how fine a step is asked for."""
         self._wind_s = now
+        self.step_s = FINE_STEP_S if self.radio.shortest_s < STEP_S else STEP_S
         body = self.body
         north, east = self.world.wind.at(self.posix_s, body.lat, body.lon, body.alt_m - self.ground_m)
         extra = self.faults.extra_wind_mps()

@@ -2,6 +2,7 @@
 
 import math
 import struct
+from itertools import pairwise
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -398,6 +399,34 @@ def test_message_intervals_are_set_told_and_stopped(autopilot):
     assert s.command(511, 30, 0) == 0
     assert any(m.get_type() == "ATTITUDE" for m in s.run(5.0)) is (autopilot == "px4"), "0 is the default rate"
     assert s.command(511, 12_345, 1000) in (2, 4)
+
+
+@BOTH
+@pytest.mark.parametrize("rate_hz", [4.0, 10.0, 50.0])
+def test_a_message_comes_as_often_as_it_is_asked_for_in_the_air(autopilot, rate_hz):
+    stage = Stage(autopilot, wind=ConstantWind.of(8.0, 200.0))
+    stage.take_off(20.0)
+    assert stage.station.command(511, 30, 1e6 / rate_hz) == 0
+    stage.station.run(2.0)
+    heard = [m for m in stage.station.run(20.0) if m.get_type() == "ATTITUDE"]
+    assert len(heard) == pytest.approx(20.0 * rate_hz, rel=0.02)
+    times = [m.time_boot_ms for m in heard]
+    assert {b - a for a, b in pairwise(times)} <= {round(1e3 / rate_hz) + off for off in (-1, 0, 1)}
+    assert len({m.roll for m in heard}) > 0.9 * len(heard), "each one is new"
+
+
+def test_a_finer_step_of_physics_flies_the_same():
+    fine, coarse = ({}, {})
+    for told, rate in ((fine, 20_000), (coarse, 100_000)):
+        stage = Stage("px4", wind=ConstantWind.of(7.0, 100.0))
+        stage.vehicle.gusts.intensity = 0.0
+        stage.station.command(511, 30, rate)
+        stage.station.upload(leg(distance=600.0))
+        stage.start()
+        stage.rest()
+        told["time"], told["soc"] = stage.lockstep.now_s, stage.vehicle.battery.soc
+    assert fine["time"] == pytest.approx(coarse["time"], rel=0.01)
+    assert 1.0 - fine["soc"] == pytest.approx(1.0 - coarse["soc"], rel=0.01)
 
 
 @BOTH
