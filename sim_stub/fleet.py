@@ -10,26 +10,37 @@ from models.errors import InputError
 from sim_stub.airframe import Airframe
 from sim_stub.config import VehicleConfig
 from sim_stub.pads import Pads
+from sim_stub.transports import tcp
 from sim_stub.transports.channel import Impairment
 from sim_stub.transports.loop import SocketLoop
-from sim_stub.transports.pad_server import PadServer
-from sim_stub.transports.sockets import open_endpoint
+from sim_stub.transports.pad_server import serve_pads
+from sim_stub.transports.udp import UdpEndpoint
 from sim_stub.transports.urls import Address
 from sim_stub.world import World
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from selectors import BaseSelector
 
     from models.drone import Drone
     from models.load import PadLoad
     from models.network import Station
     from sim_stub.faults import Fault
+    from sim_stub.transports.endpoint import Endpoint
+    from sim_stub.vehicle import Vehicle
     from sim_stub.wind_truth import WindTruth
     from sim_stub.world import Event
 
 MAX_VEHICLES = 250
 _TCP_STEP = 10
 """Ports of consecutive vehicles are this far apart, as with the simulators that people know."""
+_OPEN: dict[str, Callable[[Address, Vehicle, Impairment, str, BaseSelector], Endpoint]] = {
+    "udpout": UdpEndpoint,
+    "udpin": UdpEndpoint,
+    "tcp": tcp.connect,
+    "tcpin": tcp.listen,
+}
+"""What opens a connection of each kind."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,11 +144,11 @@ def serve(
             if tcp_port is not None:
                 addresses.append(Address("tcpin", "127.0.0.1", tcp_port + _TCP_STEP * number if tcp_port else 0))
             for place, address in enumerate(addresses):
-                endpoint = open_endpoint(address, vehicle, how, f"{seed}/{system}/{place}", loop.selector)
+                endpoint = _OPEN[address.kind](address, vehicle, how, f"{seed}/{system}/{place}", loop.selector)
                 loop.add(endpoint)
                 told.append(f"vehicle {system}: {endpoint.where}")
         if pads is not None and world.pads is not None:
-            server = PadServer(pads, world.pads, loop.selector)
+            server = serve_pads(pads, world.pads, loop.selector)
             loop.add(server)
             told.append(f"pads: {server.where}")
     except InputError:

@@ -11,7 +11,7 @@ from models.errors import Fault, InputError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_stub.transports.sockets import Endpoint
+    from sim_stub.transports.endpoint import Endpoint
     from sim_stub.world import World
 
 MAX_SPEEDUP = 20.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import selectors
-import socket
 from typing import TYPE_CHECKING
 
 from models.pad_service import (
@@ -14,14 +12,16 @@ from models.pad_service import (
     decode_request,
     encode,
 )
-from sim_stub.transports.sockets import bind, resolve
+from sim_stub.transports.tcp import TcpListener, TcpPeer
 
 if TYPE_CHECKING:
+    import selectors
+    import socket
+
     from sim_stub.pads import Pads
     from sim_stub.transports.urls import Address
 
-_MAX_CLIENTS = 32
-_MAX_BACKLOG_BYTES = 1_000_000
+MAX_CLIENTS = 32
 
 
 def answer(pads: Pads, line: bytes) -> PadAnswer:
@@ -38,122 +38,45 @@ def answer(pads: Pads, line: bytes) -> PadAnswer:
         return PadAnswer(ok=False, error=str(error))
 
 
-class PadClient:
-    """One connected client.
+class PadPeer(TcpPeer):
+    """One client of the pads.
 
     Parameters
     ----------
     connection : socket
         Connected.
+    selector : BaseSelector
+        Of the loop.
     pads : Pads
         What it asks about.
     """
 
-    def __init__(self, connection: socket.socket, pads: Pads, selector: selectors.BaseSelector) -> None:
-        self.socket, self.pads, self.selector = connection, pads, selector
-        self.received = b""
-        self.backlog = b""
-        self.closed = False
-        connection.settimeout(0.0)
-        selector.register(connection, selectors.EVENT_READ, self)
+    def __init__(self, connection: socket.socket, selector: selectors.BaseSelector, pads: Pads) -> None:
+        super().__init__(connection, selector)
+        self.pads = pads
+        self.begun = b""
+        self.answers = b""
 
-    def readable(self) -> None:
+    def received(self, data: bytes) -> None:
         """Answer the lines that are complete; a line too long ends the connection."""
-        if self.closed:
-            return
-        try:
-            data = self.socket.recv(65536)
-        except (BlockingIOError, InterruptedError):
-            return
-        except OSError:
-            data = b""
-        if not data:
-            self.close()
-            return
-        self.received += data
-        while b"\n" in self.received:
-            line, self.received = self.received.split(b"\n", 1)
+        *lines, self.begun = (self.begun + data).split(b"\n")
+        for line in lines:
             if line.strip():
-                self.backlog += encode(answer(self.pads, line[: MAX_LINE_BYTES + 1]))
-        if len(self.received) > MAX_LINE_BYTES:
-            self.backlog += encode(PadAnswer(ok=False, error="the line is too long"))
+                self.answers += encode(answer(self.pads, line[: MAX_LINE_BYTES + 1]))
+        if len(self.begun) > MAX_LINE_BYTES:
+            self.answers += encode(PadAnswer(ok=False, error="the line is too long"))
             self.flush(0.0)
             self.close()
 
-    def flush(self, now_s: float) -> None:  # noqa: ARG002
-        """Send as much as goes."""
-        if self.closed or not self.backlog:
-            return
-        try:
-            sent = self.socket.send(self.backlog)
-        except (BlockingIOError, InterruptedError):
-            sent = 0
-        except OSError:
-            self.close()
-            return
-        self.backlog = self.backlog[sent:]
-        if len(self.backlog) > _MAX_BACKLOG_BYTES:
-            self.close()
+    def outgoing(self, now_s: float) -> bytes:  # noqa: ARG002
+        """The answers."""
+        waiting, self.answers = self.answers, b""
+        return waiting
 
-    def next_s(self) -> float:
-        """Nothing is ever delayed."""
-        return float("inf")
-
-    def close(self) -> None:
-        """Close."""
-        if not self.closed:
-            self.closed = True
-            self.selector.unregister(self.socket)
-            self.socket.close()
+    def left(self) -> None:
+        """Nothing: pads and charging go on without a client."""
 
 
-class PadServer:
-    """The listening socket.
-
-    Parameters
-    ----------
-    address : Address
-        Where.
-    pads : Pads
-        What is served.
-    """
-
-    def __init__(self, address: Address, pads: Pads, selector: selectors.BaseSelector) -> None:
-        self.pads, self.selector = pads, selector
-        family, target = resolve(address, socket.SOCK_STREAM)
-        self.socket = socket.socket(family, socket.SOCK_STREAM)
-        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        self.socket.settimeout(0.0)
-        bind(self.socket, target, address)
-        self.socket.listen(_MAX_CLIENTS)
-        self.where = f"tcp:{address.host}:{self.socket.getsockname()[1]}"
-        self.clients: list[PadClient] = []
-        selector.register(self.socket, selectors.EVENT_READ, self)
-
-    def readable(self) -> None:
-        """Accept."""
-        try:
-            connection, _ = self.socket.accept()
-        except OSError:
-            return
-        self.clients = [client for client in self.clients if not client.closed]
-        if len(self.clients) >= _MAX_CLIENTS:
-            connection.close()
-            return
-        self.clients.append(PadClient(connection, self.pads, self.selector))
-
-    def flush(self, now_s: float) -> None:
-        """Send what is waiting."""
-        for client in self.clients:
-            client.flush(now_s)
-
-    def next_s(self) -> float:
-        """Nothing is ever delayed."""
-        return float("inf")
-
-    def close(self) -> None:
-        """Close everything."""
-        for client in self.clients:
-            client.close()
-        self.selector.unregister(self.socket)
-        self.socket.close()
+def serve_pads(address: Address, pads: Pads, selector: selectors.BaseSelector) -> TcpListener:
+    """Let clients ask about the pads."""
+    return TcpListener(address, selector, MAX_CLIENTS, lambda connection, _: PadPeer(connection, selector, pads))
