@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
-from link.exchange import Exchange
-from link.mission_words import ACCEPTED, MissionKind
+from link.exchange import SPREADS, Exchange
+from link.mission_words import ACCEPTED, ERROR, MissionKind
 from missions.dialects.wire import WireItem
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 GIVE_UP_S = 10.0
 _AGAIN_S = 0.4
 _MAX_RESTARTS = 12
-_FORGOTTEN_TRIES, _FORGOTTEN_COSTS = 12, 2
+_FORGOTTEN_TRIES, _FORGOTTEN_COSTS, _DOUBTED_TRIES = 12, 2, 2
 _ITEM_FIELDS = tuple(field.name for field in fields(WireItem))
 
 
@@ -77,7 +77,7 @@ class Download(Exchange):
             self.send("MISSION_REQUEST_INT", seq=len(self._got), mission_type=int(self.kind))
         self._sent_s = now_s
         self._tries += 1
-        self.next_s = now_s + self.round_trip.retry_s(self._tries)
+        self.next_s = now_s + self.round_trip.retry_s(self._tries, spreads=SPREADS)
 
     def hear(self, message: Message, now_s: float) -> None:
         """Take the count, and item after item."""
@@ -93,6 +93,10 @@ class Download(Exchange):
             if self._count is not None and message["seq"] == len(self._got):
                 self._got.append(wire_item(message))
                 self._next(now_s)
+        elif message["type"] == ERROR and self._count is not None:
+            # Either it has ended the transfer, and is silent from now on, or it speaks of a packet that came late.
+            self._tries = max(self._tries, _FORGOTTEN_TRIES - _DOUBTED_TRIES)
+            self.next_s = min(self.next_s, now_s + self.round_trip.retry_s(1))
         elif message["type"] != ACCEPTED:
             self._again(now_s, f"the vehicle broke the download off (answer {message['type']})")
 

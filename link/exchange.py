@@ -23,6 +23,9 @@ Steps = Generator["Exchange", None, T]
 FIRST_RETRY_S = 0.25
 """What MAVLink allows for an item, while the round trip is not known."""
 _LEAST_RETRY_S = 0.03
+_FEW_TRIES = 6
+SPREADS = 2.0
+"""For missions, `RoundTrip.retry_s` waits for no more than so many: what is sent too early there is ignored."""
 _LONGEST_RETRY_S = 1.5
 
 
@@ -55,10 +58,18 @@ class RoundTrip:
             self.spread_s += 0.25 * (abs(took_s - self.mean_s) - self.spread_s)
             self.mean_s += 0.125 * (took_s - self.mean_s)
 
-    def retry_s(self, attempt: int) -> float:
-        """How long to wait for an answer before asking again; longer each time after the first few."""
-        first = FIRST_RETRY_S if math.isnan(self.mean_s) else self.mean_s + max(4.0 * self.spread_s, 0.01)
-        return min(max(first, _LEAST_RETRY_S) * 1.4 ** max(0, attempt - 4), _LONGEST_RETRY_S)
+    def retry_s(self, attempt: int, *, spreads: float = 4.0) -> float:
+        """How long to wait for an answer before asking again; longer each time after the first few.
+
+        Parameters
+        ----------
+        attempt : int
+            How often it has been asked.
+        spreads : float
+            How much later than usual an answer may be; few where asking too early costs nothing but a packet.
+        """
+        first = FIRST_RETRY_S if math.isnan(self.mean_s) else self.mean_s + max(spreads * self.spread_s, 0.01)
+        return min(max(first, _LEAST_RETRY_S) * 1.4 ** max(0, attempt - _FEW_TRIES), _LONGEST_RETRY_S)
 
 
 class Exchange(ABC):

@@ -13,7 +13,7 @@ from dataclasses import asdict
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from link.exchange import Exchange
+from link.exchange import SPREADS, Exchange
 from link.mission_words import ACCEPTED, CANCELLED, INVALID_SEQUENCE, PASSING, MissionKind
 
 if TYPE_CHECKING:
@@ -33,6 +33,9 @@ _STUCK_S = 15.0
 _LAST_TRIES = 8
 """When only the acknowledgement is missing, reading back tells sooner than waiting for it."""
 _BUSY_AGAIN_S = 0.5
+_AHEAD = 4
+"""Items that are sent at most beyond the one asked for."""
+_HEARD = frozenset(("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK", "MISSION_COUNT"))
 
 
 class UploadEnd(Enum):
@@ -94,7 +97,7 @@ class Upload(Exchange):
         self._tries = 0
         self.heard_s = self._begun_s = self._sent_s = self._moved_s = 0.0
         self._doubt_s = math.inf
-        self._busy = False
+        self._busy = self._listed = False
 
     def begin(self, now_s: float) -> None:
         """Say how many items there are."""
@@ -108,7 +111,7 @@ class Upload(Exchange):
     def _wait(self, now_s: float) -> None:
         self._sent_s = now_s
         self._tries += 1
-        self.next_s = min(now_s + self.round_trip.retry_s(self._tries), self._doubt_s)
+        self.next_s = min(now_s + self.round_trip.retry_s(self._tries, spreads=SPREADS), self._doubt_s)
 
     def _item(self, number: int) -> None:
         if number <= self.sent:
@@ -118,11 +121,13 @@ class Upload(Exchange):
 
     def hear(self, message: Message, now_s: float) -> None:
         """Answer questions, end at an acknowledgement."""
-        if message.name not in ("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"):
+        if message.name not in _HEARD or message["mission_type"] != self.kind:
             return
-        if message["mission_type"] != self.kind:
-            return
-        if message.name == "MISSION_ACK":
+        if message.name == "MISSION_COUNT":
+            if self._listed and message["count"] == len(self.items):
+                self.heard_s = now_s
+                self._end(UploadEnd.ACCEPTED, ACCEPTED)
+        elif message.name == "MISSION_ACK":
             self._acknowledged(message["type"], now_s)
         elif message["seq"] < len(self.items):
             self._asked(message["seq"], now_s)
@@ -158,6 +163,8 @@ class Upload(Exchange):
             return  # else of another transfer
         if answer == INVALID_SEQUENCE:
             return  # to an item that came twice; the vehicle asks for the right one
+        if self._listed and answer in PASSING:
+            return  # it still waits for our last item, and so gives no list
         if answer not in PASSING:
             self._end(UploadEnd.REFUSED, answer)
             return
@@ -189,12 +196,23 @@ class Upload(Exchange):
         elif self.asked < 0:
             self._count(now_s)
         else:
-            first = self.asked if self._tries % 3 else self.sent
-            self._item(first)
-            if first + 1 < len(self.items):
-                self.guessed = True
-                self._item(first + 1)
+            self._again()
             self._wait(now_s)
+
+    def _again(self) -> None:
+        """Send what may have been lost, and one item that was not sent yet; after the last one ask for the list.
+
+        Wherever the vehicle stands between its last question that arrived and the last item sent, it goes on. One
+        that gives the list has taken all items, and its acknowledgement was lost.
+        """
+        last = len(self.items) - 1
+        following = min(self.sent + 1, self.asked + _AHEAD, last)
+        self.guessed = self.guessed or following > self.asked
+        for number in range(self.asked, following + 1):
+            self._item(number)
+        if self.asked == last:
+            self._listed = True
+            self.send("MISSION_REQUEST_LIST", mission_type=int(self.kind))
 
     def _end(self, end: UploadEnd, answer: int) -> None:
         self.end, self.answer = end, answer
@@ -207,5 +225,5 @@ class Upload(Exchange):
         """Numbers of the items that a refusal may concern."""
         if self.asked < 0:
             return ()
-        last = self.asked + 1 if self.guessed and self.asked + 1 < len(self.items) else self.asked
+        last = self.sent if self.guessed else self.asked
         return tuple(range(self.asked, last + 1))

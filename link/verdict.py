@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from link.command import ACCEPTED, IN_PROGRESS
 from link.exchange import Exchange
 
 if TYPE_CHECKING:
@@ -17,13 +18,14 @@ if TYPE_CHECKING:
     from link.exchange import RoundTrip, Target
     from link.frames import Message
 
-GIVE_UP_S = 3.0
+GIVE_UP_S = 2.0
 SETTLE_S = 0.2
 """It judges within so much of the last item; what it says before may be of the mission before."""
 WORDS_S = 1.0
 """Words come no later than so long after."""
 _MISSION_CURRENT, _REQUEST_MESSAGE = 42, 512
 _UNKNOWN, _NO_MISSION = 0, 1
+_YES = (ACCEPTED, IN_PROGRESS)
 _REFUSING = re.compile(
     r"reject|infeasible|not feasible|cannot be flown|too far|violat|no valid mission|invalid|not allowed|unsupported",
     re.IGNORECASE,
@@ -61,13 +63,18 @@ class AskVerdict(Exchange):
         """Take its state."""
         if message.name == "MISSION_CURRENT" and now_s >= self._since_s + SETTLE_S:
             state = message["mission_state"]
-            self._told = True
             if state != _UNKNOWN:
                 self.refused = state == _NO_MISSION
                 self.finish()
             else:  # older versions have nothing but words
-                self._end_s = min(self._end_s, self._since_s + WORDS_S)
-                self.next_s = max(now_s, self._end_s)
+                self._wait_for_words(now_s)
+        elif message.name == "COMMAND_ACK" and message["command"] == _REQUEST_MESSAGE and message["result"] not in _YES:
+            self._wait_for_words(now_s)
+
+    def _wait_for_words(self, now_s: float) -> None:
+        self._told = True
+        self._end_s = min(self._end_s, max(now_s, self._since_s + WORDS_S))
+        self.next_s = self._end_s
 
     def tick(self, now_s: float) -> None:
         """Ask again, or give up."""
