@@ -1,8 +1,9 @@
 """The wind that a drone feels, estimated as it flies.
 
-The state is the wind (north, east), which wanders about the forecast as an Ornstein-Uhlenbeck process; over a step of any
-length this has an exact solution, so that irregular telemetry needs no small steps. Measurements are winds with a
-covariance, however they were come by (`models.wind_filter_measurement`).
+The wind is a slow one, which wanders about the forecast, and gusts about that, whose size goes with its speed; both are
+Ornstein-Uhlenbeck processes (north, east). Over a step of any length these have an exact solution, so that irregular telemetry
+needs no small steps. Measurements are winds with a covariance, however they were come by (`models.wind_filter_measurement`).
+The estimate is the wind as it blows now, gust included; `WindFilter.steady` is the slow part, which lasts.
 
 Sources: R. E. Kalman (1960); Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and
 Navigation" (2001), sections 5.4 (consistency: NEES, NIS) and 2.9 (gating).
@@ -41,7 +42,12 @@ class WindFilterSettings:
     tau_s : float
         Time constant with which the wind returns to the forecast.
     sigma_mps : float
-        Standard deviation of the wind about the forecast, each component.
+        Standard deviation of the slow wind about the forecast, each component.
+    gust_tau_s : float
+        Time constant of gusts, as a drone meets them: their length (some 200 m at 60 m height) over its airspeed.
+    gust_intensity, gust_floor_mps : float
+        Standard deviation of gusts, each component, as averages over a second show them (some 7 % less than they are):
+        a share of the speed of the slow wind, and at least so much.
     gate : float
         A measurement whose normalised innovation squared is above this is not used.
     patience_s, patience_count : float, int
@@ -51,6 +57,9 @@ class WindFilterSettings:
 
     tau_s: float = 600.0
     sigma_mps: float = 2.5
+    gust_tau_s: float = 12.0
+    gust_intensity: float = 0.13
+    gust_floor_mps: float = 0.15
     gate: float = GATE_99
     patience_s: float = 3.0
     patience_count: int = 5
@@ -58,8 +67,13 @@ class WindFilterSettings:
     def __post_init__(self) -> None:
         faults = [
             Fault("must be above 0", field=name, value=getattr(self, name))
-            for name in ("tau_s", "sigma_mps", "gate")
+            for name in ("tau_s", "sigma_mps", "gust_tau_s", "gate")
             if not 0.0 < getattr(self, name) < math.inf
+        ]
+        faults += [
+            Fault("must be 0 or more", field=name, value=getattr(self, name))
+            for name in ("gust_intensity", "gust_floor_mps")
+            if not 0.0 <= getattr(self, name) < math.inf
         ]
         if self.patience_s < 0.0 or self.patience_count < 1:
             faults.append(Fault("out of range", field="patience", value=(self.patience_s, self.patience_count)))
@@ -137,24 +151,32 @@ class WindFilter:
         self.time_s = start_s
         self.health = ConsistencyMonitor(HEALTH_WINDOW, HEALTH_CORRELATION)
         self.last_nis = math.nan
-        self._forecast = np.array([[north_mps], [east_mps]])
+        self._forecast = (north_mps, east_mps)
         self._last_used_s: float | None = None
         self._rejected: list[tuple[float, NDArray[np.float64]]] = []
-        self._filter: Any = KalmanFilter(dim_x=2, dim_z=2, dim_u=2)
-        self._filter.x = self._forecast.copy()
-        self._filter.P = np.eye(2) * self.settings.sigma_mps**2
-        self._filter.H = np.eye(2)
+        self._filter: Any = KalmanFilter(dim_x=4, dim_z=2, dim_u=4)
+        self._filter.x = np.array([[north_mps], [east_mps], [0.0], [0.0]])
+        self._filter.P = np.diag(self._variances())
+        self._filter.H = np.concatenate([np.eye(2), np.eye(2)], axis=1)
 
     def predict(self, time_s: float, forecast: tuple[float, float] | None = None) -> WindEstimate:
         """Let time pass, under the forecast for that time where it is given; time that goes backwards stands still."""
-        if forecast is not None:
-            self._forecast = np.array([[forecast[0]], [forecast[1]]])
+        self._forecast = forecast or self._forecast
         step_s = max(time_s - self.time_s, 0.0)
-        keep = math.exp(-step_s / self.settings.tau_s)
-        noise = (1.0 - keep**2) * self.settings.sigma_mps**2
-        self._filter.predict(u=self._forecast, B=np.eye(2) * (1.0 - keep), F=np.eye(2) * keep, Q=np.eye(2) * noise)
+        slow, gust = (math.exp(-step_s / tau_s) for tau_s in (self.settings.tau_s, self.settings.gust_tau_s))
+        keep = np.array([slow, slow, gust, gust])
+        noise = np.diag((1.0 - keep**2) * self._variances())
+        target = np.array([[self._forecast[0]], [self._forecast[1]], [0.0], [0.0]])
+        self._filter.predict(u=target, B=np.diag(1.0 - keep), F=np.diag(keep), Q=noise)
         self.time_s = max(time_s, self.time_s)
         return self.estimate
+
+    def _variances(self) -> NDArray[np.float64]:
+        """Stationary variances of the slow wind and of the gusts that go with it, shape (4,)."""
+        given = self.settings
+        speed = math.hypot(float(self._filter.x[0, 0]), float(self._filter.x[1, 0]))
+        gust = max(given.gust_intensity * speed, given.gust_floor_mps)
+        return np.array([given.sigma_mps**2, given.sigma_mps**2, gust**2, gust**2])
 
     def update(self, wind: tuple[float, float], noise: ArrayLike) -> bool:
         """Take a measurement for the present time.
@@ -176,8 +198,9 @@ class WindFilter:
         if not (np.isfinite(measured).all() and np.isfinite(covariance).all()):
             return False
         covariance = np.eye(2) * covariance if covariance.ndim == 0 else covariance
-        innovation = measured - self._filter.x
-        spread = self._filter.P + covariance
+        seen = self._filter.H
+        innovation = measured - seen @ self._filter.x
+        spread = seen @ self._filter.P @ seen.T + covariance
         nis = (innovation.T @ np.linalg.solve(spread, innovation)).item()
         self.health.add(nis)
         self.last_nis = nis
@@ -189,20 +212,28 @@ class WindFilter:
         return True
 
     def _persuaded(self, innovation: NDArray[np.float64]) -> bool:
-        """Count a rejection; after too many of them in a row widen the covariance."""
+        """Count a rejection; after too many of them in a row widen the covariance of the slow wind."""
         self._rejected.append((self.time_s, innovation))
         enough = len(self._rejected) >= self.settings.patience_count
         if not enough or self.time_s - self._rejected[0][0] < self.settings.patience_s:
             return False
         mean = np.mean([one for _, one in self._rejected], axis=0)
-        self._filter.P = self._filter.P + mean @ mean.T
+        self._filter.P[:2, :2] += mean @ mean.T
         return True
 
     @property
     def estimate(self) -> WindEstimate:
-        """What is believed now."""
-        (north,), (east,) = self._filter.x.tolist()
-        (var_north, covariance), (_, var_east) = self._filter.P.tolist()
+        """The wind now, gust included."""
+        return self._estimate(self._filter.H)
+
+    @property
+    def steady(self) -> WindEstimate:
+        """The slow part of the wind, which lasts when the gust is over."""
+        return self._estimate(np.eye(2, 4))
+
+    def _estimate(self, seen: NDArray[np.float64]) -> WindEstimate:
+        (north,), (east,) = (seen @ self._filter.x).tolist()
+        (var_north, covariance), (_, var_east) = (seen @ self._filter.P @ seen.T).tolist()
         source = "forecast"
         if self._last_used_s is not None:
             source = "measured" if self.time_s - self._last_used_s <= HELD_AFTER_S else "held"
@@ -304,11 +335,16 @@ def filter_log(
         np.ascontiguousarray(wind, dtype=np.float64),
         np.ascontiguousarray(noise, dtype=np.float64),
         result.forecast,
-        given.tau_s,
-        given.sigma_mps,
-        given.gate,
-        given.patience_s,
-        given.patience_count,
+        (
+            given.tau_s,
+            given.sigma_mps,
+            given.gust_tau_s,
+            given.gust_intensity,
+            given.gust_floor_mps,
+            given.gate,
+            given.patience_s,
+            given.patience_count,
+        ),
         result.wind,
         result.covariance,
         result.nis,

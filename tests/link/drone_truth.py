@@ -83,12 +83,17 @@ def fly(
     sigma_mps=2.5,
     c1=0.15,
     c2=0.010,
-    tilt_sigma_mps2=0.63,
+    gust_intensity=0.14,
+    gust_tau_s=12.0,
+    tilt_sigma_mps2=0.35,
     velocity_sigma_mps=0.03,
     shift=None,
     bias=(0.0, 0.0),
 ) -> Truth:
-    """Fly legs on courses in turn at a ground speed; `shift` = (time, north, east) adds to the wind from then on."""
+    """Fly legs on courses in turn at a ground speed, in a wind that wanders and gusts about that.
+
+    `shift` = (time, north, east) adds to the wind from then on.
+    """
     generator = np.random.default_rng(seed)
     dt = 1.0 / RATE_HZ
     steps = round(duration_s * RATE_HZ)
@@ -96,6 +101,8 @@ def fly(
     wind = np.array(mean) + ou(generator, steps, runs, dt, tau_s, sigma_mps)
     if shift is not None:
         wind[np.arange(steps) * dt >= shift[0]] += np.array(shift[1:])
+    speed = np.hypot(wind[..., 0], wind[..., 1])[..., None]
+    wind += gust_intensity * speed * ou(generator, steps, runs, dt, gust_tau_s, 1.0)
     number = (np.arange(steps) * dt // leg_s).astype(int) % len(courses_deg)
     course = np.radians(np.array(courses_deg))[number]
     wanted = speed_mps * np.stack([np.cos(course), np.sin(course)], axis=1)

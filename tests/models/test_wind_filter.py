@@ -13,7 +13,7 @@ from models.wind_filter import GATE_99, ConsistencyMonitor, WindFilter, WindFilt
 from models.wind_filter_blocks import blocks
 from models.wind_filter_measurement import measurements, tilt_air_velocity
 
-TRUE_DRAG = DragModel(linear_per_s=0.15, quadratic_per_m=0.010, sigma_mps2=0.203)
+TRUE_DRAG = DragModel(linear_per_s=0.15, quadratic_per_m=0.010, sigma_mps2=0.115)
 MEAN = np.array([-4.0, 3.0])
 SETTINGS = WindFilterSettings()
 
@@ -57,7 +57,8 @@ def test_the_compiled_filter_and_the_live_one_give_the_same(hundred_runs):
 
 
 def test_one_long_step_is_the_same_as_many_short_ones():
-    one, many = WindFilter(0.0, 5.0, 0.0), WindFilter(0.0, 5.0, 0.0)
+    steady = WindFilterSettings(gust_intensity=0.0)  # else the gusts go with a wind that changes on the way
+    one, many = WindFilter(0.0, 5.0, 0.0, steady), WindFilter(0.0, 5.0, 0.0, steady)
     for each in (one, many):
         each.update((0.0, 0.0), 0.1)
     one.predict(100.0)
@@ -69,6 +70,7 @@ def test_one_long_step_is_the_same_as_many_short_ones():
 
 def test_in_cruise_with_gusts_the_wind_is_found_to_half_a_metre_per_second(hundred_runs):
     miss = np.concatenate([(course.wind - wind)[30:] for course, wind in hundred_runs])
+    print(f"vector RMSE {math.sqrt((miss**2).sum(axis=1).mean()):.2f} m/s")
     assert math.sqrt((miss**2).sum(axis=1).mean()) <= 0.5
 
 
@@ -78,34 +80,43 @@ def test_above_3_mps_its_direction_is_found_to_10_degrees(hundred_runs):
         strong = np.hypot(*wind[30:].T) > 3.0
         found, true = (np.arctan2(values[30:, 1], values[30:, 0])[strong] for values in (course.wind, wind))
         apart.append(np.degrees((found - true + np.pi) % (2 * np.pi) - np.pi))
+    print(f"direction RMSE {math.sqrt((np.concatenate(apart) ** 2).mean()):.1f} degrees")
     assert math.sqrt((np.concatenate(apart) ** 2).mean()) <= 10.0
 
 
 def test_nees_over_100_runs_lies_in_its_band_at_nine_steps_of_ten(hundred_runs):
     nees = np.array([course.nees(wind) for course, wind in hundred_runs]).mean(axis=0)
     low, high = chi2_band(100)
+    print(
+        f"NEES in its band at {((nees > low) & (nees < high)).mean():.1%} of {len(nees)} steps, mean {nees.mean():.3f}"
+    )
     assert ((nees > low) & (nees < high)).mean() >= 0.9
 
 
 def test_nis_before_the_gate_over_100_runs_lies_in_its_band_at_nine_steps_of_ten(hundred_runs):
     nis = np.array([course.nis for course, _ in hundred_runs]).mean(axis=0)
     low, high = chi2_band(100)
+    print(f"NIS in its band at {((nis > low) & (nis < high)).mean():.1%} of {len(nis)} steps, mean {nis.mean():.3f}")
     assert ((nis > low) & (nis < high)).mean() >= 0.9
 
 
 def test_a_wind_that_turns_by_90_degrees_is_followed_within_10_seconds_and_never_lost():
-    settled = []
+    """From 9 m/s towards the east to 9 m/s towards the north, in gusts of 1.3 m/s; settled: errors of the ordinary size."""
+    settled, later = [], []
     for seed in range(20):
         truth = fly(seed=seed, duration_s=240.0, mean=(0.0, 9.0), sigma_mps=0.5, shift=(120.0, 9.0, -9.0))
         course, wind = estimate(truth, forecast=np.array([0.0, 9.0]))
-        wrong = np.flatnonzero(np.hypot(*(course.wind - wind).T) > 1.5)
-        settled.append(course.time_s[wrong[-1]] - truth.time_s[0] - 120.0 if len(wrong) else 0.0)
+        miss = np.hypot(*(course.wind - wind)[course.time_s >= truth.time_s[0] + 120.0].T)
+        settled.append(next(second for second in range(len(miss)) if (miss[second : second + 5] < 1.5).all()))
+        later.append(miss[15:])
         assert course.accepted[-60:].mean() > 0.95
-    assert max(settled) <= 10.0
+    print(f"settles after {np.median(settled):.0f} s in the median, {max(settled)} s at most")
+    assert max(settled) <= 10
+    assert math.sqrt((np.concatenate(later) ** 2).mean()) <= 0.6
 
 
 def test_a_drag_wrong_by_30_percent_is_noticed_after_a_turn_and_not_before():
-    wrong = DragModel(linear_per_s=0.15 * 1.3, quadratic_per_m=0.010 * 1.3, sigma_mps2=0.203)
+    wrong = DragModel(linear_per_s=0.15 * 1.3, quadratic_per_m=0.010 * 1.3, sigma_mps2=0.115)
     for seed in range(5):
         truth = fly(seed=seed, duration_s=180.0, courses_deg=(0.0, 90.0), leg_s=90.0, sigma_mps=0.7)
         air = blocks(truth.track(0))
@@ -117,7 +128,7 @@ def test_a_drag_wrong_by_30_percent_is_noticed_after_a_turn_and_not_before():
 
 
 def test_the_innovations_tell_of_a_wrong_drag_at_the_turn():
-    wrong = DragModel(linear_per_s=0.15 * 1.3, quadratic_per_m=0.010 * 1.3, sigma_mps2=0.203)
+    wrong = DragModel(linear_per_s=0.15 * 1.3, quadratic_per_m=0.010 * 1.3, sigma_mps2=0.115)
     truth = fly(seed=2, duration_s=180.0, courses_deg=(0.0, 90.0), leg_s=90.0, sigma_mps=0.7)
     verdicts = []
     for drag in (wrong, TRUE_DRAG):
@@ -168,9 +179,12 @@ def test_before_the_first_measurement_the_wind_is_the_forecast_and_says_so():
 def test_without_measurements_the_wind_returns_to_the_forecast_and_its_uncertainty_to_that_of_the_forecast():
     wind = WindFilter(0.0, 0.0, 0.0)
     wind.update((6.0, 0.0), 0.01)
-    later = wind.predict(20_000.0, (2.0, 1.0))
+    wind.predict(20_000.0, (2.0, 1.0))
+    later = wind.predict(40_000.0, (2.0, 1.0))
     assert (later.north_mps, later.east_mps) == pytest.approx((2.0, 1.0), abs=1e-6)
-    assert later.sigma_mps == pytest.approx(SETTINGS.sigma_mps)
+    gust = SETTINGS.gust_intensity * math.hypot(2.0, 1.0)
+    assert later.sigma_mps == pytest.approx(math.hypot(SETTINGS.sigma_mps, gust), rel=1e-3)
+    assert wind.steady.sigma_mps == pytest.approx(SETTINGS.sigma_mps)
 
 
 def test_the_gate_lets_99_of_100_good_measurements_pass():

@@ -14,7 +14,7 @@ from models.wind_filter_blocks import blocks
 from models.wind_filter_live import LiveWind, forecast_of, settings_for
 from models.wind_filter_measurement import measurements
 
-DRAG = DragModel(linear_per_s=0.15, quadratic_per_m=0.010, sigma_mps2=0.203)
+DRAG = DragModel(linear_per_s=0.15, quadratic_per_m=0.010, sigma_mps2=0.115)
 
 
 @pytest.fixture(scope="module")
