@@ -184,9 +184,11 @@ class Reach:
 
     def cover(
         self, way: Sequence[Place], time_s: float, soc: float, *, floor_soc: float, epsilon: float,
-        not_at: frozenset[str] = frozenset(), climbs: bool = True,
+        destination: str, not_at: frozenset[str] = frozenset(), climbs: bool = True,
     ) -> DivertCover:  # fmt: skip
         """Find divert stations for every point of a leg.
+
+        The destination itself counts, where it has pads, from the point on from which no other station is nearer in time.
 
         Parameters
         ----------
@@ -196,8 +198,10 @@ class Reach:
             At the take-off.
         floor_soc, epsilon : float
             A divert lands below this charge with no more than this probability.
+        destination : str
+            Where the leg ends.
         not_at : frozenset of str
-            Stations that do not count: the destination, and those known to be unusable.
+            Stations that do not count: those known to be unusable.
         """
         points = _points(way)
         places = [place for place, _ in points]
@@ -206,16 +210,22 @@ class Reach:
         spent[:, 1:] = self.along(places, begins) - begins
         used = self.soc_per_s * spent + (self.soc_climb if climbs else 0.0)
         nodes = np.array([n for n in self.pads if self.network.stations[n].id not in not_at], dtype=np.int64)
+        ends_at = self.network.index[destination]
+        nodes = nodes[nodes != ends_at]
         safe = np.zeros((len(points), len(nodes)), dtype=bool)
+        nearest = np.zeros(len(points), dtype=bool)
         mean_s = self.expected(spent)
         for row, place in enumerate(places):
             if not len(nodes):
                 break
-            cost = used[:, row, None] + self.energy(self.to_stations(place, begins + float(mean_s[row]), nodes))
+            flight = self.to_stations(place, begins + float(mean_s[row]), nodes)
+            left_s = float(mean_s[-1] - mean_s[row]) + self.rules.descent_s
+            nearest[row] = self.network.pads[ends_at] > 0 and left_s <= float(self.expected(flight).min())
+            cost = used[:, row, None] + self.energy(flight)
             near = np.flatnonzero(self.p_below(soc, cost, floor_soc) <= epsilon)
             near = near[np.argsort(self.expected(cost)[near])][:12]
             safe[row, near[self.clear(place, nodes[near])]] = True
-        uncovered = np.flatnonzero(~safe.any(axis=1))
+        uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
         gap = float(points[uncovered[0]][1]) if len(uncovered) else None
         return DivertCover(tuple(self.network.stations[nodes[k]].id for k in _fewest(safe)), gap)
 

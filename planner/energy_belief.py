@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 PRIOR_FACTOR, PRIOR_SIGMA = 1.08, 0.08
 """Before the first flight. Published endurances are hovered in still air with new batteries; a cruise at 20 m/s, a climb and
 an older battery take more."""
-LEG_SIGMA = 0.025
-"""From flight to flight the factor differs by so much: other speeds, other shares of climb and descent."""
+LEG_SIGMA = 0.05
+"""From flight to flight the factor differs by so much: other airspeeds, other shares of climb and descent."""
+WITHIN_SIGMA = 0.02
+"""Between the parts of one flight."""
 SOC_SIGMA = 0.006
 """Of a state of charge told in whole percent."""
 
@@ -28,20 +30,18 @@ class EnergyBelief:
     sigma: float = PRIOR_SIGMA
 
     def learnt(self, used_soc: float, expected_soc: float) -> EnergyBelief:
-        """Return the belief after a stretch of flight.
+        """Return the belief about the drone after a whole flight.
 
         Parameters
         ----------
         used_soc, expected_soc : float
             Charge that it took, and that the model says for its time; both fractions of nameplate.
         """
-        if not (expected_soc > 0.0 and math.isfinite(used_soc)):
-            return self
-        noise = math.hypot(math.sqrt(2.0) * SOC_SIGMA / expected_soc, LEG_SIGMA)
-        gain = self.sigma**2 / (self.sigma**2 + noise**2)
-        return EnergyBelief(
-            self.factor + gain * (used_soc / expected_soc - self.factor), math.sqrt(1.0 - gain) * self.sigma
-        )
+        return _updated(self, used_soc, expected_soc, LEG_SIGMA)
+
+    def in_flight(self, used_soc: float, expected_soc: float) -> EnergyBelief:
+        """Return the belief about the rest of a flight of which so much has been flown."""
+        return _updated(self.next_flight(), used_soc, expected_soc, WITHIN_SIGMA)
 
     def next_flight(self) -> EnergyBelief:
         """Return the belief about another flight than those it was learnt from."""
@@ -50,3 +50,13 @@ class EnergyBelief:
     def cautious(self, sigmas: float) -> float:
         """Factor that so many standard deviations exceed the mean."""
         return self.factor + sigmas * self.sigma
+
+
+def _updated(belief: EnergyBelief, used_soc: float, expected_soc: float, spread: float) -> EnergyBelief:
+    """Weigh a belief with one measurement (a scalar Kalman step)."""
+    if not (expected_soc > 0.0 and math.isfinite(used_soc)):
+        return belief
+    noise = math.hypot(math.sqrt(2.0) * SOC_SIGMA / expected_soc, spread)
+    gain = belief.sigma**2 / (belief.sigma**2 + noise**2)
+    mean = belief.factor + gain * (used_soc / expected_soc - belief.factor)
+    return EnergyBelief(mean, math.sqrt(1.0 - gain) * belief.sigma)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -19,9 +18,10 @@ from models.errors import InfeasibleError
 from models.services import State
 from models.units import S_PER_MIN, from_posix
 from planner.diverts import Reach
-from planner.itinerary import Hop, compose, fly_sampled, outcome, typical_member
+from planner.itinerary import compose, typical_member
 from planner.plan import plan
 from planner.problem import Problem
+from planner.replan_candidates import Candidate, best_charges, itinerary_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from models.services import Composition, DroneService
     from models.wind_forecast import WindEnsemble
     from planner.energy_belief import EnergyBelief
-    from planner.itinerary import Itinerary, Outcome
     from planner.request import Request
 
 Action = Literal["continue", "speed", "charge", "wait", "station", "divert", "land", "stop"]
@@ -50,6 +49,8 @@ class ReplanSettings:
         and what is not known of the energy.
     epsilon_flight : float
         In flight, above this probability of landing below the reserve something else is looked for.
+    epsilon_later : float
+        Charges of later legs, which are decided anew when they are near, may be too low in this share of the forecast.
     plan_sigmas : float
         Plans are made with the energy factor so many standard deviations above its mean.
     margin_s, margin_share : float
@@ -70,6 +71,7 @@ class ReplanSettings:
 
     epsilon_depart: float = 0.01
     epsilon_flight: float = 0.05
+    epsilon_later: float = 0.1
     plan_sigmas: float = 1.0
     margin_s: float = 180.0
     margin_share: float = 0.05
@@ -136,8 +138,8 @@ class Grounded:
         Busy pads seen at stations now.
     unusable : frozenset of str
         Stations that must not be flown to now.
-    charged : bool
-        It has been charged as decided before: what is asked is whether to leave now.
+    planned_soc : float or None
+        Charge that the present plan leaves with; None where it does not charge here.
     """
 
     station: str
@@ -146,7 +148,7 @@ class Grounded:
     visited: frozenset[str] = frozenset()
     busy_pads: Mapping[str, int] = field(default_factory=dict)
     unusable: frozenset[str] = frozenset()
-    charged: bool = False
+    planned_soc: float | None = None
 
 
 def cautious_drone(drone: Drone, factor: float) -> Drone:
@@ -206,15 +208,12 @@ class GroundReplanner:
         kept = None if current is None else self._kept(problem, current, standing)
         fresh, why_not = self._fresh(standing, problem, forecast)
         chosen = self._choose(standing, kept, fresh, why_not)
-        tried: list[str] = []
-        for candidate in (chosen, _Candidate("station", fresh[0], fresh[1], "") if fresh else None):
-            if candidate is None:
-                continue
-            decision = self._with_charge(standing, problem, candidate, reach)
+        reason = why_not
+        for action, candidate, why in chosen:
+            decision = self._with_charge(standing, problem, action, candidate, why, reach)
             if decision.action != "stop":
                 return decision
-            tried.append(decision.reason)
-        reason = tried[0] if tried else why_not
+            reason = decision.reason
         return Decision("stop", reason, {"station": standing.station, "soc": standing.soc})
 
     # The candidates
@@ -229,9 +228,7 @@ class GroundReplanner:
         state = State(from_posix(standing.time_s), standing.station, None, soc, standing.busy_pads, visited)
         return Problem(scenario, replace(self.request, state=state), drone, forecast)
 
-    def _fresh(
-        self, standing: Grounded, problem: Problem, forecast: WindEnsemble
-    ) -> tuple[tuple[Itinerary, Outcome] | None, str]:
+    def _fresh(self, standing: Grounded, problem: Problem, forecast: WindEnsemble) -> tuple[Candidate | None, str]:
         try:
             answer = plan(problem.scenario, problem.request, planner=self.planner, forecast=forecast)
         except InfeasibleError as error:
@@ -239,59 +236,46 @@ class GroundReplanner:
         unusable = [s.destination for s in answer.composition.services if s.destination in standing.unusable]
         if unusable:
             return None, f"the plan from here needs {unusable[0]}, which cannot be used now"
-        return (answer.itinerary, answer.outcome), ""
+        found = best_charges(problem, answer.itinerary, self.settings.epsilon_later)
+        return found or Candidate(answer.itinerary, answer.outcome), ""
 
-    def _kept(self, problem: Problem, current: Composition, standing: Grounded) -> tuple[Itinerary, Outcome] | None:
-        """Return the rest of the present plan, flown through the newest forecast."""
+    def _kept(self, problem: Problem, current: Composition, standing: Grounded) -> Candidate | None:
+        """Return the rest of the present plan, with charges that fit, flown through the newest forecast."""
         if any(service.destination in standing.unusable for service in current.services[:1]):
             return None
         itinerary = itinerary_of(problem, current)
-        if itinerary is None:
-            return None
-        return itinerary, outcome(problem, *fly_sampled(problem, itinerary))
+        found = None if itinerary is None else best_charges(problem, itinerary, self.settings.epsilon_later)
+        return found if found is not None and found.arrives else None
 
     def _choose(
-        self,
-        standing: Grounded,
-        kept: tuple[Itinerary, Outcome] | None,
-        fresh: tuple[Itinerary, Outcome] | None,
-        why_not: str,
-    ) -> _Candidate | None:
-        """Keep the present plan unless another is better by the margin, or it will not do."""
-        if kept is None or not len(kept[1].weight):
-            if fresh is None:
-                return None
-            return _Candidate("station", *fresh, "there is no plan from here, so a new one was made")
+        self, standing: Grounded, kept: Candidate | None, fresh: Candidate | None, why_not: str
+    ) -> list[tuple[Action, Candidate, str]]:
+        """Keep the present plan unless another is better by the margin, or it will not do; the second choice follows."""
+        if kept is None:
+            reason = "the present plan does not do any more" if fresh is not None else why_not
+            return [] if fresh is None else [("station", fresh, reason)]
         if fresh is None:
-            return _Candidate("continue", *kept, f"the planner has no other ({why_not})")
-        epsilon = self.settings.epsilon_flight
-        if kept[1].p_success < 1.0 - epsilon and fresh[1].p_success > kept[1].p_success + epsilon:
-            reason = (
-                f"the present plan keeps the reserve with probability {kept[1].p_success:.3f} only, "
-                f"the new one with {fresh[1].p_success:.3f}"
-            )
-            return self._named(kept, fresh, reason)
-        left_s = kept[1].mean_s - standing.time_s
-        gain_s = kept[1].mean_s - fresh[1].mean_s
+            return [("continue", kept, f"the planner has no other ({why_not})")]
+        gain_s = kept.outcome.mean_s - fresh.outcome.mean_s
+        left_s = kept.outcome.mean_s - standing.time_s
         margin_s = max(self.settings.margin_s, self.settings.margin_share * left_s)
-        if gain_s > margin_s and fresh[1].p_success >= kept[1].p_success - epsilon:
-            reason = (
-                f"the new plan arrives {gain_s / S_PER_MIN:.1f} min earlier (margin {margin_s / S_PER_MIN:.1f} min)"
-            )
-            return self._named(kept, fresh, reason)
-        if fresh[0] == kept[0]:
-            return _Candidate("continue", *kept, "a new plan is the same")
-        gained = f"{abs(gain_s) / S_PER_MIN:.1f} min {'earlier' if gain_s > 0 else 'later'}"
-        reason = f"the best other plan arrives {gained}, a margin of {margin_s / S_PER_MIN:.1f} min is asked for"
-        return _Candidate("continue", *kept, reason)
-
-    def _named(self, kept: tuple[Itinerary, Outcome], fresh: tuple[Itinerary, Outcome], reason: str) -> _Candidate:
-        same = kept[0][0].segments == fresh[0][0].segments
-        return _Candidate("charge" if same else "station", *fresh, reason)
+        surer = fresh.outcome.p_success - kept.outcome.p_success
+        same = tuple(hop.segments for hop in kept.itinerary) == tuple(hop.segments for hop in fresh.itinerary)
+        turn: Action = "continue" if kept.itinerary[0].segments == fresh.itinerary[0].segments else "station"
+        if gain_s > margin_s and surer > -self.settings.epsilon_flight and not same:
+            minutes = f"{gain_s / S_PER_MIN:.1f} min earlier (margin {margin_s / S_PER_MIN:.1f} min)"
+            return [(turn, fresh, f"the new plan arrives {minutes}"), ("continue", kept, "the new plan will not do")]
+        reason = "a new plan is the same"
+        if not same:
+            gained = f"{abs(gain_s) / S_PER_MIN:.1f} min {'earlier' if gain_s > 0 else 'later'}"
+            reason = f"the best other plan arrives {gained}, a margin of {margin_s / S_PER_MIN:.1f} min is asked for"
+        return [("continue", kept, reason), (turn, fresh, "the present plan will not do")]
 
     # The charge
 
-    def _with_charge(self, standing: Grounded, problem: Problem, chosen: _Candidate, reach: Reach) -> Decision:
+    def _with_charge(
+        self, standing: Grounded, problem: Problem, action: Action, chosen: Candidate, why: str, reach: Reach
+    ) -> Decision:
         """Complete a candidate: enough charge for the next leg and its diverts, and wind that lets it leave."""
         member, course = typical_member(problem, chosen.itinerary)
         told = compose(
@@ -322,13 +306,13 @@ class GroundReplanner:
         held = self._held(service, standing, reach) if wanted is None else None
         if held is not None:
             return replace(held, composition=told, diverts=need.diverts, figures=figures | dict(held.figures))
-        action = chosen.action
         minutes = (chosen.outcome.mean_s - standing.time_s) / S_PER_MIN
-        reason = f"next {service.destination}, {minutes:.0f} min to the delivery: {chosen.reason}"
+        reason = f"next {service.destination}, {minutes:.0f} min to the delivery: {why}"
         if wanted is not None:
             reason += f"; charge from {100 * standing.soc:.0f} to {100 * wanted:.0f} %"
-            if action == "continue" and standing.charged:
-                action = "charge"
+            if action == "continue" and standing.planned_soc is not None:
+                changed = abs(wanted - standing.planned_soc) > self.settings.charge_step
+                action = "charge" if changed else "continue"
         return Decision(action, reason, figures, told, service.destination, None, wanted, need.diverts)
 
     def charge_needed(self, service: DroneService, standing: Grounded, reach: Reach) -> _Need:
@@ -337,7 +321,6 @@ class GroundReplanner:
         cost = reach.leg_cost(way, standing.time_s, climbs=True)
         settings, reserve = self.settings, self.request.reserve_soc
         floor = reserve * settings.divert_share
-        not_at = standing.unusable | {service.destination}
         least: float | None = None
         cover = None
         for step in range(101):
@@ -351,8 +334,9 @@ class GroundReplanner:
         soc = least
         while soc <= 1.0 + 1e-9:
             cover = reach.cover(
-                way, standing.time_s, soc, floor_soc=floor, epsilon=settings.epsilon_depart, not_at=not_at
-            )
+                way, standing.time_s, soc, floor_soc=floor, epsilon=settings.epsilon_depart,
+                destination=service.destination, not_at=standing.unusable,
+            )  # fmt: skip
             if cover.gap_m is None:
                 return _Need(min(soc, 1.0), cover.stations, "")
             soc = soc + 0.05 if soc + 0.05 < 1.0 or soc >= 1.0 else 1.0
@@ -380,44 +364,7 @@ class GroundReplanner:
 
 
 @dataclass(frozen=True, slots=True)
-class _Candidate:
-    action: Action
-    itinerary: Itinerary
-    outcome: Outcome
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
 class _Need:
     soc: float | None
     diverts: tuple[str, ...]
     why: str
-
-
-def itinerary_of(problem: Problem, composition: Composition) -> Itinerary | None:
-    """Return the decisions of a composition that begins where the problem does; None where it does not fit."""
-    network = problem.network
-    stops = {stop.station: stop for stop in composition.stops}
-    hops: list[Hop] = []
-    where = network.stations[problem.origin].id
-    for service in composition.services:
-        names = [service.origin if hops else where, *service.via, service.destination]
-        if hops and service.origin != where:
-            return None
-        segments = [_segment(problem, a, b) for a, b in pairwise(names)]
-        if any(segment is None for segment in segments):
-            return None
-        stop = stops.get(service.origin)
-        charge = stop.soc_to if stop is not None and stop.recharge_s > 0.0 else None
-        hops.append(Hop(tuple(s for s in segments if s is not None), charge))
-        where = service.destination
-    return tuple(hops) or None
-
-
-def _segment(problem: Problem, tail: str, head: str) -> int | None:
-    network = problem.network
-    if tail not in network.index or head not in network.index:
-        return None
-    begin, end = network.first[network.index[tail]], network.first[network.index[tail] + 1]
-    hit = np.flatnonzero(network.head[begin:end] == network.index[head])
-    return int(begin + hit[0]) if len(hit) else None

@@ -21,7 +21,8 @@ from models.units import S_PER_MIN, from_posix
 from planner.itinerary import fly_sampled, outcome
 from planner.plan import plan
 from planner.problem import IN_FLIGHT, Problem
-from planner.replan import Decision, cautious_drone, itinerary_of
+from planner.replan import Decision, cautious_drone
+from planner.replan_candidates import itinerary_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -146,11 +146,10 @@ def _ahead(ctx: Context) -> tuple[str, ...]:
 def belief_now(ctx: Context) -> EnergyBelief:
     """How much energy flights take, this one so far counted in."""
     leg = ctx.leg
-    belief = ctx.belief.next_flight()
     if leg is None or not math.isfinite(leg.soc_start):
-        return belief
+        return ctx.belief.next_flight()
     used, expected = leg.soc_start - ctx.soc, leg.modelled_fixed + leg.modelled_per_s * (ctx.now_s - leg.start_s)
-    return belief.learnt(used, expected) if used > LEARN_SOC else belief
+    return ctx.belief.in_flight(used, expected) if used > LEARN_SOC else ctx.belief.next_flight()
 
 
 def _decide(ctx: Context, replanner: FlightReplanner | None) -> Decision | None:
@@ -268,8 +267,9 @@ def _turn(ctx: Context, station: str, state: State) -> After:
     home_ground = s.alt_msl_m - s.height_m
     here = (*ctx.place, s.height_m)
     mission = turn_leg(
-        plan, station, here, home_ground, leg.commanded_mps, ctx.vehicle.family.name, ctx.mandate.options, last=last
-    )
+        plan, station, here, home_ground, leg.commanded_mps, ctx.vehicle.family.name, ctx.mandate.options,
+        last=last, home=leg.mission.document.mission.home,
+    )  # fmt: skip
     try:
         outcome = ctx.vehicle.change_in_flight(mission.document.mission, 0)
     except LinkError as error:
@@ -362,7 +362,7 @@ def _learn(ctx: Context) -> None:
         return
     used, expected = leg.soc_start - ctx.soc, leg.modelled_fixed + leg.modelled_per_s * (ctx.now_s - leg.start_s)
     if used > LEARN_SOC:
-        ctx.belief = ctx.belief.next_flight().learnt(used, expected)
+        ctx.belief = ctx.belief.learnt(used, expected)
         reason = f"the flight took {100 * used:.0f} %, the model says {100 * expected:.0f} % for its time"
         ctx.note(
             "energy", reason, used_soc=used, modelled_soc=expected, factor=ctx.belief.factor, sigma=ctx.belief.sigma

@@ -87,8 +87,22 @@ def _standing(ctx: Context) -> Grounded:
         if full and name != ctx.station and ahead and name == ahead[0]:
             ctx.unusable[name] = ctx.now_s
     return Grounded(
-        ctx.station, ctx.now_s, ctx.soc, frozenset(ctx.visited), busy, frozenset(ctx.unusable), charged=ctx.charged
+        ctx.station,
+        ctx.now_s,
+        ctx.soc,
+        frozenset(ctx.visited),
+        busy,
+        frozenset(ctx.unusable),
+        planned_soc=_planned(ctx),
     )
+
+
+def _planned(ctx: Context) -> float | None:
+    """Charge that the present plan leaves with here."""
+    if ctx.charge_to is not None:
+        return ctx.charge_to
+    stops = () if ctx.plan is None else ctx.plan.stops
+    return next((stop.soc_to for stop in stops if stop.station == ctx.station and stop.recharge_s > 0.0), None)
 
 
 def _as_planned(ctx: Context, standing: Grounded) -> Decision:
@@ -97,7 +111,7 @@ def _as_planned(ctx: Context, standing: Grounded) -> Decision:
         return Decision("stop", "there is no plan from here")
     service = ctx.plan.services[0]
     stop = next((s for s in ctx.plan.stops if s.station == service.origin), None)
-    target = stop.soc_to if stop is not None and stop.soc_to > standing.soc + 0.01 and not standing.charged else None
+    target = stop.soc_to if stop is not None and stop.soc_to > standing.soc + 0.01 and not ctx.charged else None
     return Decision("continue", f"as planned to {service.destination}", {}, ctx.plan, service.destination, None, target,
                     service.diverts or (service.origin,))  # fmt: skip
 
@@ -273,7 +287,7 @@ def uploading(ctx: Context) -> After:
 
 def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
     planner = GroundReplanner(ctx.mandate.scenario, ctx.mandate.request, ctx.mandate.planner)
-    reach = planner.reach(ctx.wind.forecast(ctx.now_s), ctx.belief)
+    reach = planner.reach(ctx.wind.forecast(ctx.now_s), ctx.belief.next_flight())
     way = reach.way(service.origin, service.via, service.destination)
     cost = float(reach.expected(reach.leg_cost(way, ctx.now_s, climbs=True))) * ctx.belief.factor
     cruise = float(reach.expected(reach.along(way, ctx.now_s)[:, -1])) - ctx.now_s

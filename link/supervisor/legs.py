@@ -18,6 +18,7 @@ from models.services import Place
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from missions.mission import Home
     from missions.mission_options import MissionOptions
     from missions.parameters import Parameter
     from models.scenario import Scenario
@@ -92,6 +93,7 @@ def turn_leg(
     options: MissionOptions,
     *,
     last: bool,
+    home: Home | None,
 ) -> LegMission:
     """Make the mission from the air to a station: heights count from the home of the leg under way.
 
@@ -103,6 +105,8 @@ def turn_leg(
         Where the vehicle is.
     home_ground_m : float
         Ground height of its home.
+    home : Home or None
+        Where the leg under way began.
     """
     build = LegBuilder(composition, dialect(family), options)
     place = build.place(station)
@@ -124,10 +128,7 @@ def turn_leg(
     ]  # fmt: skip
     if last:
         items += build.delivery()
-    home = (
-        build.home(composition.services[0].origin) if composition.services[0].origin in composition.stations else None
-    )
-    mission = build.mission(items, home) if home is not None else build.mission(items, build.home(station))
+    mission = build.mission(items, home or build.home(station))
     return LegMission(MissionDocument(mission), (), ((lat, lon), (place.lat, place.lon)))
 
 

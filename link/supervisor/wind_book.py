@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from models.forecast_update import update_forecast
 from models.wind_field import WindObservation
-from models.wind_filter_live import NOMINAL_DRAG, LiveWind, forecast_of, settings_for
+from models.wind_filter_live import LiveWind, forecast_of, settings_for
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,7 +32,7 @@ class WindBook:
     cruise_height_m, exponent : float
         Where it is flown, and how wind grows with height.
     drag : DragModel or None
-        Of the drone; None takes that of a common quadcopter, uncertain by a third.
+        Of the drone; None: it is not known, so its tilt tells no wind, and only an estimate of the autopilot itself counts.
     earlier : sequence of WindObservation
         Measured before, as a journal has them.
     """
@@ -50,7 +50,7 @@ class WindBook:
         self.cruise_height_m, self.exponent = cruise_height_m, exponent
         self.earlier = tuple(earlier)
         self._expected = forecast_of(self.base, exponent)
-        self.live = LiveWind(drag=drag or NOMINAL_DRAG, forecast=self._expected, settings=settings_for(self.base))
+        self.live = LiveWind(drag=drag, forecast=self._expected, settings=settings_for(self.base))
         self._updated: WindEnsemble = self.base
         self._updated_s = -math.inf
 

@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
+from calibrated import drag_of
+
 from link.connection import Connection
 from link.mavlink_vehicle import MavlinkVehicle
 from link.supervisor import Journal, Mandate, NobodyThere, Supervisor
@@ -18,6 +20,7 @@ from planner.plan import plan
 from planner.problem import HORIZON_H
 from planner.replan import ReplanSettings
 from planner.request import Request
+from sim_stub.airframe import Airframe
 from sim_stub.config import VehicleConfig
 from sim_stub.pads import Pads
 from sim_stub.transports.channel import Impairment
@@ -85,8 +88,6 @@ class Stage:
         )
         place = scenario.network.stations[scenario.network.index[story.start]]
         drone = scenario.drone(story.drone)
-        from sim_stub.airframe import Airframe
-
         self.craft = self.world.add(
             VehicleConfig(
                 lat=place.lat,
@@ -114,6 +115,7 @@ class Stage:
             scenario=newyork(),
             request=self.request,
             forecast=self.forecast,
+            drag=drag_of(newyork().drone(self.story.drone), self.story.payload_kg),
             planner=self.story.planner,
             replanning=settings,
             asking="once" if self.operator.present else "never",
