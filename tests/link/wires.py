@@ -3,7 +3,7 @@
 import math
 
 from link.connection import Connection
-from link.frames import FrameReader
+from link.frames import FrameReader, FrameWriter
 from link.verified import UploadJob, upload_verified
 from missions.commands import Command, Frame
 from missions.mission import Mission, MissionItem
@@ -32,6 +32,11 @@ def a_mission(items=20, *, height=50.0):
 def bad_radio(loss=0.0, **how):
     how = {"delay_s": 0.02, "jitter_s": 0.005, "duplicate": 0.03, "reorder": 0.03} | how
     return Impairment(loss=loss, **how)
+
+
+def changed_frame(message, **changed):
+    """The same message with other fields, as somebody who meddles would send it."""
+    return FrameWriter(message.system, message.component).frame(message.name, message.fields | changed)
 
 
 class Meddler:
