@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from link.command import RESULTS, AskFor, Command
 from link.download import Clear, Download
-from link.live import RATES_HZ, WIND, WIND_COV
+from link.live import RATES_HZ
 from link.mission_words import ACCEPTED, MissionKind, in_words
 from link.parameters import (
     ListParameters,
@@ -17,7 +17,7 @@ from link.parameters import (
     check_parameters,
     same_value,
 )
-from link.seen import Home, Seen
+from link.seen import INTERVAL, Home, Seen
 from link.set_current import SetCurrent
 from link.vehicle import Identity, version_text
 from link.verified import UploadJob, UploadOutcome, UploadState, compare, decode, kind_of, upload_verified
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 E_ = TypeVar("E_", bound="Exchange")
 T = TypeVar("T")
 _ARM, _LAND, _RETURN, _GRIPPER, _REPOSITION = 400, 21, 20, 211, 192
-_SET_MODE, _PAUSE, _START, _INTERVAL, _BATTERY_RESET = 176, 193, 300, 511, 42651
+_SET_MODE, _PAUSE, _START, _BATTERY_RESET = 176, 193, 300, 42651
 _SPEED, _GROUND_SPEED, _SAME_THROTTLE = 178, 1.0, -1.0
 _MODE_S, _RETRY_ARM_S, _BATTERY_S = 4.0, 1.0, 3.0
 _PERCENT = 0.0101
@@ -114,11 +114,10 @@ class MavlinkVehicle(Seen):
     def request_telemetry(self, rates_hz: Mapping[int, float] = RATES_HZ) -> tuple[int, ...]:
         """Ask for the messages that telemetry is made of; returns the ids of those refused."""
         refused = []
-        for number, rate in rates_hz.items():
-            wanted = WIND_COV if number == WIND and self.family.name == "px4" else number
-            asked = Command(self.peer.target, _INTERVAL, float(wanted), 1e6 / rate, round_trip=self.peer.round_trip)
+        for number, rate in self.its_messages(rates_hz).items():
+            asked = Command(self.peer.target, INTERVAL, float(number), 1e6 / rate, round_trip=self.peer.round_trip)
             if self._do(asked).result != ACCEPTED:
-                refused.append(wanted)
+                refused.append(number)
         return tuple(refused)
 
     def _read(self, name: str, setting: tuple[float, int] | None = None) -> ParameterValue | None:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from link.command import AskFor, Command
 from link.download import Download
-from link.frames import MAGIC_2
+from link.frames import MAGIC_2, FrameWriter
 from link.parameters import REAL32, ListParameters, ParameterValue, ReadParameter
 from link.set_current import SetCurrent
 from link.upload import Upload, UploadEnd
@@ -102,6 +102,9 @@ class MavsdkSpeaker:
         self._plugins = self._find()
 
     def _find(self) -> _Plugins:
+        beat = self.peer.latest["HEARTBEAT"]  # heard before MAVSDK was there, which waits for one
+        again = FrameWriter(self.peer.system, self.peer.component).frame("HEARTBEAT", beat.fields, beat.version)
+        self._sdk.pass_received_raw_bytes(again)
         found: list[Any] = []
 
         def there() -> bool:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from link.autopilots import family_named, family_of
-from link.live import LiveTelemetry
+from link.live import RATES_HZ, WIND, WIND_COV, LiveTelemetry
 from models.errors import Fault, InputError, VehicleTimeoutError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from link.connection import Connection, Peer
     from link.frames import Message
@@ -23,6 +23,8 @@ ALONE_S = 1.5
 """So long we listen for other vehicles, whose hearts beat once a second."""
 MISSION_STATES = ("unknown", "no mission", "not started", "active", "paused", "complete")
 """MISSION_STATE of MISSION_CURRENT; ``no mission`` is also what PX4 says of one that it will not fly."""
+INTERVAL = 511
+"""MAV_CMD_SET_MESSAGE_INTERVAL."""
 _EXPECTED_S = 5.0
 """So long after an order of ours a change is its doing."""
 _MAX_SAMPLES, _MAX_CHANGES = 1000, 200
@@ -124,7 +126,7 @@ class Seen:
         self._was: dict[str, str] = {}
         beat = self.peer.latest.get("HEARTBEAT")
         if beat is not None:
-            self._hear(self.peer, beat)
+            self._note_state(beat)
         connection.listeners.append(self._hear)
 
     def _hear(self, peer: Peer, message: Message) -> None:
@@ -144,10 +146,13 @@ class Seen:
         if asked_ns is not None:
             self.connection.send("TIMESYNC", self.system, tc1=0, ts1=asked_ns, **self._addressed)
         if name == "HEARTBEAT":
-            self._note("mode", self.family.mode_name(message["custom_mode"]))
-            self._note("armed", "armed" if message["base_mode"] & _ARMED else "disarmed")
+            self._note_state(message)
         elif name == "MISSION_CURRENT":
             self._note_stored(message)
+
+    def _note_state(self, beat: Message) -> None:
+        self._note("mode", self.family.mode_name(beat["custom_mode"]))
+        self._note("armed", "armed" if beat["base_mode"] & _ARMED else "disarmed")
 
     def _note_stored(self, message: Message) -> None:
         total = message["total"]
@@ -216,6 +221,17 @@ class Seen:
         """What it has said, the newest last; only the last 200 are kept."""
         return [text for _, text in self.peer.texts]
 
+    def its_messages(self, rates_hz: Mapping[int, float] = RATES_HZ) -> dict[int, float]:
+        """Return the messages that telemetry is made of, as its autopilot has them: PX4 tells the wind by another."""
+        px4 = self.family.name == "px4"
+        return {WIND_COV if px4 and number == WIND else number: rate for number, rate in rates_hz.items()}
+
+    def nudge_telemetry(self) -> None:
+        """Ask for telemetry without waiting for answers; to be done again as long as nothing comes."""
+        for number, rate in self.its_messages().items():
+            wish = {"command": INTERVAL, "param1": float(number), "param2": 1e6 / rate}
+            self.connection.send("COMMAND_LONG", self.system, **wish, **self._addressed)
+
     def measured_rates(self, duration_s: float) -> dict[str, float]:
         """Messages a second of each name that really come, over some time."""
         before = dict(self._counts)
@@ -242,7 +258,7 @@ def _find(connection: Connection, system: int | None) -> Peer:
     if system is not None:
         return known[system]
     heard_for_s = connection.clock.now_s() - min(peer.met_s for peer in known.values())
-    connection.wait(lambda: len(known) > 1, ALONE_S - heard_for_s)
+    connection.run_for(ALONE_S - heard_for_s)
     if len(known) > 1:
         heard = ", ".join(map(str, sorted(known)))
         raise InputError(Fault("several vehicles are heard", field="--system", remedy=f"one of {heard}"))

@@ -7,30 +7,17 @@ from typing import Annotated
 
 import typer
 
-from skyway.cli.link_commands import (
-    DEFAULT_CONNECT,
-    RECORDINGS,
-    Autopilot,
-    Connect,
-    Ground,
-    KeyFile,
-    Record,
-    System,
-    Yes,
-    aboard,
-)
+from skyway.cli.aboard import AsJson, Link, Yes, linked
 
 params = typer.Typer(help="Read, set and compare parameters.", no_args_is_help=True)
 
 
 @params.command("get")
+@linked
 def params_get(
+    link: Link,
     names: Annotated[list[str] | None, typer.Argument(help="Names; none for all.", show_default=False)] = None,
-    connect: Connect = DEFAULT_CONNECT,
-    system: System = None,
-    ground: Ground = 255,
-    key_file: KeyFile = None,
-    record: Record = RECORDINGS,
+    as_json: AsJson = False,
 ) -> None:
     """Print parameters as NAME,VALUE lines, which ground stations read.
 
@@ -39,22 +26,25 @@ def params_get(
       skyway params get > all.param
       skyway params get RTL_ALT FS_OPTIONS --connect tcp:127.0.0.1:5760
     """  # noqa: D301
-    with aboard(connect, system, Autopilot.AUTO, ground, key_file, record) as vehicle:
+    from skyway.cli.link_report import print_json
+
+    with link.aboard() as vehicle:
         found = [vehicle.parameter(name) for name in names] if names else list(vehicle.parameters().values())
+    if as_json:
+        print_json("parameters/1", parameters={value.name: value.value for value in found})
+        return
     for value in found:
         typer.echo(f"{value.name},{value.value:.9g}")
 
 
-@params.command("set")
+@params.command("set", context_settings={"ignore_unknown_options": True})  # negative values
+@linked
 def params_set(
+    link: Link,
     name: Annotated[str, typer.Argument(help="Name.")],
     value: Annotated[float, typer.Argument(help="Value.")],
-    connect: Connect = DEFAULT_CONNECT,
-    system: System = None,
     yes: Yes = False,
-    ground: Ground = 255,
-    key_file: KeyFile = None,
-    record: Record = RECORDINGS,
+    as_json: AsJson = False,
 ) -> None:
     """Set a parameter and read it back.
 
@@ -62,22 +52,23 @@ def params_set(
     Examples:
       skyway params set RTL_ALT 6000 --yes --connect tcp:127.0.0.1:5760
     """  # noqa: D301
-    with aboard(connect, system, Autopilot.AUTO, ground, key_file, record) as vehicle:
-        before = vehicle.parameter(name)
-        if yes:
-            typer.echo(f"{name}: {before.value:.9g} -> {vehicle.set_parameter(name, value).value:.9g}")
-        else:
-            typer.echo(f"{name}: {before.value:.9g} -> {value:.9g} would be set; add --yes")
+    from skyway.cli.link_report import print_json
+
+    with link.aboard() as vehicle:
+        before = vehicle.parameter(name).value
+        after = vehicle.set_parameter(name, value).value if yes else value
+    if as_json:
+        print_json("parameter/1", name=name, was=before, value=after, set=yes)
+    else:
+        typer.echo(f"{name}: {before:.9g} -> {after:.9g}{'' if yes else ' would be set; add --yes'}")
 
 
 @params.command("diff")
+@linked
 def params_diff(
+    link: Link,
     file: Annotated[Path, typer.Argument(help="Parameter file with NAME,VALUE lines.")],
-    connect: Connect = DEFAULT_CONNECT,
-    system: System = None,
-    ground: Ground = 255,
-    key_file: KeyFile = None,
-    record: Record = RECORDINGS,
+    as_json: AsJson = False,
 ) -> None:
     """Compare the vehicle with a parameter file; exit code 1 where it differs.
 
@@ -87,16 +78,22 @@ def params_diff(
     """  # noqa: D301
     from link.parameter_file import read_parameters
     from link.parameters import same_value
+    from skyway.cli.link_report import print_json
 
     wanted = read_parameters(file)
-    with aboard(connect, system, Autopilot.AUTO, ground, key_file, record) as vehicle:
+    with link.aboard() as vehicle:
         actual = vehicle.parameters()
-    found = 0
+    rows = []
     for name, value in wanted.items():
         has = actual.get(name)
         if has is None or not same_value(value, has.value, has.kind):
-            found += 1
-            typer.echo(f"{name}: file {value:.9g}, vehicle {'has none' if has is None else f'{has.value:.9g}'}")
-    typer.echo(f"{found} of {len(wanted)} differ" if found else f"all {len(wanted)} are as the file says")
-    if found:
+            rows.append({"name": name, "file": value, "vehicle": None if has is None else has.value})
+    if as_json:
+        print_json("parameters-diff/1", ok=not rows, compared=len(wanted), differences=rows)
+    else:
+        for row in rows:
+            has_it = "has none" if row["vehicle"] is None else f"{row['vehicle']:.9g}"
+            typer.echo(f"{row['name']}: file {row['file']:.9g}, vehicle {has_it}")
+        typer.echo(f"{len(rows)} of {len(wanted)} differ" if rows else f"all {len(wanted)} are as the file says")
+    if rows:
         raise typer.Exit(1)

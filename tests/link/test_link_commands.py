@@ -1,16 +1,19 @@
 """The commands that speak with vehicles, against a simulated one on a TCP port."""
 
 import json
+import re
+from dataclasses import replace
 
 import pytest
 import typer
 from sim_serving import served
-from wires import a_mission
+from wires import a_fence, a_mission, some_rally_points
 
 from link.autopilots import FAMILIES
 from link.parameter_file import read_required
 from missions import write
 from missions.document import MissionDocument
+from missions.mission import Mission
 from missions.parameters import Parameter, dumps
 from models.errors import InputError, SkywayError
 from skyway.cli import link_commands
@@ -23,6 +26,7 @@ link_commands.register(app)
 def run(tmp_path, capsys):
     def go(*words, port=None):
         where = [] if port is None else ["--connect", f"tcp:127.0.0.1:{port}"]
+        where += ["--system", "1"] if port is not None and words[0] != "watch" else []
         try:
             code = app([*map(str, words), *where, "--record", str(tmp_path / "rec")], standalone_mode=False) or 0
         except SkywayError as error:
@@ -96,14 +100,17 @@ def test_a_mission_comes_with_the_parameters_it_needs(run, plan, tmp_path):
 
 def test_watching_tells_what_is_known_and_what_is_not(run):
     with served(tcp_port=0, autopilot="px4") as there:
-        code, text = run("watch", "--for", "4", "--json", port=there.where()[1])
+        code, text = run("watch", "--for", "2.2", "--json", port=there.where()[1])
     row = json.loads(text.splitlines()[-1])
     assert code == 0
     assert row["system"] == 1
     assert row["mode"] == "hold" or row["mode"]
     assert row["wind_mps"] is None
     assert row["soc"] > 0.9
-    assert row["link"].endswith("%")
+    assert row["loss"] == 0.0
+    assert row["silent_s"] < 2.0
+    assert set(row["rejected"].values()) == {0}
+    assert row["conflict"] is False
 
 
 def test_nobody_there_ends_with_3_and_nonsense_with_2(run, plan, tmp_path):
@@ -113,7 +120,7 @@ def test_nobody_there_ends_with_3_and_nonsense_with_2(run, plan, tmp_path):
     write(MissionDocument(), empty)
     code, text = run("upload", empty)
     assert code == 2
-    assert "holds nothing to upload" in text
+    assert "holds no mission" in text
 
 
 def test_a_broken_parameter_file_names_its_line(tmp_path):
@@ -121,3 +128,85 @@ def test_a_broken_parameter_file_names_its_line(tmp_path):
     file.write_text("RTL_ALT,6000\nwhat is this\nX,nan\n")
     with pytest.raises(InputError, match=r"p.param:2: .*\n.*p.param:3"):
         read_required(file)
+
+
+def test_what_would_be_sent_stands_beside_what_is_on_board(run, plan, tmp_path):
+    other = tmp_path / "other.plan"
+    write(MissionDocument(a_mission(8, height=70.0), a_fence(), some_rally_points()), other)
+    with served(tcp_port=0, autopilot="px4") as there:
+        port = there.where()[1]
+        assert run("upload", plan, "--yes", port=port)[0] == 0
+        code, text = run("upload", other, port=port)
+        assert code == 0
+        assert re.search(r"1 +NAV_WAYPOINT +40.7394000 +-73.9755000 +71 m +z 51\n", text)
+        assert re.search(r"7 +NAV_LAND .* the same\n", text)
+        assert "fence: 1 areas to send; 2 differences" in text
+        assert "rally points: 2 items to send" in text
+        found = json.loads(run("upload", other, "--json", port=port)[1])
+        assert found["sent"] is False
+        assert found["vehicle"]["capabilities"]
+        assert [part["kind"] for part in found["parts"]] == ["fence", "rally", "mission"]
+        assert there.world.vehicles[1].autopilot.stores[1] == []
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_the_same_commands_go_by_mavsdk(run, plan, tmp_path, family):
+    pytest.importorskip("mavsdk")
+    with served(tcp_port=0, autopilot=family) as there:
+        how = {"port": there.where()[1]}
+        by = ("--driver", "mavsdk")
+        assert run("upload", plan, "--yes", *by, **how)[0] == 0
+        assert run("verify", plan, *by, **how)[0] == 0
+        assert run("download", "-o", tmp_path / "back.plan", *by, **how)[0] == 0
+        assert run("params", "get", "SYSID_THISMAV" if family == "ardupilot" else "MAV_SYS_ID", *by, **how)[0] == 0
+        assert run("clear", "--yes", *by, **how)[0] == 0
+        assert run("verify", plan, *by, **how)[0] == 1
+
+
+def test_mavsdk_refuses_a_signing_key_in_one_line(run, plan, tmp_path):
+    key = tmp_path / "key"
+    key.write_text("ab" * 32)
+    key.chmod(0o600)
+    with served(tcp_port=0) as there:
+        code, text = run("upload", plan, "--driver", "mavsdk", "--key-file", key, port=there.where()[1])
+    assert code == 2
+    assert (
+        text
+        == "--driver: the mavsdk driver cannot sign: a signing key needs the default driver; use --driver pymavlink"
+    )
+
+
+def test_a_refused_upload_exits_with_3_and_gives_the_vehicles_words(run, tmp_path):
+    far = Mission(tuple(replace(item, x=item.x + 10_000_000) for item in a_mission(8).items))
+    path = tmp_path / "far.plan"
+    write(MissionDocument(far), path)
+    with served(tcp_port=0, autopilot="px4") as there:
+        code, text = run("upload", path, "--yes", port=there.where()[1])
+    assert code == 3
+    assert "too far" in text
+    assert "verified" not in text
+
+
+def test_json_says_the_same_as_the_lines(run, plan, tmp_path):
+    with served(tcp_port=0, autopilot="ardupilot") as there:
+        port = there.where()[1]
+        assert json.loads(run("params", "get", "RTL_ALT", "--json", port=port)[1])["parameters"] == {"RTL_ALT": 1500.0}
+        found = json.loads(run("params", "set", "RTL_ALT", "2000", "--yes", "--json", port=port)[1])
+        assert (found["was"], found["value"], found["set"]) == (1500.0, 2000.0, True)
+        file = tmp_path / "p.param"
+        file.write_text("RTL_ALT,1000\n")
+        code, text = run("params", "diff", file, "--json", port=port)
+        assert (code, json.loads(text)["differences"]) == (1, [{"name": "RTL_ALT", "file": 1000.0, "vehicle": 2000.0}])
+        code, text = run("verify", plan, "--json", port=port)
+        assert code == 1
+        assert json.loads(text)["differences"][0]["text"] == "count: on board 0, in the file 8"
+        found = json.loads(run("clear", "--kind", "all", "--json", port=port)[1])
+        assert (found["cleared"], found["held"]) == (False, {"mission": 0, "fence": 0, "rally": 0})
+        found = json.loads(run("download", "-o", tmp_path / "x.plan", "--json", port=port)[1])
+        assert found["items"] == 0
+
+
+def test_a_negative_value_is_no_option(run):
+    with served(tcp_port=0, autopilot="px4") as there:
+        code, text = run("params", "set", "MPC_XY_CRUISE", "-1", port=there.where()[1])
+    assert (code, text) == (0, "MPC_XY_CRUISE: 5 -> -1 would be set; add --yes\n")

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import pytest
 from sim_serving import served
-from wires import FAMILIES, LAT, LON, Scene, a_mission
+from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, some_rally_points
 
 from link.connection import Connection
 from link.mavlink_vehicle import MavlinkVehicle
@@ -21,10 +21,7 @@ from link.opening import open_connection
 from link.vehicle import Vehicle
 from link.verified import UploadState
 from missions.commands import Command, Frame
-from missions.coordinates import Point
-from missions.geofence import FencePolygon, Geofence
 from missions.mission import Mission, MissionItem
-from missions.rally import RallyPoint, RallyPoints
 from models.clock import WallClock
 from models.errors import CommandRefusedError, InputError, VehicleTimeoutError
 from sim_stub.faults import Fault
@@ -89,19 +86,6 @@ at_length = pytest.mark.parametrize(
 def site(driver, family):
     with SITES[driver](family) as found:
         yield found
-
-
-def place(north, east):
-    return Point(round((LAT + north) * 1e7), round((LON + east) * 1e7))
-
-
-def a_fence():
-    corners = ((-0.01, -0.01), (-0.01, 0.01), (0.01, 0.01), (0.01, -0.01))
-    return Geofence((FencePolygon(tuple(place(*corner) for corner in corners)),))
-
-
-def some_rally_points():
-    return RallyPoints((RallyPoint(place(0.0, 0.0), 40.0), RallyPoint(place(0.002, 0.0), 60.0)))
 
 
 def airborne(site):

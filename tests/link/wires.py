@@ -6,7 +6,10 @@ from link.connection import Connection
 from link.frames import FrameReader, FrameWriter
 from link.verified import UploadJob, upload_verified
 from missions.commands import Command, Frame
+from missions.coordinates import Point
+from missions.geofence import FencePolygon, Geofence
 from missions.mission import Mission, MissionItem
+from missions.rally import RallyPoint, RallyPoints
 from sim_stub.config import VehicleConfig
 from sim_stub.transports.channel import Impairment
 from sim_stub.transports.lockstep import Lockstep
@@ -27,6 +30,19 @@ def a_mission(items=20, *, height=50.0):
     middle = [waypoint(n, height=height) for n in range(1, items - 1)]
     land = MissionItem(Command.NAV_LAND, Frame.GLOBAL_RELATIVE_ALT, x=middle[-1].x, y=middle[-1].y)
     return Mission((waypoint(0, height=height, command=Command.NAV_TAKEOFF), *middle, land))
+
+
+def place(north, east):
+    return Point(round((LAT + north) * 1e7), round((LON + east) * 1e7))
+
+
+def a_fence():
+    corners = ((-0.01, -0.01), (-0.01, 0.01), (0.01, 0.01), (0.01, -0.01))
+    return Geofence((FencePolygon(tuple(place(*corner) for corner in corners)),))
+
+
+def some_rally_points():
+    return RallyPoints((RallyPoint(place(0.0, 0.0), 40.0), RallyPoint(place(0.002, 0.0), 60.0)))
 
 
 def bad_radio(loss=0.0, **how):
