@@ -193,6 +193,11 @@ class Context:
         while (left := end - self.clock.now_s()) > 1e-6:
             self.tick(min(left, TICK_S))
 
+    def wait_until(self, posix_s: float) -> None:
+        """Let time pass until an instant of the vehicle's time."""
+        while self.now_s < posix_s:
+            self.tick(min(max(posix_s - self.now_s, 0.05), TICK_S))
+
     def _after_reboot(self) -> None:
         """A vehicle that has restarted is asked for its telemetry anew."""
         if self.vehicle.reboots == self.reboots:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from link.mission_words import MissionKind
+from link.pads import ManualPads
 from link.supervisor.context import Leg, Turn
 from link.supervisor.legs import plan_leg, with_places
 from link.supervisor.preflight import run_checks
@@ -55,7 +56,7 @@ def replanning(ctx: Context) -> After:
         return _stopped(ctx, decision)
     ctx.note_plan(decision.reason)
     if decision.action == "wait":
-        ctx.wait(max((decision.until_s or 0.0) - ctx.now_s, POLL_S))
+        ctx.wait_until(max(decision.until_s or 0.0, ctx.now_s + POLL_S))
         return State.REPLANNING, "the wait is over"
     if decision.charge_to is not None:
         return State.WAITING, f"charge to {100 * decision.charge_to:.0f} %"
@@ -66,7 +67,7 @@ def _stopped(ctx: Context, decision: Decision) -> After:
     """Give stations that could not be used another chance before giving up."""
     if not ctx.unusable:
         return State.STOPPED, decision.reason
-    ctx.wait(POLL_S + min(ctx.unusable.values(), default=ctx.now_s) + _UNUSABLE_S - ctx.now_s)
+    ctx.wait_until(POLL_S + min(ctx.unusable.values(), default=ctx.now_s) + _UNUSABLE_S)
     return State.REPLANNING, "stations that could not be used may be usable again"
 
 
@@ -121,7 +122,7 @@ def _as_planned(ctx: Context, standing: Grounded) -> Decision:
 
 def waiting(ctx: Context) -> After:
     """Ask for a pad until there is one."""
-    begun = ctx.clock.now_s()
+    begun_s = ctx.now_s
     said = ""
     while True:
         try:
@@ -140,15 +141,16 @@ def waiting(ctx: Context) -> After:
                 said = line
                 _note_pad(ctx, told)
                 ctx.tell(line)
-        if ctx.clock.now_s() - begun > REDECIDE_S:
+        if ctx.now_s > begun_s + REDECIDE_S:
             return State.REPLANNING, f"no pad for {REDECIDE_S / 60:.0f} min: think again"
-        ctx.wait(POLL_S)
+        ctx.wait_until(ctx.now_s + POLL_S)
 
 
 def charging(ctx: Context) -> After:
     """Wait until it is charged."""
     target = ctx.charge_to or 1.0
     while True:
+        _hear_charged(ctx)
         try:
             told = ctx.pads.charge(ctx.station or "", _drone(ctx), target)
         except PadServiceError as error:
@@ -161,7 +163,7 @@ def charging(ctx: Context) -> After:
         if told.state == "done" or (told.soc is not None and told.soc >= target - 1e-6):
             break
         left = POLL_S if told.done_s is None else told.done_s - ctx.now_s
-        ctx.wait(min(max(left + 0.5, 1.0), 60.0))
+        ctx.wait_until(ctx.now_s + min(max(left + 0.5, 1.0), 60.0))
         if told.soc is not None:
             ctx.soc = told.soc
     _note_pad(ctx, told)
@@ -169,6 +171,17 @@ def charging(ctx: Context) -> After:
     ctx.charged = True
     ctx.tell(f"charged to {100 * ctx.soc:.0f} % at {ctx.station}")
     return State.REPLANNING, f"charged to {100 * ctx.soc:.0f} %"
+
+
+def _hear_charged(ctx: Context) -> None:
+    """Where people charge, they say ``charged``, or ``charged 83`` for 83 %."""
+    while ctx.words and isinstance(ctx.pads, ManualPads):
+        word, _, percent = ctx.words.pop(0).partition(" ")
+        if word != "charged":
+            ctx.operator.ask("say charged when it is done")
+            continue
+        known = percent.strip(" %").replace(".", "", 1).isdigit()
+        ctx.pads.charged(_drone(ctx), float(percent.strip(" %")) / 100.0 if known else ctx.charge_to or 1.0)
 
 
 def _reset_counter(ctx: Context, soc: float | None) -> None:

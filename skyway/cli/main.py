@@ -16,6 +16,7 @@ from models.errors import SkywayError
 from skyway import __version__
 from skyway.cli import (
     bench_commands,
+    fly_commands,
     forecast_commands,
     link_commands,
     mission_commands,
@@ -63,6 +64,7 @@ for commands in (
     mission_commands,
     sim_commands,
     link_commands,
+    fly_commands,
     replay_commands,
     forecast_commands,
     bench_commands,

@@ -1,0 +1,153 @@
+"""Pads as a supervisor reaches them: a service over TCP, or people."""
+
+from __future__ import annotations
+
+import math
+import socket
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from link.address import parse_address
+from models.errors import Fault, InputError
+from models.pad_service import (
+    MAX_LINE_BYTES,
+    DroneOnPad,
+    PadAnswer,
+    PadRequest,
+    PadServiceError,
+    StationStatus,
+    decode_answer,
+    encode,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+ANSWER_S = 3.0
+_MAX_ANSWER_BYTES = 64 * MAX_LINE_BYTES
+
+
+class TcpPads:
+    """A pad service over TCP, one JSON line a request; opened when first needed, and anew after a failure.
+
+    Parameters
+    ----------
+    address : str
+        ``tcp:HOST:PORT``.
+
+    Raises
+    ------
+    InputError
+        Another kind of address.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = parse_address(address, option="--pads")
+        if self.address.kind != "tcp":
+            raise InputError(Fault("not an address of pads", field="--pads", value=address, remedy="tcp:HOST:PORT"))
+        self._socket: socket.socket | None = None
+        self._received = b""
+
+    def status(self, station: str) -> StationStatus:
+        """Return the pads of a station now."""
+        found = self._ask(PadRequest(op="status", station=station)).station
+        if found is None:
+            raise PadServiceError(f"the pad service did not tell of {station}")
+        return found
+
+    def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
+        """Ask for a pad and charging to a state of charge."""
+        return self._drone(PadRequest(op="charge", station=station, drone=drone, to_soc=to_soc))
+
+    def release(self, station: str, drone: str) -> DroneOnPad:
+        """Give the pad, or the place in the line, back."""
+        return self._drone(PadRequest(op="release", station=station, drone=drone))
+
+    def _drone(self, request: PadRequest) -> DroneOnPad:
+        found = self._ask(request).drone
+        if found is None:
+            raise PadServiceError(f"the pad service did not tell of drone {request.drone}")
+        return found
+
+    def _ask(self, request: PadRequest) -> PadAnswer:
+        try:
+            answer = self._exchange(encode(request))
+        except OSError as error:
+            self.close()
+            raise PadServiceError(f"the pad service at {self.address} fails: {error.strerror or error}") from None
+        if not answer.ok:
+            raise PadServiceError(answer.error or "the pad service refuses, without a reason")
+        return answer
+
+    def _exchange(self, line: bytes) -> PadAnswer:
+        if self._socket is None:
+            self._socket = socket.create_connection((self.address.host, self.address.port), ANSWER_S)
+            self._received = b""
+        self._socket.sendall(line)
+        while b"\n" not in self._received:
+            data = self._socket.recv(65536)
+            if not data:
+                raise ConnectionResetError(None, "it closed the connection")
+            self._received += data
+            if len(self._received) > _MAX_ANSWER_BYTES:
+                raise ConnectionResetError(None, "its answer does not end")
+        answer, _, self._received = self._received.partition(b"\n")
+        return decode_answer(answer)
+
+    def close(self) -> None:
+        """Close the connection."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+@dataclass(slots=True)
+class ManualPads:
+    """Pads that people tend: they are told what to charge, and say when it is done.
+
+    Attributes
+    ----------
+    ask : callable
+        Puts a sentence to the operator.
+    pads : mapping
+        How many pads each station has.
+    posix_s : callable
+        The time of now.
+    """
+
+    ask: Callable[[str], None]
+    pads: Mapping[str, int]
+    posix_s: Callable[[], float]
+    _asked: dict[tuple[str, str], float] = field(default_factory=dict)
+    _done: dict[str, float] = field(default_factory=dict)
+
+    def status(self, station: str) -> StationStatus:
+        """Return what a plan assumes: free pads, since nobody counts them."""
+        pads = self.pads.get(station, 0)
+        return StationStatus(
+            station=station, posix_s=self.posix_s(), pads=pads, busy=0, remaining_s=(), waiting=0,
+            holding_spots=pads, holding_free=pads,
+        )  # fmt: skip
+
+    def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
+        """Ask the operator to charge; asks once for each state of charge."""
+        if self._asked.get((station, drone)) != to_soc:
+            self._asked[station, drone] = to_soc
+            self._done.pop(drone, None)
+            self.ask(
+                f"charge drone {drone} at {station} to {100 * to_soc:.0f} % (or swap its battery), then say charged"
+            )
+        if drone in self._done:
+            soc = self._done[drone]
+            return DroneOnPad(drone=drone, state="done", soc=None if math.isnan(soc) else soc, to_soc=to_soc)
+        return DroneOnPad(drone=drone, state="charging", to_soc=to_soc)
+
+    def charged(self, drone: str, soc: float = math.nan) -> None:
+        """Take the operator's word that it is done; NaN where the vehicle itself tells the state of charge."""
+        self._done[drone] = soc
+
+    def release(self, station: str, drone: str) -> DroneOnPad:
+        """Forget it."""
+        self._asked.pop((station, drone), None)
+        self._done.pop(drone, None)
+        return DroneOnPad(drone=drone, state="absent")

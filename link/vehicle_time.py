@@ -1,0 +1,50 @@
+"""The time of the vehicle, as a clock: the same in a simulation that runs faster than the wall."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from link.seen import Seen
+    from models.clock import Clock
+
+
+class VehicleTime:
+    """A clock that follows the times a vehicle's telemetry has.
+
+    Between samples it goes on with the wall; while nothing is heard too. It never goes back. Time-outs stay the wall's.
+
+    Parameters
+    ----------
+    vehicle : Seen
+        Whose time.
+    clock : Clock
+        The wall's.
+    """
+
+    def __init__(self, vehicle: Seen, clock: Clock) -> None:
+        self._vehicle, self._clock = vehicle, clock
+        self._at = (clock.posix_s(), clock.now_s())
+        self._sample_s = -1.0
+        self._latest_s = clock.posix_s()
+        self._known = False
+
+    def posix_s(self) -> float:
+        """POSIX seconds of now, by the vehicle."""
+        sample = self._vehicle.live.sample
+        wall = self._clock.now_s()
+        if sample is not None and sample.time_s != self._sample_s and self._vehicle.live.clock.base.absolute:
+            self._sample_s = sample.time_s
+            self._at = (sample.time_s, wall)
+            if not self._known:
+                self._known, self._latest_s = True, sample.time_s
+        self._latest_s = max(self._latest_s, self._at[0] + wall - self._at[1])
+        return self._latest_s
+
+    def now_s(self) -> float:
+        """Seconds since some start, by the wall: what is asked and answered on the link does not go faster."""
+        return self._clock.now_s()
+
+    def sleep_until(self, instant_s: float) -> None:
+        """Wait on the wall."""
+        self._clock.sleep_until(instant_s)

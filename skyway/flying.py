@@ -1,0 +1,129 @@
+"""A plan file made ready to be flown: the scenario it was made in, what was asked, and the wind to start with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from models.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from link.supervisor.journal import Record
+    from models.drag import DragModel
+    from models.scenario import Scenario
+    from models.services import Composition
+    from planner.request import Request
+
+FAR_S = 300.0
+"""A vehicle whose clock is so far from ours is simulated, or replayed: then its time is taken."""
+
+
+def scenario_of(composition: Composition, folder: Path | None) -> Scenario:
+    """Read the scenario that a plan was made in, or the one named; stations of the plan that it lacks are added.
+
+    Raises
+    ------
+    InputError
+        It cannot be found, or has changed since the plan was made.
+    """
+    from skyway.cli.options import BUILT_IN, load_scenario
+
+    path = composition.scenario_path
+    if folder is None and path not in (None, BUILT_IN):
+        folder = Path(str(path))
+        if not folder.exists():
+            remedy = "name its folder with --scenario"
+            raise InputError(Fault("the scenario of the plan is not there", str(path), remedy=remedy))
+    scenario = load_scenario(folder)
+    told, found = composition.scenario_sha256, scenario.sha256
+    if told is not None and found is not None and told != found:
+        remedy = "plan anew, or name the scenario that it was made in with --scenario"
+        raise InputError(Fault("the scenario is not the one that the plan was made in", scenario.path, remedy=remedy))
+    for name in (composition.origin, composition.destination):
+        if name not in scenario.network.index:
+            place = composition.stations[name]
+            network = scenario.network.with_target(place.lat, place.lon, id=name)
+            scenario = replace(scenario, network=network, load=scenario.load.extended(1))
+    return scenario
+
+
+def request_of(composition: Composition, scenario: Scenario) -> Request:
+    """Return what was asked when the plan was made."""
+    from models.services import State
+    from planner.request import Request
+
+    scenario.drone(composition.drone)
+    first = composition.stops[0].soc_from if composition.stops else 1.0
+    if composition.services:
+        first = composition.services[0].soc_depart
+    return Request(
+        state=State(composition.depart, composition.origin, None, min(max(first, 0.0), 1.0)),
+        destination=composition.destination,
+        payload_kg=composition.payload_kg,
+        drone=composition.drone,
+        airspeed_mps=composition.airspeed_mps,
+        reserve_soc=composition.reserve_soc,
+        seed=composition.seed or 0,
+    )
+
+
+def heights(scenario: Scenario, given: list[str] | None) -> dict[str, float]:
+    """Read ground heights typed as ``STATION=METRES``."""
+    found: dict[str, float] = {}
+    for text in given or ():
+        name, _, value = text.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            remedy = "STATION=METRES, for example clinic=34"
+            raise InputError(Fault("not a height", field="--elevation", value=text, remedy=remedy)) from None
+        if name.strip() not in scenario.network.index:
+            raise InputError(Fault("no such station", field="--elevation", value=name))
+    return found
+
+
+def read_drag_file(path: Path | None) -> DragModel | None:
+    """Read the drag of the drone; None where none is given."""
+    from models.drag_file import read_drag
+
+    return None if path is None else read_drag(path)
+
+
+def journal_name(composition: Composition, now: datetime) -> str:
+    """Return a name for the journal of a delivery."""
+    return f"{now:%Y-%m-%d-%H%M%S}-{composition.origin}-{composition.destination}.jsonl"
+
+
+def line_of(record: Record) -> str | None:
+    """Tell a record of the journal as a plain line; None for those that a person need not see."""
+    data = record.data
+    clock = record.time[11:19]
+    if record.event == "track" and data.get("left_s") is not None:
+        late = data.get("late_s") or 0.0
+        return (
+            f"{clock}  {record.state:<12} {data['height_m']:.0f} m, {data['ground_speed_mps']:.1f} m/s, "
+            f"{100 * data['soc']:.0f} %; {data['destination']} in {data['left_s'] / 60:.1f} min "
+            f"({late:+.0f} s), landing with {_percent(data.get('soc_land'))} "
+            f"(planned {_percent(data.get('planned_soc_land'))}), {data.get('cross_track_m') or 0:.0f} m off the way"
+            f"{_wind(data)}"
+        )
+    if record.event not in ("state", "change", "reboot", "link", "turn"):
+        return None  # what else a person must know is told by the supervisor itself
+    return f"{clock}  {record.state:<12} {record.reason}"
+
+
+def _percent(value: float | None) -> str:
+    return "unknown" if value is None else f"{100 * value:.0f} %"
+
+
+def _wind(data: dict[str, float]) -> str:
+    from models.wind import speed_from
+
+    if data.get("wind_north_mps") is None:
+        return ""
+    speed, direction = speed_from(data["wind_north_mps"], data["wind_east_mps"])
+    expected, _ = speed_from(data["forecast_north_mps"], data["forecast_east_mps"])
+    return f", wind {float(speed):.1f} m/s from {float(direction):.0f}° (forecast {float(expected):.1f})"
