@@ -254,7 +254,7 @@ class _Fit:
             quadratic_per_m=float(max(c2, 0.0)),
             bias_forward_mps2=float(forward),
             bias_right_mps2=float(right),
-            sigma_mps2=float(np.clip(math.sqrt(inflation) * self.sigma, 0.05, 3.0)),
+            sigma_mps2=float(np.clip(_white(left, period_s) * self.sigma, 0.05, 3.0)),
             period_s=period_s,
             relative_sigma=float(min(relative, 1.0)),
         )
@@ -272,6 +272,12 @@ class _Fit:
         misses = ((self.drag - expected) / self.sigma).T.ravel()
         knots = x[4:].reshape(2, -1)
         return np.concatenate([misses, x[2:4] / BIAS_SIGMA_MPS2, (np.diff(knots, axis=1) / KNOT_SIGMA_MPS).ravel()])
+
+
+def _white(left: NDArray[np.float64], period_s: float) -> float:
+    """Standard deviation of residuals, shape (2, n), without what is alike from one to the next: that is gusts, not noise."""
+    alike = float(np.mean(left[:, 1:] * left[:, :-1])) * math.exp(period_s / WindFilterSettings().gust_tau_s)
+    return math.sqrt(max(float(np.mean(left**2)) - max(alike, 0.0), 0.0))
 
 
 def _spread(velocity: NDArray[np.float64]) -> float:
