@@ -99,6 +99,7 @@ class Pads:
         }
         self._now = world.sim_s - _WARM_UP_H * 3600.0
         self._raids: list[Fault] = []
+        self._hosts: list[_Site] = []  # where ours are
         for fault in world.faults:
             if fault.kind == AT_STATIONS:
                 self.take(fault)
@@ -128,9 +129,8 @@ class Pads:
                 self._happen(site)
             self._reschedule()
         self._now = max(self._now, sim_s)
-        for site in self._sites.values():
-            if any(guest.drone for guest in (*site.on_pads, *site.line)):
-                self._see_off(site)
+        for site in self._hosts[:]:
+            self._see_off(site)
 
     def _reschedule(self) -> None:
         due = min((site.next_due_s() for site in self._sites.values()), default=math.inf)
@@ -186,7 +186,10 @@ class Pads:
 
     def _see_off(self, site: _Site) -> None:
         """Take those of ours off the books who have left or started their motors."""
-        for guest in [g for g in (*site.on_pads, *site.line) if g.drone]:
+        ours = [guest for guest in (*site.on_pads, *site.line) if guest.drone]
+        if not ours:
+            self._hosts.remove(site)
+        for guest in ours:
             vehicle = self._vehicle(guest.drone)
             if vehicle is None or vehicle.active:
                 self._remove(site, guest)
@@ -290,6 +293,8 @@ class Pads:
                 raise PadServiceError(f"{station} has no pads")
             guest = _Guest(drone=drone, to_soc=to_soc)
             site.line.append(guest)
+            if site not in self._hosts:
+                self._hosts.append(site)
             self._fill(site)
             if guest in site.line:
                 vehicle.event(f"waits for a pad at {station}, place {len(site.line)} in the line")

@@ -162,7 +162,7 @@ class Vehicle:
 
     def next_wall_s(self) -> float:
         """Wall instant at which a protocol timer runs out."""
-        return min(part.next_wall_s() for part in self._timed)
+        return min(self.missions.next_wall_s(), self.commands.next_wall_s(), self.parameter_server.next_wall_s())
 
     def advance(self, sim_s: float, wall_s: float) -> None:
         """Let time pass: everything due up to an instant happens in order."""

@@ -101,8 +101,10 @@ class Failsafes:
     def _act(self, pilot: Autopilot, name: str, action: Action) -> None:
         """Do it, unless something as grave is being done already."""
         self.active[name] = action
+        if action == Action.NONE:
+            return
         pilot.event(f"failsafe {name}: {action.name.lower()}")
-        if not pilot.armed or action in (Action.NONE, Action.WARN):
+        if not pilot.armed or action == Action.WARN:
             return
         if pilot.landed:
             pilot.failsafe_on_ground(name)

@@ -120,6 +120,8 @@ class CommandServer:
 
     def next_wall_s(self) -> float:
         """When there is progress to tell."""
+        if not self.tasks:
+            return math.inf
         return min((task.next_s for task in self.tasks.values()), default=math.inf)
 
     def tick(self) -> None:
