@@ -16,6 +16,7 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "missions": ("bench_missions", []),
     "sim": ("bench_sim", ["--seconds", "3"]),
     "link": ("bench_link", []),
+    "many": ("bench_many", []),
     "logs": ("bench_logs", []),
 }
 """Benchmarks that print their own figures, each run as a process of its own."""

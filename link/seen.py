@@ -238,12 +238,17 @@ class Seen:
         self.connection.run_for(duration_s)
         return {name: (count - before.get(name, 0)) / duration_s for name, count in self._counts.items()}
 
+    def take_samples(self) -> list[TelemetrySample]:
+        """Return the samples that have come since this was asked last, at most a thousand; does not wait."""
+        ready, self._new = self._new, []
+        return ready
+
     def samples(self, duration_s: float = math.inf) -> Iterator[TelemetrySample]:
         """Yield telemetry as it comes; ends after the time, or when the vehicle falls silent for 10 s."""
         clock = self.connection.clock
         end = clock.now_s() + duration_s
         while clock.now_s() < end:
-            ready, self._new = self._new, []
+            ready = self.take_samples()
             yield from ready
             if not ready and not self.connection.wait(lambda: bool(self._new), min(FIND_S, end - clock.now_s())):
                 return
