@@ -657,6 +657,62 @@ def test_row_battery_actions_and_thresholds_are_parameters(autopilot):
     assert away(stage) < 3.0
 
 
+@BOTH
+def test_row_rtl_height_is_a_parameter_and_a_return_below_it_climbs_first(autopilot):
+    name, value = {"px4": ("RTL_RETURN_ALT", 70.0), "ardupilot": ("RTL_ALT", 7000.0)}[autopilot]
+    stage = Stage(autopilot, parameters=((name, value),))
+    stage.station.upload(stage.mission(item(TAKEOFF, z=30.0), item(WAYPOINT, 400, z=30.0), item(LAND, 400)))
+    stage.start()
+    stage.station.until(lambda: away(stage) > 200.0)
+    assert stage.station.command(20) == 0
+    stage.station.until(lambda: height(stage) > 69.0, 60.0)
+    begun = away(stage)
+    assert begun > 180.0, "up first, then home"
+    stage.rest()
+    assert away(stage) < 3.0
+
+
+@BOTH
+def test_row_a_fence_must_contain_the_divert_paths_too(autopilot):
+    parameters = {
+        "px4": (("GF_ACTION", 2),),
+        "ardupilot": (("FENCE_ENABLE", 1), ("FENCE_TYPE", 4), ("FENCE_ACTION", 2)),
+    }
+    stage = Stage(autopilot, parameters=parameters[autopilot])
+    box = [item(5001, n, e, p=(4, 0, 0, 0)) for n, e in ((-50, -60), (-50, 60), (500, 60), (500, -60))]
+    assert stage.station.upload(box, kind=1) == 0
+    stage.station.upload(stage.mission(*leg()))
+    stage.start()
+    stage.station.until(lambda: away(stage) > 150.0)
+    assert not stage.happened("failsafe fence")
+    lat, lon, z = LAT + 200 / 111_045.0, LON + 400 / 84_000.0, 45.0
+    assert stage.station.command_int(192, (-1, 1, 0, NAN if autopilot == "px4" else 0), lat, lon, z, 5) == 0
+    stage.station.until(lambda: stage.happened("failsafe fence"), 60.0)
+    stage.station.run(20.0)
+    assert away(stage, 200, 400) > 250.0, "it never gets there"
+
+
+@pytest.mark.parametrize(("options", "lands_where_it_is"), [(0, False), (8, True)])
+def test_row_ardupilot_goes_on_landing_when_the_link_is_lost_with_its_bit(options, lands_where_it_is):
+    stage = Stage("ardupilot", parameters=(("FS_GCS_ENABLE", 1), ("FS_OPTIONS", options)))
+    stage.station.upload(stage.mission(*leg(distance=300)))
+    stage.start()
+    stage.station.until(lambda: stage.pilot.landed_state == 4)
+    stage.lockstep.run_for(300.0)
+    assert not stage.pilot.armed
+    assert (away(stage, 300) < 3.0) is lands_where_it_is
+
+
+def test_row_ardupilot_a_second_station_with_our_id_keeps_the_failsafe_quiet():
+    """The trap for whose sake it must be noticed and refused: the vehicle cannot tell them apart."""
+    stage = Stage("ardupilot", parameters=(("FS_GCS_ENABLE", 1),))
+    stage.station.upload(stage.mission(*leg(distance=600)))
+    stage.start()
+    twin = Station(stage.lockstep, stage.lockstep.connect(stage.vehicle))
+    twin.run(60.0)  # ours is silent
+    assert not stage.happened("failsafe link")
+
+
 # Changing a mission in flight
 
 
@@ -767,6 +823,22 @@ def test_row_a_pilots_mode_switch_wins(autopilot):
     stage.station.run(60.0)
     assert away(stage) == pytest.approx(place, abs=25.0), "it stays where the pilot has it"
     assert stage.pilot.armed
+
+
+@BOTH
+def test_row_another_stations_disarm_or_mission_change_wins_and_can_be_seen(autopilot):
+    stage = Stage(autopilot)
+    stage.station.upload(stage.mission(*leg()))
+    pilot = Station(stage.lockstep, stage.lockstep.connect(stage.vehicle), system=254)
+    before = stage.vehicle.mission_ids[0]
+    assert pilot.upload(stage.mission(item(TAKEOFF), item(WAYPOINT, 90), item(LAND, 90))) == 0
+    assert stage.vehicle.mission_ids[0] != before
+    assert len(stage.station.download()) == len(stage.mission(*leg()))
+    stage.start()
+    assert stage.station.wait("HEARTBEAT", 3.0).base_mode & 128
+    assert pilot.command(400, 0, 21196) == 0
+    stage.station.run(2.0)
+    assert not [m for m in stage.station.seen if m.get_type() == "HEARTBEAT"][-1].base_mode & 128
 
 
 # Telemetry
