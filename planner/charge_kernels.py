@@ -17,17 +17,27 @@ from models.compiled import compiled
 from models.flight import Air
 from models.flight_kernels import NEVER, land, next_opening, slot_end, slot_of, wind_on
 from models.wind import MIN_GROUND_SPEED_MPS
-from planner.course_kernels import expected_pad, sampled_pad, sampled_spot
+from planner.course_kernels import (
+    PAD,
+    READY,
+    SOC_DOWN,
+    SOC_OFF,
+    TAKE_OFF,
+    TOUCH_DOWN,
+    expected_pad,
+    sampled_pad,
+    sampled_spot,
+)
 from planner.evaluation_kernels import LATERAL, gusty_land
 from planner.profile_kernels import interpolate
-from planner.room_kernels import is_room
+from planner.room_kernels import Room, is_room
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from planner.course_kernels import Hops, Queues, Waits
     from planner.evaluation_kernels import Sky
-    from planner.room_kernels import Room
+    from planner.room_kernels import Present
 
 GRID_S = 600.0
 """What a flight needs is worked out for take-offs within so long together; the most of both ends counts."""
@@ -78,22 +88,33 @@ class Known(NamedTuple):
     margin: float
 
 
-class Aims(NamedTuple):
-    """What the charge must be enough for at each hop, shape (hops,).
+class Stop(NamedTuple):
+    """A stay before a flight, as `_leave` sees it.
 
     Attributes
     ----------
-    landing : ndarray
-        Least charge on touch-down: the reserve, and at the end the way on.
-    carry : ndarray
-        Charge wanted beyond that.
-    fixed_to : ndarray
-        Charge to this instead, whatever is known (NaN: by what is known; below 0: leave at once).
+    now_s, soc : float
+        Landing, and charge then.
+    pad_s : float
+        When it can have a pad.
+    not_before_s : float
+        It stays until then.
+    landing : float
+        Least charge at the end of the flight.
+    error : float
+        Of the vehicle's energy: the flight may take this share more.
+    plugged, at_once : bool
+        It takes a pad whether or not it needs one; it cannot stay.
     """
 
-    landing: NDArray[np.float64]
-    carry: NDArray[np.float64]
-    fixed_to: NDArray[np.float64]
+    now_s: float
+    soc: float
+    pad_s: float
+    not_before_s: float
+    landing: float
+    error: float
+    plugged: bool
+    at_once: bool
 
 
 @compiled
@@ -228,7 +249,7 @@ def flight_energy(
             low = middle
         else:
             high = middle
-    return high
+    return float(high)
 
 
 @compiled
@@ -244,8 +265,8 @@ def _energy_about(
 ) -> float:
     """Look up, or work out and keep, what a flight may need that takes off about a time."""
     k = int((time_s - truth.start_s) // GRID_S)
-    if 0 <= k < len(table) and table[k] == table[k]:
-        return table[k]
+    if 0 <= k < len(table) and not math.isnan(table[k]):
+        return float(table[k])
     begin = truth.start_s + k * GRID_S
     slot = slot_of(truth, time_s)
     north, east = truth.north[member, slot], truth.east[member, slot]
@@ -257,9 +278,65 @@ def _energy_about(
 
 
 @compiled
+def _leave(
+    known: Known,
+    row: int,
+    truth: Air,
+    member: int,
+    segments: NDArray[np.int64],
+    cost: tuple[float, float],
+    stop: Stop,
+    curve: tuple[NDArray[np.float64], NDArray[np.float64]],
+    room: tuple[Room, int, Queues, Present, int],
+    table: NDArray[np.float64],
+) -> tuple[float, float, float, float, float]:
+    """Find when the drone leaves a stop by the rule: (pad or landing, ready but for the wind, take-off, charge, need).
+
+    The take-off is infinite where the rule never lets it leave.
+    """
+    curve_s, curve_soc = curve
+    u = interpolate(stop.soc, curve_soc, curve_s)
+    at = max(stop.now_s, stop.not_before_s)
+    ready = at
+    charging = stop.plugged
+    for _ in range(_CHANGES):
+        base = _energy_about(known, row, truth, member, segments, at, cost, table)
+        wanted = stop.landing + (1.0 + stop.error) * (1.0 + known.margin) * base
+        charging = charging or wanted > stop.soc
+        level = stop.soc
+        if charging and at > stop.pad_s:
+            level = interpolate(u + at - stop.pad_s, curve_s, curve_soc)
+        if level >= wanted - 1e-9 or stop.at_once:
+            opening = next_opening(truth, member, segments, at)
+            if opening == NEVER:
+                break
+            flight = max(base - cost[1], 0.0) / cost[0]
+            looks, hop, queues, there, entry = room
+            if opening > at + 1e-6:
+                at = opening
+            elif looks.most < 1.0 and not stop.at_once and not is_room(looks, hop, queues, there, entry, at, flight):
+                at += LOOK_S
+            else:
+                return stop.pad_s if charging else stop.now_s, min(ready, at), at, level, base
+            continue
+        reached = NEVER
+        if wanted <= curve_soc[-1]:
+            reached = stop.pad_s + interpolate(wanted, curve_soc, curve_s) - u
+            ready = max(reached, at)
+        edge = slot_end(truth, slot_of(truth, at))
+        if reached <= edge:
+            at = max(reached, at + 1e-3)
+        elif edge == NEVER:
+            break
+        else:
+            at = edge
+    return stop.now_s, ready, NEVER, stop.soc, 0.0
+
+
+@compiled
 def fly_by_need(
     known: Known,
-    aims: Aims,
+    landing: NDArray[np.float64],
     sky: Sky,
     truth: Air,
     member: NDArray[np.int64],
@@ -270,104 +347,86 @@ def fly_by_need(
     start: tuple[float, float],
     cost: tuple[float, float],
     room: Room,
+    there: Present,
     learned: bool,
+    plugged: bool,
+    at_once: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly a sequence of hops in several runs, charging by what is known at each stop.
 
     Parameters
     ----------
-    known, aims
+    known : Known
         The rule.
+    landing : ndarray, shape (hops,)
+        Least charge at the end of each: the reserve, and at the last the way on.
     sky, truth, member
         What is true in each run: see `planner.course_kernels.fly_under`.
     row : ndarray of int, shape (runs,)
         Row of `Known.share` of each run.
     hops, queues, waits, start, cost
         As there; `Hops.charge_to` is not read.
-    room : Room
-        Of the stations at the ends of the hops; looked at where queues are sampled.
+    room, there : Room, Present
+        Of the stations at the ends of the hops, and who is at those before them; looked at where queues are sampled.
     learned : bool
         The vehicle's error of energy is known from the start.
+    plugged, at_once : bool
+        At the first stop, see `Stop`.
 
     Returns
     -------
     course : ndarray, shape (runs, hops, 6)
         As `fly_under`; infinite from the hop on that is never flown.
     strain : ndarray, shape (runs, hops)
-        Energy that the flight took as a share of what it was charged for by the rule (without its margin); 0 where not flown.
+        Energy that the flight took as a share of what the rule without its margin charges for; 0 where not flown.
     """
-    count = len(aims.carry)
+    count = len(landing)
     runs = len(member)
     out = np.full((runs, count, 6), NEVER)
     strain = np.zeros((runs, count))
     points = int(truth.north.shape[1] * truth.slot_s / GRID_S) + 1
     tables = np.full((truth.north.shape[0], count, points), np.nan)
     sampled = len(queues.offset) > 1
+    nobody = Room(room.pads, room.spots, room.arrivals_per_s, room.services_per_s, 1.0)
     for run in range(runs):
         now, soc = start
-        error = known.energy_error if not learned else sky.energy[run] - 1.0 + LEARNED
+        error = sky.energy[run] - 1.0 + LEARNED if learned else known.energy_error
         for hop in range(count):
             segments = hops.segments[hops.offset[hop] : hops.offset[hop + 1]]
             entry = sky.queue[run] * count + hop
-            joined = now
+            joined = now  # a drone that hovers for a spot keeps its place in the queue
             if hop > 0 and sampled:
                 spot = sampled_spot(queues, entry, now)
                 soc -= sky.energy[run] * cost[0] * (spot - now)
-                out[run, hop - 1, 2], out[run, hop - 1, 4] = spot, soc
+                out[run, hop - 1, TOUCH_DOWN], out[run, hop - 1, SOC_DOWN] = spot, soc
                 now = spot
             pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, hop, now)
-            u = interpolate(soc, hops.curve_soc[hop], hops.curve_s[hop])
-            most = hops.curve_soc[hop, -1]
-            at = max(now, hops.not_before_s[hop])
-            ready = at
-            off = NEVER
-            level = soc
-            base = 0.0
-            on_pad = False
-            for _ in range(_CHANGES):
-                base = _energy_about(known, row[run], truth, member[run], segments, at, cost, tables[member[run], hop])
-                wanted = aims.landing[hop] + aims.carry[hop] + (1.0 + error) * (1.0 + known.margin) * base
-                if not math.isnan(aims.fixed_to[hop]):
-                    wanted = aims.fixed_to[hop]
-                elif wanted > most:  # the carry is a wish, the rest is not
-                    wanted = max(wanted - aims.carry[hop], most)
-                on_pad = on_pad or wanted > soc
-                level = soc
-                if on_pad and at > pad:
-                    level = interpolate(u + at - pad, hops.curve_s[hop], hops.curve_soc[hop])
-                if level >= wanted - 1e-9:
-                    opening = next_opening(truth, member[run], segments, at)
-                    if opening == NEVER:
-                        break
-                    if opening > at + 1e-6:
-                        at = opening
-                        continue
-                    flight = max(base - cost[1], 0.0) / cost[0]
-                    if sampled and hop < count - 1 and room.most < 1.0:
-                        if not is_room(room, hop, queues, entry + 1, at, flight) and aims.fixed_to[hop] != -1.0:
-                            at += LOOK_S
-                            continue
-                    off = at
-                    break
-                reached = NEVER
-                if wanted <= most:
-                    reached = pad + interpolate(wanted, hops.curve_soc[hop], hops.curve_s[hop]) - u
-                    ready = max(reached, at)
-                edge = slot_end(truth, slot_of(truth, at))
-                if reached <= edge:
-                    at = max(reached, at + 1e-3)
-                elif edge == NEVER:
-                    break
-                else:
-                    at = edge
+            first = hop == 0
+            stop = Stop(
+                now, soc, pad, hops.not_before_s[hop], landing[hop], error, plugged and first, at_once and first
+            )
+            curve = hops.curve_s[hop], hops.curve_soc[hop]
+            looks = room if sampled and hop < count - 1 else nobody
+            pad, ready, off, level, base = _leave(
+                known,
+                row[run],
+                truth,
+                member[run],
+                segments,
+                cost,
+                stop,
+                curve,
+                (looks, hop, queues, there, entry + 1),
+                tables[member[run], hop],
+            )
             if off == NEVER:
                 break
-            out[run, hop, 0] = pad if on_pad else now
-            out[run, hop, 5], out[run, hop, 1], out[run, hop, 3] = min(ready, off), off, level
+            out[run, hop, PAD], out[run, hop, READY] = pad, ready
+            out[run, hop, TAKE_OFF], out[run, hop, SOC_OFF] = off, level
             now = gusty_land(truth, member[run], segments, off, sky.gust_key[run], sky.gust_sd, sky.gust_time_s)
             used = sky.energy[run] * (cost[1] + cost[0] * (now - off))
             soc = level - used
-            out[run, hop, 2], out[run, hop, 4] = now, soc
+            out[run, hop, TOUCH_DOWN], out[run, hop, SOC_DOWN] = now, soc
             strain[run, hop] = used / ((1.0 + error) * base) if base > 0.0 else 0.0
             error = sky.energy[run] - 1.0 + LEARNED
     return out, strain

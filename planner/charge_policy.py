@@ -16,21 +16,22 @@ import numpy as np
 
 from models.queue_paths import pack
 from models.wind_field import ResidualModel
-from planner.charge_kernels import Aims, Known, fly_by_need
-from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues, no_queues
+from planner.charge_kernels import Known, fly_by_need
+from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues
 from planner.evaluation_kernels import Sky
-from planner.evaluation_truths import Errors
 from planner.itinerary import hops_of, no_waits, outcome, stop_nodes
 from planner.outlook import Outlook
-from planner.room import room_at
 from planner.outlook_kernels import escape_cost
+from planner.room import present_in, room_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from models.queue_paths import QueuePath
     from models.wind_forecast import WindEnsemble
+    from planner.evaluation_truths import Errors
     from planner.itinerary import Itinerary, Outcome
     from planner.problem import Problem
 
@@ -84,8 +85,6 @@ class ChargePolicy:
         The flights; ``charge_to`` is the charge of the nominal course.
     known : Known
         The rule.
-    carry : ndarray, shape (hops,)
-        Charge wanted beyond the need of the next flight.
     most_full : float
         A flight is begun when the chance to find its station full is at most this.
     """
@@ -93,23 +92,18 @@ class ChargePolicy:
     problem: Problem
     itinerary: Itinerary
     known: Known
-    carry: NDArray[np.float64]
     most_full: float = 1.0
 
     def __len__(self) -> int:
         return len(self.itinerary)
 
     @cached_property
-    def aims(self) -> Aims:
-        """Least charge at each landing, and what is wanted beyond the need."""
-        p = self.problem
-        landing = np.full(len(self), p.reserve)
-        if p.needs_escape:
-            landing[-1] += self._escape
-        fixed = np.full(len(self), math.nan)
-        if p.in_flight:
-            fixed[0] = -1.0
-        return Aims(landing, self.carry, fixed)
+    def landing(self) -> NDArray[np.float64]:
+        """Least charge at the end of each flight, shape (hops,)."""
+        least = np.full(len(self), self.problem.reserve)
+        if self.problem.needs_escape:
+            least[-1] += self._escape
+        return least
 
     @cached_property
     def _escape(self) -> float:
@@ -117,9 +111,7 @@ class ChargePolicy:
         p = self.problem
         need = Outlook(p).need
         hours = p.depart_s + 3600.0 * np.arange(12)
-        costs = np.array(
-            [[float(escape_cost(p.air, m, need, t)) for t in hours] for m in range(len(p.probability))]
-        )
+        costs = np.array([[float(escape_cost(p.air, m, need, t)) for t in hours] for m in range(len(p.probability))])
         finite = np.isfinite(costs).all(axis=1)
         if not finite.any():
             return 1.0
@@ -130,12 +122,13 @@ class ChargePolicy:
         truth: Problem,
         sky: Sky,
         member: NDArray[np.int64],
-        queues: Queues,
+        paths: Sequence[QueuePath],
         *,
         share: NDArray[np.float64] | None = None,
         waits: Waits | None = None,
         start: tuple[float, float] | None = None,
         learned: bool = False,
+        looked_s: float | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Fly it in truths: (course, strain), see `planner.charge_kernels.fly_by_need`.
 
@@ -143,25 +136,33 @@ class ChargePolicy:
         ----------
         truth : Problem
             The same request in the winds that are true.
-        sky, member, queues
+        sky, member
             Of each run.
+        paths : sequence of QueuePath
+            Sets of queues that `sky` names, one path for the stop before each hop, in order (set, hop).
         share : ndarray, shape (members of truth, members), optional
             Forecast for each member of the truth; the policy's own for all by default.
         waits : Waits, optional
-            Expected waits, where no queues are given.
+            Expected waits, where no paths are given.
         start : (time_s, soc), optional
             Where that is not the state that the truth starts from.
         learned : bool
             A flight has shown the vehicle's error of energy.
+        looked_s : float, optional
+            It has been at the first stop, on a pad if one was free, until then, and decides anew.
         """
         row = np.zeros(len(member), dtype=np.int64) if share is None else member
         known = self.known if share is None else self.known._replace(share=share)
-        hops = hops_of(truth, self.itinerary)._replace(not_before_s=np.full(len(self), -math.inf))
+        not_before = np.full(len(self), -math.inf)
+        if looked_s is not None:
+            not_before[0] = looked_s
+        hops = hops_of(truth, self.itinerary)._replace(not_before_s=not_before)
+        queues = Queues(*pack(paths)) if paths else no_queues()
         begin = start if start is not None else (float(truth.depart_s), float(truth.soc))
         cost = (float(truth.soc_per_s), float(truth.soc_fixed))
         flown = fly_by_need(
             known,
-            self.aims,
+            self.landing,
             sky,
             truth.air,
             member,
@@ -172,7 +173,10 @@ class ChargePolicy:
             begin,
             cost,
             room_at(truth, [int(truth.network.head[hop.segments[-1]]) for hop in self.itinerary], self.most_full),
+            present_in(paths),
             learned,
+            looked_s is not None,
+            truth.in_flight,
         )
         return flown[0], flown[1]
 
@@ -186,9 +190,9 @@ class ChargePolicy:
         paths = [found[node] for found in sets for node in nodes]
         rng = np.random.default_rng((p.request.seed, _GUSTS))
         table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
-        energy = 1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0)
+        energy = np.asarray(1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0), dtype=np.float64)
         sky = Sky(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s)
-        course, strain = self.fly(p, sky, members, Queues(*pack(paths)), share=left_out(p.ensemble))
+        course, strain = self.fly(p, sky, members, paths, share=left_out(p.ensemble))
         return Rehearsal(course, strain, p.probability[members] / runs_per_member, members)
 
     def nominal(self) -> tuple[int, NDArray[np.float64]]:
@@ -199,7 +203,7 @@ class ChargePolicy:
         waits = Waits(p.waits.start_s, p.waits.step_s, p.waits.wait_s[nodes])
         members = np.arange(len(p.probability))
         still = Sky(members, np.ones(len(members)), np.zeros(len(members), dtype=np.uint64), 0.0, 1.0)
-        course, _ = self.fly(p, still, members, no_queues(), share=left_out(p.ensemble), waits=waits)
+        course, _ = self.fly(p, still, members, (), share=left_out(p.ensemble), waits=waits)
         arrival = course[:, -1, TOUCH_DOWN]
         arrives = np.flatnonzero(np.isfinite(arrival))
         if not len(arrives):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -11,10 +11,10 @@ from models.errors import InfeasibleError
 from models.queue_paths import pack
 from models.services import State
 from models.units import from_posix
-from planner.charge_policy import ChargePolicy
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN, Queues, fly_under
 from planner.itinerary import hops_of, no_waits, stop_nodes
 from planner.plan import plan
+from planner.problem import HORIZON_H
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
+    from planner.charge_policy import ChargePolicy
     from planner.evaluation_truths import Truths
     from planner.itinerary import Hop, Itinerary, Outcome
     from planner.problem import Problem
@@ -195,12 +196,16 @@ class Standing:
 class Policy(Protocol):
     """Decides at every stop, knowing what is known there; must not look into the truth."""
 
-    def decide(self, standing: Standing) -> Hop | ChargePolicy | None:
-        """The next flight and the stay before it, or None where there is no way on.
+    def decide(self, standing: Standing) -> Hop | None:
+        """The next flight and the stay before it, or None where there is no way on."""
 
-        Of a `ChargePolicy` the first flight is flown, and its rule decides when the drone leaves for it. A policy answers
-        with one kind only.
-        """
+
+@runtime_checkable
+class Adaptive(Protocol):
+    """Says at every stop, and again with every new wind while it stands there, by which rule to leave."""
+
+    def rule(self, standing: Standing) -> ChargePolicy | None:
+        """A way on whose first flight is flown once its charge is enough; None where there is no way on."""
 
 
 @dataclass(frozen=True)
@@ -244,7 +249,7 @@ class Rolling:
 
 
 def fly_policy(
-    truths: Truths, drone: str, policy: Policy, runs: NDArray[np.int64] | None = None
+    truths: Truths, drone: str, policy: Policy | Adaptive, runs: NDArray[np.int64] | None = None
 ) -> tuple[Flown, list[Itinerary]]:
     """Fly a policy in some truths (all by default), run by run; also returns what it did in each."""
     problem = truths.problem(drone)
@@ -257,7 +262,7 @@ def fly_policy(
     return pooled(parts), done
 
 
-def _fly_decisions(truths: Truths, problem: Problem, policy: Policy, run: int) -> tuple[Flown, Itinerary]:
+def _fly_decisions(truths: Truths, problem: Problem, policy: Policy | Adaptive, run: int) -> tuple[Flown, Itinerary]:
     """Fly decision by decision. Each time the whole way is flown again: that it is a pure function keeps one set of rules."""
     network = problem.network
     one = np.array([run])
@@ -268,22 +273,22 @@ def _fly_decisions(truths: Truths, problem: Problem, policy: Policy, run: int) -
     flown: Flown | None = None
     course: NDArray[np.float64] | None = None
     while len(hops) < MOST_STOPS:
-        slot = truths.wind.slot_at(time_s)
-        wind = truths.wind.north[truths.day[run], slot], truths.wind.east[truths.day[run], slot]
         station = network.stations[node].id
-        busy = _busy(truths, problem, run, time_s)
-        decision = policy.decide(Standing(node, station, time_s, soc, visited, wind, busy))
-        if decision is None:
-            break
-        visited = (*visited, station)
-        if isinstance(decision, ChargePolicy):
-            flight = _fly_first(truths, problem, decision, one, (time_s, soc), learned=bool(hops))
-            charged = float(flight[0, 0, SOC_OFF])
-            hops = (*hops, replace(decision.itinerary[0], charge_to=charged if charged > soc else None))
+        stay = _Stay(run, node, station, time_s, soc, visited)
+        if isinstance(policy, Adaptive):
+            found = _fly_adaptive(truths, problem, policy, stay)
+            if found is None:
+                break
+            hop, flight = found
+            hops = (*hops, hop)
             course = flight if course is None else np.concatenate((course, flight), axis=1)
         else:
-            hops = (*hops, decision)
+            decided = policy.decide(_standing(truths, problem, stay, time_s, soc))
+            if decided is None:
+                break
+            hops = (*hops, decided)
             course = courses(truths, problem, hops, one)
+        visited = (*visited, station)
         flown = tally(problem, hops, block, course)
         node = int(network.head[hops[-1].segments[-1]])
         if node == problem.destination or flown.ending[0] != DELIVERED:
@@ -296,29 +301,64 @@ def _fly_decisions(truths: Truths, problem: Problem, policy: Policy, run: int) -
     return _given_up(flown, block, problem.soc), hops
 
 
-def _busy(truths: Truths, problem: Problem, run: int, time_s: float) -> dict[str, int]:
-    """Others at each station with pads at a time."""
+@dataclass(frozen=True)
+class _Stay:
+    """Where a drone has landed in a run, when, and with which charge."""
+
+    run: int
+    node: int
+    station: str
+    landed_s: float
+    soc: float
+    visited: tuple[str, ...]
+
+
+def _standing(truths: Truths, problem: Problem, stay: _Stay, time_s: float, soc: float) -> Standing:
+    """What is known at a stay at a time."""
+    day, slot = truths.day[stay.run], truths.wind.slot_at(time_s)
+    wind = truths.wind.north[day, slot], truths.wind.east[day, slot]
     nodes = np.flatnonzero(problem.network.pads > 0).tolist()
-    paths = truths.queues(problem, nodes, int(truths.queue[run]))
-    return {problem.network.stations[node].id: paths[node].present_at(time_s) for node in nodes}
+    paths = truths.queues(problem, nodes, int(truths.queue[stay.run]))
+    busy = {problem.network.stations[node].id: paths[node].present_at(time_s) for node in nodes}
+    return Standing(stay.node, stay.station, time_s, soc, stay.visited, wind, busy)
 
 
-def _fly_first(
-    truths: Truths,
-    problem: Problem,
-    policy: ChargePolicy,
-    one: NDArray[np.int64],
-    start: tuple[float, float],
-    *,
-    learned: bool,
-) -> NDArray[np.float64]:
-    """Course of the first flight of a policy in one truth, shape (1, 1, 6)."""
-    nodes = stop_nodes(problem, policy.itinerary)
-    found = truths.queues(problem, nodes, int(truths.queue[one[0]]))
-    queues = Queues(*pack([found[node] for node in nodes]))
-    sky = truths.sky(one)._replace(queue=np.zeros(1, dtype=np.int64))
-    course, _ = policy.fly(problem, sky, truths.day[one], queues, start=start, learned=learned)
-    return course[:, :1].copy()
+def _fly_adaptive(
+    truths: Truths, problem: Problem, policy: Adaptive, stay: _Stay
+) -> tuple[Hop, NDArray[np.float64]] | None:
+    """Take-off by the rule of the policy, decided anew whenever the wind is: (hop, its course, shape (1, 1, 6))."""
+    now, soc = stay.landed_s, stay.soc
+    looked_s: float | None = None
+    queue = int(truths.queue[stay.run])
+    pad_s = float(truths.queues(problem, [stay.node], queue)[stay.node].pad_time(stay.landed_s))
+    curve_s, curve_soc = problem.curve(stay.node)
+    for _ in range(HORIZON_H):
+        rule = policy.rule(_standing(truths, problem, stay, now, soc))
+        if rule is None:
+            return None
+        nodes = stop_nodes(problem, rule.itinerary)
+        found = truths.queues(problem, nodes, queue)
+        one = np.array([stay.run])
+        course, _ = rule.fly(
+            problem,
+            truths.sky(one)._replace(queue=np.zeros(1, dtype=np.int64)),
+            truths.day[one],
+            [found[node] for node in nodes],
+            start=(stay.landed_s, stay.soc),
+            learned=bool(stay.visited),
+            looked_s=looked_s,
+        )
+        flight = course[:, :1].copy()
+        wind = truths.wind
+        new_wind_s = wind.start_s + (wind.slot_at(now) + 1) * wind.slot_s
+        if flight[0, 0, TAKE_OFF] <= new_wind_s or wind.slot_at(now) >= wind.slots - 1:
+            charged = float(flight[0, 0, SOC_OFF])
+            return replace(rule.itinerary[0], charge_to=charged if charged > stay.soc else None), flight
+        now = looked_s = new_wind_s
+        if problem.has_pads(stay.node) and now > pad_s:
+            begun = np.interp(stay.soc, curve_soc, curve_s)
+            soc = float(np.interp(begun + now - pad_s, curve_s, curve_soc))
+    return None
 
 
 def _given_up(flown: Flown | None, block: NDArray[np.int64], soc: float) -> Flown:

@@ -65,6 +65,8 @@ class Errors:
             raise InputError(faults)
 
 
+USUAL_ERRORS = Errors()
+"""What planners expect where nothing else is said."""
 NO_ERRORS = Errors(gust_sd=0.0, energy=0.0)
 """The truth is the hourly wind, and the energy model is right."""
 

@@ -265,5 +265,13 @@ def _solve_robust(problem: Problem) -> PlanResult:
         notes=notes,
     )
     return PlanResult(
-        composition, itinerary, search.problem, summary, spent, search.looked_at, {}, policy=answer.policy, robust=answer
+        composition,
+        itinerary,
+        search.problem,
+        summary,
+        spent,
+        search.looked_at,
+        {},
+        policy=answer.policy,
+        robust=answer,
     )

@@ -149,19 +149,28 @@ class Problem:
         return {self.network.index[key]: count for key, count in seen.items() if key in self.network.index}
 
     @cached_property
+    def _paths(self) -> dict[tuple[int, int], dict[int, QueuePath]]:
+        """Sampled queues so far, by seed, sample and node."""
+        return {}
+
+    @cached_property
     def waits(self) -> ExpectedWaits:
         """Expected waits, computed for a station when it is first asked for."""
         return ExpectedWaits(self)
 
     def queue_paths(self, nodes: Iterable[int], sample: int) -> dict[int, QueuePath]:
         """One sampled realisation of the other drones at each of some stations."""
-        with_pads = [node for node in nodes if self.has_pads(node)]
-        stations = self.network.stations
-        spots = [s.holding_spots for s in stations]
-        hours = float(HORIZON_H)
-        seed = (self.request.seed, sample)
-        paths = sample_paths(self.load, self.network.pads, spots, with_pads, self.depart_s, hours, seed, self.busy)
-        return {node: paths.get(node) or no_queue() for node in nodes}
+        wanted = list(dict.fromkeys(nodes))
+        kept = self._paths.setdefault((self.request.seed, sample), {})
+        missing = [node for node in wanted if node not in kept]
+        if missing:
+            with_pads = [node for node in missing if self.has_pads(node)]
+            spots = [station.holding_spots for station in self.network.stations]
+            hours = float(HORIZON_H)
+            seed = (self.request.seed, sample)
+            paths = sample_paths(self.load, self.network.pads, spots, with_pads, self.depart_s, hours, seed, self.busy)
+            kept.update({node: paths.get(node) or no_queue() for node in missing})
+        return {node: kept[node] for node in wanted}
 
     @cached_property
     def direct_air(self) -> Air:

@@ -10,18 +10,15 @@ another way exists: a drone that hovers lives on its reserve.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from models.errors import NoRouteError
-from models.units import S_PER_MIN
 from planner.charge_policy import ChargePolicy, Rehearsal, known_at, margin_for
-from planner.course_kernels import SOC_DOWN, TAKE_OFF, TOUCH_DOWN
 from planner.equivalent import expected_queues, mean_speeds
-from planner.evaluation_truths import Errors
+from planner.evaluation_truths import USUAL_ERRORS, Errors
 from planner.exact import ExactSearch
 from planner.room import chances_full
 
@@ -42,14 +39,18 @@ LARGE = 200
 """Stations from which on a network is large: fewer worlds are composed in."""
 HOURS = 16.0
 """How far ahead speeds and full stations are worked out; beyond, the last hour holds on."""
-ROOM = (0.1, 1.0, 10.0, math.inf)
-"""Chances, in multiples of epsilon, of finding a station full that had a free pad at take-off; the first with a route."""
+MOST_FULL = 0.5
+"""A flight is begun when the chance to find its station full is below this multiple of epsilon."""
 MARGINS = (0.12, 0.25, 0.06, 0.45, 0.0)
 """Margins of the energy of each flight that routes are composed with, in the order they are tried."""
 WORLDS = 3
 """Members with sampled queues that routes are composed in on small networks."""
 SCREEN_RUNS, FINAL_RUNS = 120, 1500
 """Simulated deliveries by which routes are compared, and those behind the figures of the answer."""
+CHANCE_RUNS = 1.5
+"""So many runs below the reserve may be chance."""
+LEAST_ARRIVE = 0.5
+"""A route that does not arrive within the horizon this often is the last resort."""
 CALIBRATIONS = 2
 """Times the margin is calibrated: the second time with the first one's margin in place."""
 
@@ -64,15 +65,15 @@ class Candidate:
         Flights and rule.
     outcome : Outcome
         Out of sample.
-    most_full : float
-        Chance to find a station full with which a flight is still begun.
+    unsafe : bool
+        It breaks the reserve more often than allowed, by more than chance may explain.
     loss : tuple of float
         See `planner.objective.Objective.loss`.
     """
 
     policy: ChargePolicy
     outcome: Outcome
-    most_full: float
+    unsafe: bool
     loss: tuple[float, float]
 
     @property
@@ -126,7 +127,7 @@ class RobustSearch:
         Stays looked at by the exact searches and simulated deliveries.
     """
 
-    def __init__(self, problem: Problem, *, errors: Errors = Errors(), measured: bool = True) -> None:
+    def __init__(self, problem: Problem, *, errors: Errors = USUAL_ERRORS, measured: bool = True) -> None:
         self.problem = problem.thinned(MEMBERS)
         self.errors = errors
         self.measured = measured
@@ -169,28 +170,34 @@ class RobustSearch:
         """
         p = self.problem
         error: NoRouteError | None = None
-        full = chances_full(p)
-        for level in ROOM:
-            allowed = full <= level * p.epsilon
-            allowed[[p.origin, p.destination]] = True
-            found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
+        roomy = chances_full(p) <= MOST_FULL * p.epsilon
+        roomy[[p.origin, p.destination]] = True
+        found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
+        for allowed in (roomy, np.ones(len(p.network), dtype=bool)):
+            if found and (self._large or roomy.all()):
+                break
             try:
-                for itinerary, margin in self._routes(allowed):
-                    flights = tuple(hop.segments for hop in itinerary)
-                    if flights not in found:
-                        found[flights] = self._judged(itinerary, margin, min(level * p.epsilon, 1.0))
-                        shorter = self._without_idle_stops(found[flights].policy)
-                        flights = tuple(hop.segments for hop in shorter)
-                        if flights not in found:
-                            found[flights] = self._judged(shorter, margin, min(level * p.epsilon, 1.0))
+                for itinerary in self._routes(allowed):
+                    self._add(found, itinerary)
             except NoRouteError as none:
                 error = none
-            if found:
-                return sorted(found.values(), key=lambda one: (one.outcome.p_arrive < 0.5, *one.loss))
-        raise error if error is not None else NoRouteError("no route", constraint="energy")
+        if not found:
+            raise error if error is not None else NoRouteError("no route", constraint="energy")
+        return sorted(found.values(), key=lambda one: (one.outcome.p_arrive < LEAST_ARRIVE, one.unsafe, *one.loss))
 
-    def _routes(self, allowed: NDArray[np.bool_]) -> Iterator[tuple[Itinerary, float]]:
-        """Compose in the worlds that stand for the forecast: (itinerary, margin).
+    def _add(self, found: dict[tuple[tuple[int, ...], ...], Candidate], itinerary: Itinerary) -> None:
+        """Judge a route, and the same without the stops at which it does not charge, unless they are known."""
+        flights = tuple(hop.segments for hop in itinerary)
+        if flights in found:
+            return
+        found[flights] = self._judged(itinerary)
+        shorter = self._without_idle_stops(found[flights].policy)
+        flights = tuple(hop.segments for hop in shorter)
+        if flights not in found:
+            found[flights] = self._judged(shorter)
+
+    def _routes(self, allowed: NDArray[np.bool_]) -> Iterator[Itinerary]:
+        """Compose in the worlds that stand for the forecast.
 
         Raises
         ------
@@ -207,7 +214,7 @@ class RobustSearch:
             if any_found and (last or (self._large and number > 0)):
                 break
             try:
-                yield self._compose(speeds, queues, margin, allowed), margin
+                yield self._compose(speeds, queues, margin, allowed)
                 any_found = True
             except NoRouteError as none:
                 error = none
@@ -221,7 +228,7 @@ class RobustSearch:
             alone[member] = 1.0
             try:
                 queues = p.queue_paths(range(len(p.network)), sample)
-                yield self._compose(self._speeds(alone), queues, MARGINS[0], allowed), MARGINS[0]
+                yield self._compose(self._speeds(alone), queues, MARGINS[0], allowed)
             except NoRouteError:
                 continue
 
@@ -245,12 +252,14 @@ class RobustSearch:
         finally:
             self.looked_at += search.looked_at
 
-    def _judged(self, itinerary: Itinerary, margin: float, most_full: float) -> Candidate:
+    def _judged(self, itinerary: Itinerary) -> Candidate:
         p = self.problem
         known = known_at(p, self.errors, measured=self.measured, epsilon=p.epsilon / len(itinerary))
-        policy = ChargePolicy(p, itinerary, known, self._carry(itinerary, margin), most_full)
-        outcome = self._rehearsed(policy, SCREEN_RUNS).outcome(p)
-        return Candidate(policy, outcome, most_full, p.request.objective.loss(outcome))
+        policy = ChargePolicy(p, itinerary, known, MOST_FULL * p.epsilon)
+        rehearsal = self._rehearsed(policy, SCREEN_RUNS)
+        outcome = rehearsal.outcome(p)
+        unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(rehearsal.weight)
+        return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome))
 
     def _without_idle_stops(self, policy: ChargePolicy) -> Itinerary:
         """Overfly the stops at which the nominal course does not charge."""
@@ -262,7 +271,3 @@ class RobustSearch:
             else:
                 hops.append(hop)
         return tuple(hops)
-
-    def _carry(self, itinerary: Itinerary, margin: float) -> NDArray[np.float64]:
-        """Charge that the route's plan takes along beyond what its next flight needs, shape (hops,)."""
-        return np.zeros(len(itinerary))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from models.errors import InfeasibleError
 from models.forecast_update import update_forecast
 from models.wind_field import WindObservation
-from planner.evaluation_truths import Errors
+from planner.evaluation_truths import USUAL_ERRORS, Errors
 from planner.problem import Problem
 from planner.robust import RobustSearch
 
@@ -44,9 +44,9 @@ class RollingRobust:
     """
 
     start: Problem
-    errors: Errors = Errors()
+    errors: Errors = USUAL_ERRORS
 
-    def decide(self, standing: Standing) -> ChargePolicy | None:
+    def rule(self, standing: Standing) -> ChargePolicy | None:
         """The best policy from here; its first flight is flown."""
         p = self.start
         request = replace(p.request, state=standing.state())

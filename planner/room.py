@@ -2,7 +2,7 @@
 
 A drone that finds all pads and holding spots taken hovers on its reserve. The pads and the line of the next station are
 known before a take-off (the pad service tells), so that a flight is begun only when the chance to find the station full
-at its end is small. Stations where even a free pad now does not make it small are left out of routes where others serve.
+at its end is small.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.load import hours_of_week
-from models.units import S_PER_H
-from planner.room_kernels import Room, chance_full
+from planner.room_kernels import Present, Room, chance_full
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from models.queue_paths import QueuePath
     from planner.problem import Problem
 
 AHEAD_H = 10
@@ -45,14 +45,19 @@ def room_at(problem: Problem, nodes: Sequence[int], most: float) -> Room:
     return Room(problem.network.pads[at].astype(np.int64), spots, arrivals[at], services[at], most)
 
 
+def present_in(paths: Sequence[QueuePath]) -> Present:
+    """Lay out for kernels who is at the stations of queue paths."""
+    offset = np.cumsum([0, *(len(path.left_s) for path in paths)]).astype(np.int64)
+    at_start = np.array([path.present for path in paths], dtype=np.int64)
+    return Present(at_start, offset, np.concatenate([np.empty(0), *(path.left_s for path in paths)]))
+
+
 def chances_full(problem: Problem, flight_s: float = USUAL_FLIGHT_S) -> NDArray[np.float64]:
-    """Chance that each station is full after a flight that begins with a pad free there, shape (nodes,)."""
-    arrivals, services = _rates(problem)
+    """Chance that each station is full after a flight that begins with one pad free there, shape (nodes,)."""
+    arrivals, services = (rate * flight_s for rate in _rates(problem))
     return np.array(
         [
-            float(chance_full(station.pads, station.holding_spots, arrivals[node] * flight_s, services[node] * flight_s, 0, True))  # noqa: FBT003
-            if station.pads
-            else 0.0
-            for node, station in enumerate(problem.network.stations)
+            chance_full(one.pads, one.holding_spots, arrivals[node], services[node], one.pads - 1) if one.pads else 0.0
+            for node, one in enumerate(problem.network.stations)
         ]
     )

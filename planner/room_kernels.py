@@ -1,4 +1,4 @@
-"""Compiled: is there room at the next station when the drone gets there, as seen from its pads and line now?"""
+"""Compiled: whether the next station has room when the drone gets there, as seen from its pads and line now."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from planner.course_kernels import Queues
 
 _NEGLIGIBLE = 1e-12
+_MOST = 60  # departures that are looked at
 
 
 class Room(NamedTuple):
@@ -37,8 +38,24 @@ class Room(NamedTuple):
     most: float
 
 
+class Present(NamedTuple):
+    """Others at the stations, to be counted at any time; an entry for each queue path, in the order of `Queues`.
+
+    Attributes
+    ----------
+    at_start : ndarray of int, shape (entries,)
+        On pads and in line when the path begins.
+    offset, left_s : ndarray
+        Departures after that of entry i are ``left_s[offset[i] : offset[i + 1]]``, ascending.
+    """
+
+    at_start: NDArray[np.int64]
+    offset: NDArray[np.int64]
+    left_s: NDArray[np.float64]
+
+
 @compiled
-def chance_full(pads: int, spots: int, arrivals: float, services: float, line: int, free: bool) -> float:
+def chance_full(pads: int, spots: int, arrivals: float, services: float, present: int) -> float:
     """Chance that all pads and spots are taken after a while in which `arrivals` others are expected.
 
     Parameters
@@ -47,20 +64,18 @@ def chance_full(pads: int, spots: int, arrivals: float, services: float, line: i
         Of the station.
     arrivals, services : float
         Expected number of arrivals, and of departures from one busy pad, in the while.
-    line : int
-        Others in line now.
-    free : bool
-        A pad is free now: then all others are taken to be busy, which is the most there can be.
+    present : int
+        Others there now.
 
     Returns
     -------
     float
-        P(arrivals - departures >= room), both Poisson, of which the departures are those of the busy pads.
+        P(arrivals - departures >= room), both Poisson, of which the departures are those of the pads busy now.
     """
-    room = spots + 1 if free else spots - line
+    room = pads + spots - present
     if room <= 0:
         return 1.0
-    leaving = services * ((pads - 1) if free else pads)
+    leaving = services * min(pads, present)
     gone = math.exp(-leaving)  # probability of `count` departures
     count = 0
     total = 0.0
@@ -73,33 +88,21 @@ def chance_full(pads: int, spots: int, arrivals: float, services: float, line: i
         total += gone * late
         count += 1
         gone *= leaving / count
-        if late < _NEGLIGIBLE or count > 60:
+        if late < _NEGLIGIBLE or count > _MOST:
             return total
 
 
 @compiled
-def seen_pads(queues: Queues, entry: int, time_s: float) -> tuple[int, bool]:
-    """What the others look like at a time: how many are in line, and whether a pad is free."""
-    low, high = queues.offset[entry], queues.offset[entry + 1]
-    last = max(low + np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, low)
-    line = 0
-    k = last
-    while k > low and max(queues.arrival_s[k], queues.pad_s[k - 1]) > time_s:
-        line += 1
-        k -= 1
-    return line, queues.pad_s[last] <= time_s
-
-
-@compiled
-def is_room(room: Room, hop: int, queues: Queues, entry: int, time_s: float, flight_s: float) -> bool:
+def is_room(room: Room, hop: int, queues: Queues, there: Present, entry: int, time_s: float, flight_s: float) -> bool:
     """Tell whether the station at the end of a hop has room, likely enough, after a flight that begins at a time."""
-    line, free = seen_pads(queues, entry, time_s)
+    low, high = queues.offset[entry], queues.offset[entry + 1]
+    came = max(np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, 0)
+    left = np.searchsorted(there.left_s[there.offset[entry] : there.offset[entry + 1]], time_s, side="right")
     full = chance_full(
         room.pads[hop],
         room.spots[hop],
         room.arrivals_per_s[hop] * flight_s,
         room.services_per_s[hop] * flight_s,
-        line,
-        free,
+        there.at_start[entry] + came - left,
     )
     return full <= room.most
