@@ -27,6 +27,11 @@ class Family:
         DO_PAUSE_CONTINUE; otherwise a mission is paused by holding.
     arms_in : str or None
         Mode to arm in before a mission is started; None arms in any.
+    heeds_frames : bool
+        A command's height counts from what its frame says; PX4 takes it as above mean sea level whatever that says
+        (PX4-Autopilot issues 10246 and 28257).
+    all_modes : dict
+        Name of each custom mode, for a person.
     """
 
     name: str
@@ -35,6 +40,7 @@ class Family:
     bytewise: bool
     pauses_in_mission: bool
     arms_in: str | None
+    heeds_frames: bool
     all_modes: dict[int, str]
 
     def mode_name(self, custom_mode: int) -> str:
@@ -72,9 +78,18 @@ _ARDUPILOT_ALL = {number: name for name, number in _ARDUPILOT_MODES.items()} | {
     21: "smart return",
     27: "auto return",
 }
-PX4 = Family("px4", 12, _PX4_MODES, bytewise=True, pauses_in_mission=False, arms_in=None, all_modes=_PX4_ALL)
+PX4 = Family(
+    "px4", 12, _PX4_MODES, bytewise=True, pauses_in_mission=False, arms_in=None, heeds_frames=False, all_modes=_PX4_ALL
+)
 ARDUPILOT = Family(
-    "ardupilot", 3, _ARDUPILOT_MODES, bytewise=False, pauses_in_mission=True, arms_in="guided", all_modes=_ARDUPILOT_ALL
+    "ardupilot",
+    3,
+    _ARDUPILOT_MODES,
+    bytewise=False,
+    pauses_in_mission=True,
+    arms_in="guided",
+    heeds_frames=True,
+    all_modes=_ARDUPILOT_ALL,
 )
 FAMILIES = {family.name: family for family in (PX4, ARDUPILOT)}
 

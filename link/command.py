@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from link.exchange import Exchange
 
@@ -28,6 +28,25 @@ RESULTS = {
 """MAV_RESULT."""
 
 
+class Place(NamedTuple):
+    """Where a command is to be executed.
+
+    Attributes
+    ----------
+    x, y : int
+        Latitude and longitude in 1e-7 degree.
+    z : float
+        Height, m.
+    frame : int
+        MAV_FRAME: what the height counts from.
+    """
+
+    x: int
+    y: int
+    z: float
+    frame: int
+
+
 class Command(Exchange):
     """Gives a command and waits for the answer to it.
 
@@ -39,8 +58,8 @@ class Command(Exchange):
         MAV_CMD.
     parameters : float
         The first ones; the rest is 0.
-    place : (int, int, float) or None
-        Latitude and longitude in 1e-7 degree and height above home, for COMMAND_INT.
+    place : Place or None
+        For COMMAND_INT.
 
     Attributes
     ----------
@@ -53,7 +72,7 @@ class Command(Exchange):
         target: Target,
         number: int,
         *parameters: float,
-        place: tuple[int, int, float] | None = None,
+        place: Place | None = None,
         round_trip: RoundTrip | None = None,
     ) -> None:
         super().__init__(target, round_trip)
@@ -71,8 +90,7 @@ class Command(Exchange):
         values = [*self.parameters, *[0.0] * 7]
         fields: dict[str, float] = {f"param{n + 1}": values[n] for n in range(4)}
         if self.place is not None:
-            x, y, z = self.place
-            self.send("COMMAND_INT", command=self.number, frame=6, x=x, y=y, z=z, **fields)
+            self.send("COMMAND_INT", command=self.number, **self.place._asdict(), **fields)
         else:
             fields |= {f"param{n + 1}": values[n] for n in range(4, 7)}
             self.send("COMMAND_LONG", command=self.number, confirmation=min(self._tries, 255), **fields)

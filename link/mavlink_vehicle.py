@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from link.command import RESULTS, AskFor, Command
+from link.command import RESULTS, AskFor, Command, Place
 from link.download import Clear, Download
 from link.live import RATES_HZ
 from link.mission_words import ACCEPTED, MissionKind, in_words
@@ -48,6 +48,8 @@ _SET_MODE, _PAUSE, _START, _BATTERY_RESET = 176, 193, 300, 42651
 _SPEED, _GROUND_SPEED, _SAME_THROTTLE = 178, 1.0, -1.0
 _MODE_S, _RETRY_ARM_S, _BATTERY_S = 4.0, 1.0, 3.0
 _PERCENT = 0.0101
+_ABOVE_HOME, _ABOVE_SEA = 6, 0
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT_INT and MAV_FRAME_GLOBAL."""
 _GROUND_NAMES = ("SYSID_MYGCS", "MAV_GCS_SYSID")
 """Whose heartbeat ArduPilot's failsafe counts, up to version 4.6 and from 4.7 on."""
 
@@ -185,7 +187,7 @@ class MavlinkVehicle(Seen):
                 raise CommandRefusedError("be watched by us", f"{mine}: use --gcs-system {found.value:g}")
             return
 
-    def command(self, what: str, number: int, *parameters: float, place: tuple[int, int, float] | None = None) -> None:
+    def command(self, what: str, number: int, *parameters: float, place: Place | None = None) -> None:
         """Give a command.
 
         Raises
@@ -276,7 +278,9 @@ class MavlinkVehicle(Seen):
         """Fly there, height above home, and stay."""
         if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and math.isfinite(height_m)):
             raise InputError(Fault("is not a place on Earth", value=(lat_deg, lon_deg, height_m)))
-        place = (round(lat_deg * 1e7), round(lon_deg * 1e7), height_m)
+        relative = self.family.heeds_frames
+        height_m += 0.0 if relative else self.home().alt_msl_m
+        place = Place(round(lat_deg * 1e7), round(lon_deg * 1e7), height_m, _ABOVE_HOME if relative else _ABOVE_SEA)
         yaw = math.nan if self.family.name == "px4" else 0.0
         self.expect("mode", self.family.mode_name(self.family.modes["guided"]))
         self.command("go there", _REPOSITION, -1.0, 1.0, 0.0, yaw, place=place)

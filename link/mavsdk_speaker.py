@@ -233,7 +233,7 @@ class MavsdkSpeaker:
             fields |= {f"param{n + 1}": _json(values[n]) for n in range(4, 7)}
         else:
             name = "COMMAND_INT"
-            fields |= dict(zip("xyz", given.place, strict=True)) | {"frame": 6}
+            fields |= given.place._asdict()
         answer, problem = self._call(lambda: self._plugins.direct.send_command(self._message(name, fields)))
         given.result = None if problem or answer is None else int(json.loads(answer.fields_json)["result"])
 

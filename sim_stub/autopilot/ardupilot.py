@@ -61,6 +61,7 @@ class ArduPilot(ArduPilotFailsafes):
     BAD_VALUE: ClassVar[Result] = Result.FAILED
     UNKNOWN_MESSAGE: ClassVar[Result] = Result.UNSUPPORTED
     LONG_HEIGHTS_RELATIVE: ClassVar[bool] = True
+    HEEDS_FRAMES: ClassVar[bool] = True
     FORCES_ARMING: ClassVar[float | None] = 2989.0
     FORCES_DISARMING: ClassVar[float] = 21196.0
     NO_LAND_START: ClassVar[Result] = Result.FAILED

@@ -32,6 +32,8 @@ class Family(ABC):
     UNKNOWN_MESSAGE: ClassVar[Result]
     UNSUPPORTED: ClassVar[frozenset[int]] = frozenset()
     LONG_HEIGHTS_RELATIVE: ClassVar[bool]
+    HEEDS_FRAMES: ClassVar[bool]
+    """PX4 up to 1.17 takes the height of every COMMAND_INT as above mean sea level (its issues 10246 and 28257)."""
     FORCES_ARMING: ClassVar[float | None]
     FORCES_DISARMING: ClassVar[float]
     NO_LAND_START: ClassVar[Result]

@@ -77,6 +77,7 @@ class Px4(Px4Failsafes):
         }
     )
     LONG_HEIGHTS_RELATIVE: ClassVar[bool] = False
+    HEEDS_FRAMES: ClassVar[bool] = False
     FORCES_ARMING: ClassVar[float | None] = None  # checks are run for every command from outside
     FORCES_DISARMING: ClassVar[float] = 21196.0
     NO_LAND_START: ClassVar[Result] = Result.CANCELLED

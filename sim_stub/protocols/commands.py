@@ -88,7 +88,7 @@ class CommandServer:
 
     def command_int(self, port: Port, message: Message) -> None:
         """Execute a command whose place is in integers."""
-        order = Order.of_int(port, message)
+        order = Order.of_int(port, message, heeds_frame=self.vehicle.autopilot.HEEDS_FRAMES)
         if order is None:
             _answer_to(port, message.system, message.component, message["command"], Result.DENIED)
             return

@@ -60,14 +60,14 @@ class Order:
         return cls(f["command"], p, *place, relative, port, message.system, message.component, as_int=False)
 
     @classmethod
-    def of_int(cls, port: Port, message: Message) -> Order | None:
+    def of_int(cls, port: Port, message: Message, *, heeds_frame: bool) -> Order | None:
         """Read a COMMAND_INT; None where its frame is none for a command."""
         f = message.fields
         if f["frame"] not in _FRAMES:
             return None
         p = (f["param1"], f["param2"], f["param3"], f["param4"])
         lat, lon = (math.nan if v == _NO_PLACE else v * 1e-7 for v in (f["x"], f["y"]))
-        relative = f["frame"] in (Frame.RELATIVE, Frame.RELATIVE_INT)
+        relative = heeds_frame and f["frame"] in (Frame.RELATIVE, Frame.RELATIVE_INT)
         return cls(f["command"], p, lat, lon, f["z"], relative, port, message.system, message.component, as_int=True)
 
     @property
