@@ -49,7 +49,7 @@ LOOK_S = 120.0
 """A drone that finds no room at the next station looks again after so long."""
 STEADY = 3.0
 """Standard deviations of gusts at which the time that they cost is worked out; it is taken as linear in them."""
-_ROUNDS = 24  # of bisection: the charge is found to 1e-7 of the spread
+_ROUNDS = 14  # of bisection: the charge is found to 1e-4 of the spread
 _CHANGES = 500  # times a stay is looked at again
 
 
@@ -134,6 +134,7 @@ def expected_winds(
     members, slots, sites = air.north.shape
     north, east = np.empty((members, count, sites)), np.empty((members, count, sites))
     miss = np.zeros(members)
+    fade = np.exp(-np.arange(count) * air.slot_s / known.tau_s)
     for m in range(members):
         for site in range(sites):
             dn = wind_north[site] - air.north[m, first, site] if known.measured else 0.0
@@ -141,9 +142,8 @@ def expected_winds(
             miss[m] += (dn * dn + de * de) / (2.0 * sites)
             for k in range(count):
                 slot = min(first + k, slots - 1)
-                fade = math.exp(-k * air.slot_s / known.tau_s)
-                north[m, k, site] = air.north[m, slot, site] + dn * fade
-                east[m, k, site] = air.east[m, slot, site] + de * fade
+                north[m, k, site] = air.north[m, slot, site] + dn * fade[k]
+                east[m, k, site] = air.east[m, slot, site] + de * fade[k]
     return north, east, miss
 
 
@@ -264,16 +264,39 @@ def _energy_about(
     table: NDArray[np.float64],
 ) -> float:
     """Look up, or work out and keep, what a flight may need that takes off about a time."""
-    k = int((time_s - truth.start_s) // GRID_S)
-    if 0 <= k < len(table) and not math.isnan(table[k]):
-        return float(table[k])
-    begin = truth.start_s + k * GRID_S
     slot = slot_of(truth, time_s)
-    north, east = truth.north[member, slot], truth.east[member, slot]
-    need = flight_energy(known, row, segments, begin, north, east, cost)
-    need = max(need, flight_energy(known, row, segments, begin + GRID_S - 1.0, north, east, cost))
-    if 0 <= k < len(table):
-        table[k] = need
+    k = int((time_s - truth.start_s) // GRID_S)
+    need = _energy_at(known, row, truth, member, segments, cost, table, slot, 2 * k + 1)
+    return max(need, _energy_at(known, row, truth, member, segments, cost, table, slot, 2 * k + 2))
+
+
+@compiled
+def _energy_at(
+    known: Known,
+    row: int,
+    truth: Air,
+    member: int,
+    segments: NDArray[np.int64],
+    cost: tuple[float, float],
+    table: NDArray[np.float64],
+    slot: int,
+    point: int,
+) -> float:
+    """What a flight needs at point 2 k + 1, the beginning of interval k, or 2 k + 2, its end, kept where both are one."""
+    interval = (point - 1) // 2
+    time_s = truth.start_s + interval * GRID_S
+    key = point
+    if point == 2 * interval + 2:
+        time_s += GRID_S
+        if slot_of(truth, time_s) == slot:
+            key = point + 1  # the next interval begins in the same wind
+        else:
+            time_s -= 1.0
+    if 0 <= key < len(table) and not math.isnan(table[key]):
+        return float(table[key])
+    need = flight_energy(known, row, segments, time_s, truth.north[member, slot], truth.east[member, slot], cost)
+    if 0 <= key < len(table):
+        table[key] = need
     return need
 
 
@@ -333,6 +356,12 @@ def _leave(
     return stop.now_s, ready, NEVER, stop.soc, 0.0
 
 
+def need_tables(truth: Air, hops: int) -> NDArray[np.float64]:
+    """Return tables for `fly_by_need` in which nothing is known yet."""
+    members, slots, _ = truth.north.shape
+    return np.full((members, hops, 2 * int(slots * truth.slot_s / GRID_S) + 4), np.nan)
+
+
 @compiled
 def fly_by_need(
     known: Known,
@@ -348,6 +377,7 @@ def fly_by_need(
     cost: tuple[float, float],
     room: Room,
     there: Present,
+    tables: NDArray[np.float64],
     learned: bool,
     plugged: bool,
     at_once: bool,
@@ -368,6 +398,9 @@ def fly_by_need(
         As there; `Hops.charge_to` is not read.
     room, there : Room, Present
         Of the stations at the ends of the hops, and who is at those before them; looked at where queues are sampled.
+    tables : ndarray, shape (members, hops, points)
+        Needs found so far, NaN where not yet; written to. They hold for the same truth, flights and forecast, whatever
+        the margin. See `need_tables`.
     learned : bool
         The vehicle's error of energy is known from the start.
     plugged, at_once : bool
@@ -384,8 +417,6 @@ def fly_by_need(
     runs = len(member)
     out = np.full((runs, count, 6), NEVER)
     strain = np.zeros((runs, count))
-    points = int(truth.north.shape[1] * truth.slot_s / GRID_S) + 1
-    tables = np.full((truth.north.shape[0], count, points), np.nan)
     sampled = len(queues.offset) > 1
     nobody = Room(room.pads, room.spots, room.arrivals_per_s, room.services_per_s, 1.0)
     for run in range(runs):

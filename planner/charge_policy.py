@@ -16,7 +16,7 @@ import numpy as np
 
 from models.queue_paths import pack
 from models.wind_field import ResidualModel
-from planner.charge_kernels import Known, fly_by_need
+from planner.charge_kernels import Known, fly_by_need, need_tables
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues
 from planner.evaluation_kernels import Sky
 from planner.itinerary import hops_of, no_waits, outcome, stop_nodes
@@ -129,6 +129,7 @@ class ChargePolicy:
         start: tuple[float, float] | None = None,
         learned: bool = False,
         looked_s: float | None = None,
+        tables: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Fly it in truths: (course, strain), see `planner.charge_kernels.fly_by_need`.
 
@@ -150,6 +151,8 @@ class ChargePolicy:
             A flight has shown the vehicle's error of energy.
         looked_s : float, optional
             It has been at the first stop, on a pad if one was free, until then, and decides anew.
+        tables : ndarray, optional
+            What was worked out before with the same truth, flights and forecast; see `fly_by_need`.
         """
         row = np.zeros(len(member), dtype=np.int64) if share is None else member
         known = self.known if share is None else self.known._replace(share=share)
@@ -174,16 +177,36 @@ class ChargePolicy:
             cost,
             room_at(truth, [int(truth.network.head[hop.segments[-1]]) for hop in self.itinerary], self.most_full),
             present_in(paths),
+            tables if tables is not None else need_tables(truth.air, len(self)),
             learned,
             looked_s is not None,
             truth.in_flight,
         )
         return flown[0], flown[1]
 
-    def rehearse(self, errors: Errors, runs_per_member: int) -> Rehearsal:
-        """Fly it out of sample: each member as the truth, forecast by the others, through `QUEUES` sets of queues."""
+    def rehearse(
+        self, errors: Errors, runs: int, *, most_truths: int | None = None, before: Rehearsal | None = None
+    ) -> Rehearsal:
+        """Fly it out of sample: each member as the truth, forecast by the others, through `QUEUES` sets of queues.
+
+        Parameters
+        ----------
+        errors : Errors
+            What the truths have beyond the forecast.
+        runs : int
+            How many, about.
+        most_truths : int, optional
+            At most so many members are the truth.
+        before : Rehearsal, optional
+            Of the same flights, whose tables are used again.
+        """
         p = self.problem
-        members = np.repeat(np.arange(len(p.probability)), runs_per_member)
+        count = len(p.probability)
+        chosen = np.arange(count)
+        if most_truths is not None and count > most_truths:
+            chosen = (np.arange(most_truths) * 2 + 1) * count // (2 * most_truths)
+        each = max(1, round(runs / len(chosen)))
+        members = np.repeat(chosen, each)
         sample = np.arange(len(members)) % QUEUES
         nodes = stop_nodes(p, self.itinerary)
         sets = [p.queue_paths(dict.fromkeys(nodes), number) for number in range(QUEUES)]
@@ -192,8 +215,10 @@ class ChargePolicy:
         table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
         energy = np.asarray(1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0), dtype=np.float64)
         sky = Sky(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s)
-        course, strain = self.fly(p, sky, members, paths, share=left_out(p.ensemble))
-        return Rehearsal(course, strain, p.probability[members] / runs_per_member, members)
+        tables = before.tables if before is not None else need_tables(p.air, len(self))
+        course, strain = self.fly(p, sky, members, paths, share=left_out(p.ensemble), tables=tables)
+        weight = p.probability[members]
+        return Rehearsal(course, strain, weight / weight.sum(), members, tables)
 
     def nominal(self) -> tuple[int, NDArray[np.float64]]:
         """Member of the median arrival and the course in it, with expected waits and without gusts, shape (hops, 6)."""
@@ -240,12 +265,22 @@ class Rehearsal:
         Probability of each run.
     member : ndarray of int, shape (runs,)
         The truth of each run.
+    tables : ndarray
+        See `planner.charge_kernels.need_tables`.
     """
 
     course: NDArray[np.float64]
     strain: NDArray[np.float64]
     weight: NDArray[np.float64]
     member: NDArray[np.int64]
+    tables: NDArray[np.float64]
+
+    @property
+    def charging(self) -> NDArray[np.float64]:
+        """Share of the runs that charge at the stop before each flight, shape (hops,); the first one counts always."""
+        charged = np.ones(self.course.shape[:2], dtype=bool)
+        charged[:, 1:] = self.course[:, 1:, SOC_OFF] > self.course[:, :-1, SOC_DOWN] + 1e-9
+        return np.asarray(self.weight @ charged)
 
     def outcome(self, problem: Problem) -> Outcome:
         """Sum the runs up."""

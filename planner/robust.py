@@ -41,12 +41,16 @@ HOURS = 16.0
 """How far ahead speeds and full stations are worked out; beyond, the last hour holds on."""
 MOST_FULL = 0.5
 """A flight is begun when the chance to find its station full is below this multiple of epsilon."""
-MARGINS = (0.12, 0.25, 0.06, 0.45, 0.0)
-"""Margins of the energy of each flight that routes are composed with, in the order they are tried."""
+MARGINS = (0.12, 0.25, 0.06)
+"""Margins of the energy of each flight that routes are composed with; large networks begin with the first alone."""
+LAST_MARGINS = (0.45, 0.0)
+"""Margins tried where none of those gives a route."""
 WORLDS = 3
 """Members with sampled queues that routes are composed in on small networks."""
-SCREEN_RUNS, FINAL_RUNS = 120, 1500
-"""Simulated deliveries by which routes are compared, and those behind the figures of the answer."""
+SCREEN_TRUTHS, SCREEN_RUNS, FINAL_RUNS = 12, 120, 1500
+"""Members that are the truth and simulated deliveries by which routes are compared; deliveries behind the answer."""
+IDLE = 0.5
+"""A stop at which fewer runs charge is tried without."""
 CHANCE_RUNS = 1.5
 """So many runs below the reserve may be chance."""
 LEAST_ARRIVE = 0.5
@@ -144,21 +148,16 @@ class RobustSearch:
         """
         candidates = self.candidates()
         policy = candidates[0].policy
-        rehearsal = self._rehearsed(policy, FINAL_RUNS)
+        rehearsal = policy.rehearse(self.errors, FINAL_RUNS)
         for _ in range(CALIBRATIONS):
             extra = margin_for([rehearsal], self.problem.epsilon)
             if extra <= policy.known.margin + 1e-6:
                 break
             policy = replace(policy, known=policy.known._replace(margin=extra))
-            rehearsal = self._rehearsed(policy, FINAL_RUNS)
+            rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=rehearsal)
         member, course = policy.nominal()
         outcome = rehearsal.outcome(self.problem)
         return RobustAnswer(policy.with_charges(course), member, course, rehearsal, outcome, tuple(candidates))
-
-    def _rehearsed(self, policy: ChargePolicy, runs: int) -> Rehearsal:
-        rehearsal = policy.rehearse(self.errors, max(1, round(runs / len(self.problem.probability))))
-        self.looked_at += len(rehearsal.weight)
-        return rehearsal
 
     def candidates(self) -> list[Candidate]:
         """Routes of all worlds, each once, best first.
@@ -187,14 +186,12 @@ class RobustSearch:
 
     def _add(self, found: dict[tuple[tuple[int, ...], ...], Candidate], itinerary: Itinerary) -> None:
         """Judge a route, and the same without the stops at which it does not charge, unless they are known."""
-        flights = tuple(hop.segments for hop in itinerary)
-        if flights in found:
-            return
-        found[flights] = self._judged(itinerary)
-        shorter = self._without_idle_stops(found[flights].policy)
-        flights = tuple(hop.segments for hop in shorter)
-        if flights not in found:
-            found[flights] = self._judged(shorter)
+        while True:
+            flights = tuple(hop.segments for hop in itinerary)
+            if flights in found:
+                return
+            found[flights], charges = self._judged(itinerary)
+            itinerary = _without_idle_stops(itinerary, charges)
 
     def _routes(self, allowed: NDArray[np.bool_]) -> Iterator[Itinerary]:
         """Compose in the worlds that stand for the forecast.
@@ -209,9 +206,8 @@ class RobustSearch:
         queues = expected_queues(p)
         any_found = False
         error: NoRouteError | None = None
-        for number, margin in enumerate(MARGINS):
-            last = number == len(MARGINS) - 1
-            if any_found and (last or (self._large and number > 0)):
+        for margin in (*MARGINS, *LAST_MARGINS):
+            if any_found and (self._large or margin in LAST_MARGINS):
                 break
             try:
                 yield self._compose(speeds, queues, margin, allowed)
@@ -252,22 +248,24 @@ class RobustSearch:
         finally:
             self.looked_at += search.looked_at
 
-    def _judged(self, itinerary: Itinerary) -> Candidate:
+    def _judged(self, itinerary: Itinerary) -> tuple[Candidate, NDArray[np.float64]]:
+        """How a route fares, and the share of runs that charge at each stop."""
         p = self.problem
         known = known_at(p, self.errors, measured=self.measured, epsilon=p.epsilon / len(itinerary))
         policy = ChargePolicy(p, itinerary, known, MOST_FULL * p.epsilon)
-        rehearsal = self._rehearsed(policy, SCREEN_RUNS)
+        rehearsal = policy.rehearse(self.errors, SCREEN_RUNS, most_truths=SCREEN_TRUTHS)
+        self.looked_at += len(rehearsal.weight)
         outcome = rehearsal.outcome(p)
         unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(rehearsal.weight)
-        return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome))
+        return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome)), rehearsal.charging
 
-    def _without_idle_stops(self, policy: ChargePolicy) -> Itinerary:
-        """Overfly the stops at which the nominal course does not charge."""
-        named = policy.with_charges(policy.nominal()[1]).itinerary
-        hops = [named[0]]
-        for hop in named[1:]:
-            if hop.charge_to is None:
-                hops[-1] = replace(hops[-1], segments=(*hops[-1].segments, *hop.segments))
-            else:
-                hops.append(hop)
-        return tuple(hops)
+
+def _without_idle_stops(itinerary: Itinerary, charges: NDArray[np.float64]) -> Itinerary:
+    """Overfly the stops at which hardly any run charges."""
+    hops = [itinerary[0]]
+    for hop, share in zip(itinerary[1:], charges[1:], strict=True):
+        if share < IDLE:
+            hops[-1] = replace(hops[-1], segments=(*hops[-1].segments, *hop.segments))
+        else:
+            hops.append(hop)
+    return tuple(hops)
