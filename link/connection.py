@@ -130,6 +130,10 @@ class Connection:
 
     Attributes
     ----------
+    conflict : StationConflictError or None
+        Set once another ground station is heard with our id; nothing is said to a vehicle then.
+    namesake : bool
+        A vehicle has our id; it cannot be told from ourselves.
     guest : Guest or None
         Who speaks on it besides us; our own heart rests meanwhile.
     """
@@ -151,6 +155,7 @@ class Connection:
         self.peers: dict[int, Peer] = {}
         self.listeners: list[Callable[[Peer, Message], None]] = []
         self.conflict: StationConflictError | None = None
+        self.namesake = False
         self.guest: Guest | None = None
         self._writer = FrameWriter(system, component, signing=signing)
         self._reader = FrameReader(signing)
@@ -227,8 +232,7 @@ class Connection:
         if name in _RADIOS:
             return  # in nobody's name, and even unsigned
         if message.system == self.system:
-            if name == "HEARTBEAT" and message["type"] == _GROUND_STATION and self.conflict is None:
-                self.conflict = StationConflictError(message.system, message.component)
+            self._hear_namesake(message)
             return
         peer = self.peers.get(message.system)
         if peer is None:
@@ -249,6 +253,25 @@ class Connection:
         for exchange in self._exchanges:
             if exchange.target.system == message.system and not exchange.done and self._for_us(message):
                 exchange.hear(message, now)
+
+    def _hear_namesake(self, message: Message) -> None:
+        if message.name != "HEARTBEAT":
+            return
+        if message["type"] == _GROUND_STATION:
+            self.conflict = self.conflict or StationConflictError(message.system, message.component)
+        elif message["autopilot"] != _INVALID_AUTOPILOT:
+            self.namesake = True
+
+    def refuse_conflict(self) -> None:
+        """Say nothing to a vehicle that cannot tell us from another station.
+
+        Raises
+        ------
+        StationConflictError
+            Another station speaks with our system id.
+        """
+        if self.conflict is not None:
+            raise StationConflictError(self.conflict.system, self.conflict.component)
 
     def _meet(self, message: Message, now: float) -> Peer | None:
         """A vehicle is somebody whose autopilot's heartbeat was heard."""
@@ -294,6 +317,7 @@ class Connection:
         for number, steps in enumerate(procedures):
             running[number] = (steps, None)
         try:
+            self.refuse_conflict()
             while running:
                 for number, (steps, current) in list(running.items()):
                     self._advance(number, steps, current, running, results)
@@ -332,8 +356,7 @@ class Connection:
     def _turn(self) -> None:
         due = min((exchange.next_s for exchange in self._exchanges), default=math.inf)
         self.pump(min(due - self.clock.now_s(), HEARTBEAT_S))
-        if self.conflict is not None:
-            raise self.conflict
+        self.refuse_conflict()
         now = self.clock.now_s()
         for exchange in self._exchanges:
             if not exchange.done and now >= exchange.next_s:

@@ -26,7 +26,6 @@ from models.errors import (
     Fault,
     InputError,
     LinkError,
-    StationConflictError,
     UploadMismatchError,
     VehicleTimeoutError,
 )
@@ -170,8 +169,7 @@ class MavlinkVehicle(Seen):
         StationConflictError, CommandRefusedError
             Another station has our id, or the vehicle minds another one's heartbeat.
         """
-        if self.connection.conflict is not None:
-            raise StationConflictError(self.connection.conflict.system, self.connection.conflict.component)
+        self.connection.refuse_conflict()
         if self.family.name != "ardupilot":
             return
         ours = self.connection.system

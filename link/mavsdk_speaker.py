@@ -163,6 +163,7 @@ class MavsdkSpeaker:
                 if speak is not None:
                     exchange.outbox.clear()
 
+        self.connection.refuse_conflict()
         exchange.begin(self.connection.clock.now_s())
         self.connection.listeners.append(watch)
         try:
@@ -200,8 +201,7 @@ class MavsdkSpeaker:
 
     def _until(self, condition: Callable[[], bool], longest_s: float) -> None:
         def over() -> bool:
-            if self.connection.conflict is not None:
-                raise self.connection.conflict
+            self.connection.refuse_conflict()
             return condition()
 
         self.connection.wait(over, longest_s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import binascii
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from link.address import parse_address
@@ -16,30 +17,35 @@ from models.errors import Fault, InputError
 from models.files import read_bytes
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from models.clock import Clock
 
 KEY_VARIABLE = "SKYWAY_SIGNING_KEY"
 """Environment variable with the signing key in hexadecimal digits."""
 KEY_FILE_VARIABLE = "SKYWAY_SIGNING_KEY_FILE"
+"""Environment variable that names a file with it."""
 _KEY_BYTES = 32
 
 
 def read_key(file: Path | None = None) -> bytes | None:
     """Signing key from a file (32 bytes, or 64 hexadecimal digits), or else from the environment; None for no key.
 
+    The environment holds 64 hexadecimal digits (`KEY_VARIABLE`) or names a file (`KEY_FILE_VARIABLE`).
+
     Raises
     ------
     InputError
         The file cannot be read, others may read it, or it holds no key. The message never shows the key.
     """
+    text = os.environ.get(KEY_VARIABLE, "").strip()
+    if file is None and not text and os.environ.get(KEY_FILE_VARIABLE):
+        file = Path(os.environ[KEY_FILE_VARIABLE])
     if file is not None:
         if os.name == "posix" and file.exists() and file.stat().st_mode & 0o077:
             remedy = f"chmod 600 {file}"
             raise InputError(Fault("others may read the signing key", str(file), remedy=remedy))
         return _key_of(read_bytes(file, max_bytes=4096), str(file))
-    text = os.environ.get(KEY_VARIABLE)
+    if len(text) == _KEY_BYTES:  # digits, not bytes: half a key
+        raise _no_key(KEY_VARIABLE)
     return None if not text else _key_of(text.encode(), KEY_VARIABLE)
 
 
@@ -51,8 +57,12 @@ def _key_of(data: bytes, where: str) -> bytes:
     except (binascii.Error, ValueError):
         key = b""
     if len(key) != _KEY_BYTES:
-        raise InputError(Fault("holds no signing key", where, remedy="32 bytes, or 64 hexadecimal digits"))
+        raise _no_key(where)
     return key
+
+
+def _no_key(where: str) -> InputError:
+    return InputError(Fault("holds no signing key", where, remedy="64 hexadecimal digits, or 32 bytes in a file"))
 
 
 def open_connection(
@@ -94,5 +104,7 @@ def open_connection(
     except Exception:
         if recorder is not None:
             recorder.close()
+            for path in recorder.paths:
+                path.unlink(missing_ok=True)  # nothing was said
         raise
     return Connection(transport, clock, recorder=recorder, system=system, signing=signing)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 FIND_S = 10.0
 ALONE_S = 1.5
-"""So long we listen for other vehicles, whose hearts beat once a second."""
+"""So long we listen before we say anything: other vehicles' hearts, and other stations', beat once a second."""
 MISSION_STATES = ("unknown", "no mission", "not started", "active", "paused", "complete")
 """MISSION_STATE of MISSION_CURRENT; ``no mission`` is also what PX4 says of one that it will not fly."""
 INTERVAL = 511
@@ -255,15 +255,18 @@ class Seen:
 
 
 def _find(connection: Connection, system: int | None) -> Peer:
-    """Wait for a vehicle; where none is named, listen long enough to know that there is only one."""
+    """Wait for a vehicle, and listen long enough to know who else is there."""
     known = connection.peers
     if not connection.wait(lambda: bool(known) if system is None else system in known, FIND_S):
+        if connection.namesake:
+            problem, remedy = "the vehicle has this system id itself", "another one, such as 255"
+            raise InputError(Fault(problem, field="--gcs-system", value=connection.system, remedy=remedy))
         others = f" of system {system}, only of {', '.join(map(str, sorted(known)))}" if known else ""
         raise VehicleTimeoutError(f"no heartbeat{others}", FIND_S)
-    if system is not None:
-        return known[system]
     heard_for_s = connection.clock.now_s() - min(peer.met_s for peer in known.values())
     connection.run_for(ALONE_S - heard_for_s)
+    if system is not None:
+        return known[system]
     if len(known) > 1:
         heard = ", ".join(map(str, sorted(known)))
         raise InputError(Fault("several vehicles are heard", field="--system", remedy=f"one of {heard}"))

@@ -81,6 +81,12 @@ def test_a_tcp_connection_comes_back_by_itself():
     connection.close()
 
 
+def test_a_connection_that_cannot_be_opened_leaves_no_empty_recording(tmp_path):
+    with pytest.raises(LinkLostError):
+        open_connection(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}", record=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_tcp_without_a_vehicle_says_so():
     with pytest.raises(LinkLostError, match="is the vehicle on"):
         TcpClient(Address("tcp", "127.0.0.1", free_port(socket.SOCK_STREAM)))

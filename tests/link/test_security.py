@@ -9,7 +9,7 @@ from wires import Scene, a_mission
 
 from link.frames import FrameReader, FrameWriter, Signing
 from link.mavlink_vehicle import MavlinkVehicle
-from link.opening import KEY_VARIABLE, open_connection, read_key
+from link.opening import KEY_FILE_VARIABLE, KEY_VARIABLE, open_connection, read_key
 from link.verified import UploadState
 from models.errors import InputError
 
@@ -92,10 +92,29 @@ def test_a_key_comes_from_a_file_only_its_owner_may_read_or_from_the_environment
     assert read_key() is None
     monkeypatch.setenv(KEY_VARIABLE, KEY.hex())
     assert read_key() == KEY
-    monkeypatch.setenv(KEY_VARIABLE, "secret123")
-    with pytest.raises(InputError, match="64 hexadecimal digits") as caught:
-        read_key()
-    assert "secret123" not in str(caught.value)
+    for wrong in ("secret123", "ab" * 16):
+        monkeypatch.setenv(KEY_VARIABLE, wrong)
+        with pytest.raises(InputError, match="64 hexadecimal digits") as caught:
+            read_key()
+        assert wrong not in str(caught.value)
+    monkeypatch.delenv(KEY_VARIABLE)
+    monkeypatch.setenv(KEY_FILE_VARIABLE, str(file))
+    assert read_key() == KEY
+
+
+def test_the_key_is_in_no_recording_and_no_log(tmp_path, caplog):
+    caplog.set_level("DEBUG")
+    connection = open_connection("udpin:127.0.0.1:0", record=tmp_path, key=KEY)
+    vehicle, writer = signed_vehicle(connection.transport.port, KEY)
+    vehicle.send(writer.frame("HEARTBEAT", {"type": 2, "autopilot": 12, "mavlink_version": 3}))
+    assert connection.wait(lambda: 1 in connection.peers, 2.0)
+    connection.send("PARAM_REQUEST_LIST", 1)
+    vehicle.close()
+    connection.close()
+    (file,) = tmp_path.glob("*.tlog")
+    assert file.stat().st_size > 60
+    assert KEY not in file.read_bytes()
+    assert KEY.hex() not in caplog.text
 
 
 def test_a_key_is_never_shown():

@@ -366,8 +366,27 @@ def test_newer_ardupilots_count_the_heartbeats_of_a_range_of_systems(low, high, 
             scene.craft.check_ground_station()
 
 
-def test_with_no_vehicle_named_it_is_made_sure_that_there_is_only_one():
+def test_a_vehicle_with_our_own_id_is_named():
+    scene = Scene("px4", system=255)
+    with pytest.raises(InputError, match=r"--gcs-system.*system id itself"):
+        MavlinkVehicle(scene.connection)
+
+
+def test_once_another_station_is_heard_nothing_more_is_said_to_the_vehicle(scene):
+    other = FrameWriter(255, 77).frame("HEARTBEAT", {"type": 6, "autopilot": 8, "mavlink_version": 3})
+    scene.link.inner.inbox.append(other)
+    scene.connection.run_for(0.5)
+    said = []
+    scene.link.spoil = lambda _n, m, frame, up: (said.append(m.name) if up else None) or frame
+    for order in (scene.craft.disarm, scene.craft.land, lambda: scene.craft.parameter("X"), scene.craft.home):
+        with pytest.raises(StationConflictError):
+            order()
+    assert set(said) <= {"HEARTBEAT"}
+
+
+def test_with_no_vehicle_named_it_is_made_sure_that_there_is_only_one(monkeypatch):
     """The second one's first heartbeat comes a second after the first one's."""
+    monkeypatch.setattr("link.seen.ALONE_S", 1.5)
     scene = Scene("px4")
     other = FrameWriter(7, 1).frame("HEARTBEAT", {"type": 2, "autopilot": 12, "mavlink_version": 3})
     beats = []
