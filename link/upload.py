@@ -30,7 +30,7 @@ BUSY_S = 12.0
 _DOUBT_S = 1.5
 _STUCK_S = 15.0
 """How long one item may be asked for again and again."""
-_LAST_TRIES = 8
+_LAST_TRIES = 12
 """When only the acknowledgement is missing, reading back tells sooner than waiting for it."""
 _BUSY_AGAIN_S = 0.5
 _AHEAD = 4
@@ -163,8 +163,9 @@ class Upload(Exchange):
             return  # else of another transfer
         if answer == INVALID_SEQUENCE:
             return  # to an item that came twice; the vehicle asks for the right one
-        if self._listed and answer in PASSING:
-            return  # it still waits for our last item, and so gives no list
+        if self._listed and answer in PASSING:  # it still waits for our last item, and so gives no list
+            self._tries = min(self._tries, 1)
+            return
         if answer not in PASSING:
             self._end(UploadEnd.REFUSED, answer)
             return
@@ -191,7 +192,7 @@ class Upload(Exchange):
             self._count(now_s)
             return
         complete = self.sent == len(self.items) - 1 and self._tries >= _LAST_TRIES
-        if complete or now_s >= self.heard_s + GIVE_UP_S:
+        if complete or now_s >= min(self.heard_s + GIVE_UP_S, self._moved_s + _STUCK_S):
             self._end(UploadEnd.SILENT, self.answer)
         elif self.asked < 0:
             self._count(now_s)
@@ -210,7 +211,7 @@ class Upload(Exchange):
         self.guessed = self.guessed or following > self.asked
         for number in range(self.asked, following + 1):
             self._item(number)
-        if self.asked == last:
+        if self.sent == last:
             self._listed = True
             self.send("MISSION_REQUEST_LIST", mission_type=int(self.kind))
 

@@ -409,14 +409,19 @@ def test_words_about_something_else_refuse_nothing():
 def test_a_fence_that_is_verified_does_not_start_a_mission_that_is_unknown():
     scene = with_old("ardupilot")
     craft = MavlinkVehicle(scene.connection)
-    scene.link.spoil = lambda _n, m, frame, up: (
-        b"" if up and m and m.name == "MISSION_ITEM_INT" and not m["mission_type"] and m["seq"] == 3 else frame
-    )
+    dead = []
+
+    def spoil(_number, message, frame, up):
+        if up and message and message.name == "MISSION_ITEM_INT" and message["seq"] == 3:
+            dead.append(message)
+        return b"" if dead else frame
+
+    scene.link.spoil = spoil
     assert craft.upload(NEW).state is UploadState.UNKNOWN
+    scene.link.spoil = None
     around = tuple(Point(i.x, i.y) for i in (waypoint(0), waypoint(3), waypoint(16)))
     assert craft.upload(Geofence((FencePolygon(around, True),))).verified
     with pytest.raises(UploadMismatchError, match=r"start blocked.*mission: unknown.*mixture"):
         craft.start()
-    scene.link.spoil = None
     assert craft.upload(NEW).verified
     assert craft.blocked is None
