@@ -19,7 +19,7 @@ _FRAMES = {
     Frame.TERRAIN_INT: Frame.TERRAIN,
 }
 _NAN_ALLOWED_P4 = frozenset({Command.WAYPOINT, Command.LAND, Command.TAKEOFF})
-_STORED_IN_LOCATION = PLACED_COMMANDS | {Command.DO_SET_HOME, Command.DO_LAND_START, Command.DO_SET_ROI}
+_STORED_IN_LOCATION = PLACED_COMMANDS | {Command.DO_SET_HOME, Command.DO_LAND_START, 195, Command.DO_SET_ROI}
 _P1_WHOLE = frozenset(
     {
         Command.WAYPOINT,
@@ -33,8 +33,29 @@ _P1_WHOLE = frozenset(
         Command.DO_SET_ROI,
         Command.DO_FENCE_ENABLE,
         Command.DO_GRIPPER,
-        Command.DO_SET_MODE,
     }
+)
+_DONE_ELSEWHERE = (
+    # Cameras, servos, relays, winches: kept, and nothing that moves the vehicle.
+    182,  # DO_REPEAT_RELAY
+    184,  # DO_REPEAT_SERVO
+    195,  # DO_SET_ROI_LOCATION
+    197,  # DO_SET_ROI_NONE
+    202,  # DO_DIGICAM_CONFIGURE
+    203,  # DO_DIGICAM_CONTROL
+    208,  # DO_PARACHUTE
+    213,  # NAV_SET_YAW_SPEED
+    216,  # DO_SPRAYER
+    218,  # DO_AUX_FUNCTION
+    531,  # SET_CAMERA_ZOOM
+    532,  # SET_CAMERA_FOCUS
+    534,  # SET_CAMERA_SOURCE
+    1000,  # DO_GIMBAL_MANAGER_PITCHYAW
+    2000,  # IMAGE_START_CAPTURE
+    2001,  # IMAGE_STOP_CAPTURE
+    2500,  # VIDEO_START_CAPTURE
+    2501,  # VIDEO_STOP_CAPTURE
+    42600,  # DO_WINCH
 )
 _KEPT: dict[int, tuple[int, ...]] = {
     # Which of p1..p4 are stored at all; the rest come back as 0.
@@ -51,7 +72,6 @@ _KEPT: dict[int, tuple[int, ...]] = {
     Command.CONDITION_DELAY: (1,),
     Command.CONDITION_DISTANCE: (1,),
     Command.CONDITION_YAW: (1, 2, 3, 4),
-    Command.DO_SET_MODE: (1,),
     Command.DO_JUMP: (1, 2),
     Command.DO_CHANGE_SPEED: (1, 2, 3),
     Command.DO_SET_HOME: (1,),
@@ -61,6 +81,7 @@ _KEPT: dict[int, tuple[int, ...]] = {
     Command.DO_GRIPPER: (1, 2),
     181: (1, 2),  # DO_SET_RELAY
     183: (1, 2),  # DO_SET_SERVO
+    **dict.fromkeys(_DONE_ELSEWHERE, (1, 2, 3, 4)),
     205: (1, 2, 3),  # DO_MOUNT_CONTROL
     206: (1,),  # DO_SET_CAM_TRIGG_DIST
 }

@@ -86,8 +86,13 @@ def test_faults_as_they_are_typed_with_and_without_times(two, capsys):
     assert "pads of bellevue are taken" in out
 
 
-@pytest.mark.parametrize("wind", ["8@270", "2013-07-10", "forecast.csv"])
-def test_the_true_wind_is_a_constant_a_day_of_the_record_or_a_file(capsys, tmp_path, monkeypatch, wind):
+def test_the_true_wind_is_8_from_270(two, capsys):
+    code, _, err = run(capsys, two, "--wind-truth", "8@270")
+    assert (code, err) == (0, "")
+
+
+@pytest.mark.parametrize("wind", ["2013-07-10", "forecast.csv"])
+def test_the_true_wind_is_a_day_of_the_record_or_a_file(capsys, tmp_path, monkeypatch, wind):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "forecast.csv").write_text(
         "time,site,member,speed_mps,from_deg\n"

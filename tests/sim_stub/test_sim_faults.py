@@ -62,7 +62,7 @@ def test_a_weak_battery_flies_shorter_and_ardupilots_count_does_not_see_it(autop
         stage = Stage(autopilot, faults=(parse_fault(f"battery-weak={factor}"),), soc=0.5)
         stage.take_off(20.0)
         begun = stage.lockstep.now_s
-        stage.station.run(400.0)
+        stage.station.run(150.0)
         hovered[factor] = (0.5 - stage.vehicle.battery.soc) / (stage.lockstep.now_s - begun)
         told[factor] = stage.pilot.reported_percent()
     assert hovered[0.9] / hovered[1.0] == pytest.approx(1.0 / 0.9, rel=0.01)

@@ -421,7 +421,7 @@ def test_a_finer_step_of_physics_flies_the_same():
         stage = Stage("px4", wind=ConstantWind.of(7.0, 100.0))
         stage.vehicle.gusts.intensity = 0.0
         stage.station.command(511, 30, rate)
-        stage.station.upload(leg(distance=600.0))
+        stage.station.upload(leg(distance=250.0))
         stage.start()
         stage.rest()
         told["time"], told["soc"] = stage.lockstep.now_s, stage.vehicle.battery.soc
