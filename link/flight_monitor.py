@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Listener = Callable[[TelemetryTrack, FilteredWind], None]
 
-MAX_ROWS = 40_000
+MAX_ROWS = 20_000
 """Rows kept of a log for pictures; of a longer one every second, fourth, … second is kept."""
 
 

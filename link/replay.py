@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from models.wind_filter import FilteredWind, WindFilterSettings
     from models.wind_filter_live import Forecast
 
-MOST_BLOCKS = 20_000
+MOST_BLOCKS = 7_200
 """The drag is looked for in so many seconds at the end of the log."""
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from link.encoded_sample import encode
 from link.logs.tlog import StampCheck, read_frames
 from models.errors import Fault, InputError
 
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 Packet = tuple[float, bytes]
 WINDOW_BYTES = 1 << 18
+BEFORE_S, AFTER_S = 5.0, 20.0
+"""How much of another log is made into messages around what is asked for."""
 MAX_SPEED = 1000.0
 
 
@@ -47,8 +50,8 @@ class PacketSource(Protocol):
 class TlogPackets:
     """Packets of a tlog, a piece of it in memory at a time."""
 
-    def __init__(self, path: Path, index: TlogIndex) -> None:
-        self._path, self._index = path, index
+    def __init__(self, path: Path, index: TlogIndex, system: int | None = None) -> None:
+        self._path, self._index, self._system = path, index, system
         self.start_s, self.end_s = index.first_s, index.last_s
         self._held: list[Packet] = []
         self._reach = (math.inf, -math.inf)
@@ -65,7 +68,10 @@ class TlogPackets:
         self._held = []
         for frames in read_frames(self._path, begin=begin, chunk_bytes=WINDOW_BYTES):
             times = check.clean(frames.time_s)
-            for row in np.flatnonzero(frames.offset >= 0):
+            wanted = frames.offset >= 0
+            if self._system is not None:
+                wanted &= frames.system == self._system
+            for row in np.flatnonzero(wanted):
                 at = int(frames.offset[row]) - frames.base
                 self._held.append((float(times[row]), frames.data[at : at + int(frames.length[row])].tobytes()))
             if len(times) and times[-1] > to_s:
@@ -75,19 +81,25 @@ class TlogPackets:
 
 
 class SamplePackets:
-    """Messages made from the telemetry of a log that is no MAVLink log."""
+    """Messages made from the telemetry of a log that is no MAVLink log, a window of it in memory at a time."""
 
     def __init__(self, log: Log) -> None:
         self.start_s, self.end_s = log.summary.start_s, log.summary.end_s
-        self._samples = [sample for track in log.tracks() for sample in track.samples()]
-        self._times = np.array([sample.time_s for sample in self._samples])
-        if len(self._samples):
-            self.start_s, self.end_s = float(self._times[0]), float(self._times[-1])
+        self._log = log
+        self._held: list[TelemetrySample] = []
+        self._times = np.empty(0)
+        self._reach = (math.inf, -math.inf)
 
     def between(self, from_s: float, to_s: float) -> list[Packet]:
         """Return the packets with ``from_s < time <= to_s``."""
+        if not (self._reach[0] <= from_s and to_s <= self._reach[1]):
+            self._reach = (from_s - BEFORE_S, to_s + AFTER_S)
+            end = float(np.nextafter(self._reach[1], math.inf))
+            self._held = [sample for track in self._log.tracks(self._reach[0], end) for sample in track.samples()]
+            self._held.sort(key=lambda sample: sample.time_s)
+            self._times = np.array([sample.time_s for sample in self._held])
         first, last = np.searchsorted(self._times, (from_s, to_s), side="right")
-        return [(sample.time_s, encode(sample, self.start_s)) for sample in self._samples[first:last]]
+        return [(sample.time_s, encode(sample, self.start_s)) for sample in self._held[first:last]]
 
 
 class Part:
@@ -109,74 +121,11 @@ class Part:
         return self._source.between(from_s, min(to_s, self.end_s))
 
 
-def packets_of(log: Log) -> PacketSource:
-    """Return what of a log can be played."""
+def packets_of(log: Log, system: int | None = None) -> PacketSource:
+    """Return what of a log can be played, of all systems or of one."""
     from link.logs.tlog_track import Tlog
 
-    return TlogPackets(log.path, log.index) if isinstance(log, Tlog) else SamplePackets(log)
-
-
-def encode(sample: TelemetrySample, zero_s: float) -> bytes:
-    """Make HEARTBEAT, ATTITUDE, GLOBAL_POSITION_INT, VFR_HUD and SYS_STATUS of a sample."""
-    import io
-
-    from pymavlink.dialects.v20 import common
-
-    link = common.MAVLink(io.BytesIO(), srcSystem=sample.system, srcComponent=1)
-    boot_ms = int(max(sample.time_s - zero_s, 0.0) * 1000.0) & 0xFFFFFFFF
-
-    def whole(value: float, scale: float, unknown: int, most: int) -> int:
-        return int(np.clip(round(value * scale), -most, most)) if math.isfinite(value) else unknown
-
-    def real(value: float) -> float:
-        return value if math.isfinite(value) else 0.0
-
-    armed = common.MAV_MODE_FLAG_SAFETY_ARMED if sample.armed == 1.0 else 0
-    kind = common.MAV_TYPE_FIXED_WING if sample.fixed_wing == 1.0 else common.MAV_TYPE_QUADROTOR
-    cm = 32767
-    messages: list[Any] = [
-        common.MAVLink_heartbeat_message(kind, common.MAV_AUTOPILOT_GENERIC, armed, 0, common.MAV_STATE_ACTIVE, 3),
-        common.MAVLink_attitude_message(
-            boot_ms, real(sample.roll_rad), real(sample.pitch_rad), real(sample.yaw_rad), 0.0, 0.0, 0.0
-        ),
-        common.MAVLink_vfr_hud_message(
-            real(sample.airspeed_mps),
-            real(sample.ground_speed_mps),
-            0,
-            0,
-            real(sample.alt_msl_m),
-            -real(sample.vel_down_mps),
-        ),
-        common.MAVLink_sys_status_message(
-            0,
-            0,
-            0,
-            0,
-            whole(sample.voltage_v, 1000.0, 65535, 65534),
-            whole(sample.current_a, 100.0, -1, cm),
-            whole(sample.soc, 100.0, -1, 100),
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-        ),
-    ]
-    if math.isfinite(sample.lat_deg):
-        position = common.MAVLink_global_position_int_message(
-            boot_ms,
-            whole(sample.lat_deg, 1e7, 0, 2**31 - 1),
-            whole(sample.lon_deg, 1e7, 0, 2**31 - 1),
-            whole(sample.alt_msl_m, 1e3, 0, 2**31 - 1),
-            whole(sample.height_m, 1e3, 0, 2**31 - 1),
-            whole(sample.vel_north_mps, 100.0, 0, cm),
-            whole(sample.vel_east_mps, 100.0, 0, cm),
-            whole(sample.vel_down_mps, 100.0, 0, cm),
-            65535,
-        )
-        messages.append(position)
-    return b"".join(bytes(message.pack(link)) for message in messages)
+    return TlogPackets(log.path, log.index, system) if isinstance(log, Tlog) else SamplePackets(log)
 
 
 @dataclass(slots=True)

@@ -7,10 +7,12 @@ a table. A mapping is a TOML file (``schema = "skyway.log-columns/1"``), see ``d
 from __future__ import annotations
 
 import csv
-import io
+import gzip
+import itertools
 import math
+import zlib
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import numpy as np
 
@@ -18,7 +20,6 @@ from link.logs.log import LogSummary
 from link.logs.messages import euler
 from models.errors import Fault, InputError
 from models.fields import Table, finite, read_toml
-from models.files import read_text
 from models.telemetry import QUANTITIES, TelemetryTrack, TimeBase
 from models.units import parse_instant
 
@@ -29,7 +30,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SCHEMA = "skyway.log-columns/1"
-MAX_BYTES = 512 * 1024 * 1024
+PIECE_ROWS = 10_000
+MAX_LINE = 1_000_000
+EPOCH_1990_S = 631_152_000.0
+"""Times below this are no POSIX seconds."""
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _TIME_NAMES = {"time_utc": "iso", "time_s": "s", "time": "s", "timestamp": "s"}
 
@@ -139,7 +143,7 @@ class CsvLog:
     Parameters
     ----------
     path : Path
-        Read whole.
+        Read once piece by piece to check it; again for each use.
     columns : LogColumns, optional
         Which column is what; by default found out from the header.
 
@@ -151,43 +155,89 @@ class CsvLog:
 
     def __init__(self, path: Path, columns: LogColumns | None = None) -> None:
         self._path = path
-        header, rows = self._read()
-        self._place = {name: number for number, name in reversed(list(enumerate(header)))}
-        columns = columns or self._guess(header)
-        times, absolute = self._times(rows, columns)
-        good = np.isfinite(times)
-        kept = [row for row, fine in zip(rows, good, strict=True) if fine]
-        time_s, doubts = _in_order(times[good])
-        self.payload_kg = self._payload(kept, columns)
-        self._track = TelemetryTrack.of_columns(1, time_s, self._values(kept, columns))
-        if not absolute:
+        self._place: dict[str, int] = {}
+        self._columns = columns or LogColumns("", "s")
+        self._guessed = columns is None
+        self._absolute: bool | None = None
+        self._index()
+
+    def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
+        """Return the telemetry piece by piece."""
+        latest = -math.inf
+        for rows in self._pieces():
+            times = self._times(rows)
+            good = np.isfinite(times)
+            kept = [row for row, fine in zip(rows, good, strict=True) if fine]
+            if not kept:
+                continue
+            time_s = np.maximum.accumulate(np.maximum(times[good], latest))
+            latest = float(time_s[-1])
+            if time_s[0] >= to_s:
+                return
+            track = TelemetryTrack.of_columns(1, time_s, self._values(kept)).between(from_s, to_s)
+            if len(track):
+                yield track
+
+    def _index(self) -> None:
+        """Go through the table once: its times, what of it is no row, and the package."""
+        count = skipped = back = 0
+        first = latest = math.nan
+        payloads: list[float] = []
+        for rows in self._pieces():
+            times = self._times(rows)
+            good = np.isfinite(times)
+            kept = [row for row, fine in zip(rows, good, strict=True) if fine]
+            skipped += sum(len(",".join(row)) + 1 for row, fine in zip(rows, good, strict=True) if not fine)
+            if not kept:
+                continue
+            held = np.maximum.accumulate(np.maximum(times[good], -math.inf if math.isnan(latest) else latest))
+            back += int((held != times[good]).sum())
+            first, latest = float(held[0]) if math.isnan(first) else first, float(held[-1])
+            self._values(kept)
+            if self._columns.payload is not None:
+                known = self._numbers(kept, self._columns.payload)
+                payloads += [float(np.nanmedian(known))] if np.isfinite(known).any() else []
+            count += len(kept)
+        self.payload_kg = float(np.median(payloads)) if payloads else math.nan
+        doubts: tuple[str, ...] = (f"{back} rows are earlier than the ones before them and are held",) if back else ()
+        if not self._absolute:
             doubts += ("the times are no instants: they count from the log's own zero",)
         self.summary = LogSummary(
             format="csv",
-            messages=len(kept),
-            by_type={"row": len(kept)},
-            skipped_bytes=sum(len(",".join(row)) + 1 for row, fine in zip(rows, good, strict=True) if not fine),
-            systems=(1,) if kept else (),
+            messages=count,
+            by_type={"row": count},
+            skipped_bytes=skipped,
+            systems=(1,) if count else (),
             others=(),
-            time_base=TimeBase("the table's time column", absolute, doubts),
-            start_s=float(time_s[0]) if len(time_s) else math.nan,
-            end_s=float(time_s[-1]) if len(time_s) else math.nan,
+            time_base=TimeBase("the table's time column", bool(self._absolute), doubts),
+            start_s=first,
+            end_s=latest,
         )
 
-    def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
-        """Return the telemetry in one piece."""
-        track = self._track.between(from_s, to_s)
-        if len(track):
-            yield track
-
-    def _read(self) -> tuple[list[str], list[list[str]]]:
+    def _pieces(self) -> Iterator[list[list[str]]]:
+        """Read the rows, so many at a time; the header comes first."""
         try:
-            lines = list(csv.reader(io.StringIO(read_text(self._path, max_bytes=MAX_BYTES), newline="")))
+            opener = gzip.open if self._path.suffix == ".gz" else open
+            with opener(self._path, "rt", encoding="utf-8-sig", newline="") as stream:
+                reader = csv.reader(_lines(cast("TextIO", stream)))
+                header = next(reader, None)
+                if header is None:
+                    raise InputError(Fault("is empty", str(self._path)))
+                self._learn([name.strip() for name in header])
+                while rows := list(itertools.islice(reader, PIECE_ROWS)):
+                    yield [row for row in rows if row]
         except csv.Error as error:
             raise InputError(Fault(f"is not CSV: {error}", str(self._path))) from None
-        if not lines:
-            raise InputError(Fault("is empty", str(self._path)))
-        return [name.strip() for name in lines[0]], [line for line in lines[1:] if line]
+        except UnicodeDecodeError as error:
+            raise InputError(Fault(f"is not UTF-8 text (byte {error.start})", str(self._path))) from None
+        except (OSError, EOFError, zlib.error) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise InputError(Fault(f"cannot be read: {reason}", str(self._path))) from None
+
+    def _learn(self, header: list[str]) -> None:
+        self._place = {name: number for number, name in reversed(list(enumerate(header)))}
+        if self._guessed:
+            self._columns = self._guess(header)
 
     def _guess(self, header: list[str]) -> LogColumns:
         if {"twist_linear_x", "orientation_w", "payload", "y"} <= set(header):
@@ -214,20 +264,21 @@ class CsvLog:
             )
         return self._place[name]
 
-    def _times(self, rows: list[list[str]], columns: LogColumns) -> tuple[NDArray[np.float64], bool]:
-        if columns.time_unit != "iso":
-            times = self._numbers(rows, ColumnOf(columns.time)) * TIME_UNITS[columns.time_unit]
-            finite_times = times[np.isfinite(times)]
-            return times, bool(len(finite_times) and float(np.median(finite_times)) > 631_152_000.0)
-        place = self._column(columns.time)
-        return np.array([_instant(row[place]) if place < len(row) else math.nan for row in rows]), True
+    def _times(self, rows: list[list[str]]) -> NDArray[np.float64]:
+        """Times of rows, NaN where there is none; the first piece tells whether they are instants."""
+        columns = self._columns
+        if columns.time_unit == "iso":
+            self._absolute = True
+            place = self._column(columns.time)
+            return np.array([_instant(row[place]) if place < len(row) else math.nan for row in rows])
+        times = self._numbers(rows, ColumnOf(columns.time)) * TIME_UNITS[columns.time_unit]
+        finite_times = times[np.isfinite(times)]
+        if self._absolute is None and len(finite_times):
+            self._absolute = bool(float(np.median(finite_times)) > EPOCH_1990_S)
+        return times
 
-    def _payload(self, rows: list[list[str]], columns: LogColumns) -> float:
-        if columns.payload is None or not rows:
-            return math.nan
-        return float(np.nanmedian(self._numbers(rows, columns.payload)))
-
-    def _values(self, rows: list[list[str]], columns: LogColumns) -> dict[str, NDArray[np.float64]]:
+    def _values(self, rows: list[list[str]]) -> dict[str, NDArray[np.float64]]:
+        columns = self._columns
         values = {name: self._numbers(rows, where) for name, where in columns.quantities.items()}
         ned, enu, velocity = (
             [self._numbers(rows, ColumnOf(name)) for name in names]
@@ -245,18 +296,19 @@ class CsvLog:
         return values
 
 
+def _lines(stream: TextIO) -> Iterator[str]:
+    """Lines of a table, none of them endless."""
+    while line := stream.readline(MAX_LINE):
+        if len(line) == MAX_LINE and not line.endswith("\n"):
+            raise csv.Error(f"a line is longer than {MAX_LINE} characters")
+        yield line
+
+
 def _instant(text: str) -> float:
     try:
         return parse_instant(text).timestamp()
     except InputError:
         return math.nan
-
-
-def _in_order(times: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    """Hold times that go backwards."""
-    ordered = np.maximum.accumulate(times) if len(times) else times
-    back = int((ordered != times).sum())
-    return ordered, (f"{back} rows are earlier than the ones before them and are held",) if back else ()
 
 
 def _from_enu(x: Any, y: Any, z: Any, w: Any) -> dict[str, NDArray[np.float64]]:

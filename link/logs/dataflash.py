@@ -5,6 +5,7 @@ The log describes itself: FMT messages name the types of message, their fields a
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from link.logs import dataflash_kernels as kernels
-from link.logs.assembly import Assembler, Stretch
 from link.logs.log import MAX_EVENTS, LogEvent, LogSummary
-from models.errors import Fault, InputError, one_line
+from link.logs.pieces import HOLD_S, WARM_UP_S, InOrder, read_pieces
+from models.errors import one_line
 from models.telemetry import TimeBase
 
 if TYPE_CHECKING:
@@ -83,13 +84,22 @@ def _format(body: bytes) -> tuple[int, MessageFormat] | None:
     return body[0], MessageFormat(name, layout, factor)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Messages:
+    """The messages of a piece of a log: place of each in it and type, shape (messages,), and bytes that belong to none."""
+
+    offset: NDArray[np.int64]
+    kind: NDArray[np.uint8]
+    skipped: int
+
+
 class DataFlash:
     """An ArduPilot DataFlash log.
 
     Parameters
     ----------
     path : Path
-        Mapped into memory, not read into it.
+        Read once piece by piece to index it; again for each use.
 
     Raises
     ------
@@ -98,127 +108,151 @@ class DataFlash:
     """
 
     def __init__(self, path: Path) -> None:
-        try:
-            size = path.stat().st_size
-            self._data = np.memmap(path, dtype=np.uint8, mode="r") if size else np.empty(0, dtype=np.uint8)
-        except OSError as error:
-            raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
-        self._find()
-        self._time_base, self._zero_s = self._clock()
+        self.path = path
+        self._length = np.zeros(256, dtype=np.int64)
+        self._length[kernels.FORMAT_TYPE] = kernels.FORMAT_LENGTH
+        self._formats: dict[int, MessageFormat] = {}
+        self._counts = np.zeros(256, dtype=np.int64)
+        self._skipped = 0
+        self._zero_s: float | None = None
+        self._range_s = (math.inf, -math.inf)
+        self._pieces: list[tuple[float, int]] = []
+        self._texts: list[tuple[float, str]] = []
+        self._index()
         self.summary = self._summary()
 
-    def fields(self, name: str) -> dict[str, NDArray[Any]]:
-        """Every message of one type: columns in the units of the log, shape (messages,); empty where there is none."""
+    def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
+        """Return the telemetry piece by piece."""
+        samples = InOrder(1)
+        zero_s = self._zero_s or 0.0
+        for _, data, found in read_pieces(self.path, self._find, begin=self._begin(from_s)):
+            reports = {}
+            for name, speak in SPOKEN.items():
+                fields = self._fields(name, data, found)
+                times = _boot_s(fields)
+                with contextlib.suppress(KeyError):  # another generation of the log, without such a field
+                    if times is not None:
+                        reports[name] = times + zero_s, speak(fields)
+            track = samples.feed(reports)
+            if len(track) and track.time_s[0] >= to_s:
+                return
+            part = track.between(from_s, to_s)
+            if len(part):
+                yield part
+        part = samples.flush().between(from_s, to_s)
+        if len(part):
+            yield part
+
+    def _begin(self, from_s: float) -> int:
+        """Return a place from which everything from a time on, and what has to be known by then, can be read."""
+        wanted_s = from_s - WARM_UP_S - HOLD_S - (self._zero_s or 0.0)
+        before = [place for latest_s, place in self._pieces if latest_s <= wanted_s]
+        return before[-1] if before else 0
+
+    def _find(self, data: NDArray[np.uint8], *, final: bool) -> tuple[Messages, int]:
+        most = len(data) // 3 + 1
+        offset, kind = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.uint8)
+        count, used, skipped = kernels.find_messages(data, final, self._length, offset, kind)
+        return Messages(offset[:count], kind[:count], skipped), used
+
+    def _fields(self, name: str, data: NDArray[np.uint8], found: Messages) -> dict[str, NDArray[Any]]:
+        """Messages of one type in a piece: columns in the units of the log, shape (messages,); empty where there is none."""
         for number, form in self._formats.items():
             if form.name == name:
-                rows = self._offset[self._kind == number]
+                rows = found.offset[found.kind == number]
                 if not len(rows):
                     continue
                 place = rows[:, None] + np.arange(3, 3 + form.layout.itemsize)
-                table = np.ascontiguousarray(self._data[place]).view(form.layout)[:, 0]
+                table = np.ascontiguousarray(data[place]).view(form.layout)[:, 0]
                 return {
                     field: table[field] * factor if factor != 1.0 else table[field]
                     for field, factor in form.factor.items()
                 }
         return {}
 
-    def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
-        """Return the telemetry in one piece."""
-        stretch = Stretch()
-        for times, columns in self._reports():
-            order = np.argsort(times, kind="stable")
-            stretch.add(times[order], {name: values[order] for name, values in columns.items()})
-        track = Assembler(1).feed(stretch).between(from_s, to_s)
-        if len(track):
-            yield track
+    def _index(self) -> None:
+        """Go through the log once."""
+        for base, data, found in read_pieces(self.path, self._find):
+            self._pieces.append((self._range_s[1], base))
+            self._skipped += found.skipped
+            self._counts += np.bincount(found.kind, minlength=256)
+            for at in found.offset[found.kind == kernels.FORMAT_TYPE]:
+                form = _format(data[at + 3 : at + kernels.FORMAT_LENGTH].tobytes())
+                if form is not None:
+                    self._formats[form[0]] = form[1]
+            for name in SPOKEN:
+                times = _boot_s(self._fields(name, data, found))
+                if times is not None and len(times):
+                    low, high = self._range_s
+                    self._range_s = min(low, float(times.min())), max(high, float(times.max()))
+            if self._zero_s is None:
+                self._zero_s = _utc_zero(self._fields("GPS", data, found))
+            if len(self._texts) < MAX_EVENTS:
+                self._read_texts(self._fields("MSG", data, found))
 
-    def _find(self) -> None:
-        length = np.zeros(256, dtype=np.int64)
-        length[kernels.FORMAT_TYPE] = kernels.FORMAT_LENGTH
-        most = len(self._data) // 3 + 1
-        offset, kind = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.uint8)
-        count, self._skipped = kernels.find_messages(self._data, length, offset, kind)
-        self._offset, self._kind = offset[:count].copy(), kind[:count].copy()
-        self._formats: dict[int, MessageFormat] = {}
-        for at in self._offset[self._kind == kernels.FORMAT_TYPE]:
-            form = _format(self._data[at + 3 : at + kernels.FORMAT_LENGTH].tobytes())
-            if form is not None:
-                self._formats[form[0]] = form[1]
+    def _read_texts(self, fields: dict[str, NDArray[Any]]) -> None:
+        times = _boot_s(fields)
+        texts = fields.get("Message", np.empty(0, dtype="S1"))
+        stamps = times if times is not None else np.full(len(texts), self._range_s[0])
+        for time_s, text in zip(stamps.tolist(), texts, strict=False):
+            self._texts.append((time_s, one_line(bytes(text).decode("utf-8", "replace"))))
 
     def _names(self) -> dict[str, int]:
-        counts = np.bincount(self._kind, minlength=256)
         named: dict[str, int] = {}
-        for number in np.flatnonzero(counts):
+        for number in np.flatnonzero(self._counts):
             form = self._formats.get(int(number))
             name = "FMT" if number == kernels.FORMAT_TYPE else f"UNKNOWN_{number}" if form is None else form.name
-            named[name] = named.get(name, 0) + int(counts[number])
+            named[name] = named.get(name, 0) + int(self._counts[number])
         return named
 
-    def _times(self, fields: dict[str, NDArray[Any]]) -> NDArray[np.float64] | None:
-        if "TimeUS" in fields:
-            return np.asarray(fields["TimeUS"], dtype=np.float64) * 1e-6 + self._zero_s
-        if "T" in fields:  # the receiver's own TimeMS is of the GPS week
-            return np.asarray(fields["T"], dtype=np.float64) * 1e-3 + self._zero_s
-        if "TimeMS" in fields:
-            return np.asarray(fields["TimeMS"], dtype=np.float64) * 1e-3 + self._zero_s
-        return None
-
-    def _clock(self) -> tuple[TimeBase, float]:
-        """Find UTC through the GPS week, where one was logged."""
-        self._zero_s = 0.0
-        fields = self.fields("GPS")
-        boot = self._times(fields)
-        week = fields.get("GWk", fields.get("Week"))
-        of_week = fields.get("GMS", fields.get("TimeMS") if "T" in fields else None)
-        if boot is not None and week is not None and of_week is not None:
-            fixed = np.flatnonzero((np.asarray(week) > 1000) & (np.asarray(week) < 5000))
-            if len(fixed):
-                row = fixed[0]
-                utc = GPS_EPOCH_S + float(week[row]) * 604_800.0 + float(of_week[row]) * 1e-3
-                leap = LEAP_S if utc > 1_483_228_800.0 else LEAP_S - 1.0
-                return TimeBase("the autopilot's clock, set by GPS"), utc - leap - float(boot[row])
-        doubt = "no GPS time was logged: times count from the start of the autopilot"
-        return TimeBase("the autopilot's clock since its start", absolute=False, doubts=(doubt,)), 0.0
-
-    def _reports(self) -> Iterator[tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]]:
-        """What the messages say, in the words of telemetry."""
-        for name, speak in SPOKEN.items():
-            fields = self.fields(name)
-            times = self._times(fields) if fields else None
-            if times is None:
-                continue
-            try:
-                yield times, speak(fields)
-            except KeyError:
-                continue  # another generation of the log, without such a field
-
     def _summary(self) -> LogSummary:
-        lengths = [times for name in SPOKEN if (times := self._times(self.fields(name))) is not None and len(times)]
-        first = min((float(times.min()) for times in lengths), default=math.nan)
-        last = max((float(times.max()) for times in lengths), default=math.nan)
         by_type = self._names()
+        doubt = "no GPS time was logged: times count from the start of the autopilot"
+        base = TimeBase("the autopilot's clock, set by GPS")
+        if self._zero_s is None:
+            base = TimeBase("the autopilot's clock since its start", absolute=False, doubts=(doubt,))
+        zero_s, (first_s, last_s) = self._zero_s or 0.0, self._range_s
+        known = math.isfinite(first_s)
         return LogSummary(
             format="dataflash",
-            messages=len(self._offset),
+            messages=int(self._counts.sum()),
             by_type=by_type,
             skipped_bytes=int(self._skipped),
             systems=(1,) if "ATT" in by_type or "GPS" in by_type else (),
             others=(),
-            time_base=self._time_base,
-            start_s=first,
-            end_s=last,
-            events=self._events(first),
+            time_base=base,
+            start_s=first_s + zero_s if known else math.nan,
+            end_s=last_s + zero_s if known else math.nan,
+            events=tuple(LogEvent(time_s + zero_s, 1, text) for time_s, text in self._texts[:MAX_EVENTS]),
         )
 
-    def _events(self, first_s: float) -> tuple[LogEvent, ...]:
-        fields = self.fields("MSG")
-        texts = fields.get("Message", np.empty(0, dtype="S1"))[:MAX_EVENTS]
-        times = self._times(fields)
-        stamps = times if times is not None else np.full(len(texts), first_s)
-        return tuple(
-            LogEvent(float(time_s), 1, one_line(bytes(text).decode("utf-8", "replace")))
-            for time_s, text in zip(stamps, texts, strict=False)
-        )
+
+def _boot_s(fields: dict[str, NDArray[Any]]) -> NDArray[np.float64] | None:
+    """Seconds since the autopilot's start; None where the messages do not say."""
+    for name, scale in (
+        ("TimeUS", 1e-6),
+        ("T", 1e-3),
+        ("TimeMS", 1e-3),
+    ):  # a receiver's own TimeMS, beside T, is of the week
+        if name in fields:
+            return np.asarray(fields[name], dtype=np.float64) * scale
+    return None
+
+
+def _utc_zero(fields: dict[str, NDArray[Any]]) -> float | None:
+    """POSIX seconds of the autopilot's start, through the GPS week, where one was logged."""
+    boot = _boot_s(fields)
+    week = fields.get("GWk", fields.get("Week"))
+    of_week = fields.get("GMS", fields.get("TimeMS") if "T" in fields else None)
+    if boot is None or week is None or of_week is None:
+        return None
+    fixed = np.flatnonzero((np.asarray(week) > 1000) & (np.asarray(week) < 5000))
+    if not len(fixed):
+        return None
+    row = fixed[0]
+    utc = GPS_EPOCH_S + float(week[row]) * 604_800.0 + float(of_week[row]) * 1e-3
+    leap = LEAP_S if utc > 1_483_228_800.0 else LEAP_S - 1.0
+    return utc - leap - float(boot[row])
 
 
 def _attitude(fields: Any) -> dict[str, NDArray[np.float64]]:

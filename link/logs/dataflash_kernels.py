@@ -17,14 +17,20 @@ FORMAT_LENGTH = 89
 
 @compiled
 def find_messages(
-    data: NDArray[np.uint8], length: NDArray[np.int64], offset: NDArray[np.int64], kind: NDArray[np.uint8]
-) -> tuple[int, int]:
-    """Find every message.
+    data: NDArray[np.uint8],
+    final: bool,
+    length: NDArray[np.int64],
+    offset: NDArray[np.int64],
+    kind: NDArray[np.uint8],
+) -> tuple[int, int, int]:
+    """Find every message of a piece.
 
     Parameters
     ----------
     data : ndarray of uint8
-        The log.
+        The piece.
+    final : bool
+        Whether the log ends with it.
     length : ndarray of int64, shape (256,)
         Bytes of each type of message, 0 where it is not known yet; format messages fill it in.
     offset, kind : ndarray
@@ -32,8 +38,8 @@ def find_messages(
 
     Returns
     -------
-    count, skipped : int
-        Messages, and bytes that belong to none.
+    count, used, skipped : int
+        Messages; bytes done with; those of them that belong to none.
     """
     count = skipped = at = 0
     size = len(data)
@@ -51,4 +57,6 @@ def find_messages(
         if number == FORMAT_TYPE and data[at + 4] >= 3:
             length[data[at + 3]] = data[at + 4]
         at += length[number]
-    return count, skipped + size - at
+    if final:
+        return count, size, skipped + size - at
+    return count, at, skipped

@@ -237,7 +237,7 @@ def scan(path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> TlogIndex:
     memory, check = ScanState(), StampCheck()
     types: Counter[int] = Counter()
     systems = np.zeros(256, dtype=np.int64)
-    points: list[tuple[float, int, float]] = []
+    points = [np.empty((3, 0))]
     first_s = math.nan
     for frames in read_frames(path, chunk_bytes=chunk_bytes, memory=memory):
         if not len(frames):
@@ -249,8 +249,9 @@ def scan(path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> TlogIndex:
         types.update({int(number): int(counted[number]) for number in np.flatnonzero(counted)})
         types.update(frames.number[~dense].tolist())
         systems += np.bincount(frames.system, minlength=256)
-        points += _seek_points(frames, times)
+        points.append(_seek_points(frames, times))
     state = memory.state
+    seek_time_s, seek_offset, seek_shift_s = np.concatenate(points, axis=1)
     return TlogIndex(
         messages=sum(types.values()),
         by_type={name_of(number): count for number, count in sorted(types.items())},
@@ -259,15 +260,15 @@ def scan(path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> TlogIndex:
         bad_records=int(state[kernels.BAD]),
         first_s=first_s,
         last_s=check.highest_s if math.isfinite(check.highest_s) else math.nan,
-        seek_time_s=np.array([point[0] for point in points], dtype=np.float64),
-        seek_offset=np.array([point[1] for point in points], dtype=np.int64),
-        seek_shift_s=np.array([point[2] for point in points], dtype=np.float64),
+        seek_time_s=seek_time_s,
+        seek_offset=seek_offset.astype(np.int64),
+        seek_shift_s=seek_shift_s,
     )
 
 
-def _seek_points(frames: Frames, times: NDArray[np.float64]) -> list[tuple[float, int, float]]:
-    """Return one frame for every so many bytes: time, place of the stamp before it, and shift of the clock there."""
+def _seek_points(frames: Frames, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """One frame for every so many bytes: time, place of the stamp before it, shift of the clock there, shape (3, points)."""
     shift = times - frames.time_s
     whole = np.flatnonzero((frames.offset >= 8) & (np.abs(shift) < StampCheck.REACH_S))
     first = whole[np.flatnonzero(np.diff(frames.offset[whole] // SEEK_EVERY, prepend=-1))]
-    return [(float(times[row]), int(frames.offset[row]) - 8, float(shift[row])) for row in first]
+    return np.stack([times[first], frames.offset[first] - 8.0, shift[first]])

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from link.logs.tlog import Frames, TlogIndex
     from models.telemetry import TelemetryTrack
 
+PIECE_BYTES = 1024 * 1024
+"""Telemetry is made of so much of the log at a time."""
 WARM_UP_S = 15.0
 """A replay that begins in the middle reads from so much earlier, so that slow quantities are known."""
 
@@ -53,7 +55,7 @@ class Tlog:
         begin, shift_s = self.index.offset_at(from_s - WARM_UP_S) if math.isfinite(from_s) else (0, 0.0)
         check = StampCheck(shift_s)
         assemblers: dict[int, Assembler] = {}
-        for frames in read_frames(self.path, begin=begin):
+        for frames in read_frames(self.path, begin=begin, chunk_bytes=PIECE_BYTES):
             times = check.clean(frames.time_s)
             for system, stretch in _stretches(frames, times, self._climbs).items():
                 if system not in assemblers:
@@ -69,7 +71,7 @@ class Tlog:
         told: set[int] = set()
         events: list[LogEvent] = []
         if index.messages:
-            for frames in read_frames(self.path):
+            for frames in read_frames(self.path, chunk_bytes=PIECE_BYTES):
                 times = check.clean(frames.time_s)
                 told |= {int(system) for system in np.unique(frames.system[frames.rows_of("ATTITUDE")])}
                 told |= {int(system) for system in np.unique(frames.system[frames.rows_of("GLOBAL_POSITION_INT")])}

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from link.logs.assembly import Assembler, Stretch
 from link.logs.log import MAX_EVENTS, LogEvent, LogSummary
 from link.logs.messages import euler
-from link.logs.ulog_format import HEADER_BYTES, MAGIC, read_contents
+from link.logs.pieces import HOLD_S, WARM_UP_S, InOrder, read_pieces
+from link.logs.ulog_format import HEADER_BYTES, MAGIC, ULogContents, find_in_piece
 from models import geodesy
 from models.errors import Fault, InputError, one_line
 from models.telemetry import TimeBase
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 RECEIVERS = ("vehicle_gps_position", "sensor_gps")
 """Topics that know UTC."""
+MOST_FIXES = 100_000
+"""The clock is set by so many of the receiver's messages."""
 Columns = dict[str, "NDArray[np.float64]"]
 
 
@@ -34,7 +37,7 @@ class ULogFile:
     Parameters
     ----------
     path : Path
-        Read whole.
+        Read once piece by piece to index it; again for each use.
 
     Raises
     ------
@@ -43,81 +46,98 @@ class ULogFile:
     """
 
     def __init__(self, path: Path) -> None:
+        self.path = path
         try:
-            data = path.read_bytes()
+            with path.open("rb") as stream:
+                head = stream.read(HEADER_BYTES)
         except OSError as error:
             raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
-        if len(data) < HEADER_BYTES or not data.startswith(MAGIC):
+        if len(head) < HEADER_BYTES or not head.startswith(MAGIC):
             raise InputError(Fault("is no ULog: its header is damaged or cut", str(path)))
-        self._log = read_contents(data)
-        wanted = dict.fromkeys(topic for topic, _ in SPOKEN) | dict.fromkeys(RECEIVERS)
-        columns = {topic: self._log.columns(topic) for topic in wanted}
-        self._sets: dict[str, dict[str, Any]] = {
-            topic: found for topic, found in columns.items() if "timestamp" in found
-        }
-        self._zero_s, self._time_base = self._clock()
+        self._log = ULogContents()
+        self._id = 1
+        self._spoken: set[str] = set()
+        self._range_us = (math.inf, -math.inf)
+        self._pieces: list[tuple[float, int]] = []
+        self._zero_s, self._time_base = self._index()
         self.summary = self._summary()
 
     def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
-        """Return the telemetry in one piece."""
-        stretch = Stretch()
-        for topic, speak in SPOKEN:
-            data = self._sets.get(topic)
-            if data is None:
-                continue
-            try:
-                columns = speak(data)
-            except KeyError:
-                continue  # another generation of the topic
-            times = self._times(data)
-            order = np.argsort(times, kind="stable")
-            stretch.add(times[order], {name: np.asarray(values)[order] for name, values in columns.items()})
-        track = Assembler(self._system()).feed(stretch).between(from_s, to_s)
-        if len(track):
-            yield track
+        """Return the telemetry piece by piece."""
+        samples = InOrder(self._id)
+        for _, data, found in read_pieces(self.path, find_in_piece, begin=self._begin(from_s)):
+            reports = {}
+            for topic, speak in SPOKEN:
+                columns = self._log.columns(topic, data, found) if topic in self._spoken else {}
+                with contextlib.suppress(KeyError):  # another generation of the topic
+                    if columns:
+                        reports[topic] = self._times(columns), speak(columns)
+            track = samples.feed(reports)
+            if len(track) and track.time_s[0] >= to_s:
+                return
+            part = track.between(from_s, to_s)
+            if len(part):
+                yield part
+        part = samples.flush().between(from_s, to_s)
+        if len(part):
+            yield part
+
+    def _begin(self, from_s: float) -> int:
+        """Return a place from which everything from a time on, and what has to be known by then, can be read."""
+        wanted_us = (from_s - WARM_UP_S - HOLD_S - self._zero_s) * 1e6
+        before = [place for latest_us, place in self._pieces if latest_us <= wanted_us]
+        return before[-1] if before else HEADER_BYTES
 
     def _times(self, data: dict[str, Any]) -> NDArray[np.float64]:
         return np.asarray(data["timestamp"], dtype=np.float64) * 1e-6 + self._zero_s
 
-    def _system(self) -> int:
-        ids = self._sets.get("vehicle_status", {}).get("system_id", ())
-        return int(ids[0]) if len(ids) and ids[0] else 1
-
-    def _clock(self) -> tuple[float, TimeBase]:
-        """Find UTC through the receiver, where it ever had a fix."""
+    def _index(self) -> tuple[float, TimeBase]:
+        """Go through the log once; find UTC through the receiver, where it ever had a fix."""
+        wanted = dict.fromkeys(topic for topic, _ in SPOKEN) | dict.fromkeys(RECEIVERS)
+        zeros: dict[str, NDArray[np.float64]] = {topic: np.empty(0) for topic in RECEIVERS}
+        for base, data, found in read_pieces(self.path, find_in_piece, begin=HEADER_BYTES):
+            self._pieces.append((self._range_us[1], base))
+            self._log.see(data, found)
+            self._log.skipped += found.skipped
+            for topic in wanted:
+                columns = self._log.columns(topic, data, found)
+                if "timestamp" not in columns:
+                    continue
+                self._spoken.add(topic)
+                stamps = columns["timestamp"].astype(np.float64)
+                low, high = self._range_us
+                self._range_us = min(low, float(stamps.min())), max(high, float(stamps.max()))
+                if topic in zeros and "time_utc_usec" in columns and len(zeros[topic]) < MOST_FIXES:
+                    utc = columns["time_utc_usec"].astype(np.float64)
+                    zeros[topic] = np.concatenate([zeros[topic], (utc - stamps)[utc > 1e15]])
+                if topic == "vehicle_status" and "system_id" in columns and columns["system_id"][0]:
+                    self._id = int(columns["system_id"][0])
         for topic in RECEIVERS:
-            data = self._sets.get(topic, {})
-            if "time_utc_usec" in data:
-                utc = np.asarray(data["time_utc_usec"], dtype=np.float64)
-                boot = np.asarray(data["timestamp"], dtype=np.float64)
-                fixed = np.flatnonzero(utc > 1e15)
-                if len(fixed):
-                    return float(np.median(utc[fixed] - boot[fixed])) * 1e-6, TimeBase(
-                        "the autopilot's clock, set by GPS"
-                    )
+            if len(zeros[topic]):
+                return float(np.median(zeros[topic])) * 1e-6, TimeBase("the autopilot's clock, set by GPS")
         doubt = "no GPS time was logged: times count from the start of the autopilot"
         return 0.0, TimeBase("the autopilot's clock since its start", absolute=False, doubts=(doubt,))
 
     def _summary(self) -> LogSummary:
         by_type = self._log.counts()
-        stamps = [self._times(data) for data in self._sets.values()]
-        known = "vehicle_attitude" in self._sets or "vehicle_local_position" in self._sets
+        known = bool(self._spoken & {"vehicle_attitude", "vehicle_local_position"})
         doubts = self._time_base.doubts
-        if self._log.dropouts_ms:
-            lost = sum(self._log.dropouts_ms) / 1000.0
-            doubts += (f"the logger lost data {len(self._log.dropouts_ms)} times, {lost:.1f} s in all",)
+        if self._log.dropouts:
+            lost = self._log.dropouts_ms / 1000.0
+            doubts += (f"the logger lost data {self._log.dropouts} times, {lost:.1f} s in all",)
+        first_us, last_us = self._range_us
         return LogSummary(
             format="ulog",
             messages=sum(by_type.values()),
             by_type=by_type,
             skipped_bytes=self._log.skipped,
-            systems=(self._system(),) if known else (),
+            systems=(self._id,) if known else (),
             others=(),
             time_base=TimeBase(self._time_base.source, self._time_base.absolute, doubts),
-            start_s=min((float(times.min()) for times in stamps), default=math.nan),
-            end_s=max((float(times.max()) for times in stamps), default=math.nan),
+            start_s=first_us * 1e-6 + self._zero_s if math.isfinite(first_us) else math.nan,
+            end_s=last_us * 1e-6 + self._zero_s if math.isfinite(last_us) else math.nan,
             events=tuple(
-                LogEvent(time_us * 1e-6 + self._zero_s, self._system(), one_line(text))
+                LogEvent(time_us * 1e-6 + self._zero_s, self._id, one_line(text))
                 for time_us, text in self._log.texts[:MAX_EVENTS]
             ),
         )

@@ -15,17 +15,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from link.logs import ulog_kernels as kernels
 
+if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAGIC = b"ULog\x01\x12\x35"
 HEADER_BYTES = 16
-KINDS = frozenset(b"BFIMPQADRLCSO")
+KINDS = b"BFIMPQADRLCSO"
 """Types of message."""
+MAX_TEXTS = 5000
 SYNC = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 """A whole sync message."""
+_SYNC = np.frombuffer(SYNC, dtype=np.uint8)
+_KNOWN = np.isin(np.arange(256), list(KINDS))
 MAX_FIELDS = 2000
 MAX_DEPTH = 8
 _TYPES = {
@@ -47,56 +50,83 @@ _FIELD = re.compile(r"^([A-Za-z]\w*)(?:\[(\d{1,4})\])? +(\w+)$")
 
 @dataclass(slots=True)
 class ULogContents:
-    """What a log holds.
+    """What is known of a log: its formats and subscriptions, and counts of what was seen of it.
 
     Attributes
     ----------
-    data : bytes
-        The log.
     formats : dict of str to str
         Fields of each type of topic, as the log writes them.
     topics : dict of int to (str, int)
         Name and instance behind each number of a subscription.
-    places : dict of int to list of int
-        Where the data of each subscription begin.
+    number : dict of int to int
+        Data messages of each subscription.
     lengths : dict of int to int
         Bytes of the shortest of them.
     texts : list of (int, str)
         Logged messages: microseconds, text.
-    dropouts_ms : list of int
-        How long the logger lost data, each time.
+    dropouts, dropouts_ms : int
+        How often the logger lost data, and for how long in all.
     skipped : int
         Bytes that lie in no message.
     """
 
-    data: bytes
     formats: dict[str, str] = field(default_factory=dict)
     topics: dict[int, tuple[str, int]] = field(default_factory=dict)
-    places: dict[int, list[int]] = field(default_factory=dict)
+    number: dict[int, int] = field(default_factory=dict)
     lengths: dict[int, int] = field(default_factory=dict)
     texts: list[tuple[int, str]] = field(default_factory=list)
-    dropouts_ms: list[int] = field(default_factory=list)
+    dropouts: int = 0
+    dropouts_ms: int = 0
     skipped: int = 0
 
     def counts(self) -> dict[str, int]:
         """Messages of each topic, all its instances together."""
         named: dict[str, int] = {}
-        for number, places in self.places.items():
+        for number, count in self.number.items():
             name = self.topics[number][0]
-            named[name] = named.get(name, 0) + len(places)
+            named[name] = named.get(name, 0) + count
         return dict(sorted(named.items()))
 
-    def columns(self, topic: str) -> dict[str, NDArray[Any]]:
-        """Fields of the first instance of a topic, shape (messages,) each; empty where it is not there or makes no sense."""
-        for number, places in self.places.items():
-            if self.topics[number] == (topic, 0):
-                layout = self._layout(topic)
-                if layout is None or layout.itemsize > self.lengths[number]:
-                    return {}
-                table = np.frombuffer(self.data, dtype=np.uint8)
-                rows = np.array(places)[:, None] + np.arange(layout.itemsize)
-                found = np.ascontiguousarray(table[rows]).view(layout)[:, 0]
-                return {str(name): found[name] for name in layout.names or ()}
+    def see(self, data: NDArray[np.uint8], found: Messages) -> None:
+        """Take notice of the messages of a piece."""
+        for row in np.flatnonzero(found.kind != ord("D")):
+            at, size = int(found.place[row]), int(found.size[row])
+            self._see_one(int(found.kind[row]), data[at : at + size].tobytes())
+        numbers = found.numbers(data)
+        for number in np.unique(numbers[numbers >= 0]).tolist():
+            if number in self.topics:
+                mine = numbers == number
+                self.number[number] = self.number.get(number, 0) + int(mine.sum())
+                shortest = int(found.size[mine].min()) - 2
+                self.lengths[number] = min(self.lengths.get(number, shortest), shortest)
+
+    def _see_one(self, kind: int, body: bytes) -> None:
+        if kind == ord("F"):
+            name, _, fields = body.decode("ascii", "replace").partition(":")
+            self.formats[name] = fields
+        elif kind == ord("A") and len(body) > 3:
+            self.topics[body[1] + 256 * body[2]] = (body[3:].decode("ascii", "replace"), body[0])
+        elif kind in {ord("L"), ord("C")} and len(self.texts) < MAX_TEXTS:
+            head = 9 if kind == ord("L") else 11
+            if len(body) >= head:
+                (time_us,) = struct.unpack_from("<Q", body, head - 8)
+                self.texts.append((time_us, body[head:].decode("utf-8", "replace")))
+        elif kind == ord("O") and len(body) >= 2:
+            self.dropouts += 1
+            self.dropouts_ms += body[0] + 256 * body[1]
+
+    def columns(self, topic: str, data: NDArray[np.uint8], found: Messages) -> dict[str, NDArray[Any]]:
+        """Fields of the first instance of a topic in a piece, shape (messages,) each; empty where there is none, or no sense."""
+        numbers = found.numbers(data)
+        for number, (name, instance) in self.topics.items():
+            if (name, instance) != (topic, 0) or number not in self.lengths:
+                continue
+            rows = found.place[numbers == number] + 2
+            layout = self._layout(topic)
+            if not len(rows) or layout is None or layout.itemsize > self.lengths[number]:
+                return {}
+            table = np.ascontiguousarray(data[rows[:, None] + np.arange(layout.itemsize)]).view(layout)[:, 0]
+            return {str(name): table[name] for name in layout.names or ()}
         return {}
 
     def _layout(self, topic: str) -> np.dtype[np.void] | None:
@@ -130,44 +160,35 @@ class ULogContents:
         return True
 
 
-def read_contents(data: bytes) -> ULogContents:
-    """Read the container of a log."""
-    found = ULogContents(data)
-    for kind, at, size in _messages(found):
-        if kind == ord("D") and size >= 2:
-            number = data[at] + 256 * data[at + 1]
-            if number in found.topics:
-                found.places.setdefault(number, []).append(at + 2)
-                found.lengths[number] = min(found.lengths.get(number, size), size - 2)
-        elif kind == ord("F"):
-            name, _, fields = data[at : at + size].decode("ascii", "replace").partition(":")
-            found.formats[name] = fields
-        elif kind == ord("A") and size > 3:
-            name = data[at + 3 : at + size].decode("ascii", "replace")
-            found.topics[data[at + 1] + 256 * data[at + 2]] = (name, data[at])
-        elif kind in {ord("L"), ord("C")}:
-            head = 9 if kind == ord("L") else 11
-            if size >= head:
-                (time_us,) = struct.unpack_from("<Q", data, at + head - 8)
-                found.texts.append((time_us, data[at + head : at + size].decode("utf-8", "replace")))
-        elif kind == ord("O") and size >= 2:
-            found.dropouts_ms.append(data[at] + 256 * data[at + 1])
-    return found
+@dataclass(frozen=True, slots=True, eq=False)
+class Messages:
+    """The messages of a piece of a log.
+
+    Attributes
+    ----------
+    place, kind, size : ndarray, shape (messages,)
+        Where the body of each begins in the piece, its type, and its bytes.
+    skipped : int
+        Bytes of the piece that lie in no message.
+    """
+
+    place: NDArray[np.int64]
+    kind: NDArray[np.uint8]
+    size: NDArray[np.int64]
+    skipped: int
+
+    def numbers(self, data: NDArray[np.uint8]) -> NDArray[np.int64]:
+        """Subscription of each data message; -1 for other messages, shape (messages,)."""
+        mine = (self.kind == ord("D")) & (self.size >= 2)
+        found = np.full(len(self.kind), -1, dtype=np.int64)
+        at = self.place[mine]
+        found[mine] = data[at] + 256 * data[at + 1].astype(np.int64)
+        return found
 
 
-def _messages(found: ULogContents) -> Iterator[tuple[int, int, int]]:
-    """Type, place and size of each message; what lies between damage and the next sync message is skipped and counted."""
-    data = found.data
-    at, end = HEADER_BYTES, len(data)
-    while at + 3 <= end:
-        size = data[at] + 256 * data[at + 1]
-        if data[at + 2] in KINDS and at + 3 + size <= end:
-            yield data[at + 2], at + 3, size
-            at += 3 + size
-            continue
-        sync = data.find(SYNC, at)
-        if sync < 0:
-            break
-        found.skipped += sync - at
-        at = sync
-    found.skipped += max(end - at, 0)
+def find_in_piece(data: NDArray[np.uint8], *, final: bool) -> tuple[Messages, int]:
+    """Find the messages of a piece that begins at one; returns them and the bytes done with."""
+    most = len(data) // 3 + 1
+    place, kind, size = np.empty(most, np.int64), np.empty(most, np.uint8), np.empty(most, np.int64)
+    count, used, skipped = kernels.find_messages(data, final, _KNOWN, _SYNC, place, kind, size)
+    return Messages(place[:count], kind[:count], size[:count], skipped), used

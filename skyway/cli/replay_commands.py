@@ -68,7 +68,8 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
     opened = open_any(log, columns)
     first, last = _part(opened, begin, end)
     if connect is not None:
-        _serve(opened, connect, control, factor, (first, last))
+        _check_system(opened, system)
+        _serve(opened, connect, control, factor, (first, last), system)
         return
     from link.replay import ReplayOptions
 
@@ -198,11 +199,20 @@ def _check_control(control: int | None, connect: str | None) -> None:
         raise InputError(Fault("port out of range", field="--control", value=control, remedy="0 to 65535"))
 
 
-def _serve(log: Log, connect: str, control: int | None, factor: float, part: tuple[float, float]) -> None:
+def _check_system(log: Log, system: int | None) -> None:
+    known = (*log.summary.systems, *log.summary.others)
+    if system is not None and system not in known:
+        spoke = ", ".join(str(number) for number in known) or "none"
+        raise InputError(Fault("is not in this log", field="--system", value=system, remedy=f"these are: {spoke}"))
+
+
+def _serve(
+    log: Log, connect: str, control: int | None, factor: float, part: tuple[float, float], system: int | None
+) -> None:
     from link.replay_player import Part, Player, packets_of
     from link.replay_server import ControlServer, Output, play
 
-    source = Part(packets_of(log), *part)
+    source = Part(packets_of(log, system), *part)
     output = Output(connect)
     player = Player(source, output.send, speed=factor)
     if factor < 0.0:

@@ -10,6 +10,7 @@ import pytest
 from drone_truth import fly
 from tlog_factory import START_US, Recorder
 
+from link.logs import csv_log, pieces
 from link.logs.assembly import Assembler, Stretch
 from link.logs.csv_log import read_columns
 from link.logs.messages import quantities
@@ -366,3 +367,42 @@ def test_a_ulog_says_what_it_skipped_and_prints_nothing(shared_data, tmp_path, c
     assert summary.skipped_bytes >= 500
     assert summary.messages > 20_000
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize("name", ["erle_copter_auto_20141205.BIN", "flugdrohne_20230621_log66.ulg"])
+def test_the_size_of_the_pieces_a_log_is_read_in_does_not_matter(shared_data, monkeypatch, name):
+    path = shared_data / "logs" / name
+    whole = open_log(path)
+    monkeypatch.setattr(pieces, "PIECE_BYTES", 100_000)
+    small = open_log(path)
+    assert small.summary == whole.summary
+    first, second = (TelemetryTrack.joined(log.tracks()) for log in (whole, small))
+    assert len(list(small.tracks())) > 5
+    assert first.time_s == pytest.approx(second.time_s)
+    assert np.nan_to_num(first.values) == pytest.approx(np.nan_to_num(second.values))
+
+
+@pytest.mark.parametrize("name", ["erle_copter_auto_20141205.BIN", "flugdrohne_20230621_log66.ulg"])
+def test_a_part_from_the_middle_of_any_log_is_that_part_of_the_whole(shared_data, monkeypatch, name):
+    monkeypatch.setattr(pieces, "PIECE_BYTES", 100_000)
+    log = open_log(shared_data / "logs" / name)
+    middle = 0.6 * log.summary.start_s + 0.4 * log.summary.end_s
+    whole = TelemetryTrack.joined(log.tracks()).between(middle, middle + 5.0)
+    part = TelemetryTrack.joined(log.tracks(middle, middle + 5.0))
+    assert part.time_s == pytest.approx(whole.time_s)
+    assert np.nan_to_num(part["roll_rad"]) == pytest.approx(np.nan_to_num(whole["roll_rad"]))
+    assert np.nan_to_num(part["vel_north_mps"]) == pytest.approx(np.nan_to_num(whole["vel_north_mps"]))
+
+
+def test_a_table_is_read_in_pieces_and_an_endless_line_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,soc\n" + "".join(f"{row / 10},{1.0 - row / 1000}\n" for row in range(500)))
+    whole = one_track(path)
+    monkeypatch.setattr(csv_log, "PIECE_ROWS", 37)
+    log = open_log(path)
+    tracks = list(log.tracks())
+    assert len(tracks) > 10
+    assert TelemetryTrack.joined(tracks)["soc"].tolist() == whole["soc"].tolist()
+    path.write_text("time_s,soc\n" + "1" * (csv_log.MAX_LINE + 10))
+    with pytest.raises(InputError, match="longer than"):
+        open_log(path)
