@@ -158,8 +158,8 @@ class Connection:
         self.namesake = False
         self.guest: Guest | None = None
         self._writer = FrameWriter(system, component, signing=signing)
-        self._reader = FrameReader(signing)
         self._routed = transport if isinstance(transport, Routed) else None
+        self._reader = FrameReader(signing, datagrams=self._routed is not None)
         self._beat_s = -math.inf
         self._own: deque[bytes] = deque(maxlen=16)
         self._exchanges: list[Exchange] = []
@@ -208,14 +208,12 @@ class Connection:
 
     def _beat(self, now: float) -> None:
         self._beat_s = now
-        version = 1 if self._only_version_1() else 2
         fields = {"type": _GROUND_STATION, "autopilot": _INVALID_AUTOPILOT, "system_status": 4, "mavlink_version": 3}
-        frame = self._writer.frame("HEARTBEAT", fields, version)
-        self._own.append(frame)
-        self._pass_on(frame, 0)
-
-    def _only_version_1(self) -> bool:
-        return bool(self.peers) and all(peer.version == 1 for peer in self.peers.values())
+        old = any(peer.version == 1 for peer in self.peers.values())
+        for version in (1, 2) if old else (2,):  # who speaks 1 may know 2, and waits to hear it (MAV_PROTO_VER 0)
+            frame = self._writer.frame("HEARTBEAT", fields, version)
+            self._own.append(frame)
+            self._pass_on(frame, 0)
 
     def _take(self, data: bytes) -> None:
         now = self.clock.now_s()

@@ -301,9 +301,12 @@ class FrameReader:
     ----------
     rejected : Rejected
         What was not taken.
+    datagrams : bool
+        Frames never go on in the next bytes: what looks like the beginning of one there does not hold up the next.
     """
 
     signing: Signing | None = None
+    datagrams: bool = False
     rejected: Rejected = field(default_factory=Rejected)
     _rest: bytes = b""
 
@@ -317,17 +320,19 @@ class FrameReader:
             position = _next_magic(data, position)
             size = _frame_size(data, position, end)
             if size is None or position + size > end:
+                if self.datagrams:
+                    position += 1
+                    continue
                 self._rest = data[position : position + _MAX_REST_BYTES]
                 return
             frame = data[position : position + size]
-            taken, message = self._take(frame)
+            whole, taken, message = self._take(frame)
+            position += size if whole else 1
             if taken:
-                position += size
                 yield frame, message
-            else:
-                position += 1
 
-    def _take(self, frame: bytes) -> tuple[bool, Message | None]:
+    def _take(self, frame: bytes) -> tuple[bool, bool, Message | None]:
+        """Whether it is a frame, whether it is believed, and what it says."""
         version = 1 if frame[0] == MAGIC_1 else 2
         if version == 1:
             number, head, tail = frame[5], 6, 0
@@ -337,18 +342,19 @@ class FrameReader:
             sequence, system, component = frame[4], frame[5], frame[6]
             tail = _SIGNATURE_BYTES if frame[2] & _SIGNED else 0
             if frame[2] & ~_SIGNED:
-                return False, None
+                return False, False, None
         kind = kinds().get(number)
         if kind is None:
-            return self.signing is None and version == 2, None
+            taken = self.signing is None and version == 2
+            return taken, taken, None
         body = frame[: len(frame) - tail] if tail else frame
         if mcrf4xx(body[1:-2] + kind.crc_extra) != int.from_bytes(body[-2:], "little"):
             self.rejected.checksum += 1
-            return False, None
+            return False, False, None
         if not self._trusted(number, body, frame[len(body) :]):
-            return False, None
+            return True, False, None
         payload = body[head:-2]
-        return True, Message(kind.name, system, component, unpack(kind, payload), payload, version, sequence)
+        return True, True, Message(kind.name, system, component, unpack(kind, payload), payload, version, sequence)
 
     def _trusted(self, number: int, body: bytes, signature: bytes) -> bool:
         if self.signing is None or number in _UNSIGNED_ALLOWED:

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from link.exchange import Exchange, Steps
     from link.verified import Part
     from missions.comparison import Difference
+    from missions.dialects.wire import WireItem
     from missions.mission import Mission
     from missions.parameters import Parameter
 
@@ -323,6 +324,7 @@ class MavlinkVehicle(Seen):
         self, part: Part, *, current: int = 0, progress: Callable[[str, int, int], None] | None = None
     ) -> UploadOutcome:
         """Upload a mission, a fence or rally points, and read them back."""
+        self._refuse_lists_of_version_1(kind_of(part))
         said = self.peer.said
         job = UploadJob(
             self.peer.target,
@@ -355,22 +357,29 @@ class MavlinkVehicle(Seen):
             self.resume()
         return outcome
 
-    def download(self, kind: MissionKind) -> Part:
-        """Read what it holds, in our numbering."""
+    def _refuse_lists_of_version_1(self, kind: MissionKind) -> None:
+        """MAVLink 1 has no word for other lists: it would take a fence for a mission."""
+        if kind is not MissionKind.MISSION and self.peer.version == 1:
+            raise CommandRefusedError(f"tell or take its {kind.word}", "it speaks MAVLink 1, which knows missions only")
+
+    def _download(self, kind: MissionKind) -> tuple[WireItem, ...]:
+        self._refuse_lists_of_version_1(kind)
         down = self._do(Download(self.peer.target, kind, round_trip=self.peer.round_trip))
         if down.items is None:
             raise VehicleTimeoutError(f"download of its {kind.word}: {down.problem}", 10.0)
-        return decode(down.items, kind, self.family.name)
+        return down.items
+
+    def download(self, kind: MissionKind) -> Part:
+        """Read what it holds, in our numbering."""
+        return decode(self._download(kind), kind, self.family.name)
 
     def verify(self, part: Part) -> tuple[Difference, ...]:
         """Tell how what it holds differs in meaning."""
-        down = self._do(Download(self.peer.target, kind_of(part), round_trip=self.peer.round_trip))
-        if down.items is None:
-            raise VehicleTimeoutError(f"download of its {kind_of(part).word}: {down.problem}", 10.0)
-        return compare(part, down.items, self.family.name)
+        return compare(part, self._download(kind_of(part)), self.family.name)
 
     def clear(self, kind: MissionKind) -> None:
         """Clear one kind, and read back that it is gone."""
+        self._refuse_lists_of_version_1(kind)
         self.expect(kind.word)
         cleared = self._do(Clear(self.peer.target, kind, round_trip=self.peer.round_trip))
         down = self._do(Download(self.peer.target, kind, round_trip=self.peer.round_trip))

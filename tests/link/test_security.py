@@ -165,9 +165,30 @@ def test_a_signed_vehicle_may_change_its_address_and_nobody_else_may():
     assert connection.wait(lambda: connection.peers[1].received == 2, 2.0)
     connection.send("PARAM_REQUEST_LIST", 1)
     moved.settimeout(1.0)
-    assert FrameReader().feed(moved.recv(300))
+    assert [message.name for _, message in FrameReader().feed(moved.recv(300))] == ["PARAM_REQUEST_LIST"]
     liar.settimeout(0.05)
     with pytest.raises(TimeoutError):
         liar.recv(300)
     for one in (first, liar, moved, connection):
         one.close()
+
+
+@pytest.mark.parametrize("datagrams", [False, True])
+def test_a_packet_that_is_not_believed_holds_up_none_after_it(datagrams):
+    """Signatures and payloads hold bytes that look like the beginning of a frame."""
+    writer = FrameWriter(1, 1, signing=Signing(KEY, 10**9))
+    reader = FrameReader(Signing(KEY), datagrams=datagrams)
+    for number in range(300):
+        forger = FrameWriter(1, 1, signing=Signing(number.to_bytes(32, "big"), 10**9))
+        assert list(reader.feed(forger.frame("PARAM_SET", {"param_id": "\xfe\xfd", "param_value": 1e9 + number}))) == []
+        assert len(list(reader.feed(writer.frame("HEARTBEAT", {"custom_mode": 0xFDFE})))) == 1
+    assert reader.rejected.forged == 300
+
+
+def test_a_damaged_datagram_holds_up_none_after_it():
+    reader, writer, luck = FrameReader(datagrams=True), FrameWriter(1, 1), random.Random(3)
+    for _ in range(300):
+        damaged = bytearray(writer.frame("PARAM_SET", {"param_id": "ABCDEFGH", "param_value": luck.random()}))
+        damaged[luck.randrange(10, len(damaged))] ^= luck.randrange(1, 256)
+        list(reader.feed(bytes(damaged) + b"\xfd\xfe"))
+        assert len(list(reader.feed(writer.frame("HEARTBEAT", {})))) == 1

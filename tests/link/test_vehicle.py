@@ -4,7 +4,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from wires import FAMILIES, LAT, LON, Scene, a_mission, bad_radio
+from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, bad_radio
 
 from link.connection import Connection
 from link.frames import FrameWriter
@@ -399,3 +399,59 @@ def test_with_no_vehicle_named_it_is_made_sure_that_there_is_only_one(monkeypatc
     with pytest.raises(InputError, match="one of 1, 7"):
         MavlinkVehicle(scene.connection)
     assert MavlinkVehicle(scene.connection, 7).family.name == "px4"
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_peer_of_version_1_is_commanded_and_read_in_version_1(family):
+    version_1 = (("SERIAL0_PROTOCOL", 1.0),) if family == "ardupilot" else (("MAV_PROTO_VER", 1.0),)
+    sent = set()
+
+    def spoil(number, message, frame, up):
+        if up and message.name != "HEARTBEAT":
+            sent.add(frame[0])
+        return frame
+
+    scene = aboard(family, parameters=version_1, spoil=spoil)
+    craft = scene.craft
+    assert craft.peer.version == 1
+    sent.clear()
+    assert craft.identify().version
+    name = "MPC_XY_CRUISE" if family == "px4" else "WPNAV_SPEED"
+    assert craft.set_parameter(name, 7.0).value == 7.0
+    assert craft.upload(a_mission(5)).verified
+    craft.start(patience_s=60.0)
+    scene.connection.wait(lambda: craft.live.latest("height_m") > 10.0, 60.0)
+    craft.go_to(LAT, LON, 20.0)
+    craft.land()
+    assert scene.connection.wait(lambda: not craft.armed, 200.0)
+    assert sent == {0xFE}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_peer_of_version_1_never_takes_a_fence_for_a_mission(family):
+    version_1 = (("SERIAL0_PROTOCOL", 1.0),) if family == "ardupilot" else (("MAV_PROTO_VER", 1.0),)
+    scene = Scene(family, parameters=version_1)
+    craft = MavlinkVehicle(scene.connection)
+    craft.upload(a_mission(5))
+    before = scene.stored()
+    for order in (
+        lambda: craft.upload(a_fence()),
+        lambda: craft.clear(MissionKind.RALLY),
+        lambda: craft.verify(a_fence()),
+    ):
+        with pytest.raises(CommandRefusedError, match="MAVLink 1, which knows missions only"):
+            order()
+    assert scene.stored() == before
+
+
+def test_px4_that_waits_to_hear_version_2_gets_to_hear_it():
+    """MAV_PROTO_VER 0, as boards have it: MAVLink 1 until the station speaks 2."""
+    scene = Scene("px4", parameters=(("MAV_PROTO_VER", 0.0),))
+    begun = []
+    scene.link.spoil = lambda _n, m, frame, up: b"" if up and not begun else frame
+    scene.connection.run_for(3.0)
+    assert scene.connection.peers[1].version == 1
+    begun.append(True)
+    scene.connection.run_for(3.0)
+    assert scene.connection.peers[1].version == 2
+    assert MavlinkVehicle(scene.connection).upload(a_fence()).verified
