@@ -124,7 +124,7 @@ def expected_path(start_s: float, step_s: float, wait_s: ArrayLike) -> QueuePath
     delay[0], delay[1:-1], delay[-1] = wait[0], 0.5 * (wait[1:] + wait[:-1]), wait[-1]
     pad = np.full(len(delay), -math.inf)
     pad[1:] = np.maximum.accumulate(arrival + delay[:-1])
-    return QueuePath(arrival, pad, np.full(len(pad), -math.inf), delay)
+    return QueuePath(np.asarray(arrival, dtype=np.float64), pad, np.full(len(pad), -math.inf), delay)
 
 
 def sample_path(

@@ -1,28 +1,32 @@
-"""Exact composition for one wind and one queue: label setting on whole charge profiles.
+"""Exact composition for one wind and one queue: label setting on whole charge profiles, guided by a relaxation.
 
-Labels are stays (`planner.stays`): at one station, the charge the drone can leave with as a function of time. Labels
-are continued in the order of their bounds, as in A*; one that another label of the same station covers (its charge is
-nowhere higher at any time) is dropped: whatever the drone does from it, from the other one it can do at the same time
-with no less charge, and arriving earlier or with more charge is never worse, for flights and queues are first in,
-first out and the drone may always stay. The search ends when no bound is below the best arrival found. Without an
-answer by then there is none. Literature: Baum et al. 2019 (charging function propagation), Froger et al. 2019.
+Labels are stays (`planner.stays`): at one station, the charge the drone can leave with as a function of time. One that
+another label of the same station covers (its charge is nowhere higher at any time) is dropped: whatever the drone does
+from it, from the other one it can do at the same time with no less charge, and arriving earlier or with more charge is
+never worse, for flights and queues are first in, first out and the drone may always stay.
+
+The relaxation (`planner.relaxation`) gives a lower bound of the arrival and, for a deadline, the least charge with which
+each station must be left in each cell of time. A label that nowhere has it is dropped. Deadlines begin just above the
+lower bound: a search that ends with a composition has proved it the best, one that ends without has proved that no
+arrival is earlier, and the next deadline is later. Literature: Baum et al. 2019 (charging function propagation), Froger
+et al. 2019, and for bounds on a grid of states, dynamic programming with state-space relaxation (Christofides et al. 1981).
 """
 
 from __future__ import annotations
 
-import heapq
 import math
-from dataclasses import dataclass
+import time
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import NoRouteError
+from planner.label_search import Round
 from planner.no_route import no_route
 from planner.outlook import Outlook
-from planner.pfs import ForwardSearch
-from planner.profile_kernels import covers, upper_profile
-from planner.stays import Stay, Stays
+from planner.relaxation import Start, cells_for, longest_cell_s, run_backward, run_forward
+from planner.stays import Stays, costs_of, needed_at_destination
+from planner.terrain import narrowed, places, terrain
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,48 +34,17 @@ if TYPE_CHECKING:
     from models.queue_paths import QueuePath
     from planner.itinerary import Itinerary
     from planner.problem import Problem
+    from planner.relaxation import Guide
+    from planner.terrain import Terrain
 
-GAIN_S = 1e-6
-"""Compositions that are not better by this much are not looked for."""
-FIRST_HORIZON = 2.0
-"""Without a first answer, arrivals up to this multiple of the least delivery time are looked for first."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Label:
-    stay: Stay
-    parent: _Label | None
-
-    def chain(self) -> list[Stay]:
-        """Stays from the origin to here."""
-        label: _Label | None = self
-        stays: list[Stay] = []
-        while label is not None:
-            stays.append(label.stay)
-            label = label.parent
-        return stays[::-1]
-
-
-@dataclass(frozen=True, eq=False)
-class _Envelope:
-    """The best of all settled stays of a station, at each time."""
-
-    z: NDArray[np.float64]
-    h: NDArray[np.float64]
-    g: NDArray[np.float64]
-
-    def covers_parts(self, stay: Stay) -> bool:
-        """Tell whether neither the potential nor the landed charge of a stay is anywhere higher."""
-        if len(stay.z) and (not len(self.z) or not covers(self.z[:, :2], stay.z[:, :2], 0.0)):
-            return False
-        return bool(covers(self.h[:, :2], stay.h[:, :2], 0.0))
-
-
-def _upper(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Upper envelope of two profiles either of which may be empty."""
-    if not len(a) or not len(b):
-        return b if len(b) else a
-    return upper_profile(a, b)
+FIRST_GUESS = 2.4
+"""The first deadline, as a multiple of what the straight way would take."""
+AFTER = (0.06, 0.2, 0.6, math.inf)
+"""How far beyond the lower bound deadlines go before the next larger part of the network is laid out, as shares of it."""
+SHARES = (0.01, 0.03, math.inf)
+"""The same within one part of the network; a search with a time limit tries the last one only."""
+COARSE_CELLS, FINE_CELLS = 320, 1500
+"""Cells that the time up to the deadline is cut into, about; fewer where they would be shorter than a few seconds."""
 
 
 class ExactSearch:
@@ -83,17 +56,27 @@ class ExactSearch:
         Flights are in the wind of the first member of its ensemble, the truth.
     queues : mapping of int to QueuePath
         The true queue at each station with pads.
-    speeds, margin_soc_per_s
-        See `Stays`.
+    speeds : ndarray, shape (slots, segments), optional
+        Ground speeds to fly with instead, m/s, 0 where a segment is closed.
+    margin_soc_per_s : float
+        A landing after T seconds in the air keeps the reserve and this much times T; so does the flight on from a
+        destination without pads.
     stops : ndarray of bool, shape (nodes,), optional
-        Stations that may be landed at on the way; all with pads by default.
+        Where the drone may land on its way; all stations with pads by default.
+    time_limit_s : float
+        As soon as there is an answer after this time, it is given, with `lower_bound_s`; `complete` is False then unless
+        it is proved the best.
 
     Attributes
     ----------
     looked_at : int
         Labels continued so far.
     complete : bool
-        Always true: the search ends with a proof.
+        Whether the search ended with a proof.
+    best_s : float
+        Arrival of the best composition found, POSIX seconds.
+    lower_bound_s : float
+        No composition arrives earlier, POSIX seconds.
     """
 
     def __init__(
@@ -104,21 +87,29 @@ class ExactSearch:
         speeds: NDArray[np.float64] | None = None,
         margin_soc_per_s: float = 0.0,
         stops: NDArray[np.bool_] | None = None,
+        time_limit_s: float = math.inf,
     ) -> None:
         self.problem = problem
+        self.queues = queues
+        self.looked_at = 0
+        self.complete = True
+        self.best_s = math.inf
+        self.lower_bound_s = problem.depart_s
+        self._speeds = speeds
+        self._margin = margin_soc_per_s
         self._stops = problem.network.pads > 0
         if stops is not None:
             self._stops &= stops
-        self.looked_at = 0
-        self.complete = True
-        self._stays = Stays(problem, queues, speeds=speeds, margin_soc_per_s=margin_soc_per_s)
-        self._best: tuple[list[Stay], float] | None = None
-        self._settled: dict[int, _Envelope] = {}
+        self._costs = costs_of(problem, margin_soc_per_s)
+        self._time_limit_s = time_limit_s
+        self._stop_at = math.inf
+        self._answer: Itinerary | None = None
 
     @property
-    def best_s(self) -> float:
-        """Arrival of the best composition found, POSIX seconds."""
-        return self._stays.best_s
+    def gap(self) -> float:
+        """How much longer the best composition found takes than the lower bound, as a share of the latter."""
+        least = self.lower_bound_s - self.problem.depart_s
+        return max(self.best_s - self.lower_bound_s, 0.0) / least if least > 0.0 else math.inf
 
     def solve(self) -> Itinerary:
         """Search.
@@ -128,92 +119,122 @@ class ExactSearch:
         NoRouteError
             There is none.
         """
-        origin = self._stays.origin()
-        least = self._stays.bound_s(origin) - self.problem.depart_s
-        if math.isfinite(least):
-            self._first_answer(origin)
-            self._widening_search(origin, least)
-        if self._best is None:
-            raise no_route(self.problem, Outlook(self.problem))
-        return self._stays.trace(*self._best)
-
-    def _first_answer(self, origin: Stay) -> None:
-        """Charge optimally along the route that the forward search takes: a first bound."""
         p = self.problem
-        try:
-            itinerary = ForwardSearch(p.with_free_pads(), charge_aware=True).solve()
-        except NoRouteError:
-            return
-        stay, chain = origin, [origin]
-        for hop in itinerary:
-            node = int(p.network.head[hop.segments[-1]])
-            useful = np.zeros(len(p.network), dtype=np.bool_)
-            useful[[int(p.network.head[segment]) for segment in hop.segments]] = True
-            horizon = stay.begin_s + 4.0 * p.drone.recharge_full_s
-            pieces_of = self._stays.pieces_from(stay, useful, until_s=horizon)
-            if node == p.destination:
-                self._keep(chain, *self._stays.arrive(stay, pieces_of(node)))
-                return
-            if not self._stops[node]:
-                return
-            landed = self._stays.land(stay, np.array([node]), pieces_of)
-            if not landed:
-                return
-            stay = landed[0][1]
-            chain.append(stay)
+        self._stop_at = time.perf_counter() + self._time_limit_s
+        self._place_m = places(p.network)
+        until = p.depart_s + FIRST_GUESS * (self._straight_s() - p.depart_s) + 600.0
+        while self._answer is None:
+            until = min(until, self._latest_s)
+            self._search_until(until)
+            if self._answer is None and until >= self._latest_s:
+                raise no_route(p, Outlook(p))
+            until = p.depart_s + 1.6 * (until - p.depart_s)
+        return self._answer
 
-    def _keep(self, chain: list[Stay], arrive_s: float, leave_s: float) -> None:
-        if arrive_s < self._stays.best_s - GAIN_S:
-            self._stays.best_s = arrive_s
-            self._best = (chain, leave_s)
+    @property
+    def _slots(self) -> int:
+        return self.problem.air.north.shape[1] if self._speeds is None else len(self._speeds)
 
-    def _widening_search(self, origin: Stay, least_s: float) -> None:
-        """Search up to the best arrival known; without one, up to ever later arrivals until the horizon."""
+    @property
+    def _latest_s(self) -> float:
+        """No flight that takes off within the horizon lands after this."""
         p = self.problem
-        horizon_s = p.air.start_s + p.air.slot_s * p.air.north.shape[1]
-        until = p.depart_s + FIRST_HORIZON * least_s
-        while self._best is None and until < horizon_s:
-            self._stays.best_s = until
-            self._search(origin)
-            until = p.depart_s + 2.0 * (until - p.depart_s)
-        if self._best is None:
-            self._stays.best_s = math.inf
-        self._search(origin)
+        longest = (max(1.0, p.soc) - p.reserve - p.soc_fixed) / p.soc_per_s
+        return p.air.start_s + self._slots * p.air.slot_s + longest
 
-    def _settle(self, node: int, stay: Stay) -> bool:
-        """Add a stay to what is known of its station; false where that covers it already."""
-        known = self._settled.get(node)
-        if known is None:
-            self._settled[node] = _Envelope(stay.z, stay.h, stay.g)
-            return True
-        # Potential and landed charge are cheap to compare and settle most; the charge to leave with decides.
-        if known.covers_parts(stay) or covers(known.g, stay.g, 0.0):
-            return False
-        self._settled[node] = _Envelope(
-            _upper(known.z, stay.z), upper_profile(known.h, stay.h), upper_profile(known.g, stay.g)
+    def _fastest_mps(self, slots: tuple[int, int]) -> float:
+        """Ground speed that no flight exceeds in some slots."""
+        air = self.problem.air
+        if self._speeds is not None:
+            return max(float(self._speeds[slots[0] : slots[1] + 1].max()), 1.0)
+        wind = np.hypot(air.north[0, slots[0] : slots[1] + 1], air.east[0, slots[0] : slots[1] + 1])
+        return min(air.max_ground_speed_mps, air.airspeed_mps + min(float(wind.max()), air.wind_limit_mps))
+
+    def _straight_s(self) -> float:
+        """Arrival that nothing beats: straight at the greatest speed, charged as fast as can be."""
+        p, costs = self.problem, self._costs
+        way = float(np.linalg.norm(self._place_m[p.origin] - self._place_m[p.destination])) * 0.995
+        flight = way / self._fastest_mps((0, min(12, self._slots) - 1)) + costs.landing_s
+        charge = flight * costs.soc_per_s + min(costs.soc_fixed, 0.0)
+        charged = (costs.reserve + charge - p.soc) / costs.rate_per_s
+        return p.depart_s + flight + max(charged, 0.0)
+
+    def _layout(self, until_s: float) -> Terrain:
+        """Lay out all nodes that can lie on a way with an arrival until some time."""
+        p, air, costs = self.problem, self.problem.air, self._costs
+        first, last = (
+            min(max(int((t + 1e-6 - air.start_s) // air.slot_s), 0), self._slots - 1) for t in (p.depart_s, until_s)
         )
-        return True
+        last = min(last + 1, self._slots - 1)
+        place = self._place_m
+        way = sum(np.sqrt(((place - place[end]) ** 2).sum(axis=1)) for end in (p.origin, p.destination))
+        flight = way * 0.995 / self._fastest_mps((first, last)) + costs.landing_s
+        span = until_s - p.depart_s
+        charged = (costs.reserve + flight * costs.soc_per_s + min(costs.soc_fixed, 0.0) - p.soc) / costs.rate_per_s
+        keep = (flight <= span) & (flight + charged <= span)
+        keep[[p.origin, p.destination]] = True
+        laid = terrain(p, self.queues, self._speeds, place, np.flatnonzero(keep), (first, last))
+        return replace(laid, has_pads=self._stops[laid.nodes])
 
-    def _search(self, origin: Stay) -> None:
-        stays = self._stays
-        self._settled = {}
-        heap = [(stays.bound_s(origin), 0, _Label(origin, None))]
-        count = 0
-        while heap:
-            bound, _, label = heapq.heappop(heap)
-            if bound >= stays.best_s - GAIN_S:
+    def _start(self) -> Start:
+        p = self.problem
+        on_pad = p.has_pads(p.origin) and not p.in_flight
+        pad = float(self.queues[p.origin].pad_time(p.depart_s)) if on_pad else math.inf
+        return Start(p.depart_s, p.soc, pad, p.in_flight)
+
+    def _search_until(self, until_s: float) -> None:
+        """Search for arrivals until some time; without one there is none."""
+        whole, costs, start = self._layout(until_s), self._costs, self._start()
+        needed = needed_at_destination(self.problem, self._speeds, self._margin, until_s)
+        span = until_s - start.time_s
+        step = min(max(span / COARSE_CELLS, 10.0), longest_cell_s(whole, costs))
+        cells = cells_for(whole, start, step, until_s)
+        for after in AFTER:
+            forward = run_forward(whole, costs, start, cells, needed, until_s, after=after)
+            if math.isinf(forward.arrive_s):
+                break
+            self.lower_bound_s = max(self.lower_bound_s, forward.arrive_s)
+            end = forward.cells.over_s + forward.cells.length * forward.cells.step_s + whole.table.descent_s
+            deadline = min(until_s, end)
+            guide = run_backward(whole, costs, forward, needed, deadline)
+            self._refine(whole, guide, start, needed, deadline)
+            if self._answer is not None or deadline >= until_s:
                 return
-            node = label.stay.node
-            if not self._settle(node, label.stay):
-                continue
-            self.looked_at += 1
-            useful = stays.useful_from(label.stay)
-            pieces_of = stays.pieces_from(label.stay, useful)
-            destination = self.problem.destination
-            if useful[destination]:
-                self._keep(label.chain(), *stays.arrive(label.stay, pieces_of(destination)))
-            useful[[destination, node]] = False
-            for bound, after in stays.land(label.stay, np.flatnonzero(useful & self._stops), pieces_of):
-                if bound < stays.best_s - GAIN_S:
-                    count += 1
-                    heapq.heappush(heap, (bound, count, _Label(after, label)))
+        self.lower_bound_s = max(self.lower_bound_s, until_s)
+
+    def _refine(
+        self, whole: Terrain, guide: Guide, start: Start, needed: NDArray[np.float64], deadline_s: float
+    ) -> None:
+        """Search where a guide leaves anything to be found, with finer cells and earlier deadlines first."""
+        keep = guide.used.copy()
+        keep[[whole.origin, whole.destination]] = True
+        part = narrowed(whole, keep)
+        span = deadline_s - start.time_s
+        coarse = guide.cells
+        ratio = max(int(coarse.step_s / max(span / FINE_CELLS, 2.0)), 1)
+        cells = coarse._replace(step_s=coarse.step_s / ratio, length=coarse.length * ratio)
+        mask = np.ascontiguousarray(guide.over[:, keep])
+        mask[0, part.origin] = True
+        forward = run_forward(
+            part, self._costs, start, cells, needed, deadline_s, after=math.inf, allowed=(mask, ratio)
+        )
+        least = forward.arrive_s
+        if math.isinf(least):
+            self.lower_bound_s = max(self.lower_bound_s, deadline_s)
+            return
+        self.lower_bound_s = max(self.lower_bound_s, least)
+        for share in SHARES if math.isinf(self._time_limit_s) else SHARES[-1:]:
+            until = min(least + share * (least - start.time_s) + 2.0 * cells.step_s, deadline_s)
+            stays = Stays(self.problem, self.queues, part, needed, margin_soc_per_s=self._margin)
+            stays.best_s = until
+            narrow = run_backward(part, self._costs, forward, needed, until)
+            one = Round(stays, narrow, forward, needed, self._stop_at)
+            one.run()
+            self.looked_at += one.looked_at
+            if one.best is not None:
+                self.complete, self.best_s = one.complete, stays.best_s
+                self._answer = stays.trace(*one.best)
+            if one.complete:
+                self.lower_bound_s = max(self.lower_bound_s, stays.best_s)
+            if one.best is not None or until >= deadline_s:
+                return

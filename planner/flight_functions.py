@@ -291,6 +291,30 @@ def arrival_functions(
 
 
 @compiled
+def flights_from(
+    table: FlightTable, source: int, slots: tuple[int, int], limit_s: float, useful: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Give the arrival functions for take-offs from the first to the last of some slots; see `arrival_functions`."""
+    nodes = len(table.first) - 1
+    total = np.zeros(nodes + 1, dtype=np.int64)
+    found = [arrival_functions(table, source, slots[0], limit_s, useful)]
+    for slot in range(slots[0] + 1, slots[1] + 1):
+        found.append(arrival_functions(table, source, slot, limit_s, useful))  # noqa: PERF401  compiled
+    if len(found) == 1:
+        return found[0]
+    for offset, _ in found:
+        total += offset
+    out = np.empty((total[-1], 4))
+    place = total[:-1].copy()
+    for offset, pieces in found:
+        for node in range(nodes):
+            for k in range(offset[node], offset[node + 1]):
+                out[place[node]] = pieces[k]
+                place[node] += 1
+    return total, out
+
+
+@compiled
 def _pack(
     nodes: int, pieces: list[NDArray[np.float64]], owner: list[NDArray[np.int64]]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

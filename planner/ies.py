@@ -16,7 +16,8 @@ import numpy as np
 
 from planner.no_route import no_route
 from planner.outlook import Outlook
-from planner.stays import Stay, Stays
+from planner.stays import Stay, Stays, needed_at_destination
+from planner.terrain import whole_terrain
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -69,7 +70,8 @@ class ExhaustiveSearch:
         self.progress = progress
         self.complete = True
         self.looked_at = 0
-        self._stays = Stays(problem, queues, single_segments=single_segments)
+        needed = needed_at_destination(problem, None, 0.0, math.inf)
+        self._stays = Stays(problem, queues, whole_terrain(problem, queues), needed, single_segments=single_segments)
         self._best: tuple[list[Stay], float] | None = None
         self._deadline = math.inf
         self._last_progress = 0.0

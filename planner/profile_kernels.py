@@ -307,8 +307,15 @@ def _clip(
         p0 = d0 / (d0 - d1)
     elif d1 < 0.0:
         p1 = d0 / (d0 - d1)
-    out[count, 0], out[count, 1], out[count, 2] = a0 + p0 * (a1 - a0), s0 + p0 * (s1 - s0), t0 + p0 * (t1 - t0)
-    out[count, 3], out[count, 4], out[count, 5] = a0 + p1 * (a1 - a0), s0 + p1 * (s1 - s0), t0 + p1 * (t1 - t0)
+    da, ds, dt = a1 - a0, s1 - s0, t1 - t0
+    return _put(out, count, a0 + p0 * da, s0 + p0 * ds, t0 + p0 * dt, a0 + p1 * da, s0 + p1 * ds, t0 + p1 * dt)
+
+
+@compiled
+def _put(out: NDArray[np.float64], count: int, a0: float, s0: float, t0: float, a1: float, s1: float, t1: float) -> int:
+    """Add a linear piece; returns the new count."""
+    out[count, 0], out[count, 1], out[count, 2] = a0, s0, t0
+    out[count, 3], out[count, 4], out[count, 5] = a1, s1, t1
     return count + 1
 
 
@@ -386,9 +393,7 @@ def stop_profile(
                 d0, d1 = d0 + q0 * (d1 - d0), d0 + q1 * (d1 - d0)
                 if lands >= len(landed) - 2:
                     landed = np.concatenate((landed, np.empty_like(landed)))
-                landed[lands, 0], landed[lands, 1], landed[lands, 2] = b0, e0, d0
-                landed[lands, 3], landed[lands, 4], landed[lands, 5] = b1, e1, d1
-                lands += 1
+                lands = _put(landed, lands, b0, e0, d0, b1, e1, d1)
                 if pads >= len(on_pad) - len(curve_s) - 4:
                     on_pad = np.concatenate((on_pad, np.empty_like(on_pad)))
                 pads = _onto_pad(on_pad, pads, w0, e0, d0, w1, e1, d1, curve_s, curve_soc)
@@ -431,9 +436,7 @@ def _onto_pad(
         p0, p1 = w0 + last * (w1 - w0), w0 + part * (w1 - w0)
         u0 = interpolate(s0 + last * (s1 - s0), curve_soc, curve_s)
         u1 = interpolate(s0 + part * (s1 - s0), curve_soc, curve_s)
-        out[count, 0], out[count, 1], out[count, 2] = p0, u0 - p0, t0 + last * (t1 - t0)
-        out[count, 3], out[count, 4], out[count, 5] = p1, u1 - p1, t0 + part * (t1 - t0)
-        count += 1
+        count = _put(out, count, p0, u0 - p0, t0 + last * (t1 - t0), p1, u1 - p1, t0 + part * (t1 - t0))
         if part >= 1.0:
             break
         last = part

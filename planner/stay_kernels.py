@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from models.compiled import compiled
-from planner.profile_kernels import fly_profile, stop_profile
+from planner.profile_kernels import departure_profile, fly_profile, stop_profile
+from planner.relaxation_kernels import Cells, slack
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,6 +47,33 @@ class Costs(NamedTuple):
     reserve: float
     rate_per_s: float
     landing_s: float
+
+
+@compiled
+def land_at(
+    g: NDArray[np.float64], flights: NDArray[np.float64], node: int, grounds: Grounds, costs: Costs, best_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Fly from a stay to a station and put the drone on its pads: profiles z and h there, empty where it cannot."""
+    needed = np.array([[g[0, 0], costs.reserve]])
+    flown, size = fly_profile(g, flights, costs.soc_per_s, costs.soc_fixed, costs.margin_soc_per_s, needed, best_s)
+    if size == 0:
+        return np.empty((0, 3)), np.empty((0, 3))
+    low, high = grounds.queue_offset[node], grounds.queue_offset[node + 1]
+    kind = grounds.curve_of[node]
+    last = grounds.curve_points[kind]
+    return stop_profile(
+        flown,
+        size,
+        costs.soc_per_s,
+        costs.margin_soc_per_s,
+        costs.reserve,
+        grounds.arrival_s[low + 1 : high],
+        grounds.pad_s[low:high],
+        grounds.land_s[low:high],
+        grounds.delay_s[low:high],
+        grounds.curve_s[kind, :last],
+        grounds.curve_soc[kind, :last],
+    )
 
 
 @compiled
@@ -91,37 +119,10 @@ def land_everywhere(
     bounds = np.empty(len(targets))
     offset = np.zeros(2 * len(targets) + 1, dtype=np.int64)
     points = np.empty((16 * len(targets) + 64, 3))
-    needed = np.array([[g[0, 0], costs.reserve]])
     count = 0
     for i in range(len(targets)):
         node = targets[i]
-        flown, size = fly_profile(
-            g,
-            pieces[piece_offset[i] : piece_offset[i + 1]],
-            costs.soc_per_s,
-            costs.soc_fixed,
-            costs.margin_soc_per_s,
-            needed,
-            best_s,
-        )
-        if size == 0:
-            continue
-        low, high = grounds.queue_offset[node], grounds.queue_offset[node + 1]
-        kind = grounds.curve_of[node]
-        last = grounds.curve_points[kind]
-        z, h = stop_profile(
-            flown,
-            size,
-            costs.soc_per_s,
-            costs.margin_soc_per_s,
-            costs.reserve,
-            grounds.arrival_s[low + 1 : high],
-            grounds.pad_s[low:high],
-            grounds.land_s[low:high],
-            grounds.delay_s[low:high],
-            grounds.curve_s[kind, :last],
-            grounds.curve_soc[kind, :last],
-        )
+        z, h = land_at(g, pieces[piece_offset[i] : piece_offset[i + 1]], node, grounds, costs, best_s)
         if len(h) == 0:
             continue
         bound = stay_bound(z, h, least_s[node], costs)
@@ -151,3 +152,51 @@ def stay_bound(z: NDArray[np.float64], h: NDArray[np.float64], least_s: float, c
     taken = flight * costs.soc_per_s + min(costs.soc_fixed, 0.0)
     by_charge = costs.reserve / costs.rate_per_s + flight + taken / costs.rate_per_s - potential
     return max(h[0, 0] + flight, by_charge)
+
+
+@compiled
+def stays_after(
+    g: NDArray[np.float64],
+    targets: NDArray[np.int64],
+    piece_offset: NDArray[np.int64],
+    pieces: NDArray[np.float64],
+    grounds: Grounds,
+    costs: Costs,
+    best_s: float,
+    cells: Cells,
+    climb_s: float,
+    window: NDArray[np.int64],
+    least_leave: NDArray[np.float64],
+) -> list[tuple[int, float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
+    """Fly from a stay to each target and keep what can still be on time.
+
+    Parameters
+    ----------
+    g, targets, grounds, costs, best_s
+        As for `land_everywhere`.
+    piece_offset, pieces : ndarray
+        Arrival functions: those of node j are ``pieces[piece_offset[j] : piece_offset[j + 1]]``.
+    cells, climb_s, window, least_leave
+        See `planner.relaxation.Guide`.
+
+    Returns
+    -------
+    list of (node, slack, z, h, g)
+        See `planner.relaxation_kernels.slack`.
+    """
+    found = [(0, 0.0, np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 2)))]
+    for node in targets:
+        flights = pieces[piece_offset[node] : piece_offset[node + 1]]
+        if len(flights) == 0:
+            continue
+        z, h = land_at(g, flights, node, grounds, costs, best_s)
+        if len(h) == 0:
+            continue
+        kind = grounds.curve_of[node]
+        last = grounds.curve_points[kind]
+        curve_s, curve_soc = grounds.curve_s[kind, :last], grounds.curve_soc[kind, :last]
+        off = departure_profile(z, h, curve_s, curve_soc)
+        spare = slack(off, node, cells, climb_s, (window[node, 0], window[node, 1]), least_leave, curve_s, curve_soc)
+        if spare >= 0.0:
+            found.append((node, spare, z, h, off))
+    return found[1:]

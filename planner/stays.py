@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models.queue_paths import no_queue, pack
 from planner.flight_functions import arrival_functions
 from planner.flight_table import FlightTable, escape_costs, ground_speeds, table_land, table_slot
 from planner.itinerary import Hop
 from planner.profile_kernels import departure_profile, fly_profile, profile_at
-from planner.stay_kernels import Costs, Grounds, land_everywhere, stay_bound
+from planner.stay_kernels import Costs, land_everywhere, stay_bound
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -30,11 +29,12 @@ if TYPE_CHECKING:
     from models.queue_paths import QueuePath
     from planner.itinerary import Itinerary
     from planner.problem import Problem
+    from planner.terrain import Terrain
 
 
 @dataclass(frozen=True, eq=False)
 class Stay:
-    """A stop and its profiles; see `planner.profile_kernels`."""
+    """A stop and its profiles; see `planner.profile_kernels`. Its node is that of the terrain."""
 
     node: int
     z: NDArray[np.float64]
@@ -52,20 +52,74 @@ class Stay:
         return float(self.h[0, 0])
 
 
+def costs_of(problem: Problem, margin_soc_per_s: float) -> Costs:
+    """Gather what flights cost and how fast charging can be at best."""
+    rate = max(float(np.max(np.diff(soc) / np.diff(t))) for t, soc in problem.curves)
+    landing = problem.air.climb_s + problem.air.descent_s
+    return Costs(
+        float(problem.soc_per_s),
+        float(problem.soc_fixed),
+        float(margin_soc_per_s),
+        float(problem.reserve),
+        rate,
+        float(landing),
+    )
+
+
+def needed_at_destination(
+    problem: Problem, speeds: NDArray[np.float64] | None, margin_soc_per_s: float, until_s: float
+) -> NDArray[np.float64]:
+    """Least charge on touch-down at the destination, by time: the reserve, and the way on where it has no pads.
+
+    Parameters
+    ----------
+    problem, speeds, margin_soc_per_s
+        See `Stays`.
+    until_s : float
+        Later touch-downs do not matter.
+
+    Returns
+    -------
+    ndarray, shape (points, 2)
+        Time and SoC, linear between points and constant after the last.
+    """
+    p, out = problem, problem.escapes
+    if not p.needs_escape:
+        return np.array([[p.depart_s, p.reserve]])
+    rows = np.arange(p.air.north.shape[1]) if speeds is None else np.arange(len(speeds))
+    speed = ground_speeds(p.air, 0, rows, out) if speeds is None else speeds[:, out]
+    none = np.zeros(1, dtype=np.int64)
+    table = FlightTable(
+        p.air.start_s, p.air.slot_s, p.air.climb_s, p.air.descent_s, none, none, p.air.distance_m[out], speed
+    )
+    ends = table.start_s + table.slot_s * np.arange(1, len(speed) + 1)
+    with np.errstate(divide="ignore"):
+        over = table.distance_m / speed + table.climb_s
+    # Between these times the cost is linear, but for where the best of several segments changes.
+    kinks = [ends - table.climb_s, *(ends - over.T), *(ends - over.T - table.descent_s)]
+    last = min(float(ends[-1]), until_s)
+    times = np.unique(np.concatenate((np.arange(p.depart_s, last + 60.0, 60.0), ends, ends - 1e-3, *kinks)))
+    times = times[(times >= p.depart_s) & (times <= last + 60.0)]
+    per_s, fixed = p.empty_cost
+    cost = escape_costs(table, np.arange(len(out)), per_s + margin_soc_per_s, fixed, times)
+    return np.column_stack((times, p.reserve + np.minimum(cost, 2.0)))
+
+
 class Stays:
     """Makes and continues stays.
 
     Parameters
     ----------
     problem : Problem
-        Flights are in the wind of the first member of its ensemble, the truth.
+        The delivery.
     queues : mapping of int to QueuePath
         The true queue at each station with pads.
-    speeds : ndarray, shape (slots, segments), optional
-        Ground speeds to fly with instead, m/s, 0 where a segment is closed.
+    terrain : Terrain
+        Where and in which wind flights are looked at.
+    needed : ndarray, shape (points, 2)
+        See `needed_at_destination`.
     margin_soc_per_s : float
-        A landing after T seconds in the air keeps the reserve and this much times T; so does the flight on from a
-        destination without pads.
+        A landing after T seconds in the air keeps the reserve and this much times T.
     single_segments : bool
         Land at the end of every segment, as the forward searches do, instead of overflying stations.
 
@@ -79,48 +133,32 @@ class Stays:
         self,
         problem: Problem,
         queues: dict[int, QueuePath],
+        terrain: Terrain,
+        needed: NDArray[np.float64],
         *,
-        speeds: NDArray[np.float64] | None = None,
         margin_soc_per_s: float = 0.0,
         single_segments: bool = False,
     ) -> None:
         self.problem = problem
-        self.margin_soc_per_s = margin_soc_per_s
-        self._given_speeds = speeds
         self.queues = queues
+        self.terrain = terrain
+        self.table = terrain.table
         self.single_segments = single_segments
         self.best_s = math.inf
+        self.costs = costs_of(problem, margin_soc_per_s)
+        self._needed = needed
         self._flights: dict[tuple[int, int], tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._least: dict[tuple[int, int], NDArray[np.float64]] = {}
         self._useful: dict[tuple[int, int], NDArray[np.bool_]] = {}
-        self._rate = max(float(np.max(np.diff(soc) / np.diff(t))) for t, soc in problem.curves)
-
-    @cached_property
-    def table(self) -> FlightTable:
-        """The network and its ground speeds."""
-        air, network = self.problem.air, self.problem.network
-        speeds = self._given_speeds
-        if speeds is None:
-            speeds = ground_speeds(air, 0, np.arange(air.north.shape[1]), np.arange(len(network.head)))
-        return FlightTable(
-            air.start_s,
-            air.slot_s,
-            air.climb_s,
-            air.descent_s,
-            network.first,
-            network.head,
-            air.distance_m,
-            np.ascontiguousarray(speeds, dtype=np.float64),
-        )
 
     def least_s(self, time_s: float) -> NDArray[np.float64]:
         """Least cruise time from each node to the destination, shape (nodes,).
 
         Each segment is taken at its best wind of any slot from a time on until `best_s`.
         """
-        air, network = self.problem.air, self.problem.network
-        first = int(table_slot(self.table, time_s))
-        last = int(table_slot(self.table, self.best_s)) if math.isfinite(self.best_s) else len(self.table.speed_mps) - 1
+        table = self.table
+        first = int(table_slot(table, time_s))
+        last = int(table_slot(table, self.best_s)) if math.isfinite(self.best_s) else len(table.speed_mps) - 1
         key = (first, max(first, last))
         if key not in self._least:
             from scipy.sparse import csr_array  # imported late: 0.2 s
@@ -128,32 +166,14 @@ class Stays:
 
             shortest: Any = dijkstra
 
-            speed = self.table.speed_mps[first : key[1] + 1].max(axis=0)
+            speed = table.speed_mps[first : key[1] + 1].max(axis=0)
             open_now = speed > 0.0
-            time = air.distance_m[open_now] / speed[open_now]
-            size = len(network)
-            backwards: Any = csr_array((time, (network.head[open_now], network.tail[open_now])), shape=(size, size))
-            self._least[key] = np.asarray(shortest(backwards, indices=self.problem.destination))
+            time = table.distance_m[open_now] / speed[open_now]
+            size = len(table.first) - 1
+            tail = np.repeat(np.arange(size), np.diff(table.first))
+            backwards: Any = csr_array((time, (table.head[open_now], tail[open_now])), shape=(size, size))
+            self._least[key] = np.asarray(shortest(backwards, indices=self.terrain.destination))
         return self._least[key]
-
-    @cached_property
-    def _needed(self) -> NDArray[np.float64]:
-        """Least charge on touch-down at the destination, by time: the reserve, and the way on where it has no pads."""
-        p = self.problem
-        if not p.needs_escape:
-            return np.array([[p.depart_s, p.reserve]])
-        table = self.table
-        ends = table.start_s + table.slot_s * np.arange(1, len(table.speed_mps) + 1)
-        with np.errstate(divide="ignore"):
-            over = table.distance_m[p.escapes] / table.speed_mps[:, p.escapes] + table.climb_s
-        # Between these times the cost is linear, but for where the best of several segments changes.
-        kinks = [ends - table.climb_s, *(ends - over.T), *(ends - over.T - table.descent_s)]
-        grid = np.arange(p.depart_s, ends[-1], 60.0)
-        times = np.unique(np.concatenate((grid, ends, ends - 1e-3, *kinks)))
-        times = times[(times >= p.depart_s) & np.isfinite(times)]
-        per_s, fixed = p.empty_cost
-        cost = escape_costs(table, p.escapes, per_s + self.margin_soc_per_s, fixed, times)
-        return np.column_stack((times, p.reserve + np.minimum(cost, 2.0)))
 
     def _flight_pieces(
         self, origin: int, slot: int, useful: NDArray[np.bool_]
@@ -162,11 +182,19 @@ class Stays:
         key = (origin, slot)
         if key in self._flights and not np.any(useful & ~self._useful[key]):
             return self._flights[key]
-        p = self.problem
-        limit = (1.0 - p.reserve - p.soc_fixed) / p.soc_per_s
         self._useful[key] = useful.copy()
-        self._flights[key] = arrival_functions(self.table, origin, slot, limit, useful)
+        self._flights[key] = arrival_functions(self.table, origin, slot, self.longest_s, useful)
         return self._flights[key]
+
+    @property
+    def longest_s(self) -> float:
+        """No flight takes longer, take-off to touch-down."""
+        p = self.problem
+        return (max(1.0, p.soc) - p.reserve - p.soc_fixed) / p.soc_per_s
+
+    def curve(self, node: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Charging curve of a node of the terrain."""
+        return self.problem.curve(int(self.terrain.nodes[node]))
 
     def origin(self) -> Stay:
         """Return the stay that the delivery begins with."""
@@ -177,64 +205,35 @@ class Stays:
             pad = float(self.queues[p.origin].pad_time(p.depart_s))
             curve_s, curve_soc = p.curve(p.origin)
             z = np.array([[pad, float(np.interp(p.soc, curve_soc, curve_s)) - pad, p.depart_s]])
-        return Stay(p.origin, z, h, p.curve(p.origin))
+        return Stay(self.terrain.origin, z, h, p.curve(p.origin))
 
     def bound_s(self, stay: Stay) -> float:
         """Earliest arrival at the destination that any continuation of a stay can have.
 
-        Let L be the least flight time from here at the best wind of any slot that is left, c the charge a second of flight takes, r
-        the greatest rate of charging, and z the greatest charging potential. No arrival is earlier than (a) the stay's
-        beginning plus L, nor than (b) reserve / r + L (1 + c / r) - z: potential is lost by L c / r to energy and by L
-        to time in flight, waiting never gains any, and to land at T with the reserve, T + z must be at least
+        Let L be the least flight time from here at the best wind of any slot that is left, c the charge a second of flight
+        takes, r the greatest rate of charging, and z the greatest charging potential. No arrival is earlier than (a) the
+        stay's beginning plus L, nor than (b) reserve / r + L (1 + c / r) - z: potential is lost by L c / r to energy and
+        by L to time in flight, waiting never gains any, and to land at T with the reserve, T + z must be at least
         reserve / r.
         """
-        return float(stay_bound(stay.z, stay.h, float(self.least_s(stay.begin_s)[stay.node]), self._costs))
-
-    @cached_property
-    def _costs(self) -> Costs:
-        p = self.problem
-        landing = p.air.climb_s + p.air.descent_s
-        return Costs(
-            float(p.soc_per_s),
-            float(p.soc_fixed),
-            float(self.margin_soc_per_s),
-            float(p.reserve),
-            self._rate,
-            float(landing),
-        )
-
-    @cached_property
-    def _grounds(self) -> Grounds:
-        p = self.problem
-        most = max(len(time) for time, _ in p.curves)
-        times, levels = zip(*p.curves, strict=True)
-        paths = [self.queues.get(node) or no_queue() for node in range(len(p.network))]
-        return Grounds(
-            *pack(paths),
-            curve_of=p.curve_of,
-            curve_s=np.array([np.pad(time, (0, most - len(time)), mode="edge") for time in times]),
-            curve_soc=np.array([np.pad(soc, (0, most - len(soc)), mode="edge") for soc in levels]),
-            curve_points=np.array([len(time) for time in times], dtype=np.int64),
-        )
+        return float(stay_bound(stay.z, stay.h, float(self.least_s(stay.begin_s)[stay.node]), self.costs))
 
     def _potential(self, stay: Stay) -> float:
         """Greatest charging potential of a stay, for the constant rate that is nowhere exceeded."""
-        landed = float(stay.h[-1, 1]) / self._rate - stay.begin_s
+        landed = float(stay.h[-1, 1]) / self.costs.rate_per_s - stay.begin_s
         return max(float(stay.z[-1, 1]) if len(stay.z) else -math.inf, landed)
 
     def useful_from(self, stay: Stay) -> NDArray[np.bool_]:
         """Tell which stations can lie on a better way from a stay than the best known, shape (nodes,)."""
-        p, network = self.problem, self.problem.network
+        p = self.problem
         least = self.least_s(stay.begin_s)
         if math.isinf(self.best_s):
             return np.isfinite(least)
-        here = network.stations[stay.node]
-        north = (network.lat - here.lat) * 110_500.0
-        east = (network.lon - here.lon) * 111_300.0 * np.cos(np.radians(np.maximum(np.abs(network.lat), abs(here.lat))))
-        straight = np.hypot(north, east) * 0.995 / self._fastest_mps
+        place = self.terrain.place_m
+        straight = np.sqrt(((place - place[stay.node]) ** 2).sum(axis=1)) / self._fastest_mps
         flight = straight + least + p.air.climb_s + p.air.descent_s
         taken = flight * p.soc_per_s + min(p.soc_fixed, 0.0)
-        by_charge = p.reserve / self._rate + flight + taken / self._rate - self._potential(stay)
+        by_charge = p.reserve / self.costs.rate_per_s + flight + taken / self.costs.rate_per_s - self._potential(stay)
         bound = np.maximum(stay.begin_s + flight, by_charge)
         return np.asarray(bound < self.best_s)
 
@@ -243,36 +242,29 @@ class Stays:
         """Ground speed that no flight exceeds."""
         return float(self.table.speed_mps.max())
 
-    def pieces_from(
-        self, stay: Stay, useful: NDArray[np.bool_], *, until_s: float = math.inf
-    ) -> Callable[[int], NDArray[np.float64]]:
+    def pieces_from(self, stay: Stay, useful: NDArray[np.bool_]) -> Callable[[int], NDArray[np.float64]]:
         """Arrival functions from a stop to useful stations, over all slots that can matter."""
-        p = self.problem
+        table = self.table
         begin = stay.begin_s
-        horizon = self.table.start_s + self.table.slot_s * len(self.table.speed_mps) - 1.0
-        end = min(self.best_s - float(self.least_s(begin)[stay.node]), horizon, until_s)
-        at_once = p.in_flight and stay.node == p.origin  # a drone in the air cannot stay
+        end = min(self.best_s - float(self.least_s(begin)[stay.node]), self.terrain.horizon_s)
+        at_once = self.leaves_at_once(stay)
         if at_once:
             end = begin
-        slots = range(int(table_slot(self.table, begin)), int(table_slot(self.table, max(end, begin))) + 1)
+        slots = range(int(table_slot(table, begin)), int(table_slot(table, max(end, begin))) + 1)
         tables = [self._flight_pieces(stay.node, slot, useful) for slot in slots]
-        adjacent = set(p.network.head[p.network.first[stay.node] : p.network.first[stay.node + 1]].tolist())
+        adjacent = set(table.head[table.first[stay.node] : table.first[stay.node + 1]].tolist())
 
         def pieces(node: int) -> NDArray[np.float64]:
             if self.single_segments and node not in adjacent:
                 return np.empty((0, 4))
             joined = np.concatenate([found[offset[node] : offset[node + 1]] for offset, found in tables])
-            return _only_at(joined, begin) if at_once else joined
+            return only_at(joined, begin) if at_once else joined
 
         return pieces
 
-    def _fly(
-        self, stay: Stay, pieces: NDArray[np.float64], needed: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], int]:
-        p = self.problem
-        if not len(pieces):
-            return np.empty((0, 6)), 0
-        return fly_profile(stay.g, pieces, p.soc_per_s, p.soc_fixed, self.margin_soc_per_s, needed, self.best_s)
+    def leaves_at_once(self, stay: Stay) -> bool:
+        """Tell whether a stay is that of a drone in the air, which cannot stay."""
+        return self.problem.in_flight and stay.node == self.terrain.origin
 
     def land(
         self, stay: Stay, targets: NDArray[np.int64], pieces_of: Callable[[int], NDArray[np.float64]]
@@ -288,38 +280,37 @@ class Stays:
             targets,
             offset,
             np.concatenate(blocks),
-            self._grounds,
-            self._costs,
+            self.terrain.grounds,
+            self.costs,
             self.least_s(stay.begin_s),
             self.best_s,
         )
         return [
             (
                 bound,
-                Stay(
-                    node,
-                    points[at[2 * k] : at[2 * k + 1]],
-                    points[at[2 * k + 1] : at[2 * k + 2]],
-                    self.problem.curve(node),
-                ),
+                Stay(node, points[at[2 * k] : at[2 * k + 1]], points[at[2 * k + 1] : at[2 * k + 2]], self.curve(node)),
             )
             for k, (node, bound) in enumerate(zip(kept.tolist(), bounds.tolist(), strict=True))
         ]
 
     def arrive(self, stay: Stay, pieces: NDArray[np.float64]) -> tuple[float, float]:
         """Earliest arrival at the destination from a stay and the take-off for it; infinite where there is none."""
-        flown, count = self._fly(stay, pieces, self._needed)
+        if not len(pieces):
+            return math.inf, math.nan
+        costs = self.costs
+        flown, count = fly_profile(
+            stay.g, pieces, costs.soc_per_s, costs.soc_fixed, costs.margin_soc_per_s, self._needed, self.best_s
+        )
         return (float(flown[0, 0]), float(flown[0, 2])) if count else (math.inf, math.nan)
 
     def trace(self, path: Sequence[Stay], leave_s: float) -> Itinerary:
         """Turn a chain of stays and the last take-off back into decisions."""
-        p = self.problem
         hops: list[Hop] = []
-        target = p.destination
+        target = self.terrain.destination
         for stay in reversed(path):
-            segments = self._walk(stay.node, target, leave_s)
+            walk = self._walk(stay.node, target, leave_s)
             charge_to, arrived_by = self._charge(stay, leave_s)
-            hops.append(Hop(segments, charge_to, leave_s))
+            hops.append(Hop(tuple(self.terrain.segments[list(walk)].tolist()), charge_to, leave_s))
             target, leave_s = stay.node, arrived_by
         return tuple(reversed(hops))
 
@@ -328,7 +319,7 @@ class Stays:
         leave_s = max(leave_s, stay.begin_s)  # but for rounding it never leaves before it landed
         potential, by_pad = profile_at(stay.z, leave_s)
         landed, by_spot = profile_at(stay.h, leave_s)
-        curve_s, curve_soc = self.problem.curve(stay.node)
+        curve_s, curve_soc = stay.curve
         charged = float(np.interp(leave_s + potential, curve_s, curve_soc)) if math.isfinite(potential) else -math.inf
         if charged > landed + 1e-9:
             return charged, float(by_pad)
@@ -336,12 +327,11 @@ class Stays:
 
     def _walk(self, origin: int, target: int, leave_s: float) -> tuple[int, ...]:
         """Segments of the earliest flight between two stations at a take-off (time-dependent Dijkstra)."""
-        p = self.problem
-        network, table = p.network, self.table
+        table = self.table
         best_land = math.inf
         best_walk: tuple[int, ...] = ()
         first = int(table_slot(table, leave_s))
-        last_possible = int(table_slot(table, leave_s + p.longest_flight_s))
+        last_possible = int(table_slot(table, leave_s + self.longest_s))
         for last in range(first, last_possible + 1):
             heap: list[tuple[float, int, tuple[int, ...]]] = [(leave_s + table.climb_s, origin, ())]
             done: set[int] = set()
@@ -355,10 +345,9 @@ class Stays:
                     if down < best_land:
                         best_land, best_walk = down, walk
                     break
-                for segment in range(int(network.first[node]), int(network.first[node + 1])):
-                    other = int(network.head[segment])
-                    closed = bool(np.any(table.speed_mps[first : last + 1, segment] <= 0.0))
-                    if other in done or closed:
+                for segment in range(int(table.first[node]), int(table.first[node + 1])):
+                    other = int(table.head[segment])
+                    if other in done or bool(np.any(table.speed_mps[first : last + 1, segment] <= 0.0)):
                         continue
                     after = float(table_land(table, np.array([*walk, segment], dtype=np.int64), leave_s))
                     over = after - table.descent_s if math.isfinite(after) else math.inf
@@ -367,7 +356,7 @@ class Stays:
         return best_walk
 
 
-def _only_at(pieces: NDArray[np.float64], take_off_s: float) -> NDArray[np.float64]:
+def only_at(pieces: NDArray[np.float64], take_off_s: float) -> NDArray[np.float64]:
     """Narrow pieces of an arrival function, shape (pieces, 4), to one take-off."""
     chosen = pieces[(pieces[:, 0] <= take_off_s) & (pieces[:, 2] >= take_off_s)][:1]
     if not len(chosen):

@@ -1,25 +1,27 @@
 """Exact composition equals the exhaustive search, faster, and never claims what does not fly."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from grid_oracle import GridOracle
-from worlds import make_request, make_wind, make_world
+from worlds import DEPART, make_request, make_wind, make_world
 
 from models.errors import NoRouteError
 from models.queue_paths import expected_path
+from models.services import State
 from planner.course_kernels import SOC_DOWN, TAKE_OFF, TOUCH_DOWN
 from planner.exact import ExactSearch
+from planner.flight_table import ground_speeds
 from planner.ies import ExhaustiveSearch
 from planner.itinerary import fly_true
 from planner.problem import Problem
-from planner.stays import Stays
 
 RELATIVE = 1e-6
 
 
-def instance(seed):
+def instance(seed, *, in_flight=False):
     """Up to 10 stations; calm to strong and turning wind, short to long queues, easy to impossible reserves."""
     rng = np.random.default_rng(seed)
     stations = int(rng.integers(4, 11))
@@ -33,8 +35,12 @@ def instance(seed):
     wind = make_wind(rng, mean_mps=float(rng.choice([1.0, 4.0, 7.0])), turning=float(rng.choice([10.0, 60.0])))
     reserve = float(rng.choice([0.1, 0.2, 0.3, 0.5]))
     request = make_request(scenario, rng, reserve_soc=reserve, payload_kg=float(rng.uniform(0.0, 1.0)))
+    if in_flight:
+        first, second = scenario.network.stations[:2]
+        here = 0.5 * (first.lat + second.lat) + 0.01, 0.5 * (first.lon + second.lon)
+        request = replace(request, state=State(DEPART, None, here, float(rng.uniform(0.3, 0.9))))
     problem = Problem(scenario, request, scenario.drones[0], wind)
-    return problem, problem.queue_paths(range(stations), 0)
+    return problem, problem.queue_paths(range(len(problem.network)), 0)
 
 
 def best_time(search):
@@ -45,11 +51,11 @@ def best_time(search):
     return itinerary, search.best_s - search.problem.depart_s
 
 
-def compare(seeds):
+def compare(seeds, **state):
     """Relative differences to the exhaustive search; every answer is flown in the truth."""
     differences, infeasible = [], 0
     for seed in seeds:
-        problem, queues = instance(seed)
+        problem, queues = instance(seed, **state)
         _, referee = best_time(ExhaustiveSearch(problem, queues))
         itinerary, exact = best_time(ExactSearch(problem, queues))
         if itinerary is None:
@@ -68,6 +74,67 @@ def test_it_equals_the_exhaustive_search():
     assert np.max(np.abs(differences)) <= RELATIVE
     assert len(differences) >= 50
     assert infeasible >= 10
+
+
+def test_it_equals_the_exhaustive_search_from_a_drone_in_flight():
+    differences, infeasible = compare(range(100), in_flight=True)
+    assert np.max(np.abs(differences)) <= RELATIVE
+    assert len(differences) >= 20
+    assert infeasible >= 5
+
+
+def test_what_it_finds_first_is_no_better_than_the_best_and_its_bound_no_worse():
+    unproved = 0
+    for seed in range(30):
+        problem, queues = instance(seed)
+        at_once = ExactSearch(problem, queues, time_limit_s=0.0)
+        itinerary, first = best_time(at_once)
+        _, best = best_time(ExactSearch(problem, queues))
+        if itinerary is None:
+            assert math.isinf(best), seed
+            continue
+        bound = at_once.lower_bound_s - problem.depart_s
+        assert bound - 1e-3 <= best <= first + 1e-6, seed
+        assert at_once.gap == pytest.approx((first - bound) / bound, abs=1e-9)
+        assert at_once.gap == 0.0 or not at_once.complete
+        unproved += not at_once.complete
+        course = fly_true(problem, itinerary, queues)[0]
+        assert course[-1, TOUCH_DOWN] - problem.depart_s == pytest.approx(first, abs=0.02), seed
+    assert unproved >= 3
+
+
+def test_stops_can_be_forbidden():
+    for seed in range(8):
+        problem, queues = instance(seed)
+        itinerary, time = best_time(ExactSearch(problem, queues))
+        if itinerary is None or len(itinerary) < 2:
+            continue
+        stop = int(problem.network.tail[itinerary[1].segments[0]])
+        stops = np.ones(len(problem.network), dtype=bool)
+        stops[stop] = False
+        other, later = best_time(ExactSearch(problem, queues, stops=stops))
+        assert later >= time - 1e-6
+        if other is not None:
+            assert stop not in [int(problem.network.tail[hop.segments[0]]) for hop in other[1:]]
+
+
+@pytest.mark.slow
+def test_it_is_never_above_the_exhaustive_search_on_larger_worlds():
+    better = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        scenario = make_world(rng, 40, length_m=120_000.0, width_m=40_000.0, utilisation=0.7)
+        request = make_request(scenario, rng, payload_kg=0.5)
+        problem = Problem(scenario, request, scenario.drones[0], make_wind(rng, mean_mps=4.0))
+        queues = problem.queue_paths(range(40), 0)
+        referee = ExhaustiveSearch(problem, queues, time_limit_s=3.0)
+        _, found = best_time(referee)
+        _, exact = best_time(ExactSearch(problem, queues))
+        assert exact <= found + 1e-3, seed
+        if referee.complete:
+            assert exact == pytest.approx(found, rel=RELATIVE), seed
+        better += exact < found - 1.0
+    assert better >= 1
 
 
 @pytest.mark.slow
@@ -99,21 +166,26 @@ def close_to_the_grid(time_s, problem, queues, **changes):
     return (math.isinf(grid) and time_s > 6.5 * 3600.0) or -1e-3 <= grid - time_s <= 60.0 + 0.01 * time_s
 
 
+SEEDS = pytest.mark.parametrize("seeds", [range(1, 3), pytest.param(range(3, 15), marks=pytest.mark.slow)])
+
+
 def test_a_table_of_ground_speeds_takes_the_place_of_the_wind():
     solved = 0
-    for seed in range(6):
+    for seed in range(4):
         (here, there), queues = small(seed)
-        table = Stays(there, queues).table.speed_mps
+        slots, segments = there.air.north.shape[1], len(there.network.head)
+        table = ground_speeds(there.air, 0, np.arange(slots), np.arange(segments))
         _, time = best_time(ExactSearch(here, queues, speeds=table))
         _, expected = best_time(ExactSearch(there, queues))
         assert time == pytest.approx(expected, rel=1e-9), seed
         solved += math.isfinite(time)
-    assert solved >= 3
+    assert solved >= 2
 
 
-def test_any_table_is_flown_as_it_stands_closed_segments_and_all():
+@SEEDS
+def test_any_table_is_flown_as_it_stands_closed_segments_and_all(seeds):
     found = []
-    for seed in range(6):
+    for seed in seeds:
         (problem, _), queues = small(seed, target=False)
         rng = np.random.default_rng(seed)
         table = rng.uniform(8.0, 20.0, (48, len(problem.network.head)))
@@ -121,12 +193,13 @@ def test_any_table_is_flown_as_it_stands_closed_segments_and_all():
         _, time = best_time(ExactSearch(problem, queues, speeds=table))
         assert close_to_the_grid(time, problem, queues, speeds=table), seed
         found.append(time)
-    assert np.sum(np.isfinite(found)) >= 3
+    assert np.sum(np.isfinite(found)) >= len(seeds) // 2
 
 
-def test_a_margin_per_second_of_flight_is_kept_on_every_landing():
+@SEEDS
+def test_a_margin_per_second_of_flight_is_kept_on_every_landing(seeds):
     changed = 0
-    for seed in range(6):
+    for seed in seeds:
         (problem, _), queues = small(seed, utilisation=0.5)
         margin = 0.15 * problem.soc_per_s
         itinerary, time = best_time(ExactSearch(problem, queues, margin_soc_per_s=margin))
@@ -138,12 +211,13 @@ def test_a_margin_per_second_of_flight_is_kept_on_every_landing():
             course = fly_true(problem, itinerary, queues)[0]
             spare = course[:, SOC_DOWN] - problem.reserve - margin * (course[:, TOUCH_DOWN] - course[:, TAKE_OFF])
             assert np.all(spare >= -1e-6), seed
-    assert changed >= 3
+    assert changed >= len(seeds) // 3
 
 
-def test_expected_waits_delay_the_pad():
+@SEEDS
+def test_expected_waits_delay_the_pad(seeds):
     waited = 0
-    for seed in range(6):
+    for seed in seeds:
         (problem, _), free = small(seed)
         rng = np.random.default_rng(seed)
         waits = np.maximum(0.0, 900.0 + np.cumsum(rng.normal(0.0, 300.0, 289)))
@@ -155,4 +229,4 @@ def test_expected_waits_delay_the_pad():
             course = fly_true(problem, itinerary, queues)[0]
             assert course[-1, TOUCH_DOWN] - problem.depart_s == pytest.approx(time, abs=0.02), seed
             assert np.all(course[:, SOC_DOWN] >= problem.reserve - 1e-6), seed
-    assert waited >= 2
+    assert waited >= len(seeds) // 4
