@@ -282,6 +282,13 @@ class Rehearsal:
         charged[:, 1:] = self.course[:, 1:, SOC_OFF] > self.course[:, :-1, SOC_DOWN] + 1e-9
         return np.asarray(self.weight @ charged)
 
+    @property
+    def charge_used(self) -> float:
+        """Mean charge that the flights of a run take together, as SoC."""
+        flown = np.isfinite(self.course[:, :, TOUCH_DOWN])
+        used = np.where(flown, self.course[:, :, SOC_OFF], 0.0) - np.where(flown, self.course[:, :, SOC_DOWN], 0.0)
+        return float(self.weight @ used.sum(axis=1))
+
     def outcome(self, problem: Problem) -> Outcome:
         """Sum the runs up."""
         return outcome(problem, self.course, self.weight)

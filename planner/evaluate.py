@@ -23,6 +23,7 @@ from planner.evaluation_flights import (
     Policy,
     Rolling,
     Standing,
+    fly_charging,
     fly_itinerary,
     fly_policy,
     pooled,
@@ -59,6 +60,7 @@ __all__ = [
     "Truths",
     "clairvoyant_times",
     "evaluate",
+    "fly_charging",
     "fly_itinerary",
     "fly_policy",
     "held_out_forecast",
@@ -174,7 +176,7 @@ class Evaluation:
 def evaluate(
     result: PlanResult, truths: Truths, *, clairvoyant_s: NDArray[np.float64] | None = None, seed: int = 0
 ) -> Evaluation:
-    """Fly a plan as it stands in sampled truths.
+    """Fly a plan in sampled truths: as it stands, or, of ``robust``, with the charge decided at each stop.
 
     Parameters
     ----------
@@ -193,7 +195,11 @@ def evaluate(
         The plan's forecast contains a day of the truths.
     """
     check_held_out(truths, result.problem.ensemble)
-    flown = fly_itinerary(truths, result.composition.drone, result.itinerary)
+    drone = result.composition.drone
+    if result.robust is not None:
+        flown = fly_charging(truths, drone, result.robust.policy)
+    else:
+        flown = fly_itinerary(truths, drone, result.itinerary)
     flown = flown.judged(result.outcome, result.problem.depart_s)
     if clairvoyant_s is not None:
         flown = replace(flown, clairvoyant_s=clairvoyant_s)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from models.queue_paths import QueuePath
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
     from planner.charge_policy import ChargePolicy
@@ -107,6 +108,20 @@ def fly_itinerary(truths: Truths, drone: str, itinerary: Itinerary) -> Flown:
     problem = truths.problem(drone)
     runs = np.arange(len(truths))
     return tally(problem, itinerary, truths.block, courses(truths, problem, itinerary, runs))
+
+
+def fly_charging(truths: Truths, drone: str, policy: ChargePolicy) -> Flown:
+    """Fly a route that charges by what is known at each stop in all truths."""
+    problem = truths.problem(drone)
+    nodes = stop_nodes(problem, policy.itinerary)
+    wanted, position = np.unique(truths.queue, return_inverse=True)
+    paths: list[QueuePath] = []
+    for queue in wanted.tolist():
+        found = truths.queues(problem, nodes, queue)
+        paths += [found[node] for node in nodes]
+    sky = truths.sky()._replace(queue=position.astype(np.int64))
+    course, _ = policy.fly(problem, sky, truths.day, paths)
+    return tally(problem, policy.itinerary, truths.block, course)
 
 
 def courses(truths: Truths, problem: Problem, itinerary: Itinerary, runs: NDArray[np.int64]) -> NDArray[np.float64]:

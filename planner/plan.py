@@ -13,6 +13,7 @@ from models.errors import Fault, InfeasibleError, InputError, NoRouteError
 from models.units import S_PER_H, S_PER_MIN
 from planner.course_kernels import TOUCH_DOWN
 from planner.exact import ExactSearch
+from planner.explain import alternatives
 from planner.ies import ExhaustiveSearch
 from planner.itinerary import compose, fly_sampled, fly_true, outcome, typical_member
 from planner.pfs import ForwardSearch
@@ -24,7 +25,7 @@ from planner.shortest import ShortestFlight
 from planner.skyline import skyline
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -32,7 +33,9 @@ if TYPE_CHECKING:
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
     from planner.itinerary import Itinerary, Outcome
+    from planner.objective import Objective
     from planner.request import Request
+    from planner.robust import RobustAnswer
 
 
 class Search(Protocol):
@@ -109,27 +112,21 @@ def plan(
     wind = forecast
     if planner in CLAIRVOYANT_PLANNERS:
         wind = _truth(forecast, truth, planner)
-    answers: list[PlanResult] = []
     rejected: dict[str, str] = {}
+    problems = _problems(scenario, request, wind, rejected)
+    if planner == ROBUST:
+        return _plan_robust(problems, request.objective, rejected)
+    answers: list[PlanResult] = []
     errors: dict[str, InfeasibleError] = {}
-    waits: ExpectedWaits | None = None
-    for drone in candidates(scenario, request, rejected):
-        problem = Problem(scenario, request, drone, wind, waits=waits)
-        waits = problem.waits
+    for problem in problems:
         try:
             answers.append(_solve(problem, planner, time_limit_s, progress))
         except InfeasibleError as error:
-            errors[drone.id] = error
-            rejected[drone.id] = str(error)
-    if not answers:
-        raise _none(errors)
-    best = min(answers, key=lambda answer: request.objective.loss(answer.outcome))
-    for answer in answers:
-        if answer is not best:
-            later = (answer.outcome.mean_s - best.outcome.mean_s) / S_PER_MIN
-            rejected[answer.composition.drone] = f"arrives {later:.1f} min later in the mean"
+            errors[problem.drone.id] = error
+    drones = [answer.problem.drone.id for answer in answers]
+    best = _best(request.objective, drones, [answer.outcome for answer in answers], errors, rejected)
     return replace(
-        best,
+        answers[best],
         rejected=rejected,
         looked_at=sum(answer.looked_at for answer in answers),
         planning_time_s=sum(answer.planning_time_s for answer in answers),
@@ -171,6 +168,44 @@ def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -
     return chosen
 
 
+def _problems(scenario: Scenario, request: Request, wind: WindEnsemble, rejected: dict[str, str]) -> Iterator[Problem]:
+    """One problem for each drone to compose for; they share what is known of the waits."""
+    waits: ExpectedWaits | None = None
+    for drone in candidates(scenario, request, rejected):
+        problem = Problem(scenario, request, drone, wind, waits=waits)
+        waits = problem.waits
+        if problem.origin == problem.destination:
+            value = problem.request.destination
+            raise InputError(Fault("start and destination are the same", field="destination", value=value))
+        yield problem
+
+
+def _best(
+    objective: Objective,
+    drones: Sequence[str],
+    outcomes: Sequence[Outcome],
+    errors: dict[str, InfeasibleError],
+    rejected: dict[str, str],
+) -> int:
+    """Choose among answers for several drones the one whose outcome is best, and say in `rejected` why not the others.
+
+    Raises
+    ------
+    InfeasibleError
+        There is no answer.
+    """
+    rejected |= {drone: str(error) for drone, error in errors.items()}
+    if not drones:
+        raise _none(errors)
+    best = min(range(len(drones)), key=lambda number: objective.loss(outcomes[number]))
+    for number, drone in enumerate(drones):
+        if number != best:
+            later = (outcomes[number].mean_s - outcomes[best].mean_s) / S_PER_MIN
+            how = f"{later:.1f} min later" if later >= 0.0 else f"{-later:.1f} min earlier"
+            rejected[drone] = f"arrives {how} in the mean"
+    return best
+
+
 def _none(errors: dict[str, InfeasibleError]) -> InfeasibleError:
     """Tell why no drone of the fleet has a composition: the first one's reason, and which others have none either."""
     first, *others = errors
@@ -180,10 +215,16 @@ def _none(errors: dict[str, InfeasibleError]) -> InfeasibleError:
     return NoRouteError(message, constraint=errors[first].constraint)
 
 
-def _doubts(problem: Problem, course: NDArray[np.float64], summary: Outcome) -> tuple[str, ...]:
-    """Say where the plan promises less than was asked for."""
+def _doubts(problem: Problem, course: NDArray[np.float64], summary: Outcome, *, rehearsed: int = 0) -> tuple[str, ...]:
+    """Say where the plan promises less than was asked for: more than chance explains in so many rehearsed runs."""
     doubts = []
-    if summary.p_success < 1.0 - problem.epsilon - 1e-9:
+    broken = 1.0 - summary.p_success
+    if rehearsed and broken > problem.epsilon + 2.0 * math.sqrt(problem.epsilon / rehearsed):
+        doubts.append(
+            f"every landing keeps the reserve with probability {summary.p_success:.4f} only, "
+            f"{1.0 - problem.epsilon:g} were asked for: no way that is known to the planner is safer"
+        )
+    elif not rehearsed and broken > problem.epsilon + 1e-9:
         doubts.append(
             f"flown as it stands, every landing keeps the reserve with probability {summary.p_success:.3f} only, "
             f"{1.0 - problem.epsilon:g} were asked for: look at the charge again at each stop"
@@ -208,11 +249,6 @@ def _solve(
     problem: Problem, planner: str, time_limit_s: float, progress: Callable[[int, float], None] | None
 ) -> PlanResult:
     """Compose for one drone."""
-    if problem.origin == problem.destination:
-        value = problem.request.destination
-        raise InputError(Fault("start and destination are the same", field="destination", value=value))
-    if planner == ROBUST:
-        return _solve_robust(problem)
     if planner in FORECAST_PLANNERS:
         if len(problem.network) <= SMALL_NETWORK:
             problem.waits.need(np.arange(len(problem.network)))
@@ -245,33 +281,56 @@ def _solve(
     return PlanResult(composition, itinerary, problem, summary, spent, clairvoyant.looked_at, {}, complete)
 
 
-def _solve_robust(problem: Problem) -> PlanResult:
-    """Choose a route and a rule of charging; the composition tells its nominal course."""
-    problem.waits.need(np.arange(len(problem.network)))
-    search = RobustSearch(problem)
+def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: dict[str, str]) -> PlanResult:
+    """Compare routes for every drone, and finish the best: the composition tells its nominal course."""
+    searches: list[RobustSearch] = []
+    outcomes: list[Outcome] = []
+    errors: dict[str, InfeasibleError] = {}
+    spent = 0.0
+    for problem in problems:
+        problem.waits.need(np.arange(len(problem.network)))
+        started = time.perf_counter()
+        search = RobustSearch(problem)
+        try:
+            outcomes.append(search.candidates(quick=True)[0].outcome)
+            searches.append(search)
+        except InfeasibleError as error:
+            errors[problem.drone.id] = error
+        spent += time.perf_counter() - started
+    drones = [search.problem.drone.id for search in searches]
+    best = _best(objective, drones, outcomes, errors, rejected)
+    problem = searches[best].problem
     started = time.perf_counter()
-    answer = search.solve()
-    spent = time.perf_counter() - started
-    itinerary, summary = answer.policy.itinerary, answer.outcome
-    notes = _doubts(search.problem, answer.course, summary)
+    answer = searches[best].solve()
+    looked_at = sum(search.looked_at for search in searches)
+    spent += time.perf_counter() - started
+    return _told(answer, spent, looked_at, rejected)
+
+
+def _told(answer: RobustAnswer, spent_s: float, looked_at: int, rejected: dict[str, str]) -> PlanResult:
+    """Tell a robust answer as a composition: its nominal course."""
+    problem, itinerary, summary = answer.policy.problem, answer.policy.itinerary, answer.outcome
     composition = compose(
-        search.problem,
+        problem,
         itinerary,
         answer.course,
         answer.member,
         summary,
         planner=ROBUST,
-        planning_time_s=spent,
-        notes=notes,
+        planning_time_s=spent_s,
+        notes=_doubts(problem, answer.course, summary, rehearsed=len(answer.rehearsal.weight)),
     )
-    return PlanResult(
-        composition,
-        itinerary,
-        search.problem,
-        summary,
-        spent,
-        search.looked_at,
-        {},
-        policy=answer.policy,
-        robust=answer,
-    )
+    return PlanResult(composition, itinerary, problem, summary, spent_s, looked_at, rejected, robust=answer)
+
+
+def alternative_plans(result: PlanResult, count: int) -> list[PlanResult]:
+    """Return up to `count` different plans, the given one first, none beaten in time, lateness, risk and energy at once."""
+    if result.robust is None:
+        return [result]
+    plans = [result]
+    for candidate in alternatives(result.robust, count)[1:]:
+        started = time.perf_counter()
+        others = [one for one in result.robust.candidates if one is not candidate]
+        answer = RobustSearch(result.problem).finish([candidate, *others])
+        plans.append(_told(answer, time.perf_counter() - started, result.looked_at, {}))
+    return plans

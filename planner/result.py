@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from models.errors import InfeasibleError
     from models.services import Composition
-    from planner.charge_policy import ChargePolicy
     from planner.itinerary import Itinerary, Outcome
     from planner.problem import Problem
     from planner.robust import RobustAnswer
@@ -36,10 +35,9 @@ class PlanResult:
         Drones not chosen, and why.
     complete : bool
         False where a time limit cut the search off: the answer may not be the best.
-    policy : ChargePolicy or None
-        Of ``robust``: how the charge is decided at each stop. None: the itinerary is flown as it stands.
     robust : RobustAnswer or None
-        Of ``robust``: what else was compared.
+        Of ``robust``: how the charge is decided at each stop, and what else was compared. None: the itinerary is
+        flown as it stands.
     """
 
     composition: Composition
@@ -50,7 +48,6 @@ class PlanResult:
     looked_at: int
     rejected: dict[str, str] = field(default_factory=dict)
     complete: bool = True
-    policy: ChargePolicy | None = None
     robust: RobustAnswer | None = None
 
 

@@ -47,8 +47,12 @@ LAST_MARGINS = (0.45, 0.0)
 """Margins tried where none of those gives a route."""
 WORLDS = 3
 """Members with sampled queues that routes are composed in on small networks."""
-SCREEN_TRUTHS, SCREEN_RUNS, FINAL_RUNS = 12, 120, 1500
-"""Members that are the truth and simulated deliveries by which routes are compared; deliveries behind the answer."""
+SCREEN_TRUTHS, SCREEN_RUNS = 12, 120
+"""Members that are the truth, and simulated deliveries, by which routes are compared first."""
+FINALISTS, FINALIST_RUNS = 3, 600
+"""The best of them are compared again with every member as the truth and so many deliveries."""
+FINAL_RUNS = 1500
+"""Deliveries behind the figures of the answer."""
 IDLE = 0.5
 """A stop at which fewer runs charge is tried without."""
 CHANCE_RUNS = 1.5
@@ -73,12 +77,15 @@ class Candidate:
         It breaks the reserve more often than allowed, by more than chance may explain.
     loss : tuple of float
         See `planner.objective.Objective.loss`.
+    charge_used : float
+        Mean charge that all flights take together, as SoC.
     """
 
     policy: ChargePolicy
     outcome: Outcome
     unsafe: bool
     loss: tuple[float, float]
+    charge_used: float
 
     @property
     def stops(self) -> tuple[int, ...]:
@@ -146,7 +153,15 @@ class RobustSearch:
         NoRouteError
             There is no route even without margin.
         """
-        candidates = self.candidates()
+        return self.finish(self.finalists(self.candidates()))
+
+    def finalists(self, candidates: list[Candidate]) -> list[Candidate]:
+        """Order candidates anew after more runs of the first few."""
+        again = [self._judged(one.policy.itinerary, FINALIST_RUNS, None)[0] for one in candidates[:FINALISTS]]
+        return sorted(again, key=_order) + candidates[FINALISTS:]
+
+    def finish(self, candidates: list[Candidate]) -> RobustAnswer:
+        """Calibrate the first of the candidates and tell what becomes of it."""
         policy = candidates[0].policy
         rehearsal = policy.rehearse(self.errors, FINAL_RUNS)
         for _ in range(CALIBRATIONS):
@@ -159,8 +174,15 @@ class RobustSearch:
         outcome = rehearsal.outcome(self.problem)
         return RobustAnswer(policy.with_charges(course), member, course, rehearsal, outcome, tuple(candidates))
 
-    def candidates(self) -> list[Candidate]:
+    def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:
         """Routes of all worlds, each once, best first.
+
+        Parameters
+        ----------
+        without : int, optional
+            Node that no route may stop at.
+        quick : bool
+            The first world that has a route is enough.
 
         Raises
         ------
@@ -173,16 +195,20 @@ class RobustSearch:
         roomy[[p.origin, p.destination]] = True
         found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
         for allowed in (roomy, np.ones(len(p.network), dtype=bool)):
-            if found and (self._large or roomy.all()):
+            if without is not None:
+                allowed[without] = False
+            if found and (quick or self._large or roomy.all()):
                 break
             try:
-                for itinerary in self._routes(allowed):
+                for itinerary in self._routes(allowed, worlds=0 if found or self._large else WORLDS):
                     self._add(found, itinerary)
+                    if quick:
+                        break
             except NoRouteError as none:
                 error = none
         if not found:
             raise error if error is not None else NoRouteError("no route", constraint="energy")
-        return sorted(found.values(), key=lambda one: (one.outcome.p_arrive < LEAST_ARRIVE, one.unsafe, *one.loss))
+        return sorted(found.values(), key=_order)
 
     def _add(self, found: dict[tuple[tuple[int, ...], ...], Candidate], itinerary: Itinerary) -> None:
         """Judge a route, and the same without the stops at which it does not charge, unless they are known."""
@@ -193,8 +219,8 @@ class RobustSearch:
             found[flights], charges = self._judged(itinerary)
             itinerary = _without_idle_stops(itinerary, charges)
 
-    def _routes(self, allowed: NDArray[np.bool_]) -> Iterator[Itinerary]:
-        """Compose in the worlds that stand for the forecast.
+    def _routes(self, allowed: NDArray[np.bool_], worlds: int) -> Iterator[Itinerary]:
+        """Compose in the world of the mean, and in so many of members with a sampled queue.
 
         Raises
         ------
@@ -216,9 +242,7 @@ class RobustSearch:
                 error = none
         if not any_found and error is not None:
             raise error
-        if self._large:
-            return
-        chosen = (np.arange(WORLDS) * 2 + 1) * len(p.probability) // (2 * WORLDS)
+        chosen = (np.arange(worlds) * 2 + 1) * len(p.probability) // (2 * max(worlds, 1))
         for sample, member in enumerate(dict.fromkeys(chosen.tolist())):
             alone = np.zeros(len(p.probability))
             alone[member] = 1.0
@@ -248,16 +272,24 @@ class RobustSearch:
         finally:
             self.looked_at += search.looked_at
 
-    def _judged(self, itinerary: Itinerary) -> tuple[Candidate, NDArray[np.float64]]:
+    def _judged(
+        self, itinerary: Itinerary, runs: int = SCREEN_RUNS, truths: int | None = SCREEN_TRUTHS
+    ) -> tuple[Candidate, NDArray[np.float64]]:
         """How a route fares, and the share of runs that charge at each stop."""
         p = self.problem
         known = known_at(p, self.errors, measured=self.measured, epsilon=p.epsilon / len(itinerary))
         policy = ChargePolicy(p, itinerary, known, MOST_FULL * p.epsilon)
-        rehearsal = policy.rehearse(self.errors, SCREEN_RUNS, most_truths=SCREEN_TRUTHS)
+        rehearsal = policy.rehearse(self.errors, runs, most_truths=truths)
         self.looked_at += len(rehearsal.weight)
         outcome = rehearsal.outcome(p)
         unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(rehearsal.weight)
-        return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome)), rehearsal.charging
+        loss = p.request.objective.loss(outcome)
+        return Candidate(policy, outcome, unsafe, loss, rehearsal.charge_used), rehearsal.charging
+
+
+def _order(one: Candidate) -> tuple[float, ...]:
+    """What makes one candidate better than another: that it arrives, keeps the reserve, and then the objective."""
+    return one.outcome.p_arrive < LEAST_ARRIVE, one.unsafe, *one.loss
 
 
 def _without_idle_stops(itinerary: Itinerary, charges: NDArray[np.float64]) -> Itinerary:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
     from models.wind_history import WindSite
+    from planner.objective import Objective
 
 BUILT_IN = "builtin:newyork"
 """What a plan names as its scenario's path when it was made on the built-in one."""
@@ -163,18 +164,45 @@ def _target(scenario: Scenario, lat: float, lon: float) -> tuple[Scenario, str]:
 
 def parse_depart(text: str | None) -> datetime:
     """Departure as typed; without one, now (to the minute)."""
-    from models.units import parse_instant
-
     if text is None:
         return datetime.now(UTC).replace(second=0, microsecond=0)
+    return _instant(text, "--depart")
+
+
+def _instant(text: str, option: str) -> datetime:
+    from models.units import parse_instant
+
     try:
-        instant = parse_instant(text, field="--depart")
+        instant = parse_instant(text, field=option)
     except InputError as error:
-        raise InputError([replace(fault, field="--depart") for fault in error.faults]) from None
+        raise InputError([replace(fault, field=option) for fault in error.faults]) from None
     if not YEARS[0] <= instant.year <= YEARS[1]:
         remedy = f"a year from {YEARS[0]} to {YEARS[1]}"
-        raise InputError(Fault("out of range", field="--depart", value=text, remedy=remedy))
+        raise InputError(Fault("out of range", field=option, value=text, remedy=remedy))
     return instant
+
+
+def parse_duration(text: str, option: str) -> float:
+    """Seconds of a length of time as typed: ``45min``, ``2h``, ``1.5h``, ``90`` (minutes)."""
+    import re
+
+    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(h|min|m|s)?\s*", text)
+    if found is None:
+        raise InputError(Fault("is no length of time", field=option, value=text, remedy="such as 90min or 2h"))
+    return float(found[1]) * {"h": 3600.0, "min": 60.0, "m": 60.0, "s": 1.0, None: 60.0}[found[2]]
+
+
+def parse_objective(text: str) -> Objective:
+    """Objective as typed: ``mean``, ``p95``, ``on-time 2013-07-10T16:00-04:00``."""
+    from planner.objective import Objective
+
+    kind, _, deadline = text.strip().partition(" ")
+    remedy = "mean, p95, or 'on-time 2013-07-10T16:00-04:00'"
+    if kind == "on-time" and deadline:
+        return Objective("on-time", _instant(deadline.strip(), "--objective"))
+    if kind in ("mean", "p95") and not deadline:
+        return Objective("p95" if kind == "p95" else "mean")
+    raise InputError(Fault("is no objective", field="--objective", value=text, remedy=remedy))
 
 
 def wind_forecast(

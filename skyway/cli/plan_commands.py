@@ -13,7 +13,11 @@ from models.errors import Fault, InputError
 from skyway.cli import options
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from models.scenario import Scenario
+    from models.wind_forecast import WindEnsemble
+    from planner.departure import Departure
     from planner.request import Request
     from planner.result import PlanResult
 
@@ -60,6 +64,12 @@ Forecast = Annotated[
 Recharge = Annotated[
     str, typer.Option("--recharge", help="At each stop charge to 100 % (full) or what the next flight needs (enough).")
 ]
+ObjectiveOption = Annotated[
+    str,
+    typer.Option(
+        "--objective", help="mean, p95, or on-time with a deadline: 'on-time 2013-07-10T16:00-04:00' (planner robust)."
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", help="Of all sampling.", min=0, max=2**32 - 1)]
 TimeLimit = Annotated[float, typer.Option("--time-limit", help="Seconds after which an exhaustive search stops.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
@@ -70,6 +80,8 @@ PLAN_HELP = """Plan a delivery that recharges on the way, under real wind and pa
 Examples:
   skyway plan --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00
   skyway plan --from edison --to Syosset --payload 2 --depart 2013-07-10T14:00-04:00 --wind 8@270 --json
+  skyway plan --from bellevue --to jacobi --payload 0.8 --objective 'on-time 2030-07-10T16:00-04:00' --depart 2030-07-10T14:30-04:00
+  skyway plan --from bellevue --to white-plains --payload 0.8 --depart-window 3h --alternatives 3 --explain
   skyway plan my-scenario --from depot --to clinic --payload 1.2 -o plan.json --plot plan.png
 """
 COMPARE_HELP = """Put the same request to several planners, side by side.
@@ -94,8 +106,18 @@ def plan(
     scenario: ScenarioArgument = None,
     depart: Depart = None,
     planner: Annotated[
-        str, typer.Option("--planner", help="pfs, pfs-charge-aware, pfs-strict, shortest; told the truth: exact, ies.")
-    ] = "pfs-charge-aware",
+        str,
+        typer.Option(
+            "--planner", help="robust, pfs, pfs-charge-aware, pfs-strict, shortest; told the truth: exact, ies."
+        ),
+    ] = "robust",
+    objective: ObjectiveOption = "mean",
+    depart_window: Annotated[
+        str | None,
+        typer.Option(
+            "--depart-window", help="Leave at the best time from --depart on within: 90min, 2h.", show_default=False
+        ),
+    ] = None,
     truth: Truth = None,
     drone: Drone = None,
     reserve: Reserve = 20.0,
@@ -106,6 +128,12 @@ def plan(
     recharge: Recharge = "enough",
     seed: Seed = 0,
     time_limit: TimeLimit = 60.0,
+    alternatives: Annotated[
+        int, typer.Option("--alternatives", help="Up to so many different plans to choose from.", min=1, max=9)
+    ] = 1,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Say for each stop why there, why so much, and the runner-up.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the composition as JSON.")] = False,
     geojson: Annotated[
         Path | None, typer.Option("--geojson", help="Write the route as GeoJSON.", show_default=False)
@@ -125,8 +153,12 @@ def plan(
     options.check_picture(plot)
     _check_planners([planner], "--planner")
     world = options.load_scenario(scenario)
-    asked = _ask(world, start, to, payload, depart, drone, reserve, soc, airspeed, recharge, seed)
-    result = _solve(*asked, planner, wind, forecast, truth, time_limit, quiet=as_json)
+    asked = _ask(world, start, to, payload, depart, drone, reserve, soc, airspeed, recharge, seed, objective)
+    tried: list[Departure] = []
+    if depart_window is None:
+        result = _solve(*asked, planner, wind, forecast, truth, time_limit, quiet=as_json)
+    else:
+        result, tried = _solve_window(*asked, depart_window, planner, wind, forecast, truth, quiet=as_json)
     options.hint_at_warnings(world, scenario)
     composition = result.composition
     if output is not None:
@@ -139,12 +171,16 @@ def plan(
         from skyway.plot_map import plot_composition
 
         plot_composition(composition, result.problem.scenario, plot)
+    from skyway.cli import plan_reasons
+
     if as_json:
-        typer.echo(json.dumps(to_json(composition), indent=1, allow_nan=False))
+        document = to_json(composition) | plan_reasons.as_json(result, tried, alternatives, explain=explain)
+        typer.echo(json.dumps(document, indent=1, allow_nan=False))
         return
     from skyway.cli.tables import print_plan
 
     print_plan(result)
+    plan_reasons.print_more(result, tried, alternatives, explain=explain)
 
 
 def compare(
@@ -154,7 +190,7 @@ def compare(
     scenario: ScenarioArgument = None,
     planners: Annotated[
         str, typer.Option("--planners", help="Names, separated by commas.")
-    ] = "pfs,pfs-charge-aware,shortest,ies",
+    ] = "robust,pfs,pfs-charge-aware,shortest,ies",
     depart: Depart = None,
     truth: Truth = None,
     drone: Drone = None,
@@ -216,6 +252,7 @@ def _ask(
     airspeed: float | None,
     recharge: str,
     seed: int,
+    objective: str = "mean",
 ) -> tuple[Scenario, Request]:
     """Turn what was typed into a request; targets given as lat,lon join the scenario's network."""
     from models.services import State
@@ -237,6 +274,7 @@ def _ask(
             reserve_soc=options.percent(reserve, "--reserve", high=95.0),
             recharge=mode,
             seed=seed,
+            objective=options.parse_objective(objective),
         )
     return scenario, request
 
@@ -271,6 +309,43 @@ def _solve(
     if show is not None and planner in CLAIRVOYANT_PLANNERS:
         typer.echo("\r" + " " * 60 + "\r", nl=False, err=True)
     return result
+
+
+def _solve_window(
+    scenario: Scenario,
+    request: Request,
+    window: str,
+    planner: str,
+    wind: str | None,
+    forecast: Path | None,
+    truth: str | None,
+    *,
+    quiet: bool,
+) -> tuple[PlanResult, list[Departure]]:
+    """Plan for the best departure of a window."""
+    from planner.departure import plan_within
+    from planner.plan import CLAIRVOYANT_PLANNERS
+
+    if planner in CLAIRVOYANT_PLANNERS or truth is not None:
+        remedy = "robust or one of the pfs planners, without --truth"
+        raise InputError(
+            Fault("does not go with planners that are told the truth", field="--depart-window", remedy=remedy)
+        )
+    length_s = options.parse_duration(window, "--depart-window")
+
+    def known(depart: datetime) -> WindEnsemble:
+        return options.wind_forecast(scenario, depart, wind, forecast, None, None)
+
+    show = None if quiet or not sys.stderr.isatty() else _window_progress
+    with options.as_typed():
+        found = plan_within(scenario, request, length_s, planner=planner, forecast=known, progress=show)
+    if show is not None:
+        typer.echo("\r" + " " * 60 + "\r", nl=False, err=True)
+    return found
+
+
+def _window_progress(done: int, count: int) -> None:
+    typer.echo(f"\r  {done} of {count} departures ", nl=False, err=True)
 
 
 def _own_day(scenario: Scenario, request: Request) -> str | None:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from models.services import Composition, DroneService, Stop
     from planner.result import Comparison, PlanResult
+    from planner.robust import RobustAnswer
 
 WIDTH = 118
 """Columns where the output is no terminal."""
@@ -146,8 +147,14 @@ def _print_totals(out: Console, result: PlanResult, zone: ZoneInfo) -> None:
         say(out, f"Arrival mean {mean}, p50 {middle}, p95 {late}")
         members = len(result.problem.probability)
         known = "the wind given" if members == 1 else f"{members} possible courses of the wind"
+        sampled = "sampled queues"
+        if result.robust is not None:
+            known = known if members == 1 else f"each of {known} forecast by the others"
+            sampled = f"sampled queues, gusts and vehicles, {len(result.robust.rehearsal.weight)} rehearsed deliveries"
         kept = percent(c.success_probability, 1)
-        say(out, f"Every landing keeps the reserve with probability {kept} ({known}, sampled queues)")
+        say(out, f"Every landing keeps the reserve with probability {kept} ({known}, {sampled})")
+    if result.robust is not None:
+        _print_rehearsal(out, result, result.robust)
     if result.outcome.p_arrive < 1.0 - 1e-9:
         never = percent(1.0 - result.outcome.p_arrive, 1)
         say(out, f"With probability {never} the wind does not open every leg within the forecast")
@@ -156,6 +163,29 @@ def _print_totals(out: Console, result: PlanResult, zone: ZoneInfo) -> None:
     for drone, why in result.rejected.items():
         say(out, f"Not {drone}: {why}")
     say(out, f"Planned in {spent(result.planning_time_s)}, {result.looked_at} evaluated")
+
+
+def _print_rehearsal(out: Console, result: PlanResult, answer: RobustAnswer) -> None:
+    """What the plan would do otherwise, and how far it may be from the best."""
+    from planner.explain import charge_ranges, stop_names
+
+    objective = result.problem.request.objective
+    if objective.deadline is not None:
+        say(
+            out,
+            f"On time ({objective.deadline.isoformat()}) with probability {percent(objective.on_time(answer.outcome), 1)}",
+        )
+    for one in charge_ranges(answer):
+        often = f"; {percent(one.idle)} leave without" if one.idle >= 0.005 else ""
+        say(
+            out,
+            f"At {one.station} charge by the wind then: {percent(one.low)} to {percent(one.high)} in 8 of 10 runs{often}",
+        )
+    others = [one for one in answer.candidates[1:] if stop_names(one) != stop_names(answer.candidates[0])]
+    if others:
+        later = (others[0].outcome.mean_s - answer.candidates[0].outcome.mean_s) / 60.0
+        way = " > ".join(stop_names(others[0])) or "without a stop"
+        say(out, f"Else by {way}: {later:+.1f} min in the mean")
 
 
 def _clock(instant: datetime, zone: ZoneInfo, depart: datetime) -> str:

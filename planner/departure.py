@@ -1,0 +1,118 @@
+"""When to leave: the best departure within a window."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+from models.errors import Fault, InfeasibleError, InputError, NoRouteError
+from planner.plan import ROBUST, plan
+from planner.problem import HORIZON_H
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from datetime import datetime
+
+    from models.scenario import Scenario
+    from models.wind_forecast import WindEnsemble
+    from planner.request import Request
+    from planner.result import PlanResult
+
+STEP_S = 1800.0
+"""Between departures that are tried."""
+MOST_TRIED = 25
+"""Departures that are tried at most; in a longer window they are farther apart."""
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A departure that was tried.
+
+    Attributes
+    ----------
+    depart : datetime
+        When.
+    delivery_s : float
+        Mean delivery time from then; infinite where there is no route.
+    p_on_time : float
+        Probability to keep the deadline, 1 without one.
+    """
+
+    depart: datetime
+    delivery_s: float
+    p_on_time: float
+
+
+def plan_within(
+    scenario: Scenario,
+    request: Request,
+    window_s: float,
+    *,
+    planner: str = ROBUST,
+    forecast: Callable[[datetime], WindEnsemble] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[PlanResult, list[Departure]]:
+    """Plan for the departure within a window that takes the least time, or that best keeps the deadline.
+
+    The drone waits at its origin until then, and is charged there.
+
+    Parameters
+    ----------
+    scenario, request, planner
+        See `planner.plan.plan`; the request's time is the beginning of the window.
+    window_s : float
+        Its length, up to a day.
+    forecast : callable, optional
+        Forecast for a departure; the scenario's by default.
+    progress : callable, optional
+        Told how many of how many departures have been tried.
+
+    Returns
+    -------
+    result : PlanResult
+        For the best departure.
+    tried : list of Departure
+        All of them, in order.
+
+    Raises
+    ------
+    InputError
+        The window is not between 0 and a day, or the drone is in the air.
+    InfeasibleError
+        No departure has a route; the error of the first.
+    """
+    if not 0.0 < window_s <= 86_400.0:
+        raise InputError(Fault("out of range", field="depart-window", value=window_s, remedy="above 0, up to 24 h"))
+    if request.state.position is not None:
+        raise InputError(Fault("a drone in the air cannot wait for its departure", field="depart-window"))
+    count = min(math.floor(window_s / STEP_S + 1e-9) + 1, MOST_TRIED)
+    step = window_s / max(count - 1, 1) if count == MOST_TRIED else STEP_S
+    best: PlanResult | None = None
+    best_loss = (math.inf, math.inf)
+    first_error: InfeasibleError | None = None
+    tried = []
+    for number in range(count):
+        depart = request.state.time + timedelta(seconds=number * step)
+        moved = replace(request, state=replace(request.state, time=depart))
+        wind = forecast(depart) if forecast is not None else scenario.forecast(depart, HORIZON_H)
+        try:
+            result = plan(scenario, moved, planner=planner, forecast=wind)
+        except InfeasibleError as error:
+            first_error = first_error or error
+            tried.append(Departure(depart, math.inf, 0.0))
+        else:
+            taken = result.outcome.mean_s - depart.timestamp()
+            late = result.outcome.quantile_s(0.95) - depart.timestamp()
+            on_time = request.objective.on_time(result.outcome)
+            tried.append(Departure(depart, taken, on_time))
+            kind = request.objective.kind
+            loss = (taken, late) if kind == "mean" else (late, taken) if kind == "p95" else (1.0 - on_time, taken)
+            if loss < best_loss:
+                best, best_loss = result, loss
+        if progress is not None:
+            progress(number + 1, count)
+    if best is None:
+        raise first_error or NoRouteError("no departure in the window has a route", constraint="energy")
+    return best, tried

@@ -1,0 +1,187 @@
+"""Why a robust plan is as it is: what each stop is for, what else could be done, and how far from the best it may be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.errors import NoRouteError
+from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN
+from planner.equivalent import mean_speeds
+from planner.exact import ExactSearch
+from planner.itinerary import weighted_quantile
+from planner.problem import HORIZON_H
+from planner.robust import RobustSearch
+
+if TYPE_CHECKING:
+    from planner.result import PlanResult
+    from planner.robust import Candidate, RobustAnswer
+
+LOW, HIGH = 0.1, 0.9
+"""Quantiles that say how far a charge may be from the nominal one."""
+
+
+@dataclass(frozen=True)
+class ChargeRange:
+    """How a stop's charge depends on what is known there.
+
+    Attributes
+    ----------
+    station : str
+        Where.
+    nominal, low, high : float
+        Charge on leaving: of the nominal course, and between which it is in 8 of 10 rehearsed runs.
+    idle : float
+        Share of the runs that leave again without charging.
+    """
+
+    station: str
+    nominal: float
+    low: float
+    high: float
+    idle: float
+
+
+@dataclass(frozen=True)
+class StopReason:
+    """Why a stop is made where it is, and why so much is charged there.
+
+    Attributes
+    ----------
+    station : str
+        Where.
+    runner_up : tuple of str or None
+        Stops of the best route without this one, None where there is none.
+    later_s : float
+        How much later that one arrives in the mean.
+    expected, margin, reserve : float
+        Charge with which it leaves on the nominal course: what the next flight takes there; what is left for worse winds,
+        gusts and the vehicle's own error; and what must be left on landing (with the way on, at a target without pads).
+    """
+
+    station: str
+    runner_up: tuple[str, ...] | None
+    later_s: float
+    expected: float
+    margin: float
+    reserve: float
+
+
+@dataclass(frozen=True)
+class WaitAndSee:
+    """How good a planner could be that knew the wind and the queues.
+
+    Attributes
+    ----------
+    bound_s : float
+        Mean delivery time of the exact planner that is told each member and a sampled queue: no policy is better in the
+        mean without gusts.
+    plan_s : float
+        Of the plan, over its rehearsed runs.
+    worlds : int
+        Told to it.
+    """
+
+    bound_s: float
+    plan_s: float
+    worlds: int
+
+    @property
+    def gap(self) -> float:
+        """How much longer the plan takes, as a share of the bound."""
+        return self.plan_s / self.bound_s - 1.0
+
+
+def charge_ranges(answer: RobustAnswer) -> list[ChargeRange]:
+    """What the plan would do otherwise: how much more or less it charges at each stop, by what is known there."""
+    course, weight = answer.rehearsal.course, answer.rehearsal.weight
+    network = answer.policy.problem.network
+    found = []
+    for number, hop in enumerate(answer.policy.itinerary):
+        before = course[:, number - 1, SOC_DOWN] if number else np.full(len(course), answer.policy.problem.soc)
+        flown = np.isfinite(course[:, number, TOUCH_DOWN])
+        if not flown.any() or number == 0:
+            continue
+        off = course[flown, number, SOC_OFF]
+        idle = float(weight[flown][off <= before[flown] + 1e-9].sum() / weight[flown].sum())
+        low, high = (weighted_quantile(off, weight[flown], q) for q in (LOW, HIGH))
+        station = network.stations[int(network.tail[hop.segments[0]])].id
+        found.append(ChargeRange(station, float(answer.course[number, SOC_OFF]), low, high, idle))
+    return found
+
+
+def stop_reasons(result: PlanResult) -> list[StopReason]:
+    """Why each stop is made: the best route without it, and what its charge is for."""
+    answer = result.robust
+    if answer is None:
+        return []
+    problem, policy = answer.policy.problem, answer.policy
+    search = RobustSearch(problem)
+    best = answer.candidates[0].outcome.mean_s
+    found = []
+    for number, hop in enumerate(policy.itinerary):
+        if number == 0:
+            continue
+        node = int(problem.network.tail[hop.segments[0]])
+        runner_up: tuple[str, ...] | None = None
+        later = np.inf
+        try:
+            other = search.finalists(search.candidates(without=node))[0]
+        except NoRouteError:
+            pass
+        else:
+            runner_up, later = stop_names(other), other.outcome.mean_s - best
+        off, down = float(answer.course[number, SOC_OFF]), float(answer.course[number, SOC_DOWN])
+        landing = float(policy.landing[number])
+        expected, margin = off - down, max(down - landing, 0.0)
+        station = problem.network.stations[node].id
+        found.append(StopReason(station, runner_up, later, expected, margin, landing))
+    return found
+
+
+def stop_names(candidate: Candidate) -> tuple[str, ...]:
+    """Stations that a route stops at before its destination."""
+    stations = candidate.policy.problem.network.stations
+    return tuple(stations[node].id for node in candidate.stops[:-1])
+
+
+def alternatives(answer: RobustAnswer, count: int) -> list[Candidate]:
+    """Return different routes none of which is beaten in mean time, 95th percentile, risk and energy; best first."""
+
+    def measures(one: Candidate) -> tuple[float, ...]:
+        return (one.outcome.mean_s, one.outcome.quantile_s(0.95), 1.0 - one.outcome.p_success, one.charge_used)
+
+    found: list[Candidate] = []
+    for one in answer.candidates:
+        mine = measures(one)
+        beaten = any(
+            all(a <= b + 1e-9 for a, b in zip(measures(other), mine, strict=True)) and measures(other) != mine
+            for other in answer.candidates
+        )
+        if (not beaten or one is answer.candidates[0]) and stop_names(one) not in map(stop_names, found):
+            found.append(one)
+    return found[:count]
+
+
+def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
+    """Bound from below how long a delivery takes: the exact planner told each member and a queue; None without a route."""
+    problem = answer.policy.problem
+    times, weights = [], []
+    nodes = range(len(problem.network))
+    for member, probability in enumerate(problem.probability.tolist()):
+        alone = np.zeros(len(problem.probability))
+        alone[member] = 1.0
+        speeds = mean_speeds(problem.air, alone, float(HORIZON_H))
+        search = ExactSearch(problem, problem.queue_paths(nodes, member), speeds=speeds)
+        try:
+            search.solve()
+        except NoRouteError:
+            continue
+        times.append(search.best_s - problem.depart_s)
+        weights.append(probability)
+    if not times:
+        return None
+    bound = float(np.average(times, weights=weights))
+    return WaitAndSee(bound, answer.outcome.mean_s - problem.depart_s, len(times))
