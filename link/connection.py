@@ -203,8 +203,6 @@ class Connection:
         data = self.transport.read(max(0.0, min(timeout_s, due_s - now)))
         if data:
             self._take(data)
-        if self.recorder is not None:
-            self.recorder.tend()
 
     def _beat(self, now: float) -> None:
         self._beat_s = now

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import struct
 from datetime import UTC, datetime
@@ -10,14 +11,13 @@ from typing import TYPE_CHECKING
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from io import BufferedWriter
+    from io import FileIO
     from pathlib import Path
 
     from models.clock import Clock
 
 MAX_BYTES = 100_000_000
 """A file is closed and the next one begun beyond this."""
-FLUSH_S = 0.5
 _STAMP = struct.Struct(">Q")
 _MAX_NAMES = 10_000
 
@@ -36,6 +36,11 @@ class Recorder:
     max_bytes : int
         Size at which the next file is begun.
 
+    Attributes
+    ----------
+    problem : str
+        Why it ended before it was closed; empty where it did not.
+
     Raises
     ------
     InputError
@@ -46,14 +51,13 @@ class Recorder:
         self.folder, self.max_bytes = folder, max_bytes
         self._clock = clock
         self._name = "".join(c if c.isalnum() or c in "-_." else "-" for c in name).strip("-") or "link"
-        self._flushed_s = clock.now_s()
         self._written = 0
         self._last_us = 0
-        self._dirty = False
+        self.problem = ""
         self.paths: list[Path] = []
-        self._file: BufferedWriter | None = self._open()
+        self._file: FileIO | None = self._open()
 
-    def _open(self) -> BufferedWriter:
+    def _open(self) -> FileIO:
         begun = datetime.fromtimestamp(self._clock.posix_s(), UTC)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -61,7 +65,7 @@ class Recorder:
                 suffix = f"-{number}" if number else ""
                 path = self.folder / f"{begun:%Y-%m-%d-%H%M%S}-{self._name}{suffix}.tlog"
                 try:
-                    opened = path.open("xb")
+                    opened = path.open("xb", buffering=0)
                 except FileExistsError:
                     continue
                 self.paths.append(path)
@@ -73,53 +77,40 @@ class Recorder:
         raise InputError(Fault("too many recordings of the same second", str(self.folder)))
 
     def frame(self, data: bytes) -> None:
-        """Record one frame that came, or that is about to be sent."""
+        """Record one frame that came, or that is about to be sent; a process that is killed has lost none.
+
+        A disk that fails ends the recording and not the link, since the vehicle may be in the air: see `problem`.
+        """
         if self._file is None:
             return
         self._last_us = max(self._last_us, int(self._clock.posix_s() * 1e6))
-        self._write(_STAMP.pack(self._last_us) + data)
-        self._dirty = True
-        self.tend()
-        if self._written >= self.max_bytes:
-            self._close()
-            self._file = self._open()
-
-    def _write(self, data: bytes) -> None:
-        if self._file is None:
-            return
+        rest = _STAMP.pack(self._last_us) + data
+        self._written += len(rest)
         try:
-            self._file.write(data)
+            while rest:
+                rest = rest[self._file.write(rest) :]
+            if self._written >= self.max_bytes:
+                self.close()
+                self._file = self._open()
         except OSError as error:
-            raise self._failed(error) from None
-        self._written += len(data)
+            self._fail(f"the recording ends: {error.strerror or error}")
+        except InputError as error:
+            self._fail(str(error))
 
-    def _failed(self, error: OSError) -> InputError:
-        problem = f"the recording cannot be written: {error.strerror or error}"
-        return InputError(Fault(problem, str(self.paths[-1]), remedy="make room on the disk"))
+    def _fail(self, problem: str) -> None:
+        self.problem = self.problem or problem
+        if self._file is not None:
+            with contextlib.suppress(OSError):
+                self._file.close()
+        self._file = None
 
-    def tend(self) -> None:
-        """Hand to the system what is older than half a second; a killed process loses less than a second."""
-        if self._file is None or not self._dirty or self._clock.now_s() < self._flushed_s + FLUSH_S:
-            return
-        try:
-            self._file.flush()
-        except OSError as error:
-            raise self._failed(error) from None
-        self._dirty = False
-        self._flushed_s = self._clock.now_s()
-
-    def _close(self) -> None:
+    def close(self) -> None:
+        """End the recording."""
         if self._file is None:
             return
         try:
             with self._file:
-                self._file.flush()
                 os.fsync(self._file.fileno())
         except OSError as error:
-            raise self._failed(error) from None
-        finally:
-            self._file = None
-
-    def close(self) -> None:
-        """End the recording."""
-        self._close()
+            self._fail(f"the recording may be incomplete: {error.strerror or error}")
+        self._file = None

@@ -65,6 +65,8 @@ class Line:
             yield connection
         finally:
             connection.close()
+            if connection.recorder is not None and connection.recorder.problem:
+                typer.echo(connection.recorder.problem, err=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,14 +1,20 @@
 """Every byte of a connection is kept, and found again by others."""
 
+import contextlib
 import os
+import signal
+import socket
 import subprocess
 import sys
+import time
 
 import pytest
 from pymavlink import mavutil
+from sim_serving import free_port
 from wires import Scene, a_mission
 
 from link.connection import Connection
+from link.frames import FrameWriter
 from link.recorder import Recorder
 from link.verified import upload_verified
 from models.errors import InputError
@@ -47,24 +53,62 @@ def test_a_big_recording_goes_on_in_the_next_file_and_nothing_is_overwritten(tmp
     assert all(path.stat().st_size < 20_500 for path in recorder.paths)
 
 
-def test_a_killed_process_loses_less_than_a_second(tmp_path):
-    code = (
-        "import os, sys, time\n"
-        "from pathlib import Path\n"
-        "from link.recorder import Recorder\n"
-        "from models.clock import WallClock\n"
-        "recorder = Recorder(Path(sys.argv[1]), WallClock())\n"
-        "begun = time.monotonic()\n"
-        "while time.monotonic() < begun + 1.2:\n"
-        "    recorder.frame(b'x' * 20)\n"
-        "    time.sleep(0.005)\n"
-        "print(time.time(), flush=True)\n"
-        "os.kill(os.getpid(), 9)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, check=False)
-    data = next(tmp_path.glob("*.tlog")).read_bytes()
-    last = len(data) // 28 * 28 - 28
-    assert float(done.stdout) - int.from_bytes(data[last : last + 8], "big") * 1e-6 < 1.0
+LISTEN = """
+import sys
+from pathlib import Path
+from link.opening import open_connection
+connection = open_connection(f"udpin:127.0.0.1:{sys.argv[1]}", record=Path(sys.argv[2]))
+while True:
+    connection.pump(0.1)
+"""
+
+
+def test_a_process_that_is_killed_loses_less_than_a_second_of_its_connection(tmp_path):
+    """A vehicle speaks to a program of ours at 100 messages a second; it is killed with signal 9 after a second."""
+    port = free_port()
+    process = subprocess.Popen([sys.executable, "-c", LISTEN, str(port), str(tmp_path)])
+    writer, sent = FrameWriter(1, 1), {}
+    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as vehicle:
+        heard, number, end = None, 0, time.monotonic() + 30.0
+        while time.monotonic() < end and (heard is None or time.monotonic() < heard + 1.3):
+            number += 1
+            sent[number] = time.time()
+            vehicle.sendto(writer.frame("ATTITUDE", {"time_boot_ms": number}), ("127.0.0.1", port))
+            if heard is None and list(tmp_path.glob("*.tlog")) and next(tmp_path.glob("*.tlog")).stat().st_size:
+                heard = time.monotonic()
+            time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    killed = time.time()
+    process.wait(10.0)
+    assert heard is not None, "it never recorded anything"
+    log = mavutil.mavlink_connection(str(next(tmp_path.glob("*.tlog"))))
+    recorded, ours = [], 0
+    while (message := log.recv_msg()) is not None:
+        if message.get_type() == "ATTITUDE":
+            recorded.append(message.time_boot_ms)
+        ours += message.get_srcSystem() == 255
+    log.close()
+    assert ours >= 1
+    assert recorded == list(range(recorded[0], recorded[-1] + 1))
+    assert killed - sent[recorded[-1]] < 1.0
+
+
+def test_a_disk_that_fails_ends_the_recording_and_not_the_link(tmp_path):
+    scene, recorder = recorded(tmp_path)
+    scene.connection.run_for(2.0)
+
+    class Full:
+        def write(self, _data):
+            raise OSError(28, "No space left on device")
+
+        def close(self):
+            raise OSError(5, "Input/output error")
+
+    recorder._file.close()
+    recorder._file = Full()
+    assert scene.connection.perform(upload_verified(scene.job(a_mission(8)))).verified
+    assert recorder.problem == "the recording ends: No space left on device"
+    scene.connection.close()
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="nothing is forbidden to root")
