@@ -21,7 +21,20 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def compiled(function: F) -> F:
     """Compile a function on its first call, with IEEE arithmetic and without holding the interpreter's lock."""
-    kernel: Any = njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(function)
+    return _compile(function)
+
+
+def compiled_lean(function: F) -> F:
+    """Compile a function that makes no arrays: it does not count references to those that it is given.
+
+    Where small functions hand on many arrays, the counting takes several times as long as the work. A function that
+    makes an array all the same fails to compile.
+    """
+    return _compile(function, _nrt=False)
+
+
+def _compile(function: F, **options: Any) -> F:
+    kernel: Any = njit(cache=True, nogil=True, error_model="numpy", fastmath=False, **options)(function)
     callees = [
         value for name in function.__code__.co_names if isinstance(value := function.__globals__.get(name), Dispatcher)
     ]

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from models.flight import Air
 
 NEVER = math.inf
-_SLOT_EDGE_S = 1e-6  # a time this close below a boundary counts as beyond it, so that no step has length zero
+SLOT_EDGE_S = 1e-6  # a time this close below a boundary counts as beyond it, so that no step has length zero
 
 
 @compiled
 def slot_of(air: Air, time_s: float) -> int:
     """Slot that holds a time; times outside the series use its first or last slot."""
-    slot = int(math.floor((time_s + _SLOT_EDGE_S - air.start_s) / air.slot_s))
+    slot = int(math.floor((time_s + SLOT_EDGE_S - air.start_s) / air.slot_s))
     return min(max(slot, 0), air.north.shape[1] - 1)
 
 
@@ -87,7 +87,7 @@ def land(air: Air, member: int, segments: NDArray[np.int64], depart_s: float) ->
             return NEVER
     now += air.descent_s
     first = slot_of(air, depart_s)
-    last = slot_of(air, now - 2.0 * _SLOT_EDGE_S)
+    last = slot_of(air, now - 2.0 * SLOT_EDGE_S)
     if len(segments) == 1 and last == first:
         return now
     for slot in range(first, last + 1):
@@ -120,7 +120,7 @@ def leg(air: Air, member: int, segment: int, time_s: float) -> tuple[float, floa
         end = slot_end(air, slot)
         flyable = True
         now = off + air.climb_s
-        while now >= end - _SLOT_EDGE_S and flyable:  # the climb reaches into the next slot: this one counts too
+        while now >= end - SLOT_EDGE_S and flyable:  # the climb reaches into the next slot: this one counts too
             flyable = segment_speed(air, member, slot, segment) > 0.0
             slot += 1
             end = slot_end(air, slot)
@@ -138,7 +138,7 @@ def leg(air: Air, member: int, segment: int, time_s: float) -> tuple[float, floa
                 slot += 1
                 end = slot_end(air, slot)
         down = now + air.descent_s
-        while flyable and down > end + _SLOT_EDGE_S:  # and so does the descent
+        while flyable and down > end + SLOT_EDGE_S:  # and so does the descent
             slot += 1
             end = slot_end(air, slot)
             flyable = segment_speed(air, member, slot, segment) > 0.0

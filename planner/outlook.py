@@ -1,16 +1,16 @@
-"""What the forecast says of the next flight and of what lies beyond it: reachability and look-ahead."""
+"""What the forecast says of the next flight and of what lies beyond it: the arrays that kernels read, and single answers."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.flight_kernels import slot_end, slot_of
-from planner.outlook_kernels import Graph, Need, Speeds, flight_outlook, options, rank
+from models.wind import MIN_GROUND_SPEED_MPS
+from planner.lookahead_kernels import FLIGHTS, MISSING, Flight, Graph, Policy, Stand, World, earliest, held
+from planner.outlook_kernels import P_HOLD, WORKING_ROWS, Need, Ways, flight_outlook
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,61 +18,47 @@ if TYPE_CHECKING:
     from models.flight import Air
     from planner.problem import Problem
 
-MAX_KEPT_SPEEDS = 400_000_000
-"""Ground speeds kept for reuse; beyond this (networks of more than some 10,000 stations) they are worked out anew."""
-MAX_FLIGHTS_AHEAD_H = 24
-"""How long a drone is held on the ground for wind that brings a station into reach."""
-
-
-@dataclass(frozen=True, slots=True)
-class Reachable:
-    """A station one segment away.
-
-    Attributes
-    ----------
-    segment, node : int
-        How, and which.
-    leave_s : float
-        Earliest take-off that keeps the reserve.
-    charge : float
-        SoC that the flight takes in all but a share epsilon of the members.
-    mean_s : float
-        Expected time from `leave_s` to touch-down.
-    soc : float
-        SoC on landing in all but a share epsilon of the members.
-    charge_to : float or None
-        SoC to charge to before; None where the drone leaves as it is.
-    ranked : bool
-        Its rank is final, not a lower bound.
-    held : bool
-        The drone stays, charged, until `leave_s`, because the wind is better then.
-    """
-
-    segment: int
-    node: int
-    leave_s: float
-    charge: float
-    mean_s: float
-    soc: float
-    charge_to: float | None
-    ranked: bool = True
-    held: bool = False
+MAX_KEPT_FLIGHTS = 100_000_000
+"""Flights, by segment and slot, that are kept once worked out; a larger network's are worked out each time."""
 
 
 class Outlook:
     """Answers about flights from a station at a time, over the forecast of a problem.
 
-    Attributes
+    Parameters
     ----------
-    looked_at : int
-        Flights evaluated so far.
+    problem : Problem
+        What is to be solved.
+    full : bool, optional
+        Each charge goes to 100 %; by default as the request says.
+    factor : float
+        What a second of the remaining flight counts in the look-ahead.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, *, full: bool | None = None, factor: float = 1.0) -> None:
         self.problem = problem
-        self.looked_at = 0
-        empty = problem.empty_cost
-        self.need = Need(
+        self._policy = Policy(
+            full=problem.request.recharge == "full" if full is None else full,
+            reserve=float(problem.reserve),
+            factor=float(factor),
+        )
+        self._tally = np.zeros(2, dtype=np.int64)
+
+    @property
+    def looked_at(self) -> int:
+        """Flights evaluated so far."""
+        return int(self._tally[FLIGHTS])
+
+    @property
+    def budget(self) -> float:
+        """Most that a flight can take from a full battery."""
+        return 1.0 - self.problem.reserve
+
+    @cached_property
+    def need(self) -> Need:
+        """What decides whether a flight can be made."""
+        problem, empty = self.problem, self.problem.empty_cost
+        return Need(
             soc_per_s=float(problem.soc_per_s),
             soc_fixed=float(problem.soc_fixed),
             empty_per_s=float(empty[0]),
@@ -84,140 +70,100 @@ class Outlook:
         )
 
     @cached_property
-    def graph(self) -> Graph:
-        """Network and waits for kernels; the waits' rows fill as they are needed."""
-        network, waits = self.problem.network, self.problem.waits
-        return Graph(
-            network.first, network.head, network.pads > 0, float(waits.start_s), float(waits.step_s), waits.wait_s
+    def world(self) -> World:
+        """All that a look-ahead reads."""
+        direct = self._ways(self.problem.direct_air)
+        bound = np.empty(int(np.diff(self.problem.network.first).max(initial=0)))
+        return World(self.ways, direct, self._graph, self.need, self._policy, self._tally, bound)
+
+    @cached_property
+    def ways(self) -> Ways:
+        """The segments as flights, and what is known of them already."""
+        return self._ways(self.problem.air)
+
+    def _ways(self, air: Air) -> Ways:
+        members, slots, _ = air.north.shape
+        count = len(air.distance_m)
+        keep = slots if slots * count <= MAX_KEPT_FLIGHTS else 0
+        north, east = self._wind
+        return Ways(
+            air=air,
+            north=north,
+            east=east,
+            probability=self.problem.probability,
+            table=np.zeros((keep, count, P_HOLD + 1)),
+            lower_s=np.zeros((keep, count)),
+            calm=self._calm,
+            slowest_mps=air.airspeed_mps - air.wind_limit_mps,
+            fresh=np.empty(P_HOLD + 1),
+            rows=np.empty((WORKING_ROWS, members)),
         )
 
     @cached_property
-    def speeds(self) -> tuple[Speeds, Speeds]:
-        """Ground speeds over segments and over straight flights to the destination, filled as they are met."""
-        p = self.problem
-        members, slots, _ = p.air.north.shape
-        keep = slots if members * slots * (len(p.network.tail) + len(p.network)) <= MAX_KEPT_SPEEDS else 0
-        sizes = len(p.network.tail), len(p.network)
-        first, second = (Speeds(np.empty((keep, n, members)), np.zeros((keep, n), dtype=np.bool_)) for n in sizes)
-        return first, second
+    def _calm(self) -> NDArray[np.bool_]:
+        """Slots in which, and in the two after which, the wind of some member is below the limit at every site."""
+        air = self.problem.air
+        if air.airspeed_mps - air.wind_limit_mps < MIN_GROUND_SPEED_MPS:
+            return np.zeros(air.north.shape[1], dtype=np.bool_)
+        good = np.hypot(air.north, air.east).max(axis=2) <= air.wind_limit_mps * (1.0 - 1e-9)
+        good = np.pad(good, ((0, 0), (0, 2)), mode="edge")
+        return np.asarray((good[:, :-2] & good[:, 1:-1] & good[:, 2:]).any(axis=0))
 
-    @property
-    def budget(self) -> float:
-        """Most that a flight can take from a full battery."""
-        return 1.0 - self.problem.reserve
+    @cached_property
+    def _wind(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        air = self.problem.air
+        north, east = (np.ascontiguousarray(wind.transpose(1, 2, 0)) for wind in (air.north, air.east))
+        return north, east
+
+    @cached_property
+    def _graph(self) -> Graph:
+        p = self.problem
+        points = max(len(time) for time, _ in p.curves)
+        time, soc = (
+            np.array([np.pad(curve[k], (0, points - len(curve[k])), mode="edge") for curve in p.curves]) for k in (0, 1)
+        )
+        waits = p.waits
+        return Graph(
+            first=p.network.first,
+            head=p.network.head,
+            stops=p.network.pads > 0,
+            curve_of=p.curve_of,
+            curve_s=time,
+            curve_soc=soc,
+            wait_start_s=float(waits.start_s),
+            wait_step_s=float(waits.step_s),
+            wait_s=waits.wait_s,
+            wait_known=waits.known,
+        )
+
+    def forecast_missing(self) -> None:
+        """Forecast the waits that a kernel asked for."""
+        self.problem.waits.need([int(self._tally[MISSING])])
 
     def flight(self, segment: int, time_s: float) -> tuple[float, float, float]:
         """(mean time, charge taken, P(hold)) of a flight, see `flight_outlook`."""
-        self.looked_at += 1
+        self._tally[FLIGHTS] += 1
         node = int(self.problem.network.head[segment])
-        mean, charge, p_hold = flight_outlook(
-            self.problem.air, self.speeds[0], self.problem.probability, self.need, segment, node, time_s
-        )
+        mean, charge, p_hold = flight_outlook(self.ways, self.need, segment, node, time_s)
         return float(mean), float(charge), float(p_hold)
 
-    def reachable(
-        self, node: int, time_s: float, soc: float, pad_s: float | None, *, full: bool, factor: float
-    ) -> list[tuple[float, Reachable]]:
-        """Stations one segment away that a drone at `node` reaches with the reserve, each with its rank.
+    def earliest(self, segment: int, time_s: float, soc: float, pad_s: float | None) -> Flight:
+        """Earliest flight over a segment in the wind of that time; its take-off is infinite where there is none.
 
         Parameters
         ----------
-        node, time_s, soc, pad_s
-            Where the drone stands, since when, with which charge, and when it comes onto a pad (None: it cannot charge).
-        full : bool
-            Charge to 100 % before leaving, otherwise what the flight needs.
-        factor : float
-            Of the remaining flight in the look-ahead.
+        segment : int
+            Which.
+        time_s, soc, pad_s
+            Since when the drone stands at its beginning, with which charge, and when it comes onto a pad (None: it does
+            not charge).
         """
-        p = self.problem
-        rows = options(
-            *self._fixed(node),
-            node,
-            (time_s, soc, math.inf if pad_s is None else pad_s),
-            (full, p.reserve, factor),
-            *p.curve(node),
-        )
-        first = int(p.network.first[node])
-        self.looked_at += len(rows)
-        found = []
-        for row, (leave, charge, mean, to, landed, rank_s, final) in enumerate(rows.tolist()):
-            if math.isfinite(rank_s):
-                target = int(p.network.head[first + row])
-                to_soc = None if math.isnan(to) else to
-                one = Reachable(first + row, target, leave, charge, mean, landed, to_soc, ranked=final > 0.0)
-                found.append((rank_s, one))
-        return found
+        return Flight(*earliest(self.world, self._stand(segment, time_s, soc, pad_s), segment))
 
-    def ranked(self, one: Reachable, time_s: float, *, full: bool, factor: float) -> float:
-        """Final rank of a station whose rank was a lower bound so far."""
-        p = self.problem
-        node = int(p.network.tail[one.segment])
-        state = (time_s, one.leave_s + one.mean_s, one.soc)
-        fixed = self._fixed(one.node)
-        return float(rank(*fixed, (node, one.node), state, (full, p.reserve, factor), *p.curve(one.node)))
+    def held(self, segment: int, time_s: float, soc: float, pad_s: float | None) -> Flight:
+        """Earliest flight over a segment after waiting for better wind, as `earliest`."""
+        return Flight(*held(self.world, self._stand(segment, time_s, soc, pad_s), segment))
 
-    def segments(self, node: int) -> list[int]:
-        """Segments that leave a node towards stations with pads or the destination."""
-        p = self.problem
-        leaving = range(int(p.network.first[node]), int(p.network.first[node + 1]))
-        return [s for s in leaving if p.has_pads(int(p.network.head[s])) or int(p.network.head[s]) == p.destination]
-
-    def held(
-        self, segments: list[int], time_s: float, soc: float, pad_s: float | None, *, full: bool, factor: float
-    ) -> list[tuple[float, Reachable]]:
-        """Stations that wind brings into reach later, while the drone waits, charged; as `reachable`."""
-        p = self.problem
-        found = []
-        for segment in segments:
-            node = int(p.network.tail[segment])
-            one = self._held(segment, node, time_s, soc, pad_s)
-            if one is None:
-                continue
-            rank_s = self.ranked(one, time_s, full=full, factor=factor)
-            if math.isfinite(rank_s):
-                found.append((rank_s, one))
-        return found
-
-    def _fixed(self, node: int) -> tuple[Air, Air, tuple[Speeds, Speeds], NDArray[np.float64], Graph, Need]:
-        """What every look-ahead from a node reads; fills the waits it will ask for."""
-        p = self.problem
-        p.waits.need(self._within_two(node))
-        return p.air, p.direct_air, self.speeds, p.probability, self.graph, self.need
-
-    def _within_two(self, node: int) -> NDArray[np.int64]:
-        """Nodes at most two segments away."""
-        network = self.problem.network
-        near = network.head[network.first[node] : network.first[node + 1]]
-        blocks = [network.head[network.first[k] : network.first[k + 1]] for k in near]
-        return np.concatenate([np.array([node]), near, *blocks])
-
-    def _held(self, segment: int, node: int, time_s: float, soc: float, pad_s: float | None) -> Reachable | None:
-        """Earliest take-off with a full battery (or, without a pad, with what there is) at which the flight can be made."""
-        p = self.problem
-        ready = time_s if pad_s is None else pad_s + p.charge_time_s(node, soc, 1.0)
-        limit = soc - p.reserve if pad_s is None else self.budget
-        before, leave = ready, ready
-        _, charge, _ = self.flight(segment, leave)
-        while charge > limit:
-            before = leave
-            leave = float(slot_end(p.air, slot_of(p.air, leave)))
-            if not math.isfinite(leave) or leave > ready + MAX_FLIGHTS_AHEAD_H * 3600.0:
-                return None
-            _, charge, _ = self.flight(segment, leave)
-        while leave - before > 0.5:  # towards the earliest such time, which lies within the slot before
-            middle = 0.5 * (before + leave)
-            if self.flight(segment, middle)[1] <= limit:
-                leave = middle
-            else:
-                before = middle
-        mean, charge, _ = self.flight(segment, leave)
-        return Reachable(
-            segment,
-            int(p.network.head[segment]),
-            leave,
-            charge,
-            mean,
-            (soc if pad_s is None else 1.0) - charge,
-            None if pad_s is None else 1.0,
-            held=True,
-        )
+    def _stand(self, segment: int, time_s: float, soc: float, pad_s: float | None) -> Stand:
+        node = int(self.problem.network.tail[segment])
+        return Stand(node, float(time_s), float(soc), math.inf if pad_s is None else float(pad_s))

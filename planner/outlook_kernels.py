@@ -1,20 +1,29 @@
-"""Compiled expectations over the forecast: how long a flight takes, and what charge it needs."""
+"""Compiled expectations over the forecast: how long a flight takes, and what charge it needs.
+
+A flight that ends in the slot of its departure takes as long whenever in the slot it leaves, and one that the wind holds
+leaves with a later slot. So both are worked out once for each segment and slot, and only flights across the end of a slot
+are flown in every member each time.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
-from models.compiled import compiled
-from models.flight_kernels import NEVER, leg, segment_speed, slot_end, slot_of
-from planner.profile_kernels import interpolate
+from models.compiled import compiled, compiled_lean
+from models.flight_kernels import NEVER, SLOT_EDGE_S, leg, slot_end, slot_of
+from models.wind import MIN_GROUND_SPEED_MPS
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from models.flight import Air
+
+KNOWN, MEAN, LONGEST, CHARGE, P_HOLD = range(5)
+"""Columns of a table of `Ways`: 1 where the row is filled; mean time of the members that can fly at once (where none can:
+the mean touch-down, POSIX seconds); the longest such time (0 where none can); charge taken in all but a share epsilon of
+the members; probability that the wind holds it."""
 
 
 class Need(NamedTuple):
@@ -46,19 +55,51 @@ class Need(NamedTuple):
     needs_escape: bool
 
 
-class Speeds(NamedTuple):
-    """Ground speeds already worked out, so that a segment met again in the same slot costs nothing.
+class Ways(NamedTuple):
+    """Flights that can be made, one for each segment of `air`, and what is known of them already.
 
     Attributes
     ----------
-    value : ndarray, shape (slots, segments, members)
-        Filled where known; memory that is never touched is never taken.
-    known : ndarray of bool, shape (slots, segments)
-        Which rows are filled. With no slots, nothing is kept.
+    air : Air
+        Segments and wind.
+    north, east : ndarray, shape (slots, sites, members)
+        The wind again, in the order in which all members are looked at together.
+    probability : ndarray, shape (members,)
+        Of the members.
+    table : ndarray, shape (slots, segments, 5)
+        See the column names of this module; with no slots, nothing is kept.
+    lower_s : ndarray, shape (slots, segments)
+        The mean time is not below this, whenever in the slot a flight leaves; 0 where it is not worked out yet.
+    calm : ndarray of bool, shape (slots,)
+        Whether some member can fly at once over every segment, whenever in the slot it leaves; then the mean time is not
+        above that at `slowest_mps`, if that is at most two slots.
+    slowest_mps : float
+        Least ground speed in wind that may be flown in.
+    fresh : ndarray, shape (5,)
+        Working space: a row that is not kept.
+    rows : ndarray, shape (rows, members)
+        Working space: wind north and east, ground speed, metres left, take-off, touch-down, least and greatest speed.
     """
 
-    value: NDArray[np.float64]
-    known: NDArray[np.bool_]
+    air: Air
+    north: NDArray[np.float64]
+    east: NDArray[np.float64]
+    probability: NDArray[np.float64]
+    table: NDArray[np.float64]
+    lower_s: NDArray[np.float64]
+    calm: NDArray[np.bool_]
+    slowest_mps: float
+    fresh: NDArray[np.float64]
+    rows: NDArray[np.float64]
+
+
+WORKING_ROWS = 8
+"""Rows of working space."""
+_NORTH, _EAST, _SPEED, _LEFT, _OFF, _DOWN, _SLOWEST, _FASTEST = range(WORKING_ROWS)
+_SLOTS_AHEAD = 4  # in which a flight is looked for bounds of its time
+_FLYING = -math.inf  # touch-down of a flight that is under way
+NOWHERE = -1
+"""Node of a flight whose end does not matter."""
 
 
 @compiled
@@ -72,61 +113,173 @@ def escape_cost(air: Air, member: int, need: Need, time_s: float) -> float:
     return best
 
 
-@compiled
-def _row(air: Air, speeds: Speeds, slot: int, segment: int) -> NDArray[np.float64]:
-    """Ground speeds of a segment in a slot, shape (members,)."""
-    kept = slot < len(speeds.known)
-    if kept and speeds.known[slot, segment]:
-        return speeds.value[slot, segment]
-    members = air.north.shape[0]
-    row = speeds.value[slot, segment] if kept else np.empty(members)
-    for member in range(members):
-        row[member] = segment_speed(air, member, slot, segment)
-    if kept:
-        speeds.known[slot, segment] = True
-    return row
+@compiled_lean
+def _speeds(ways: Ways, slot: int, segment: int, out: NDArray[np.float64]) -> None:
+    """Ground speeds of a segment in a slot in every member; the same as `segment_speed`, all together."""
+    air = ways.air
+    north, east = ways.rows[_NORTH], ways.rows[_EAST]
+    north[:] = 0.0
+    east[:] = 0.0
+    for site in range(air.weight.shape[1]):
+        weight = air.weight[segment, site]
+        site_north, site_east = ways.north[slot, site], ways.east[slot, site]
+        for member in range(len(out)):
+            north[member] += weight * site_north[member]
+            east[member] += weight * site_east[member]
+    cos, sin = air.cos_bearing[segment], air.sin_bearing[segment]
+    square_airspeed = air.airspeed_mps * air.airspeed_mps
+    square_limit = air.wind_limit_mps * air.wind_limit_mps
+    for member in range(len(out)):
+        along = north[member] * cos + east[member] * sin
+        across = east[member] * cos - north[member] * sin
+        square = square_airspeed - across * across
+        speed = along + math.sqrt(max(square, 0.0))
+        wind = north[member] * north[member] + east[member] * east[member]
+        flyable = (square > 0.0) & (wind <= square_limit) & (speed >= MIN_GROUND_SPEED_MPS)
+        out[member] = min(speed, air.max_ground_speed_mps) if flyable else 0.0
 
 
-@compiled
-def _fly_all(
-    air: Air, speeds: Speeds, segment: int, time_s: float, off: NDArray[np.float64], down: NDArray[np.float64]
-) -> None:
-    """Take-off and touch-down of a one-segment flight in every member, held where the wind asks for it."""
+@compiled_lean
+def _fly_at_once(ways: Ways, segment: int, time_s: float) -> None:
+    """Fly in every member from `time_s` on, slot by slot; the row of touch-downs is never where the wind holds a flight.
+
+    The same as the first attempt of `leg`, in all members together.
+    """
+    air = ways.air
+    speed, left, down = ways.rows[_SPEED], ways.rows[_LEFT], ways.rows[_DOWN]
+    over, descent = time_s + air.climb_s, air.descent_s
+    left[:] = air.distance_m[segment]
+    down[:] = _FLYING
     slot = slot_of(air, time_s)
-    end = slot_end(air, slot)
-    over = time_s + air.climb_s
-    here = _row(air, speeds, slot, segment)
-    following = here
-    if end < NEVER:
-        following = _row(air, speeds, slot + 1, segment)
-    later = slot_end(air, slot + 1) if end < NEVER else NEVER
-    length = air.distance_m[segment]
-    for member in range(air.north.shape[0]):
-        speed = here[member]
-        if speed > 0.0 and over < end:
-            landed = over + length / speed + air.descent_s
-            if landed <= end:
-                off[member], down[member] = time_s, landed
-                continue
-            after = following[member]
-            left = length - speed * (end - over)
-            landed = end + left / after + air.descent_s if after > 0.0 else NEVER
-            if left > 0.0 and landed <= later:
-                off[member], down[member] = time_s, landed
-                continue
-        off[member], down[member] = leg(air, member, segment, time_s)
+    begin, end = time_s, slot_end(air, slot)
+    busy = True
+    while busy:
+        busy = False
+        _speeds(ways, slot, segment, speed)
+        climbs = over >= end - SLOT_EDGE_S
+        now = max(over, begin)
+        for member in range(len(down)):
+            pace = speed[member]
+            if down[member] == _FLYING:
+                if pace <= 0.0:
+                    down[member] = NEVER
+                elif climbs:
+                    busy = True
+                elif now + left[member] / pace <= end:
+                    down[member] = now + left[member] / pace + descent
+                    busy |= down[member] > end + SLOT_EDGE_S
+                else:
+                    left[member] -= pace * (end - now)
+                    busy = True
+            elif begin + SLOT_EDGE_S < down[member] < NEVER:  # it descends into this slot
+                if pace <= 0.0:
+                    down[member] = NEVER
+                else:
+                    busy |= down[member] > end + SLOT_EDGE_S
+        slot += 1
+        begin, end = end, slot_end(air, slot)
 
 
-@compiled
-def flight_outlook(
-    air: Air,
-    speeds: Speeds,
-    probability: NDArray[np.float64],
-    need: Need,
-    segment: int,
-    node: int,
-    time_s: float,
-) -> tuple[float, float, float]:
+@compiled_lean
+def _fill(ways: Ways, need: Need, slot: int, segment: int, row: NDArray[np.float64]) -> None:
+    """Fill a row of the table: what holds for every flight that ends in the slot in which it leaves, or is held."""
+    air, probability = ways.air, ways.probability
+    speeds = ways.rows[_SPEED]
+    _speeds(ways, slot, segment, speeds)
+    charge = ways.rows[_DOWN]
+    fixed, length = air.climb_s + air.descent_s, air.distance_m[segment]
+    mass = now_sum = longest = held_mass = held_sum = 0.0
+    later = slot_end(air, slot)
+    for member in range(len(probability)):
+        if speeds[member] > 0.0:
+            spent = fixed + length / speeds[member]
+            mass += probability[member]
+            now_sum += probability[member] * spent
+            longest = max(longest, spent)
+            charge[member] = need.soc_fixed + need.soc_per_s * spent
+            continue
+        charge[member] = NEVER
+        if later < NEVER:
+            off, down = leg(air, member, segment, later)
+            if down < NEVER:
+                held_mass += probability[member]
+                held_sum += probability[member] * down
+                charge[member] = need.soc_fixed + need.soc_per_s * (down - off)
+    flown = mass + held_mass
+    row[KNOWN], row[LONGEST] = 1.0, longest
+    if flown <= 0.0:
+        row[MEAN], row[CHARGE], row[P_HOLD] = NEVER, NEVER, 1.0
+        return
+    row[MEAN] = now_sum / mass if mass > 0.0 else held_sum / held_mass
+    row[CHARGE] = _quantile(charge, probability, flown * (1.0 - need.epsilon) - 1e-12)
+    row[P_HOLD] = 1.0 - mass / flown
+
+
+@compiled_lean
+def lower_time(ways: Ways, slot: int, segment: int) -> float:
+    """Lower bound of the mean time of a flight, whenever in the slot it leaves."""
+    if slot >= len(ways.lower_s):
+        return least_time(ways.air, segment)
+    if ways.lower_s[slot, segment] == 0.0:
+        ways.lower_s[slot, segment] = _lower(ways, slot, segment)
+    return ways.lower_s[slot, segment]
+
+
+@compiled_lean
+def _lower(ways: Ways, slot: int, segment: int) -> float:
+    """Work the bound out: the speeds of the slots that a flight may touch are at most each member's fastest.
+
+    A member is sure to fly at once if its slowest speed brings it down in the slots looked at. Other members may be among
+    those that do: they count where they lower the mean.
+    """
+    air, probability = ways.air, ways.probability
+    speed, slowest, fastest = ways.rows[_SPEED], ways.rows[_SLOWEST], ways.rows[_FASTEST]
+    fixed, length, least = air.climb_s + air.descent_s, air.distance_m[segment], least_time(air, segment)
+    begin = slot_end(air, slot)
+    span = NEVER if begin == NEVER else 0.0
+    ahead = 0
+    _speeds(ways, slot, segment, slowest)
+    for member in range(len(speed)):
+        fastest[member] = slowest[member]
+    while span < 2.0 * least and ahead < _SLOTS_AHEAD:
+        ahead += 1
+        _speeds(ways, slot + ahead, segment, speed)
+        for member in range(len(speed)):
+            slowest[member] = min(slowest[member], speed[member])
+            fastest[member] = max(fastest[member], speed[member]) if fastest[member] > 0.0 else 0.0
+        span = slot_end(air, slot + ahead) - begin
+    mass = total = 0.0
+    for member in range(len(speed)):
+        if slowest[member] > 0.0 and fixed + length / slowest[member] <= span:
+            mass += probability[member]
+            total += probability[member] * (fixed + length / fastest[member])
+            fastest[member] = 0.0
+    if mass == 0.0:
+        return least
+    changed = True
+    while changed:
+        changed = False
+        for member in range(len(speed)):
+            shortest = min(fixed + length / fastest[member], max(span, least)) if fastest[member] > 0.0 else NEVER
+            if shortest * mass < total:
+                mass += probability[member]
+                total += probability[member] * shortest
+                fastest[member] = 0.0
+                changed = True
+    return total / mass
+
+
+@compiled_lean
+def _look_up(ways: Ways, need: Need, slot: int, segment: int) -> None:
+    """Fill a row of the table, if it is not; where no table is kept, the fresh row."""
+    if slot >= len(ways.table):
+        _fill(ways, need, slot, segment, ways.fresh)
+    elif ways.table[slot, segment, KNOWN] == 0.0:
+        _fill(ways, need, slot, segment, ways.table[slot, segment])
+
+
+@compiled_lean
+def flight_outlook(ways: Ways, need: Need, segment: int, node: int, time_s: float) -> tuple[float, float, float]:
     """Expectation of a one-segment flight to `node` over the forecast.
 
     Returns
@@ -139,23 +292,43 @@ def flight_outlook(
     p_hold : float
         Probability that the wind holds it.
     """
-    members = len(probability)
-    off, down = np.empty(members), np.empty(members)
-    _fly_all(air, speeds, segment, time_s, off, down)
+    slot = slot_of(ways.air, time_s)
+    escapes = node == need.destination and need.needs_escape
+    if not escapes:
+        _look_up(ways, need, slot, segment)
+        row = ways.table[slot, segment] if slot < len(ways.table) else ways.fresh
+        if row[LONGEST] == 0.0:
+            return row[MEAN] - time_s, row[CHARGE], row[P_HOLD]
+        if time_s + row[LONGEST] <= slot_end(ways.air, slot):
+            return row[MEAN], row[CHARGE], row[P_HOLD]
+    return _flown(ways, need, segment, node, time_s)
+
+
+@compiled_lean
+def _flown(ways: Ways, need: Need, segment: int, node: int, time_s: float) -> tuple[float, float, float]:
+    """Fly in every member: what `flight_outlook` returns."""
+    air, probability = ways.air, ways.probability
+    escapes = node == need.destination and need.needs_escape
+    _fly_at_once(ways, segment, time_s)
+    off, down = ways.rows[_OFF], ways.rows[_DOWN]
+    for member in range(len(probability)):
+        off[member] = time_s
+        if down[member] == NEVER:
+            off[member], down[member] = leg(air, member, segment, time_s)
     mean, flown, now = _mean(probability, time_s, off, down)
     if flown <= 0.0:
         return NEVER, NEVER, 1.0
     charge = down
-    for member in range(members):
+    for member in range(len(probability)):
         if down[member] < NEVER:
             taken = need.soc_fixed + need.soc_per_s * (down[member] - off[member])
-            if node == need.destination and need.needs_escape:
+            if escapes:
                 taken += escape_cost(air, member, need, down[member])
             charge[member] = taken
     return mean, _quantile(charge, probability, flown * (1.0 - need.epsilon) - 1e-12), 1.0 - now / flown
 
 
-@compiled
+@compiled_lean
 def _mean(
     probability: NDArray[np.float64], time_s: float, off: NDArray[np.float64], down: NDArray[np.float64]
 ) -> tuple[float, float, float]:
@@ -178,17 +351,38 @@ def _mean(
     return (held_sum / held_mass if held_mass > 0.0 else NEVER), held_mass, 0.0
 
 
-@compiled
-def mean_flight(air: Air, speeds: Speeds, probability: NDArray[np.float64], segment: int, time_s: float) -> float:
+@compiled_lean
+def mean_flight(ways: Ways, need: Need, segment: int, time_s: float) -> float:
     """Mean time to touch-down over the members that can fly at once; over all where none can."""
-    off, down = np.empty(len(probability)), np.empty(len(probability))
-    _fly_all(air, speeds, segment, time_s, off, down)
-    return _mean(probability, time_s, off, down)[0]
+    air, probability = ways.air, ways.probability
+    slot = slot_of(air, time_s)
+    end = slot_end(air, slot)
+    if time_s + least_time(air, segment) <= end:
+        _look_up(ways, need, slot, segment)
+        row = ways.table[slot, segment] if slot < len(ways.table) else ways.fresh
+        if row[LONGEST] == 0.0:
+            return row[MEAN] - time_s
+        if time_s + row[LONGEST] <= end:
+            return row[MEAN]
+    _fly_at_once(ways, segment, time_s)
+    down = ways.rows[_DOWN]
+    mass = total = 0.0
+    for member in range(len(probability)):
+        if down[member] < NEVER:
+            mass += probability[member]
+            total += probability[member] * (down[member] - time_s)
+    return total / mass if mass > 0.0 else _flown(ways, need, segment, NOWHERE, time_s)[0]
 
 
-@compiled
+@compiled_lean
+def least_time(air: Air, segment: int) -> float:
+    """Time of a flight that nothing beats, at the greatest ground speed."""
+    return air.climb_s + air.descent_s + air.distance_m[segment] / air.max_ground_speed_mps
+
+
+@compiled_lean
 def _quantile(values: NDArray[np.float64], probability: NDArray[np.float64], mass: float) -> float:
-    """Least value at or below which at least `mass` lies; infinite values carry none."""
+    """Least value at or below which at least `mass` lies; infinite values carry none, and what is left out becomes infinite."""
     greatest = -NEVER
     total = 0.0
     lightest = NEVER
@@ -199,231 +393,12 @@ def _quantile(values: NDArray[np.float64], probability: NDArray[np.float64], mas
             lightest = min(lightest, probability[k])
     if total - lightest < mass:  # the usual case: not even the lightest member can be left out
         return greatest
-    share = 0.0
-    for k in np.argsort(values):
-        share += probability[k]
-        if share >= mass:
-            return values[k]
-    return greatest
-
-
-@compiled
-def wait_at(start_s: float, step_s: float, wait_s: NDArray[np.float64], node: int, time_s: float) -> float:
-    """Expected wait of an arrival, linear between grid points."""
-    x = (time_s - start_s) / step_s
-    last = wait_s.shape[1] - 1
-    if x <= 0.0:
-        return wait_s[node, 0]
-    if x >= last:
-        return wait_s[node, last]
-    k = int(math.floor(x))
-    return wait_s[node, k] + (x - k) * (wait_s[node, k + 1] - wait_s[node, k])
-
-
-class Graph(NamedTuple):
-    """The network as kernels read it, and the expected waits at its nodes."""
-
-    first: NDArray[np.int64]
-    head: NDArray[np.int64]
-    has_pads: NDArray[np.bool_]
-    wait_start_s: float
-    wait_step_s: float
-    wait_s: NDArray[np.float64]
-
-
-@compiled
-def charge_time(curve_s: NDArray[np.float64], curve_soc: NDArray[np.float64], soc_from: float, soc_to: float) -> float:
-    """Time on a pad from one charge to a higher one; 0 where none is needed."""
-    if soc_to <= soc_from:
-        return 0.0
-    return interpolate(min(soc_to, 1.0), curve_soc, curve_s) - interpolate(max(soc_from, 0.0), curve_soc, curve_s)
-
-
-@compiled
-def least_time(air: Air, segment: int) -> float:
-    """Time of a flight that nothing beats, at the greatest ground speed."""
-    return air.climb_s + air.descent_s + air.distance_m[segment] / air.max_ground_speed_mps
-
-
-@compiled
-def _least_beyond(direct: Air, need: Need, node: int, remaining_factor: float) -> float:
-    """Lower bound of what `beyond` adds for a next-to-adjacent station."""
-    if node == need.destination:
-        return 0.0
-    return remaining_factor * least_time(direct, node)
-
-
-@compiled
-def beyond(
-    air: Air,
-    direct: Air,
-    speeds: tuple[Speeds, Speeds],
-    probability: NDArray[np.float64],
-    graph: Graph,
-    need: Need,
-    node: int,
-    came_from: int,
-    time_s: float,
-    budget: float,
-    remaining_factor: float,
-) -> tuple[float, float]:
-    """Look from a station to the next-to-adjacent ones (Algorithm 1, line 12).
-
-    Returns
-    -------
-    time_s : float
-        Least of E[flight node to m] + E[wait at m] + `remaining_factor` E[flight m to destination], over stations m in
-        reach with `budget` of charge; infinite where there is none.
-    charge : float
-        Charge that the flight to that m takes.
-    """
-    best, charge = NEVER, NEVER
-    for segment in range(graph.first[node], graph.first[node + 1]):
-        other = graph.head[segment]
-        if other == came_from:
-            continue
-        if least_time(air, segment) + _least_beyond(direct, need, other, remaining_factor) >= best:
-            continue
-        mean, taken, _ = flight_outlook(air, speeds[0], probability, need, segment, other, time_s)
-        if taken > budget:
-            continue
-        total = mean
-        if other != need.destination:
-            there = time_s + mean
-            total += wait_at(graph.wait_start_s, graph.wait_step_s, graph.wait_s, other, there)
-            total += remaining_factor * mean_flight(direct, speeds[1], probability, other, there)
-        if total < best:
-            best, charge = total, taken
-    return best, charge
-
-
-LEAVE, CHARGE, MEAN, CHARGE_TO, SOC, RANK, FINAL = range(7)
-"""Columns of what `options` returns: take-off, SoC taken, mean time to touch-down, SoC to charge to, SoC on landing,
-rank, and 1 where the rank is final or 0 where it is only a lower bound of it."""
-LAST_RESORT_S = 1e12
-"""Rank of a station beyond which nothing is in reach at the moment: after all others, but not left out."""
-_ROUNDS = 20  # the charge needed depends on when the drone leaves, and that on the charge
-
-
-@compiled
-def options(
-    air: Air,
-    direct: Air,
-    speeds: tuple[Speeds, Speeds],
-    probability: NDArray[np.float64],
-    graph: Graph,
-    need: Need,
-    node: int,
-    state: tuple[float, float, float],
-    policy: tuple[bool, float, float],
-    curve_s: NDArray[np.float64],
-    curve_soc: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Evaluate every segment that leaves a station: can it be flown with the reserve now, and how good is it.
-
-    Parameters
-    ----------
-    node : int
-        Where the drone stands.
-    state : (time_s, soc, pad_s)
-        Since when, with which charge, and when it comes onto a pad (infinite: never).
-    policy : (full, reserve, remaining_factor)
-        Whether each charge goes to 100 %; the reserve; the factor of the remaining flight, see `beyond`.
-    curve_s, curve_soc : ndarray
-        Charging curve, taken to be the same at all stations while looking ahead.
-
-    Returns
-    -------
-    ndarray, shape (segments leaving, 7)
-        See the column names of this module. Rank is infinite where the station is out of reach. Ranks are final for
-        the best station and all that could have been better; the others' are lower bounds (see `rank`).
-    """
-    now, soc, pad = state
-    full, reserve, factor = policy
-    begin, end = graph.first[node], graph.first[node + 1]
-    out = np.full((end - begin, 7), NEVER)
-    for row in range(end - begin):
-        segment = begin + row
-        other = graph.head[segment]
-        leave = now
-        to = math.nan
-        if full and pad < NEVER:
-            if soc < 1.0:
-                leave = pad + charge_time(curve_s, curve_soc, soc, 1.0)
-            to = 1.0
-        mean, charge, _ = flight_outlook(air, speeds[0], probability, need, segment, other, leave)
-        have = 1.0 if full and pad < NEVER else soc
-        if charge > have - reserve:
-            if pad == NEVER or full:
-                continue
-            for _ in range(_ROUNDS):
-                if charge > 1.0 - reserve:
-                    break
-                later = pad + charge_time(curve_s, curve_soc, soc, charge + reserve)
-                if later <= leave + 1e-3:
-                    break
-                leave = later
-                mean, again, _ = flight_outlook(air, speeds[0], probability, need, segment, other, leave)
-                charge = max(charge, again)
-            if charge > 1.0 - reserve:
-                continue
-            leave = pad + charge_time(curve_s, curve_soc, soc, charge + reserve)
-            to = charge + reserve
-            have = to
-        out[row, LEAVE], out[row, CHARGE], out[row, MEAN], out[row, CHARGE_TO] = leave, charge, mean, to
-        out[row, SOC] = have - charge
-        if other == need.destination:
-            out[row, RANK] = -1.0
-        elif graph.has_pads[other]:
-            # Beyond it lies at least one flight more, towards or to the destination.
-            least = min(least_time(direct, other), factor * direct.distance_m[other] / direct.max_ground_speed_mps)
-            out[row, RANK] = leave + mean - now + least
-    best = NEVER
-    for row in np.argsort(out[:, RANK]):
-        other = graph.head[begin + row]
-        out[row, FINAL] = 1.0
-        if out[row, RANK] == NEVER or other == need.destination:
-            best = min(best, out[row, RANK])
-        elif out[row, RANK] < best:
-            arrival = (now, out[row, LEAVE] + out[row, MEAN], out[row, SOC])
-            place = (node, other)
-            out[row, RANK] = rank(
-                air, direct, speeds, probability, graph, need, place, arrival, policy, curve_s, curve_soc
-            )
-            best = min(best, out[row, RANK])
-        else:
-            out[row, FINAL] = 0.0
-    return out
-
-
-@compiled
-def rank(
-    air: Air,
-    direct: Air,
-    speeds: tuple[Speeds, Speeds],
-    probability: NDArray[np.float64],
-    graph: Graph,
-    need: Need,
-    place: tuple[int, int],
-    state: tuple[float, float, float],
-    policy: tuple[bool, float, float],
-    curve_s: NDArray[np.float64],
-    curve_soc: NDArray[np.float64],
-) -> float:
-    """Time of Algorithm 1, line 12: to a station, there, and beyond it; the destination comes before all others."""
-    came_from, node = place
-    now, arrive, soc = state
-    full, reserve, factor = policy
-    if node == need.destination:
-        return -1.0
-    if not graph.has_pads[node]:
-        return NEVER
-    leave = arrive + wait_at(graph.wait_start_s, graph.wait_step_s, graph.wait_s, node, arrive)
-    if full:
-        leave += charge_time(curve_s, curve_soc, soc, 1.0)
-    ahead, charge = beyond(air, direct, speeds, probability, graph, need, node, came_from, leave, 1.0 - reserve, factor)
-    if ahead == NEVER:
-        return LAST_RESORT_S + leave - now
-    if not full:
-        leave += charge_time(curve_s, curve_soc, soc, charge + reserve)
-    return leave + ahead - now
+    while True:  # leave out the greatest as long as the others make up the mass
+        last = 0
+        for k in range(len(values)):
+            if values[k] < NEVER and (values[last] == NEVER or values[k] > values[last]):
+                last = k
+        total -= probability[last]
+        if total < mass:
+            return values[last]
+        values[last] = NEVER

@@ -20,7 +20,7 @@ class ShortestFlight:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.outlook = Outlook(problem)
+        self.outlook = Outlook(problem, full=True)
 
     @property
     def looked_at(self) -> int:
@@ -80,14 +80,14 @@ class ShortestFlight:
         for number, segment in enumerate(path):
             node = int(p.network.tail[segment])
             pad = now + p.waits.at(node, now)[0] if p.has_pads(node) and not (number == 0 and p.in_flight) else None
-            full = number > 0
-            ways = self.outlook.reachable(node, now, soc, pad if full else None, full=full, factor=1.0)
-            if not any(one.segment == segment for _, one in ways):
-                ways = self.outlook.held([segment], now, soc, pad, full=full, factor=1.0)
-            chosen = next((one for _, one in ways if one.segment == segment), None)
-            if chosen is None:
+            flight = self.outlook.earliest(segment, now, soc, pad if number > 0 else None)
+            waits = not math.isfinite(flight.leave_s)
+            if waits:
+                flight = self.outlook.held(segment, now, soc, pad)
+            if not math.isfinite(flight.leave_s):
                 raise no_route(p, self.outlook)
-            hops.append(Hop((segment,), chosen.charge_to, chosen.leave_s if chosen.held else -math.inf))
-            now = chosen.leave_s + chosen.mean_s
-            soc = max(chosen.soc, 0.0)
+            charge_to = None if math.isnan(flight.charge_to) else flight.charge_to
+            hops.append(Hop((segment,), charge_to, flight.leave_s if waits else -math.inf))
+            now = flight.leave_s + flight.mean_s
+            soc = max(flight.soc, 0.0)
         return tuple(hops)
