@@ -170,13 +170,15 @@ class ArduPilot(ArduPilotFailsafes):
         return Result.ACCEPTED
 
     def reposition_refusal(self, *, here: bool, as_int: bool, flags: float) -> Result | None:
-        """Obeyed in the air, as COMMAND_INT, in GUIDED or with the flag that changes to it."""
-        if not self.armed or self.landed:
-            return Result.FAILED
+        """Obeyed as COMMAND_INT, in GUIDED or with the flag that changes to it; on the ground it stays where it is."""
         if not as_int:
             return Result.UNSUPPORTED
         may_change = math.isfinite(flags) and flags > 0.0 and int(min(flags, 255.0)) & 1
         return Result.DENIED if here or not (self.mode == Mode.GUIDED or may_change) else None
+
+    def outside_fence(self, lat: float, lon: float, alt_m: float) -> Result | None:
+        """FAILED: a destination beyond the fence is not taken."""
+        return Result.FAILED if self.fenced_off(lat, lon, alt_m) else None
 
     def reposition_yaw(self, degrees: float) -> float | None:  # noqa: ARG002
         """Not taken over."""
@@ -242,7 +244,7 @@ class ArduPilot(ArduPilotFailsafes):
         volts = self.parameters["BATT_ARM_VOLT"]
         if self.vehicle.battery.voltage_v < max(volts, 0.0):
             reasons.append("Battery 1 below minimum arming voltage")
-        if self.parameters["FENCE_ENABLE"] == 1.0 and self.ready and self.fence_breached():
+        if self.parameters["FENCE_ENABLE"] == 1.0 and self.ready and self.fence_breached:
             reasons.append("vehicle outside Polygon fence")
         return reasons + self.vehicle.faults.arming_faults()
 

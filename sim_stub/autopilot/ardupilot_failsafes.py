@@ -116,23 +116,23 @@ class ArduPilotFailsafes(Autopilot):
         """The estimator's failsafe acts after a second."""
         return _EKF_FAILSAFE_S
 
-    def fence_breached(self) -> bool:
+    def fenced_off(self, lat: float, lon: float, alt_m: float) -> bool:
         """By FENCE_ENABLE and FENCE_TYPE: height 1, circle about home 2, areas 4, least height 8."""
-        p, body = self.parameters, self.body
+        p = self.parameters
         if p["FENCE_ENABLE"] != 1.0:
             return False
         kinds = int(p["FENCE_TYPE"])
-        height = body.alt_m - self.home_alt_m
+        height = alt_m - self.home_alt_m
         if kinds & 1 and height > p["FENCE_ALT_MAX"]:
             return True
         if kinds & 8 and not self.landed and height < p["FENCE_ALT_MIN"]:
             return True
         if kinds & 2 and self.home is not None:
-            away = math.hypot(*offset_m(self.home.lat, self.home.lon, self.lat, self.lon))
+            away = math.hypot(*offset_m(self.home.lat, self.home.lon, lat, lon))
             if away > p["FENCE_RADIUS"]:
                 return True
         union = self.parameters.bit("FENCE_OPTIONS", 1)
-        return bool(kinds & 4) and self.fence.breached(self.lat, self.lon, any_inclusion=union)
+        return bool(kinds & 4) and self.fence.breached(lat, lon, any_inclusion=union)
 
     def fence_action(self) -> Action:
         """FENCE_ACTION."""

@@ -387,6 +387,11 @@ class Autopilot(Family):
         """Report the end of the mission."""
         self.event("mission complete")
 
+    @property
+    def fence_breached(self) -> bool:
+        """Whether it is where the fence forbids it."""
+        return self.fenced_off(self.lat, self.lon, self.body.alt_m)
+
     def fence_stored(self) -> None:
         """Read the fence items anew."""
         self.fence = Fence.from_items(self.stores[FENCE])

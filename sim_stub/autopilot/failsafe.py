@@ -89,7 +89,7 @@ class Failsafes:
             self._act(pilot, "position", Action.LAND)
 
     def _fence(self, pilot: Autopilot) -> None:
-        breached = pilot.position_known and not pilot.landed and pilot.fence_breached()
+        breached = pilot.position_known and not pilot.landed and pilot.fence_breached
         if breached and "fence" not in self.active:
             self.active["fence"] = Action.NONE
             self.breaches += 1

@@ -85,6 +85,10 @@ class Family(ABC):
         """Why DO_REPOSITION is not obeyed, or None."""
 
     @abstractmethod
+    def outside_fence(self, lat: float, lon: float, alt_m: float) -> Result | None:
+        """Answer to a DO_REPOSITION beyond the fence, which is not flown; None within it."""
+
+    @abstractmethod
     def reposition_yaw(self, degrees: float) -> float | None:
         """Heading that DO_REPOSITION asks for, or None."""
 
@@ -185,8 +189,8 @@ class Family(ABC):
         """Time without position after which the vehicle acts."""
 
     @abstractmethod
-    def fence_breached(self) -> bool:
-        """Whether the vehicle is where the fence forbids it."""
+    def fenced_off(self, lat: float, lon: float, alt_m: float) -> bool:
+        """Whether the fence forbids a place; metres above mean sea level."""
 
     @abstractmethod
     def fence_action(self) -> Action:

@@ -161,6 +161,13 @@ class Px4(Px4Failsafes):
         """Only with the flag that changes to HOLD, and with no other."""
         return None if flags == _CHANGE_MODE else Result.UNSUPPORTED
 
+    def outside_fence(self, lat: float, lon: float, alt_m: float) -> Result | None:
+        """ACCEPTED, for the mode changes, but it does not go there."""
+        if int(self.parameters["GF_ACTION"]) == 0 or not self.fenced_off(lat, lon, alt_m):
+            return None
+        self.say(2, "Reposition is outside geofence")
+        return Result.ACCEPTED
+
     def reposition_yaw(self, degrees: float) -> float | None:
         """Taken over."""
         return degrees if math.isfinite(degrees) else None

@@ -88,16 +88,16 @@ class Px4Failsafes(Autopilot):
         """COM_POS_FS_DELAY."""
         return self.parameters.clamped("COM_POS_FS_DELAY", 0.0, 60.0)
 
-    def fence_breached(self) -> bool:
+    def fenced_off(self, lat: float, lon: float, alt_m: float) -> bool:
         """Areas, and the cylinder of GF_MAX_HOR_DIST and GF_MAX_VER_DIST about home."""
-        body, home = self.body, self.home
+        home = self.home
         if home is not None:
             far, high = self.parameters["GF_MAX_HOR_DIST"], self.parameters["GF_MAX_VER_DIST"]
-            if far > 0.0 and math.hypot(*offset_m(home.lat, home.lon, self.lat, self.lon)) > far:
+            if far > 0.0 and math.hypot(*offset_m(home.lat, home.lon, lat, lon)) > far:
                 return True
-            if high > 0.0 and body.alt_m - home.alt_m > high:
+            if high > 0.0 and alt_m - home.alt_m > high:
                 return True
-        return self.fence.breached(self.lat, self.lon, any_inclusion=True)
+        return self.fence.breached(lat, lon, any_inclusion=True)
 
     def fence_action(self) -> Action:
         """GF_ACTION."""

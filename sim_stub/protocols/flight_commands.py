@@ -115,12 +115,16 @@ class FlightCommands:
         height = body.alt_m
         if math.isfinite(order.z):
             height = order.z + (pilot.home_alt_m if order.relative else 0.0)
+        lat, lon = (order.lat, order.lon) if order.placed else (pilot.lat, pilot.lon)
+        height = max(-1000.0, min(height, 20_000.0))
+        barred = pilot.outside_fence(lat, lon, height)
+        if barred not in (None, Result.ACCEPTED):
+            return barred
         result = pilot.request_mode(pilot.REPOSITION_MODE, order.by)
-        if result == Result.ACCEPTED and pilot.armed and not pilot.landed:
+        if result == Result.ACCEPTED and barred is None and pilot.armed and not pilot.landed:
             if order.p[0] > 0.0:
                 pilot.change_speed(order.p[0])
-            lat, lon = (order.lat, order.lon) if order.placed else (pilot.lat, pilot.lon)
-            pilot.fly_to(lat, lon, max(-1000.0, min(height, 20_000.0)), pilot.reposition_yaw(order.p[3]))
+            pilot.fly_to(lat, lon, height, pilot.reposition_yaw(order.p[3]))
         return result
 
     def _change_speed(self, order: Order) -> Result:

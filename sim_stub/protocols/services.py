@@ -130,7 +130,7 @@ class LinkServices:
             return
         relative = fields["coordinate_frame"] in (3, 6)
         height = fields["alt"] + (pilot.home_alt_m if relative else 0.0)
-        if -1000.0 < height < 20_000.0:
+        if -1000.0 < height < 20_000.0 and pilot.outside_fence(lat, lon, height) is None:
             pilot.fly_to(lat, lon, height, None)
 
 

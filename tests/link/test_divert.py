@@ -101,8 +101,10 @@ def test_one_that_does_not_come_closer_is_told_again_and_then_given_up():
     assert scene.craft.mode == "hold"
 
 
-def test_on_the_ground_ardupilot_refuses_a_diversion():
-    scene = Scene("ardupilot")  # PX4 accepts, and stays where it is
+def test_ardupilot_refuses_a_refuge_beyond_its_fence():
+    """PX4 accepts, and stays where it is."""
+    fence = (("FENCE_ENABLE", 1), ("FENCE_TYPE", 2), ("FENCE_RADIUS", 60))
+    scene = Scene("ardupilot", parameters=fence)
     with pytest.raises(CommandRefusedError, match="go there"):
         divert(MavlinkVehicle(scene.connection), REFUGE)
 

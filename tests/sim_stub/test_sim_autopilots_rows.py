@@ -679,17 +679,27 @@ def test_row_a_fence_must_contain_the_divert_paths_too(autopilot):
         "ardupilot": (("FENCE_ENABLE", 1), ("FENCE_TYPE", 4), ("FENCE_ACTION", 2)),
     }
     stage = Stage(autopilot, parameters=parameters[autopilot])
-    box = [item(5001, n, e, p=(4, 0, 0, 0)) for n, e in ((-50, -60), (-50, 60), (500, 60), (500, -60))]
-    assert stage.station.upload(box, kind=1) == 0
-    stage.station.upload(stage.mission(*leg()))
+    corners = ((-50, -60), (-50, 60), (500, 60), (500, -60), (320, -60), (320, 20), (180, 20), (180, -60))
+    assert stage.station.upload([item(5001, n, e, p=(8, 0, 0, 0)) for n, e in corners], kind=1) == 0
+    stage.station.upload(
+        stage.mission(item(TAKEOFF), item(WAYPOINT, 100, 0), item(WAYPOINT, 100, -40), item(LAND, 100, -40))
+    )
     stage.start()
-    stage.station.until(lambda: away(stage) > 150.0)
-    assert not stage.happened("failsafe fence")
-    lat, lon, z = LAT + 200 / 111_045.0, LON + 400 / 84_000.0, 45.0
-    assert stage.station.command_int(192, (-1, 1, 0, NAN if autopilot == "px4" else 0), lat, lon, z, 5) == 0
-    stage.station.until(lambda: stage.happened("failsafe fence"), 60.0)
+    stage.station.until(lambda: away(stage, 100, -40) < 5.0, 200.0)
+
+    def divert(north, east):
+        lat, lon = LAT + north / 111_045.0, LON + east / (111_045.0 * math.cos(math.radians(LAT)))
+        return stage.station.command_int(192, (-1, 1, 0, NAN if autopilot == "px4" else 0), lat, lon, 45.0, 5)
+
+    answer = divert(250, -30)
     stage.station.run(20.0)
-    assert away(stage, 200, 400) > 250.0, "it never gets there"
+    assert away(stage, 100, -40) < 15.0, "into what is cut out: it does not go"
+    assert answer == {"px4": 0, "ardupilot": 4}[autopilot]
+    assert ("Reposition is outside geofence" in stage.station.texts) is (autopilot == "px4")
+    assert divert(400, -40) == 0, "beyond it, on a way that leads through"
+    stage.station.until(lambda: stage.happened("failsafe fence"), 100.0)
+    stage.station.run(20.0)
+    assert away(stage, 400, -40) > 100.0, "it never gets there"
 
 
 @pytest.mark.parametrize(("options", "lands_where_it_is"), [(0, False), (8, True)])

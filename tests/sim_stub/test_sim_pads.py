@@ -101,6 +101,25 @@ def test_other_drones_come_as_often_and_stay_as_long_as_the_load_says():
     assert sum(busy) / len(busy) == pytest.approx(1.0, rel=0.15), "offered load 2/h times half an hour"
 
 
+def test_lines_at_the_pads_are_as_long_as_erlang_says():
+    pads_n, load_erlang = 2, 1.4
+    load = PadLoad(rates := np.full((1, WEEK_H), load_erlang / 1800.0), rates * 0 + 1800.0, "UTC")
+    waiting, all_busy = [], []
+    for seed in range(40):
+        world = World(stations=[Place("here", "here", LAT, LON, 5.0, pads_n, 1)])
+        pads = Pads(world, load, seed=seed)
+        for half_hour in range(400):
+            world.advance(half_hour * 1800.0, 0.0)
+            status = pads.status("here")
+            waiting.append(status.waiting)
+            all_busy.append(status.busy == pads_n)
+    full = load_erlang**pads_n / math.factorial(pads_n) / (1.0 - load_erlang / pads_n)
+    wait_p = full / (sum(load_erlang**k / math.factorial(k) for k in range(pads_n)) + full)
+    rho = load_erlang / pads_n
+    assert sum(all_busy) / len(all_busy) == pytest.approx(wait_p, rel=0.05)
+    assert sum(waiting) / len(waiting) == pytest.approx(wait_p * rho / (1.0 - rho), rel=0.2)
+
+
 def test_a_drone_waits_behind_the_others_and_knows_for_how_long():
     load = PadLoad(rates := np.full((1, WEEK_H), 1.7 / 3600.0), rates * 0 + 1800.0, "UTC")
     stage, pads = pads_stage(pads=1, spots=500, load=load, seed=6)

@@ -93,7 +93,7 @@ def test_what_the_families_answer_to_commands_they_know_or_do_not(autopilot):
         (178, 1, -1): (0, 4),  # DO_CHANGE_SPEED: no speed is the default one on PX4
         (178, 2, 3): (0, 0),
         (189,): (6, 4),  # DO_LAND_START without one
-        (192, -1, 0): (3, 4),  # DO_REPOSITION without the flag, on the ground
+        (192, -1, 0): (3, 3),  # DO_REPOSITION without the flag; ArduPilot wants COMMAND_INT
         (224, 0, 0): (4, 4),  # DO_SET_MISSION_CURRENT without a mission
         (224, -2, 0): (2, 2),
         (224, 0, 7): (2, 2),
@@ -336,9 +336,9 @@ def test_fence_and_rally_go_up_and_come_down(autopilot):
 def test_px4_does_at_the_fence_what_gf_action_says(action, mode):
     stage = Stage("px4", parameters=(("GF_ACTION", action),))
     s = stage.station
-    s.upload([item(5003, 0, p=(200, 0, 0, 0))], kind=1)
     stage.take_off(30.0)
     assert s.command_int(192, (-1, 1, 0, NAN), LAT + 400 / 111_000, LON, 35.0, 5) == 0
+    s.upload([item(5003, 0, p=(200, 0, 0, 0))], kind=1)
     s.until(lambda: stage.happened("failsafe fence"), 120.0)
     s.run(1.0)
     assert stage.pilot.mode == mode
