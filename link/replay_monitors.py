@@ -286,6 +286,7 @@ class WindWatch:
         self._due_s = self._check_s = -math.inf
         self._wrong = False
         self._verdict = "unknown"
+        self._stuck: tuple[str, ...] = ()
 
     def feed(self, course: FilteredWind) -> list[Notice]:
         """Take the course over some seconds; the checks look at what the filter knows at their end."""
@@ -312,6 +313,9 @@ class WindWatch:
         if check.wrong and not self._wrong:
             texts.append(check.advice)
         self._wrong = check.wrong
+        stuck = self._wind.stuck
+        texts += [f"{name} does not change: the sensor is stuck" for name in stuck if name not in self._stuck]
+        self._stuck = stuck
         health = self._wind.filter.health
         if health.verdict == "overconfident" != self._verdict:
             low, high = health.band

@@ -161,6 +161,11 @@ class WindFilter:
 
     def predict(self, time_s: float, forecast: tuple[float, float] | None = None) -> WindEstimate:
         """Let time pass, under the forecast for that time where it is given; time that goes backwards stands still."""
+        self.advance(time_s, forecast)
+        return self.estimate
+
+    def advance(self, time_s: float, forecast: tuple[float, float] | None = None) -> None:
+        """Do what `predict` does without an answer."""
         self._forecast = forecast or self._forecast
         step_s = max(time_s - self.time_s, 0.0)
         slow, gust = (math.exp(-step_s / tau_s) for tau_s in (self.settings.tau_s, self.settings.gust_tau_s))
@@ -169,7 +174,6 @@ class WindFilter:
         target = np.array([[self._forecast[0]], [self._forecast[1]], [0.0], [0.0]])
         self._filter.predict(u=target, B=np.diag(1.0 - keep), F=np.diag(keep), Q=noise)
         self.time_s = max(time_s, self.time_s)
-        return self.estimate
 
     def _variances(self) -> NDArray[np.float64]:
         """Stationary variances of the slow wind and of the gusts that go with it, shape (4,)."""

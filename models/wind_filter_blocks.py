@@ -130,6 +130,12 @@ class BlockMaker:
         self._rows = self._rows[open_row:]
         return found
 
+    @property
+    def stuck(self) -> tuple[str, ...]:
+        """What has been exactly the same for too long, and is not believed now."""
+        watched = {"the attitude": self._attitude_watch, "the velocity": self._velocity_watch}
+        return tuple(name for name, watch in watched.items() if watch.now)
+
     def flush(self) -> Blocks:
         """Return the block of the period under way, whose acceleration cannot be known; the stream has ended."""
         if not len(self._rows):
@@ -199,6 +205,7 @@ class _StuckWatch:
     """Tells where all columns have been exactly the same, and not 0, for more than `STUCK_S`."""
 
     def __init__(self) -> None:
+        self.now = False
         self._last: NDArray[np.float64] | None = None
         self._since_s = math.inf
 
@@ -209,7 +216,9 @@ class _StuckWatch:
         since[0] = time_s[0] if changed[0] else self._since_s
         since = np.maximum.accumulate(since)
         self._last, self._since_s = values[-1], float(since[-1])
-        return np.asarray(time_s - since > STUCK_S)
+        found = time_s - since > STUCK_S
+        self.now = bool(found[-1])
+        return np.asarray(found)
 
 
 def _means(rows: NDArray[np.float64], starts: NDArray[np.int64]) -> NDArray[np.float64]:

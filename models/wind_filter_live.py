@@ -140,6 +140,7 @@ class LiveWind:
         self._maker = BlockMaker(period_s)
         self._waiting: list[tuple[float, ...]] = []
         self._heard_s = -math.inf
+        self._flying = False
         self._autopilot_s = -math.inf
         self._flown: deque[tuple[float, ...]] = deque(maxlen=DRAG_WINDOW)
         self._slots = SlotAverages()
@@ -175,6 +176,11 @@ class LiveWind:
         """Averages over slots of all that was measured, each counting once, for `models.forecast_update.update_forecast`."""
         return self._slots.observations()
 
+    @property
+    def stuck(self) -> tuple[str, ...]:
+        """Sensors that have not changed in flight for too long and are not believed: ``the attitude``, ``the velocity``."""
+        return self._maker.stuck if self._flying else ()
+
     def check_drag(self) -> DragCheck:
         """Say whether the drag in use fits the last minutes."""
         table = np.array(self._flown).reshape(-1, 4)
@@ -183,6 +189,7 @@ class LiveWind:
     def _follow(self, air: Blocks) -> FilteredWind:
         """Let the filter live through blocks."""
         course = FilteredWind.empty(len(air))
+        self._flying = bool(air.flying[-1]) if len(air) else self._flying
         found = measurements(air, self.drag, self.airspeed, autopilot_s=self._autopilot_s)
         self.measured.update(found.source.tolist())
         taken = found.source == "autopilot"
@@ -197,15 +204,16 @@ class LiveWind:
             self.expected = self._forecast(time_s, *place)
             if self.filter is None:
                 self.filter = WindFilter(time_s, *self.expected, self.settings)
-            self.filter.predict(time_s, self.expected)
+            self.filter.advance(time_s, self.expected)
             for number in range(begins[row], ends[row]):
                 used = self._take(found, number)
                 self.rejected += not used
                 course.accepted[row] |= used
                 course.nis[row] = self.filter.last_nis
-            course.put(row, self.filter.estimate, self.expected)
+            now = self.filter.estimate
+            course.put(row, now, self.expected)
             if course.accepted[row]:
-                self._slots.add(self.filter.estimate, *place)
+                self._slots.add(now, *place)
         return course
 
     def _take(self, found: Measurements, number: int) -> bool:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     """Times and quantities of each kind of message, by its name."""
 
 Found_co = TypeVar("Found_co", covariant=True)
-PIECE_BYTES = 2 * 1024 * 1024
+PIECE_BYTES = 1024 * 1024
 HOLD_S = 2.0
 """Reports are at most so much later in the log than younger ones."""
 WARM_UP_S = 15.0

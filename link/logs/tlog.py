@@ -154,7 +154,7 @@ class TlogIndex:
     by_system : dict of int to int
         By MAVLink system id.
     skipped_bytes, bad_records : int
-        Bytes that belong to no message, and the pieces they come in.
+        Bytes that belong to no message, one that is cut off at the end included, and the pieces they come in.
     first_s, last_s : float
         First and last believable stamp; NaN where there is none.
     seek_time_s, seek_offset, seek_shift_s : ndarray, shape (points,)
@@ -256,7 +256,7 @@ def scan(path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> TlogIndex:
         messages=sum(types.values()),
         by_type={name_of(number): count for number, count in sorted(types.items())},
         by_system={int(system): int(systems[system]) for system in np.flatnonzero(systems)},
-        skipped_bytes=int(state[kernels.BAD_BYTES] + state[kernels.STAMP_BYTES]),
+        skipped_bytes=int(state[[kernels.BAD_BYTES, kernels.STAMP_BYTES, kernels.BUFFERED]].sum()),
         bad_records=int(state[kernels.BAD]),
         first_s=first_s,
         last_s=check.highest_s if math.isfinite(check.highest_s) else math.nan,

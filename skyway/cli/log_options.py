@@ -136,6 +136,8 @@ def open_any(path: Path, columns: Path | None) -> Log:
     from link.logs.reader import SUFFIX, open_log
 
     opened = open_log(path, None if columns is None else read_columns(columns))
+    if not opened.summary.messages:
+        raise InputError(Fault("holds no valid message", str(path), remedy="a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"))
     usual = SUFFIX[opened.summary.format]
     names = [part.lower().lstrip(".") for part in path.suffixes]
     if usual not in names:

@@ -251,7 +251,7 @@ def _tell(found: Replay, path: Path) -> None:
     facts = report(found)
     summary = found.summary
     typer.echo(f"{path.name}: {summary.format}, {summary.messages} messages, {summary.skipped_bytes} bytes skipped")
-    typer.echo(f"  {facts['start']} to {facts['end']} by {summary.time_base.source}")
+    typer.echo(f"  {facts['start'] or 'no time'} to {facts['end'] or 'no time'} by {summary.time_base.source}")
     for doubt in summary.time_base.doubts:
         typer.echo(f"  doubt: {doubt}")
     shown = ", ".join(str(number) for number in summary.systems) or "none"

@@ -109,6 +109,61 @@ def test_replay_refuses_what_makes_no_sense_in_one_line(skyway, flight, argument
     assert len(text.splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("name", "data", "message"),
+    [
+        ("empty.tlog", b"", "is empty"),
+        ("half.tlog", b"\x00\x05\x0a\xfd\x09", "no valid message"),
+        ("half.bin", b"\xa3\x95", "no valid message"),
+        ("half.ulg", b"ULog\x01\x12", "header is damaged or cut"),
+        ("half.csv", b"time_s,ro", "no columns that are known"),
+        ("header.csv", b"time_s,roll_rad\n", "no valid message"),
+        ("picture.tlog", b"\x89PNG\r\n\x1a\n", "no valid message"),
+        ("picture.png", b"\x89PNG\r\n\x1a\n", "no flight log"),
+    ],
+)
+@pytest.mark.parametrize("command", [("replay",), ("calibrate", "wind"), ("calibrate", "energy")])
+def test_what_is_no_log_is_said_in_one_line(skyway, tmp_path, command, name, data, message):
+    (tmp_path / name).write_bytes(data)
+    text = skyway(*command, name, code=2)
+    assert message in text
+    assert len(text.splitlines()) == 1
+
+
+def test_a_log_cut_off_in_a_message_counts_its_rest(skyway, flight, tmp_path):
+    (tmp_path / "cut.tlog").write_bytes(flight.read_bytes()[:-5])
+    report = json.loads(skyway("replay", "cut.tlog", "--json"))
+    assert report["messages"] == 5519
+    assert report["skipped_bytes"] > 0
+
+
+@pytest.mark.parametrize(
+    ("columns", "stuck"), [("0.05,0.02,0.3,{0:.3f},2.0", "attitude"), ("{1:.3f},0.02,0.3,5.0,2.0", "velocity")]
+)
+def test_a_stuck_sensor_is_told_and_not_believed(skyway, tmp_path, columns, stuck):
+    header = "time_s,roll_rad,pitch_rad,yaw_rad,vel_north_mps,vel_east_mps,vel_down_mps,height_m"
+    rows = [f"{second / 5},{columns.format(5 + second % 7 / 10, second % 9 / 100)},0,50" for second in range(600)]
+    (tmp_path / "stuck.csv").write_text("\n".join([header, *rows]) + "\n")
+    report = json.loads(skyway("replay", "stuck.csv", "--json"))
+    assert any(f"the {stuck} does not change" in event["text"] for event in report["events"])
+    assert report["wind_summary"]["measurements"]["tilt"] <= 6
+
+
+def test_sensors_that_give_no_numbers_measure_no_wind(skyway, tmp_path):
+    rows = [f"{second},nan,,inf,nan,nan,nan,50" for second in range(120)]
+    (tmp_path / "nan.csv").write_text(
+        "\n".join(["time_s,roll_rad,pitch_rad,yaw_rad,vel_north_mps,vel_east_mps,vel_down_mps,height_m", *rows])
+    )
+    report = json.loads(skyway("replay", "nan.csv", "--json"))
+    assert report["wind"] == []
+    assert any("no wind could be measured" in event["text"] for event in report["events"])
+
+
+def test_times_that_go_backwards_are_held_and_said(skyway, tmp_path):
+    (tmp_path / "back.csv").write_text("time_s,roll_rad,soc\n2,0.1,0.9\n1,0.2,0.8\n3,0.3,0.7\n")
+    assert "1 rows are earlier than the ones before them" in skyway("replay", "back.csv")
+
+
 def test_a_log_under_a_wrong_name_is_read_and_said_so(capsys, flight, tmp_path):
     path = tmp_path / "flight.ulg"
     path.write_bytes(flight.read_bytes())
