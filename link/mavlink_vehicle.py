@@ -115,11 +115,13 @@ class MavlinkVehicle(Seen):
 
     def request_telemetry(self, rates_hz: Mapping[int, float] = RATES_HZ) -> tuple[int, ...]:
         """Ask for the messages that telemetry is made of; returns the ids of those refused."""
-        refused = []
-        for number, rate in self.its_messages(rates_hz).items():
+        wanted, refused = self.its_messages(rates_hz), []
+        for number, rate in wanted.items():
             asked = Command(self.peer.target, INTERVAL, float(number), 1e6 / rate, round_trip=self.peer.round_trip)
             if self._do(asked).result != ACCEPTED:
                 refused.append(number)
+        taken = {number: rate for number, rate in wanted.items() if number not in refused}
+        self.rates.want(taken, self.connection.clock.now_s())
         return tuple(refused)
 
     def _read(self, name: str, setting: tuple[float, int] | None = None) -> ParameterValue | None:

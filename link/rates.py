@@ -1,9 +1,10 @@
-"""Whether telemetry comes as often as it was asked for; asked for anew where it does not."""
+"""Whether telemetry comes as often as it was asked for; asked for anew, without waiting, where it does not."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from link.frames import kinds
 
@@ -14,29 +15,16 @@ if TYPE_CHECKING:
 
 CHECK_S = 10.0
 NEAR = 0.2
-"""A rate that is off by no more than this share will do."""
+"""A rate that is lower by no more than this share will do."""
+_MANY = 2.5
+"""Higher, it may be so many times: some tell of each of two batteries, or whenever something changes."""
 _MOST_HZ = 50.0
 _MOST_LOST = 0.9
-_ROUNDS = 2
 _FEW = 2.0
 """So many messages may be missing or too many by the moment at which counting began."""
-
-
-class Streaming(Protocol):
-    """What is asked for messages at a rate, and counts those that come."""
-
-    @property
-    def live(self) -> LiveTelemetry:
-        """Its telemetry."""
-        ...
-
-    def request_telemetry(self, rates_hz: Mapping[int, float]) -> tuple[int, ...]:
-        """Ask for messages; returns the ids of those refused."""
-        ...
-
-    def measured_rates(self, duration_s: float) -> dict[str, float]:
-        """Messages a second of each name that really come, over some time."""
-        ...
+_ROUNDS = 3
+_WITHIN = 0.35
+"""Where losses make counts uncertain, so much of the packets' loss is added to what will do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,21 +36,18 @@ class RateCheck:
     message : str
         Its name.
     wanted_hz, measured_hz : float
-        As it was asked for, and as the vehicle sent it then.
+        As it was asked for, and as the vehicle sent it then; losses of the radio do not count as not sent.
     corrected_hz : float or None
         As it was sent after it was asked for anew; None where that was not needed.
+    ok : bool
+        Whether it comes as often as wanted, in the end.
     """
 
     message: str
     wanted_hz: float
     measured_hz: float
-    corrected_hz: float | None = None
-
-    @property
-    def ok(self) -> bool:
-        """Whether it comes as often as wanted, in the end."""
-        last = self.measured_hz if self.corrected_hz is None else self.corrected_hz
-        return _near(last, self.wanted_hz)
+    corrected_hz: float | None
+    ok: bool
 
     def __str__(self) -> str:
         text = f"{self.message}: {self.measured_hz:.1f} of {self.wanted_hz:g} a second"
@@ -71,57 +56,86 @@ class RateCheck:
         return text if self.ok else f"{text}; the vehicle does not keep to it"
 
 
-def _near(measured_hz: float, wanted_hz: float, duration_s: float = CHECK_S) -> bool:
-    return abs(measured_hz - wanted_hz) <= NEAR * wanted_hz + _FEW / duration_s
-
-
-def sent_rates(vehicle: Streaming, duration_s: float) -> dict[str, float]:
-    """Messages of each name in a second of the vehicle's own, as it sends them: those lost on the way included."""
-    begun_s = vehicle.live.clock.boot_s
-    came = vehicle.measured_rates(duration_s)
-    passed_s = vehicle.live.clock.boot_s - begun_s
-    speed = passed_s / duration_s if passed_s > 0.0 else 1.0
-    speed = 1.0 if abs(speed - 1.0) < NEAR else speed
-    return {name: rate / speed / (1.0 - min(vehicle.live.loss, _MOST_LOST)) for name, rate in came.items()}
-
-
-def check_rates(
-    vehicle: Streaming, wanted_hz: Mapping[int, float], duration_s: float = CHECK_S
-) -> tuple[RateCheck, ...]:
-    """Measure rates, and correct the request where a rate is not what was asked for: first the same again, then more.
-
-    Packets lost by the radio do not count as not sent: more packets would not help a bad radio.
+class RateKeeper:
+    """Counts messages, and says which to ask for anew: first the same again, then more or less than is wanted.
 
     Parameters
     ----------
-    vehicle : Streaming
-        It was asked for these messages before.
-    wanted_hz : mapping of message id to float
-        What was asked for.
-    duration_s : float
-        How long to measure.
+    live : LiveTelemetry
+        Its clock and its losses: rates are in the vehicle's own seconds, whatever speed a simulation runs at.
 
-    Returns
-    -------
-    tuple of RateCheck
-        One for each message wanted.
+    Attributes
+    ----------
+    wanted_hz : dict of message id to float
+        What was asked for.
     """
-    names = {number: kinds()[number].name for number in wanted_hz}
-    first = latest = sent_rates(vehicle, duration_s)
-    corrected: dict[int, float] = {}
-    asked = dict(wanted_hz)
-    for _ in range(_ROUNDS):
-        far = [n for n, wanted in wanted_hz.items() if not _near(latest.get(names[n], 0.0), wanted, duration_s)]
-        if not far:
-            break
-        for number in far:
-            came = latest.get(names[number], 0.0)
-            if number in corrected and came:  # to ask for the same again has not helped
-                asked[number] = min(asked[number] * wanted_hz[number] / came, _MOST_HZ)
-        vehicle.request_telemetry({number: asked[number] for number in far})
-        latest = sent_rates(vehicle, duration_s)
-        corrected |= {number: latest.get(names[number], 0.0) for number in far}
-    return tuple(
-        RateCheck(names[number], wanted, first.get(names[number], 0.0), corrected.get(number))
-        for number, wanted in wanted_hz.items()
-    )
+
+    def __init__(self, live: LiveTelemetry) -> None:
+        self.live = live
+        self.wanted_hz: dict[int, float] = {}
+        self._asked_hz: dict[int, float] = {}
+        self._rounds: dict[int, int] = {}
+        self._checks: dict[int, RateCheck] = {}
+        self._counts: dict[str, int] = {}
+        self._begun_s, self._begun_boot_s = math.inf, 0.0
+        self._reboots = live.clock.reboots
+
+    @property
+    def checks(self) -> tuple[RateCheck, ...]:
+        """One for each message wanted, once it has been measured."""
+        return tuple(self._checks.values())
+
+    def want(self, rates_hz: Mapping[int, float], now_s: float) -> None:
+        """Take over what has just been asked for."""
+        if rates_hz == self.wanted_hz:  # the vehicle has taken these rates anew, without our corrections
+            self._asked_hz = dict(rates_hz)
+            self._rounds.clear()
+            return
+        self.wanted_hz, self._asked_hz = dict(rates_hz), dict(rates_hz)
+        self._checks.clear()
+        self._rounds.clear()
+        self._begin(now_s)
+
+    def _begin(self, now_s: float) -> None:
+        self._counts.clear()
+        self._begun_s, self._begun_boot_s = now_s, self.live.clock.boot_s
+
+    def heard(self, name: str, now_s: float) -> dict[int, float]:
+        """Count a message; returns what to ask for now, by message id: mostly nothing."""
+        if now_s < self._begun_s:
+            return {}
+        self._counts[name] = self._counts.get(name, 0) + 1
+        if now_s < self._begun_s + CHECK_S:
+            return {}
+        if self.live.clock.reboots != self._reboots:  # it has forgotten what it was asked for
+            self._reboots = self.live.clock.reboots
+            self._asked_hz = dict(self.wanted_hz)
+            self._rounds.clear()
+            self._checks.clear()
+            self._begin(now_s)
+            return dict(self.wanted_hz)
+        again = self._judge(now_s - self._begun_s)
+        self._begin(now_s)
+        return again
+
+    def _judge(self, passed_s: float) -> dict[int, float]:
+        boot_s = self.live.clock.boot_s - self._begun_boot_s
+        seconds = boot_s if boot_s > 0.0 and abs(boot_s / passed_s - 1.0) > NEAR else passed_s
+        loss = min(self.live.loss, _MOST_LOST)
+        again = {}
+        for number, wanted in self.wanted_hz.items():
+            name = kinds()[number].name
+            came = self._counts.get(name, 0) / seconds / (1.0 - loss)
+            few = (NEAR + _WITHIN * loss) * wanted + _FEW / seconds
+            ok = wanted - few <= came <= _MANY * wanted + few
+            rounds = self._rounds.get(number, 0)
+            before = self._checks.get(number)
+            first = came if before is None or not rounds else before.measured_hz
+            self._checks[number] = RateCheck(name, wanted, first, came if rounds else None, ok)
+            if ok or rounds >= _ROUNDS:
+                continue
+            if rounds and came:  # to ask for the same again has not helped
+                self._asked_hz[number] = min(self._asked_hz[number] * wanted / came, _MOST_HZ)
+            self._rounds[number] = rounds + 1
+            again[number] = self._asked_hz[number]
+        return again

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from link.autopilots import family_named, family_of
 from link.live import RATES_HZ, WIND, WIND_COV, LiveTelemetry
+from link.rates import RateKeeper
 from models.errors import Fault, InputError, VehicleTimeoutError
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ INTERVAL = 511
 """MAV_CMD_SET_MESSAGE_INTERVAL."""
 _EXPECTED_S = 5.0
 """So long after an order of ours a change is its doing."""
+_WISHES = 2
 _MAX_SAMPLES, _MAX_CHANGES = 1000, 200
 _ARMED = 128
 _KINDS = ("mission", "fence", "rally points")
@@ -100,6 +102,8 @@ class Seen:
         Its autopilot's ways.
     live : LiveTelemetry
         Its telemetry.
+    rates : RateKeeper
+        Whether telemetry comes as often as it was asked for.
 
     Raises
     ------
@@ -118,6 +122,7 @@ class Seen:
             raise InputError(Fault("an autopilot that we do not know", value=self.peer.autopilot, remedy=remedy))
         self.family = family
         self.live = LiveTelemetry(self.peer.system)
+        self.rates = RateKeeper(self.live)
         self._addressed = {"target_system": self.peer.system, "target_component": self.peer.component}
         self._new: list[TelemetrySample] = []
         self._counts: dict[str, int] = {}
@@ -142,6 +147,9 @@ class Seen:
             del self._new[:-_MAX_SAMPLES]
         if self.live.clock.reboots != boots:
             self._changed("boot", "up", "begun anew")
+        for number, rate in self.rates.heard(name, self.connection.clock.now_s()).items():
+            for _ in range(_WISHES):  # nobody waits for an answer, and one may be lost
+                self._wish(number, rate)
         asked_ns = self.live.clock.question(posix_s)
         if asked_ns is not None:
             self.connection.send("TIMESYNC", self.system, tc1=0, ts1=asked_ns, **self._addressed)
@@ -228,9 +236,14 @@ class Seen:
 
     def nudge_telemetry(self) -> None:
         """Ask for telemetry without waiting for answers; to be done again as long as nothing comes."""
-        for number, rate in self.its_messages().items():
-            wish = {"command": INTERVAL, "param1": float(number), "param2": 1e6 / rate}
-            self.connection.send("COMMAND_LONG", self.system, **wish, **self._addressed)
+        wanted = self.its_messages()
+        self.rates.want(wanted, self.connection.clock.now_s())
+        for number, rate in wanted.items():
+            self._wish(number, rate)
+
+    def _wish(self, number: int, rate_hz: float) -> None:
+        wish = {"command": INTERVAL, "param1": float(number), "param2": 1e6 / rate_hz}
+        self.connection.send("COMMAND_LONG", self.system, **wish, **self._addressed)
 
     def measured_rates(self, duration_s: float) -> dict[str, float]:
         """Messages a second of each name that really come, over some time."""

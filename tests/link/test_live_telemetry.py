@@ -3,13 +3,12 @@
 import math
 
 import pytest
-from wires import FAMILIES, Scene, bad_radio
+from wires import FAMILIES, Scene, bad_radio, changed_frame
 
 from link.doubts import Doubts
 from link.frames import FrameWriter, Message
 from link.live import LiveTelemetry
 from link.mavlink_vehicle import MavlinkVehicle
-from link.rates import check_rates
 from link.timebase import VehicleClock
 
 BEGAN_S = 1_373_464_800.0
@@ -107,41 +106,58 @@ def test_after_a_restart_the_time_is_learnt_anew():
     assert clock.hear(heard("ATTITUDE", time_boot_ms=1_000), BEGAN_S + 9.0) == pytest.approx(BEGAN_S + 5.5, abs=0.01)
 
 
-@pytest.mark.parametrize("times", [1, 99], ids=["once", "always"])
+@pytest.mark.parametrize("always", [False, True], ids=["once", "always"])
 @pytest.mark.parametrize("loss", [0.0, 0.3])
 @pytest.mark.parametrize("family", FAMILIES)
-def test_rates_are_measured_and_asked_for_anew_where_the_vehicle_took_them_otherwise(family, loss, times):
-    """It sends attitudes half as often as it was asked to."""
-    halved = set()
+def test_rates_are_measured_and_asked_for_anew_where_the_vehicle_took_them_otherwise(family, loss, always):
+    """It sends attitudes at half the rate that it was asked for: the first time, or always."""
+    asked = []
 
     def spoil(_number, message, frame, up):
         if up and message and message.name == "COMMAND_LONG" and message["param1"] == 30.0:
-            halved.add(message["param2"])
-            if len(halved) <= times and checking < times:
-                writer = FrameWriter(message.system, message.component)
-                return writer.frame("COMMAND_LONG", message.fields | {"param2": 2.0 * message["param2"]})
+            if always or not checking:
+                frame = changed_frame(message, param2=2.0 * message["param2"])
+            elif message["param2"] not in asked:
+                asked.append(message["param2"])
         return frame
 
-    checking = 0
+    checking = False
     scene = Scene(family, spoil=spoil, impairment=bad_radio(loss))
     craft = MavlinkVehicle(scene.connection)
-    craft.request_telemetry()
-    checking = 1
-    checks = {check.message: check for check in check_rates(craft, {30: 10.0, 33: 5.0})}
-    assert halved
-    assert checks["ATTITUDE"].measured_hz == pytest.approx(5.0, rel=0.25)
-    assert checks["ATTITUDE"].corrected_hz == pytest.approx(10.0, rel=0.25)
+    craft.request_telemetry({30: 10.0, 33: 5.0})
+    checking = True
+    scene.connection.run_for(43.0)
+    checks = {check.message: check for check in craft.rates.checks}
+    assert checks["ATTITUDE"].measured_hz == pytest.approx(5.0, rel=0.3)
+    assert checks["ATTITUDE"].corrected_hz == pytest.approx(10.0, rel=0.3)
     assert "asked for anew" in str(checks["ATTITUDE"])
     assert checks["GLOBAL_POSITION_INT"].corrected_hz is None
     assert all(check.ok for check in checks.values())
+    assert craft.measured_rates(10.0)["ATTITUDE"] == pytest.approx(10.0 * (1.0 - loss), rel=0.3)
 
 
-def test_a_rate_that_the_vehicle_does_not_keep_to_is_told():
-    scene = Scene("px4")
+def test_a_rate_that_the_vehicle_does_not_keep_to_is_told_and_asked_for_a_few_times():
+    asked = []
+    scene = Scene(
+        "px4", spoil=lambda _n, m, frame, up: (asked.append(m) if up and m.name == "COMMAND_LONG" else 0) or frame
+    )
     craft = MavlinkVehicle(scene.connection)
-    (check,) = check_rates(craft, {30: 400.0})
+    craft.request_telemetry({30: 400.0})
+    scene.connection.run_for(65.0)
+    (check,) = craft.rates.checks
     assert not check.ok
     assert "does not keep to it" in str(check)
+    assert sum(message["command"] == 511 for message in asked) == 1 + 3 * 2
+
+
+def test_after_a_restart_telemetry_is_asked_for_again():
+    scene = Scene("ardupilot")
+    craft = MavlinkVehicle(scene.connection)
+    craft.request_telemetry({30: 10.0})
+    scene.connection.run_for(12.0)
+    scene.vehicle.reboot_soon()
+    scene.connection.run_for(30.0)
+    assert craft.measured_rates(5.0)["ATTITUDE"] == pytest.approx(10.0, rel=0.1)
 
 
 def test_items_reached_and_lost_packets_are_in_the_samples():
