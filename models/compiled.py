@@ -1,7 +1,6 @@
 """Kernels compiled by numba, under one set of options.
 
-Importing this module imports numba (a few tenths of a second), so modules with kernels import it at their top and
-everything else imports those modules late. The compiled code is cached beside the source. By itself numba notices a
+The first kernel imports numba (a few tenths of a second), so modules with kernels are imported late. The compiled code is cached beside the source. By itself numba notices a
 change of the file a kernel is in, but not of the files its callees are in; here the files of all callees count, so that
 an edited or upgraded installation never runs stale code.
 """
@@ -9,14 +8,35 @@ an edited or upgraded installation never runs stale code.
 from __future__ import annotations
 
 import hashlib
+import importlib
+import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeVar, cast
 
-from numba import njit
-from numba.core.dispatcher import Dispatcher
-
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+_SOUGHT = "scipy.linalg.cython_blas"
+
+
+@cache
+def _numba() -> Any:
+    """Import numba, without what it looks for only to know whether matrices can be multiplied.
+
+    Finding that takes longer than all else that numba does when it starts. Numba is told that it is there, and finds the
+    real one when a kernel multiplies matrices.
+    """
+    known = _SOUGHT in sys.modules
+    sys.modules.setdefault(_SOUGHT, ModuleType(_SOUGHT))
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        if not known:
+            del sys.modules[_SOUGHT]
+    return importlib.import_module("numba")
 
 
 def compiled(function: F) -> F:
@@ -34,9 +54,9 @@ def compiled_lean(function: F) -> F:
 
 
 def _compile(function: F, **options: Any) -> F:
-    kernel: Any = njit(cache=True, nogil=True, error_model="numpy", fastmath=False, **options)(function)
+    kernel: Any = _numba().njit(cache=True, nogil=True, error_model="numpy", fastmath=False, **options)(function)
     callees = [
-        value for name in function.__code__.co_names if isinstance(value := function.__globals__.get(name), Dispatcher)
+        value for name in function.__code__.co_names if hasattr(value := function.__globals__.get(name), "py_func")
     ]
     foreign = {path for callee in callees for path in sources(callee)} - {function.__code__.co_filename}
     kernel.skyway_sources = frozenset(foreign | {function.__code__.co_filename})

@@ -5,6 +5,7 @@ Exit codes: 0 done, 1 the answer is no, 2 wrong usage or input, 3 the vehicle or
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import sys
@@ -106,6 +107,7 @@ def _tell_usage(error: Exception) -> None:
 
 def run() -> None:
     """Entry point of the ``skyway`` command."""
+    gc.set_threshold(100_000, 20, 20)  # the many objects that imports make are all kept: do not look for waste so often
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without ° and … gets ? instead

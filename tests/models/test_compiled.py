@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 CALLEE = "from models.compiled import compiled\n\n@compiled\ndef inner(x):\n    return x + {}\n"
 CALLER = (
     "from callee import inner\nfrom models.compiled import compiled\n\n@compiled\ndef outer(x):\n    return inner(x)\n"
@@ -23,3 +25,29 @@ def test_a_kernel_is_compiled_anew_when_a_kernel_it_calls_in_another_file_change
     assert _run(tmp_path) == "2.0 1"
     (tmp_path / "callee.py").write_text(CALLEE.format(5.0))
     assert _run(tmp_path) == "6.0 0"
+
+
+def test_the_first_kernel_does_not_bring_in_what_only_products_of_matrices_need(tmp_path):
+    (tmp_path / "callee.py").write_text(CALLEE.format(1.0))
+    code = "import sys, callee; callee.inner(1.0); print('scipy.linalg' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+@pytest.mark.slow
+def test_a_kernel_can_multiply_matrices_all_the_same(tmp_path):
+    product = "from models.compiled import compiled\n\n@compiled\ndef product(a):\n    return a @ a\n"
+    (tmp_path / "product.py").write_text(product)
+    code = "import numpy, product; print(product.product(2.0 * numpy.eye(2)).trace())"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "8.0"
+
+
+def test_a_lean_kernel_that_makes_an_array_is_refused(tmp_path):
+    lean = "import numpy\nfrom models.compiled import compiled_lean\n\n@compiled_lean\ndef lean(n):\n    return numpy.zeros(n).sum()\n"
+    (tmp_path / "lean.py").write_text(lean)
+    done = subprocess.run(
+        [sys.executable, "-c", "import lean; lean.lean(3)"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode != 0
+    assert "numpy.zeros(n)" in done.stderr
