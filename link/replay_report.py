@@ -12,7 +12,7 @@ import numpy as np
 from models.telemetry import QUANTITIES
 from models.units import J_PER_WH, from_posix, iso
 from models.wind import speed_from
-from models.wind_filter import chi2_band
+from models.wind_filter_health import chi2_band
 
 if TYPE_CHECKING:
     from link.replay import Replay

@@ -19,6 +19,7 @@ import numpy as np
 
 from models.errors import Fault, InputError
 from models.wind import speed_from
+from models.wind_filter_health import HEALTH_CORRELATION, HEALTH_WINDOW, ConsistencyMonitor
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
 GATE_99 = 9.21034037197618
 """99 % quantile of chi-squared with 2 degrees of freedom: -2 ln 0.01."""
-HEALTH_WINDOW, HEALTH_CORRELATION = 120, 5.0
-"""Innovations that the filter's health is judged by, and how many neighbours of them are as good as one."""
 HELD_AFTER_S = 30.0
 """An estimate to which nothing was measured for so long is called held."""
 
@@ -355,54 +354,3 @@ def filter_log(
         result.accepted,
     )
     return result
-
-
-class ConsistencyMonitor:
-    """Watches the normalised innovations squared, taken before the gate: after it they would be biased low.
-
-    Parameters
-    ----------
-    window : int
-        Measurements looked at together.
-    correlation : float
-        How many neighbouring measurements are as good as one; innovations of real logs are not independent.
-    """
-
-    def __init__(self, window: int = 60, correlation: float = 1.0) -> None:
-        self.window = window
-        self.correlation = correlation
-        self._values: list[float] = []
-
-    def add(self, nis: float) -> None:
-        """Add one value."""
-        self._values.append(nis)
-        if len(self._values) > self.window:
-            del self._values[0]
-
-    @property
-    def mean(self) -> float:
-        """Mean over the window; 2 where the filter is right, NaN before the first."""
-        return sum(self._values) / len(self._values) if self._values else math.nan
-
-    @property
-    def band(self) -> tuple[float, float]:
-        """Where the mean lies in 95 of 100 windows of a filter that is right."""
-        return chi2_band(len(self._values) / self.correlation)
-
-    @property
-    def verdict(self) -> str:
-        """``consistent``, ``overconfident`` (errors larger than believed), ``underconfident``, or ``unknown`` as yet."""
-        if len(self._values) < min(10, self.window):
-            return "unknown"
-        low, high = self.band
-        return "overconfident" if self.mean > high else "underconfident" if self.mean < low else "consistent"
-
-
-def chi2_band(count: float, dimensions: int = 2) -> tuple[float, float]:
-    """95 % band of the mean of `count` independent chi-squared values with so many degrees of freedom."""
-    from scipy.special import gammaincinv  # scipy.stats takes ten times as long to import
-
-    if count <= 0.0:
-        return 0.0, math.inf
-    shape = 0.5 * dimensions * count
-    return float(gammaincinv(shape, 0.025)) * 2.0 / count, float(gammaincinv(shape, 0.975)) * 2.0 / count

@@ -214,6 +214,14 @@ def _place_of(data: NDArray[np.uint8], kept: NDArray[np.uint8], found: int, stat
 
 
 @compiled
+def _announced(data: NDArray[np.uint8], at: int) -> int:
+    """Bytes of the frame whose header begins at `at`; 0 where none does."""
+    if data[at] == V2:
+        return int(data[at + 1]) + 12 + 13 * (int(data[at + 2]) & SIGNED)
+    return int(data[at + 1]) + 8 if data[at] == V1 else 0
+
+
+@compiled
 def scan_chunk(
     data: NDArray[np.uint8],
     size: int,
@@ -258,11 +266,7 @@ def scan_chunk(
             break
         at = state[POS]
         if state[BUFFERED] == 0 and size - at >= LONGEST:
-            total = 0
-            if data[at] == V2:
-                total = int(data[at + 1]) + 12 + 13 * (int(data[at + 2]) & SIGNED)
-            elif data[at] == V1:
-                total = int(data[at + 1]) + 8
+            total = _announced(data, at)
             if total >= state[EXPECTED]:
                 state[POS] = at + total
                 state[EXPECTED] = 12 if data[at] == V2 else 8

@@ -13,8 +13,9 @@ from models.calibration_wind import fit_known_wind, identify_drag, tune_filter
 from models.drag import DragModel, thrust_acceleration
 from models.drag_file import drag_file, read_drag
 from models.errors import InputError
-from models.wind_filter import chi2_band, filter_log
+from models.wind_filter import filter_log
 from models.wind_filter_blocks import Blocks, blocks
+from models.wind_filter_health import chi2_band
 from models.wind_filter_measurement import tilt_wind
 
 CHI2_95 = -2.0 * math.log(0.05)

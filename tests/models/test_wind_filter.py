@@ -9,8 +9,9 @@ from drone_truth import fly
 from models.drag import DragModel
 from models.drag_monitor import check_drag
 from models.errors import InputError
-from models.wind_filter import GATE_99, ConsistencyMonitor, WindFilter, WindFilterSettings, chi2_band, filter_log
+from models.wind_filter import GATE_99, WindFilter, WindFilterSettings, filter_log
 from models.wind_filter_blocks import blocks
+from models.wind_filter_health import ConsistencyMonitor, chi2_band
 from models.wind_filter_measurement import measurements, tilt_air_velocity
 
 TRUE_DRAG = DragModel(linear_per_s=0.15, quadratic_per_m=0.010, sigma_mps2=0.115)
