@@ -10,7 +10,7 @@ from models.errors import Fault, InputError
 LOOPBACK = "127.0.0.1"
 DEFAULT_BAUD = 57600
 _NET = re.compile(r"(udpin|udpout|udp|tcp|tcpin|tcpout):(?://)?(\[[0-9a-fA-F:.]+\]|[^:\[\]/]*):(\d{1,5})")
-_SERIAL = re.compile(r"(?:serial:(?://)?)?((?:/dev/|COM)[^,:]+)(?:[,:](\d{3,8}))?", re.IGNORECASE)
+_SERIAL = re.compile(r"(?:serial:(?://)?)?((?:/dev/|COM).+?)(?:[,:](\d{3,8}))?", re.IGNORECASE)
 _SAME = {"udp": "udpin", "tcpout": "tcp"}
 _LISTENING = ("udpin", "tcpin")
 _REMEDY = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or /dev/ttyUSB0,57600"

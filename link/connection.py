@@ -174,6 +174,11 @@ class Connection:
         """Whether it has a signing key."""
         return self._writer.signing is not None
 
+    @property
+    def wants_key(self) -> bool:
+        """Whether somebody signs and we have no key: a vehicle that signs seldom listens to who does not."""
+        return self._reader.heard_signed and not self.signed
+
     def send(self, name: str, system: int = 0, **fields: Any) -> None:
         """Send a message; MAVLink 1 to a vehicle that speaks nothing else."""
         peer = self.peers.get(system)

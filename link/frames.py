@@ -301,12 +301,15 @@ class FrameReader:
     ----------
     rejected : Rejected
         What was not taken.
+    heard_signed : bool
+        Whether anybody signs.
     datagrams : bool
         Frames never go on in the next bytes: what looks like the beginning of one there does not hold up the next.
     """
 
     signing: Signing | None = None
     datagrams: bool = False
+    heard_signed: bool = False
     rejected: Rejected = field(default_factory=Rejected)
     _rest: bytes = b""
 
@@ -357,6 +360,7 @@ class FrameReader:
         return True, True, Message(kind.name, system, component, unpack(kind, payload), payload, version, sequence)
 
     def _trusted(self, number: int, body: bytes, signature: bytes) -> bool:
+        self.heard_signed = self.heard_signed or bool(signature)
         if self.signing is None or number in _UNSIGNED_ALLOWED:
             return True
         if not signature:

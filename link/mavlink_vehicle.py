@@ -46,7 +46,7 @@ T = TypeVar("T")
 _ARM, _LAND, _RETURN, _GRIPPER, _REPOSITION = 400, 21, 20, 211, 192
 _SET_MODE, _PAUSE, _START, _BATTERY_RESET = 176, 193, 300, 42651
 _SPEED, _GROUND_SPEED, _SAME_THROTTLE = 178, 1.0, -1.0
-_MODE_S, _RETRY_ARM_S, _BATTERY_S = 4.0, 1.0, 3.0
+_MODE_S, _RETRY_ARM_S, _BATTERY_S = 8.0, 1.0, 3.0
 _PERCENT = 0.0101
 _ABOVE_HOME, _ABOVE_SEA = 6, 0
 """MAV_FRAME_GLOBAL_RELATIVE_ALT_INT and MAV_FRAME_GLOBAL."""
@@ -96,6 +96,9 @@ class MavlinkVehicle(Seen):
     def _refuse_while_blocked(self, what: str) -> None:
         if self.blocked is not None:
             raise UploadMismatchError(f"{what}: after the last upload of its {self.blocked}")
+
+    def close(self) -> None:
+        """End what speaks with it besides the connection, which stays open."""
 
     def _do(self, exchange: E_) -> E_:
         def steps() -> Steps[None]:

@@ -274,6 +274,10 @@ def _find(connection: Connection, system: int | None) -> Peer:
         if connection.namesake:
             problem, remedy = "the vehicle has this system id itself", "another one, such as 255"
             raise InputError(Fault(problem, field="--gcs-system", value=connection.system, remedy=remedy))
+        doubted = connection.rejected.unsigned + connection.rejected.forged + connection.rejected.replayed
+        if doubted:
+            problem = f"no packet is signed with our key: {doubted} were not believed"
+            raise InputError(Fault(problem, field="--key-file", remedy="the key that the vehicle has"))
         others = f" of system {system}, only of {', '.join(map(str, sorted(known)))}" if known else ""
         raise VehicleTimeoutError(f"no heartbeat{others}", FIND_S)
     heard_for_s = connection.clock.now_s() - min(peer.met_s for peer in known.values())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from pathlib import Path
@@ -88,19 +88,19 @@ class Link(Line):
     def aboard(self) -> Iterator[MavlinkVehicle]:
         """Open the connection and find the vehicle."""
         family = None if self.autopilot is Autopilot.AUTO else self.autopilot.value
-        with self.opened() as connection:
-            if self.driver is Driver.MAVSDK:
-                from link.mavsdk_vehicle import MavsdkVehicle
+        with self.opened() as connection, closing(self._driver()(connection, self.system, family)) as vehicle:
+            if connection.wants_key:
+                typer.echo("the vehicle signs its packets; without its key (--key-file) it may not listen", err=True)
+            yield vehicle
 
-                vehicle = MavsdkVehicle(connection, self.system, family)
-                try:
-                    yield vehicle
-                finally:
-                    vehicle.close()
-            else:
-                from link.mavlink_vehicle import MavlinkVehicle
+    def _driver(self) -> type[MavlinkVehicle]:
+        if self.driver is Driver.MAVSDK:
+            from link.mavsdk_vehicle import MavsdkVehicle
 
-                yield MavlinkVehicle(connection, self.system, family)
+            return MavsdkVehicle
+        from link.mavlink_vehicle import MavlinkVehicle
+
+        return MavlinkVehicle
 
 
 def linked(command: Callable[..., None]) -> Callable[..., None]:

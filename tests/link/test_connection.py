@@ -34,6 +34,10 @@ GOOD = {
     "serial:///dev/ttyACM0:921600": Address("serial", "/dev/ttyACM0", 921600),
     "/dev/ttyUSB0": Address("serial", "/dev/ttyUSB0", 57600),
     "COM7,115200": Address("serial", "COM7", 115200),
+    "/dev/cu.usbserial-D30": Address("serial", "/dev/cu.usbserial-D30", 57600),
+    "/dev/serial/by-path/pci-0:14.0-usb-0:1:1.0,115200": Address(
+        "serial", "/dev/serial/by-path/pci-0:14.0-usb-0:1:1.0", 115200
+    ),
 }
 
 

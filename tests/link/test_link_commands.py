@@ -1,15 +1,19 @@
 """The commands that speak with vehicles, against a simulated one on a TCP port."""
 
+import contextlib
 import json
 import re
+import socket
+import threading
 from dataclasses import replace
 
 import pytest
 import typer
-from sim_serving import served
+from sim_serving import free_port, served
 from wires import a_fence, a_mission, some_rally_points
 
 from link.autopilots import FAMILIES
+from link.frames import FrameWriter
 from link.parameter_file import read_required
 from missions import write
 from missions.document import MissionDocument
@@ -210,3 +214,47 @@ def test_a_negative_value_is_no_option(run):
     with served(tcp_port=0, autopilot="px4") as there:
         code, text = run("params", "set", "MPC_XY_CRUISE", "-1", port=there.where()[1])
     assert (code, text) == (0, "MPC_XY_CRUISE: 5 -> -1 would be set; add --yes\n")
+
+
+def test_a_signed_link_takes_the_key_from_a_file_or_the_environment_and_no_link_goes_without(
+    run, plan, tmp_path, monkeypatch
+):
+    key = tmp_path / "key"
+    key.write_text("ab" * 32)
+    key.chmod(0o600)
+    monkeypatch.setattr("link.seen.FIND_S", 0.7)
+    with served(tcp_port=0, autopilot="px4") as there:
+        there.world.vehicles[1].radio.set_signing(bytes.fromhex("ab" * 32), 0)
+        port = there.where()[1]
+        assert run("upload", plan, "--yes", "--key-file", key, port=port)[0] == 0
+        monkeypatch.setenv("SKYWAY_SIGNING_KEY_FILE", str(key))
+        assert run("verify", plan, port=port)[0] == 0
+        monkeypatch.delenv("SKYWAY_SIGNING_KEY_FILE")
+        monkeypatch.setenv("SKYWAY_SIGNING_KEY", "cd" * 32)
+        code, text = run("verify", plan, port=port)
+        assert code == 2
+        assert re.fullmatch(r"--key-file: no packet is signed with our key: \d+ were not believed; the key .*", text)
+
+
+def test_watching_tells_how_many_packets_were_not_believed(run):
+    """Two vehicles have the same id: the second one's packets are not taken for the first one's."""
+    port = free_port()
+    beat = {"type": 2, "autopilot": 12, "mavlink_version": 3}
+    done = threading.Event()
+
+    def speak():
+        with contextlib.ExitStack() as stack:
+            both = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(2)]
+            while not done.wait(0.1):
+                for one in both:
+                    one.sendto(FrameWriter(1, 1).frame("HEARTBEAT", beat), ("127.0.0.1", port))
+
+    speaker = threading.Thread(target=speak)
+    speaker.start()
+    code, text = run("watch", "--for", "1.5", "--json", "--connect", f"udpin:127.0.0.1:{port}")
+    done.set()
+    speaker.join()
+    rejected = json.loads(text.splitlines()[-1])["rejected"]
+    assert code == 0
+    assert rejected["elsewhere"] >= 5
+    assert rejected["forged"] == 0
