@@ -151,9 +151,13 @@ def _row(vehicle: Seen) -> dict[str, Any]:
         "item": _known(latest("mission_item"), 0),
         "mission": vehicle.mission_state,
         "time": None if sample is None else _instant(sample.time_s),
+        "clock": vehicle.live.clock.base.source,
         "silent_s": round(vehicle.silent_s, 1),
         "loss": round(vehicle.live.loss, 3),
-        "doubts": [f"{name}: {why}" for name, why in vehicle.live.doubts.items()],
+        "doubts": [
+            *(f"{name}: {why}" for name, why in vehicle.live.doubts.items()),
+            *(str(check) for check in vehicle.rates.checks if check.measured_hz and not check.ok),
+        ],
     }
 
 
