@@ -48,7 +48,7 @@ LEAST_CHANCE = 1e-9
 LOOK_S = 120.0
 """A drone that finds no room at the next station looks again after so long."""
 STEADY = 3.0
-"""Standard deviations of gusts at which the time that they cost is worked out; it is taken as linear in them."""
+"""Standard deviations of what is unsure at which the time that it costs is worked out; it is taken as linear in them."""
 _ROUNDS = 14  # of bisection: the charge is found to 1e-4 of the spread
 _CHANGES = 500  # times a stay is looked at again
 
@@ -66,6 +66,9 @@ class Known(NamedTuple):
         The wind of the hour is measured at the sites; else the members stay as they are.
     sigma_mps, tau_s : float
         Standard deviation and correlation time of a member's residual.
+    smoothing : float
+        The wind after the hour of the take-off is less sure than the few members say: each stands for a normal
+        distribution about it, of this share of the standard deviation that a residual has gained by then.
     gust_sd, gust_time_s : float
         Of gusts, see `planner.evaluation_kernels.Sky`.
     energy_error : float
@@ -81,6 +84,7 @@ class Known(NamedTuple):
     measured: bool
     sigma_mps: float
     tau_s: float
+    smoothing: float
     gust_sd: float
     gust_time_s: float
     energy_error: float
@@ -159,9 +163,14 @@ def gust_mean(known: Known, flight_s: float) -> float:
 
 
 @compiled
-def slow_land(air: Air, member: int, segments: NDArray[np.int64], depart_s: float, gust: float) -> float:
-    """Touch-down of a flight that a gust of this share of the wind slows all the way; `land` says whether it is flyable."""
+def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], depart_s: float, gust: float) -> float:
+    """Touch-down of a flight through wind that is worse all the way than the member says, by `STEADY` deviations.
+
+    Of the wind itself after the hour of the take-off, and of the mean of gusts, `gust` as a share of the wind. Whether the
+    flight is flyable is `land`'s to say.
+    """
     now = depart_s + air.climb_s
+    first = slot_of(air, depart_s)
     for segment in segments:
         left = air.distance_m[segment]
         slot = slot_of(air, now)
@@ -170,7 +179,9 @@ def slow_land(air: Air, member: int, segments: NDArray[np.int64], depart_s: floa
             along = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
             across = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
             speed = along + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
-            speed -= gust * math.hypot(along, LATERAL * across)
+            unsure = known.sigma_mps * known.smoothing
+            unsure *= math.sqrt(1.0 - math.exp(-2.0 * (slot - first) * air.slot_s / known.tau_s))
+            speed -= STEADY * math.hypot(gust * math.hypot(along, LATERAL * across), unsure)
             speed = min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
             end = slot_end(air, slot)
             if now + left / speed <= end:
@@ -231,7 +242,7 @@ def flight_energy(
         if down == NEVER:
             continue
         flight = down - time_s
-        slow = slow_land(seen, m, segments, time_s, STEADY * gust_mean(known, flight)) - down
+        slow = slow_land(known, seen, m, segments, time_s, gust_mean(known, flight)) - down
         energy[flying] = cost[1] + cost[0] * flight
         spread[flying] = max(cost[0] * slow / STEADY, 1e-9)
         share[flying] = chance

@@ -43,7 +43,10 @@ _GUSTS = 0x47
 
 
 def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float, margin: float = 0.0) -> Known:
-    """What a drone of a problem knows at every stop; see `planner.charge_kernels.Known`."""
+    """What a drone of a problem knows at every stop; see `planner.charge_kernels.Known`.
+
+    The members are smoothed with the normal kernel's usual bandwidth (Silverman, "Density Estimation", 1986, eq. 3.28).
+    """
     residual = ResidualModel()
     return Known(
         air=problem.air,
@@ -51,6 +54,7 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
         measured=measured,
         sigma_mps=residual.sigma_mps,
         tau_s=residual.tau_s,
+        smoothing=1.06 * len(problem.probability) ** -0.2 if measured and len(problem.probability) > 1 else 0.0,
         gust_sd=errors.gust_sd,
         gust_time_s=errors.gust_time_s,
         energy_error=errors.energy,
