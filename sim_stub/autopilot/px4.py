@@ -33,6 +33,7 @@ _MODES = {
 _BY_NUMBER = {number: mode for mode, number in _MODES.items()} | {1 << 16: Mode.STABILIZE}
 _CUSTOM_MODE, _AUTO_MODE, _GUIDED_MODE, _MANUAL_MODE = 1, 4, 8, 64
 """Bits of MAV_MODE_FLAG."""
+_NOT_TO_ARM_IN = frozenset({Mode.LAND, Mode.RTL})
 _CHANGE_MODE = 1.0
 """MAV_DO_REPOSITION_FLAGS_CHANGE_MODE."""
 
@@ -87,6 +88,7 @@ class Px4(Px4Failsafes):
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle, ParameterStore(px4_parameters.TABLE))
         self.infeasible: str | None = "No valid mission available"
+        self.mode_after_disarming = Mode.HOLD
 
     def read_speeds(self) -> Speeds:
         """MPC_* parameters; nothing above 20 m/s."""
@@ -261,6 +263,8 @@ class Px4(Px4Failsafes):
             reasons.append("Global position required")
         if self.mode == Mode.MISSION and self.infeasible is not None:
             reasons.append(self.infeasible)
+        if self.mode in _NOT_TO_ARM_IN:
+            reasons.append("Mode not suitable for takeoff")
         if self.mode == Mode.OFFBOARD:
             reasons.append("Offboard: no setpoints")
         if self.battery_level() >= 2:
@@ -271,8 +275,16 @@ class Px4(Px4Failsafes):
         """A mission is judged anew from the new home."""
         self.judge_mission()
 
+    def switch(self, mode: Mode, *, reason: str) -> None:
+        """Enter a mode; the last one chosen in which it can be armed comes back after landing."""
+        super().switch(mode, reason=reason)
+        if mode not in _NOT_TO_ARM_IN and not reason.endswith("failsafe"):
+            self.mode_after_disarming = mode
+
     def has_disarmed(self) -> None:
-        """Mission progress survives disarming."""
+        """Leave a mode in which it cannot be armed; mission progress survives disarming."""
+        if self.mode in _NOT_TO_ARM_IN:
+            self.switch(self.mode_after_disarming, reason="disarmed")
 
     def touched_down(self) -> None:
         """Nothing: disarming has its own delay."""

@@ -58,6 +58,21 @@ def test_px4_enters_any_mode_disarmed_and_then_refuses_to_arm_or_in_the_air_to_c
     assert stage.pilot.mode == Mode.HOLD
 
 
+@pytest.mark.parametrize(("number", "name"), [(21, "land"), (20, "return")])
+def test_px4_leaves_land_and_return_when_it_disarms_for_nothing_arms_in_them(number, name):
+    stage = Stage("px4")
+    assert stage.station.command(176, 1, 4, {21: 6, 20: 5}[number]) == 0
+    assert stage.station.command(400, 1) == 1
+    assert "Preflight Fail: Mode not suitable for takeoff" in stage.station.texts
+    stage.station.command(176, 1, 4, 3)
+    stage.take_off(15.0)
+    assert stage.station.command(number) == 0
+    stage.rest(200.0)
+    assert stage.happened(f"mode {name}")
+    assert stage.pilot.mode == Mode.HOLD, "the last one it was given that it can be armed in"
+    assert stage.station.command(400, 1) == 0
+
+
 @BOTH
 @pytest.mark.parametrize("magic", [21196.0, 2989.0])
 def test_the_word_that_forces_arming(autopilot, magic):
