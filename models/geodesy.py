@@ -47,6 +47,14 @@ def inverse(
     return np.asarray(distance).reshape(a.shape), bearing.reshape(a.shape)
 
 
+def coarse_distance_m(lat: float, lon: float, lats: ArrayLike, lons: ArrayLike) -> NDArray[np.float64]:
+    """Distance of points from one, on a sphere: within 0.6 % of `inverse` and much faster, to leave out what is too far."""
+    here, there = np.radians(lat), np.radians(np.asarray(lats, dtype=np.float64))
+    half = 0.5 * np.radians(np.asarray(lons, dtype=np.float64) - lon)
+    square = np.sin(0.5 * (there - here)) ** 2 + np.cos(here) * np.cos(there) * np.sin(half) ** 2
+    return np.asarray(2.0 * EARTH_RADIUS_M * np.arcsin(np.sqrt(np.minimum(square, 1.0))))
+
+
 def distance_m(lat1: float, lon1: float, lat2: float, lon2: float) -> float:
     """Length of the geodesic between two points, metres."""
     return float(inverse(lat1, lon1, lat2, lon2)[0])

@@ -9,7 +9,7 @@ import numpy as np
 
 from models.compiled import compiled
 from models.flight_kernels import NEVER, next_opening, segment_speed, slot_end, slot_of
-from planner.evaluation_kernels import gusty_land, plain_sky
+from planner.evaluation_kernels import gusty_land
 from planner.profile_kernels import interpolate
 
 if TYPE_CHECKING:
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from planner.evaluation_kernels import Sky
 
 PAD, TAKE_OFF, TOUCH_DOWN, SOC_OFF, SOC_DOWN, READY = range(6)
-"""Columns of what `fly` returns: pad reached (the arrival where no pad is used), take-off, touch-down, charge at both,
+"""Columns of what `fly_under` returns: pad reached (the arrival where no pad is used), take-off, touch-down, charge at both,
 and when the drone would have left but for the wind."""
 
 
 class Hops(NamedTuple):
-    """Flights of an itinerary and the stop before each, for `fly`.
+    """Flights of an itinerary and the stop before each, for `fly_under`.
 
     Attributes
     ----------
@@ -97,19 +97,6 @@ def sampled_pad(queues: Queues, entry: int, time_s: float) -> float:
     """When a drone that arrives at a time gets a pad."""
     k = _interval(queues, entry, time_s)
     return max(time_s + queues.delay_s[k], queues.pad_s[k])
-
-
-def fly(
-    air: Air,
-    members: NDArray[np.int64],
-    hops: Hops,
-    queues: Queues,
-    waits: Waits,
-    start: tuple[float, float],
-    cost: tuple[float, float],
-) -> NDArray[np.float64]:
-    """Fly an itinerary in several runs with one set of queues each; see `fly_under`."""
-    return fly_under(plain_sky(len(members)), air, members, hops, queues, waits, start, cost)
 
 
 @compiled

@@ -24,9 +24,10 @@ from planner.course_kernels import (
     Queues,
     Waits,
     flight_parts,
-    fly,
+    fly_under,
     no_queues,
 )
+from planner.evaluation_kernels import plain_sky
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
     from models.drone import Drone
     from models.queue_paths import QueuePath
+    from planner.evaluation_kernels import Sky
     from planner.problem import Problem
 
 SAMPLES_PER_MEMBER = 8
@@ -83,8 +85,9 @@ def fly_sampled(
     nodes = stop_nodes(problem, itinerary)
     sets = [problem.queue_paths(dict.fromkeys(nodes), sample) for sample in range(samples)]
     members = np.repeat(np.arange(len(problem.probability)), samples)
-    paths = [sets[run % samples][node] for run in range(len(members)) for node in nodes]
-    runs = _fly(problem, itinerary, members, Queues(*pack(paths)), no_waits(len(itinerary)))
+    queues = Queues(*pack([paths[node] for paths in sets for node in nodes]))
+    sky = plain_sky(len(members))._replace(queue=np.tile(np.arange(samples), len(problem.probability)))
+    runs = _fly(problem, itinerary, members, queues, no_waits(len(itinerary)), sky)
     return runs, np.repeat(problem.probability / samples, samples)
 
 
@@ -95,7 +98,7 @@ def fly_true(problem: Problem, itinerary: Itinerary, queues: dict[int, QueuePath
 
 
 def no_waits(hops: int) -> Waits:
-    """Make the expected waits that `fly` does not read where queues are sampled."""
+    """Make the expected waits that `fly_under` does not read where queues are sampled."""
     return Waits(0.0, 1.0, np.zeros((hops, 1)))
 
 
@@ -105,11 +108,17 @@ def stop_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
 
 
 def _fly(
-    problem: Problem, itinerary: Itinerary, members: NDArray[np.int64], queues: Queues, waits: Waits
+    problem: Problem,
+    itinerary: Itinerary,
+    members: NDArray[np.int64],
+    queues: Queues,
+    waits: Waits,
+    sky: Sky | None = None,
 ) -> NDArray[np.float64]:
     start = (float(problem.depart_s), float(problem.soc))
     cost = (float(problem.soc_per_s), float(problem.soc_fixed))
-    return fly(problem.air, members, hops_of(problem, itinerary), queues, waits, start, cost)
+    hops = hops_of(problem, itinerary)
+    return fly_under(sky or plain_sky(len(members)), problem.air, members, hops, queues, waits, start, cost)
 
 
 def hops_of(problem: Problem, itinerary: Itinerary) -> Hops:
@@ -379,18 +388,21 @@ def _diverts(
     lat, lon = network.lat, network.lon
     begin, end = nodes[0], nodes[-1]
     best: dict[int, float] = {}
-    candidates = np.array([i for i, s in enumerate(network.stations) if s.pads > 0 and i not in nodes], dtype=np.int64)
-    if not len(candidates):
-        return ()
+    with_pads = network.pads > 0
+    with_pads[nodes] = False
     for part in (0.25, 0.5, 0.75):
         length = geodesy.distance_m(lat[begin], lon[begin], lat[end], lon[end])
         bearing = geodesy.bearing_deg(lat[begin], lon[begin], lat[end], lon[end])
         here = geodesy.direct(lat[begin], lon[begin], bearing, part * length)
+        spare = soc[0] + part * (soc[1] - soc[0]) - problem.reserve
+        within_m = (spare / problem.soc_per_s - problem.rules.descent_s) * problem.air.max_ground_speed_mps
+        candidates = np.flatnonzero(with_pads & (geodesy.coarse_distance_m(*here, lat, lon) <= 1.01 * within_m))
+        if not len(candidates):
+            continue
         distance, course = geodesy.inverse(*here, lat[candidates], lon[candidates])
         angle = np.radians(course)
         tail = wind[0] * np.cos(angle) + wind[1] * np.sin(angle)
         speed = np.clip(problem.air.airspeed_mps + np.minimum(tail, 0.0), 1.0, problem.air.max_ground_speed_mps)
-        spare = soc[0] + part * (soc[1] - soc[0]) - problem.reserve
         cost = problem.soc_per_s * (distance / speed + problem.rules.descent_s)
         for k in np.flatnonzero(cost <= spare):
             node = int(candidates[k])
