@@ -49,6 +49,9 @@ class ReplanSettings:
         and what is not known of the energy.
     epsilon_flight : float
         In flight, above this probability of landing below the reserve something else is looked for.
+    divert_above : float
+        Above this one the flight is diverted; also where the landing would be below half of the reserve with more than
+        `epsilon_depart`.
     epsilon_later : float
         Charges of later legs, which are decided anew when they are near, may be too low in this share of the forecast.
     plan_sigmas : float
@@ -71,6 +74,7 @@ class ReplanSettings:
 
     epsilon_depart: float = 0.01
     epsilon_flight: float = 0.05
+    divert_above: float = 0.5
     epsilon_later: float = 0.1
     plan_sigmas: float = 1.0
     margin_s: float = 180.0

@@ -95,9 +95,10 @@ class FlightReplanner:
         """Say what to do now; asked about every ten seconds."""
         reach = self.ground.reach(forecast, belief)
         figures = self._outlook(airborne, reach)
-        p_below = figures["p_below_reserve"]
-        self._doubtful = self._doubtful + 1 if p_below > self.ground.settings.epsilon_flight else 0
-        if self._doubtful >= self.ground.settings.confirm:
+        p_below, settings = figures["p_below_reserve"], self.ground.settings
+        grave = p_below > settings.divert_above or figures["p_below_half"] > settings.epsilon_depart
+        self._doubtful = self._doubtful + 1 if p_below > settings.epsilon_flight and grave else 0
+        if self._doubtful >= settings.confirm:
             decision = self._divert(airborne, reach, figures, p_below)
             if decision is not None:
                 return decision
@@ -121,6 +122,7 @@ class FlightReplanner:
         flight = ends[:, -1] - airborne.time_s + reach.rules.descent_s
         cost = reach.energy(flight)
         p_below = float(reach.p_below(airborne.soc, cost[:, None], self.ground.request.reserve_soc)[0])
+        half = self.ground.request.reserve_soc * self.ground.settings.divert_share
         length, bearing = geodesy.inverse(*way[0], *way[1])
         ends_of_piece = np.maximum(ends[:, 0] - airborne.time_s, 1e-3)
         wanted = float(reach.expected(np.asarray(length) / ends_of_piece))
@@ -132,6 +134,7 @@ class FlightReplanner:
             "left_m": sum(geodesy.distance_m(*a, *b) for a, b in pairwise(way)),
             "soc_land": airborne.soc - float(reach.expected(cost)) * reach.belief.factor,
             "p_below_reserve": p_below,
+            "p_below_half": float(reach.p_below(airborne.soc, cost[:, None], half)[0]),
             "wanted_mps": min(max(wanted, 1.0), reach.drone.max_ground_speed_mps),
             "wind_north_mps": float(reach.expected(north)[0]),
             "wind_east_mps": float(reach.expected(east)[0]),

@@ -330,7 +330,7 @@ def after_landing(ctx: Context) -> After:
     flown = leg is not None and math.isfinite(leg.soc_start) and leg.origin != station
     if leg is not None and flown:
         _learn(ctx)
-    where = station or ("at an unknown place" if ctx.place is None else f"at {ctx.place[0]:.5f}, {ctx.place[1]:.5f}")
+    where = station or ("an unknown place" if ctx.place is None else f"{ctx.place[0]:.5f}, {ctx.place[1]:.5f}")
     planned = leg is not None and station == leg.destination
     ctx.note(
         "landed", f"at {where} with {100 * ctx.soc:.0f} %", soc=ctx.soc, planned=planned,

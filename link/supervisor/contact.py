@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -81,7 +82,7 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
         if record.event == "vehicle":
             ctx.uid = int(data.get("uid") or 0)
         if record.event == "plan" and data.get("plan") is not None:
-            ctx.plan = from_json(data["plan"], file="journal")
+            ctx.plan = from_json(json.dumps(data["plan"]), file="journal")
         if record.event in ("plan", "leg", "landed"):
             _restore_standing(ctx, data)
         if record.event == "leg":
@@ -102,6 +103,7 @@ def _restore_standing(ctx: Context, data: dict[str, Any]) -> None:
     ctx.diverts = tuple(data.get("diverts", ()))
     ctx.charge_to = data.get("charge_to")
     ctx.asked_once = bool(data.get("asked_once"))
+    ctx.gauge = float(data.get("gauge", 1.0))
     ctx.wind.earlier = observations_of(data.get("observations", ()))
 
 
@@ -135,6 +137,7 @@ def _restore_leg(ctx: Context, data: dict[str, Any], time_s: float) -> Leg | Non
         commanded_mps=_number(data.get("ground_speed_mps")),
         start_s=time_s,
         soc_start=soc,
+        told_start=_number(data.get("told_soc")),
         planned_s=planned_s,
         planned_soc=planned_soc,
         modelled_per_s=reach.soc_per_s,
@@ -261,8 +264,10 @@ def holding(ctx: Context) -> After:
             continue
         ground_s = (ctx.clock.now_s() if math.isnan(ground_s) else ground_s) if ctx.on_ground else math.nan
         if ctx.clock.now_s() - ground_s > 30.0:
-            place = ctx.here_station() or "no station"
-            return State.STOPPED, f"somebody else has landed it at {place}; nobody is there to give the word"
+            ctx.station = ctx.here_station()
+            if ctx.station is None:
+                return State.ENDED_ELSEWHERE, "it was landed away from any station, not by us"
+            return State.STOPPED, f"it was landed at {ctx.station}, not by us; nobody is there to give the word"
 
 
 def _word(ctx: Context, word: str) -> After | None:

@@ -33,6 +33,8 @@ TICK_S = 1.0
 SILENT_S = 5.0
 """Not heard for so long, the link is lost."""
 AT_STATION_M = 60.0
+MIN_GAUGE_SOC = 0.08
+"""A flight that used less tells nothing of the gauge."""
 TRACK_EVERY_S, GROUND_TRACK_EVERY_S = 5.0, 120.0
 FLYING_RATES: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 1.0, 2: 1.0, 168: 1.0}
 GROUND_RATES: Mapping[int, float] = {30: 1.0, 33: 1.0, 74: 0.5, 1: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 0.2}
@@ -63,8 +65,8 @@ class Leg:
         What the vehicle flies.
     commanded_mps : float
         Ground speed it was last told.
-    start_s, soc_start, planned_s, planned_soc : float
-        Take-off and charge then; planned flight time and charge at the landing.
+    start_s, soc_start, told_start, planned_s, planned_soc : float
+        Take-off, charge then, and as the vehicle said it; planned flight time and charge at the landing.
     modelled_per_s, modelled_fixed : float
         Charge by the model: a second of cruise, and climb and descent.
     """
@@ -77,6 +79,7 @@ class Leg:
     commanded_mps: float
     start_s: float = math.nan
     soc_start: float = math.nan
+    told_start: float = math.nan
     planned_s: float = math.nan
     planned_soc: float = math.nan
     modelled_per_s: float = math.nan
@@ -100,6 +103,12 @@ class Context:
         Stations landed at.
     charge_to : float or None
         Charge to leave with.
+    soc, told_soc : float
+        State of charge: believed, and as the vehicle says.
+    gauge : float
+        Charge really used, for what the vehicle says it used: learnt at pads, which measure.
+    flown_from : (float, float)
+        Charge at the first take-off after charging: as the vehicle said, and believed.
     entered_s : float
         When the present state began.
     before : State
@@ -136,6 +145,9 @@ class Context:
     failsafes: dict[str, float] = field(default_factory=dict)
     sample: TelemetrySample | None = None
     soc: float = math.nan
+    told_soc: float = math.nan
+    gauge: float = 1.0
+    flown_from: tuple[float, float] = (math.nan, math.nan)
     soc_source: str = "unknown"
     uid: int = 0
     asked_once: bool = False
@@ -167,8 +179,7 @@ class Context:
         for sample in self.vehicle.samples(duration_s):
             self.samples += 1
             self.sample = sample
-            if math.isfinite(sample.soc):
-                self.soc, self.soc_source = sample.soc, "the vehicle"
+            self._read_gauge(sample.soc)
             self.wind.hear(sample)
         changes = self.vehicle.changes()
         for change in changes:
@@ -186,6 +197,27 @@ class Context:
         if rule.overdue is not None and self.clock.now_s() - self.entered_s > rule.longest_s:
             raise Turn(rule.overdue, f"{self.state} has lasted longer than {rule.longest_s / 60:.0f} min")
         return changes
+
+    def _read_gauge(self, soc: float) -> None:
+        """Take a state of charge that the vehicle tells; what pads have found its gauge to miss is counted in."""
+        if not math.isfinite(soc):
+            return
+        self.told_soc = soc
+        leg = self.leg
+        flown = leg is not None and math.isfinite(leg.soc_start) and self.gauge != 1.0
+        if leg is not None and flown:
+            soc = max(leg.soc_start - self.gauge * (leg.told_start - soc), 0.0)
+        self.soc, self.soc_source = soc, "the vehicle" if not flown else "the vehicle, corrected"
+
+    def learn_gauge(self, told_before: float, pad_soc: float) -> None:
+        """Compare what the vehicle said it used in a flight with what the pad finds missing."""
+        said, used = self.flown_from[0] - told_before, self.flown_from[1] - pad_soc
+        if not (said > MIN_GAUGE_SOC and math.isfinite(used)):
+            return
+        ratio = min(max(used / said, 0.7), 1.5)
+        self.gauge += 0.5 * (ratio - self.gauge)
+        reason = f"the pad finds {100 * pad_soc:.0f} %, the vehicle says {100 * told_before:.0f} %"
+        self.note("gauge", reason, used_soc=used, said_soc=said, factor=self.gauge)
 
     def wait(self, duration_s: float) -> None:
         """Let some time pass."""
@@ -312,6 +344,7 @@ class Context:
             "diverts": list(self.diverts),
             "charge_to": self.charge_to,
             "asked_once": self.asked_once,
+            "gauge": self.gauge,
             "observations": self.wind.as_data(),
         }
 

@@ -29,6 +29,8 @@ REDECIDE_S = 600.0
 CHECK_AGAIN_S, CHECK_PATIENCE_S = 5.0, 120.0
 ARM_PATIENCE_S = 90.0
 TAKE_OFF_S = 60.0
+FRESH_S = 2.0
+"""So long we listen before a take-off, so that what is known is of now."""
 UPLOADS = 3
 STARTS = 3
 _UNUSABLE_S = 900.0
@@ -149,6 +151,7 @@ def waiting(ctx: Context) -> After:
 def charging(ctx: Context) -> After:
     """Wait until it is charged."""
     target = ctx.charge_to or 1.0
+    compared = ctx.charged
     while True:
         _hear_charged(ctx)
         try:
@@ -159,6 +162,9 @@ def charging(ctx: Context) -> After:
         if told.state == "waiting":
             return State.WAITING, "it lost its pad"
         if told.soc is not None:
+            if not compared:
+                compared = True
+                ctx.learn_gauge(ctx.told_soc, told.soc)
             ctx.soc, ctx.soc_source = told.soc, "the pad"
         if told.state == "done" or (told.soc is not None and told.soc >= target - 1e-6):
             break
@@ -195,7 +201,7 @@ def _reset_counter(ctx: Context, soc: float | None) -> None:
         return
     ctx.note("battery", f"the vehicle's counter was set to {100 * soc:.0f} %", soc=soc, reported=reported)
     if math.isfinite(reported):
-        ctx.soc, ctx.soc_source = reported, "the vehicle"
+        ctx.soc, ctx.told_soc, ctx.soc_source = reported, reported, "the vehicle"
 
 
 def _drone(ctx: Context) -> str:
@@ -217,7 +223,13 @@ def next_service(ctx: Context) -> DroneService:
     """Return the leg to be flown next, with the divert stations that were found for it."""
     if ctx.plan is None or not ctx.plan.services:
         raise Turn(State.STOPPED, "there is no plan from here")
-    return replace(ctx.plan.services[0], diverts=ctx.diverts)
+    service = ctx.plan.services[0]
+    planner = GroundReplanner(ctx.mandate.scenario, ctx.mandate.request, ctx.mandate.planner)
+    reach = planner.reach(ctx.wind.forecast(ctx.now_s), ctx.belief)
+    way = reach.way(service.origin, service.via, service.destination)
+    cruise_s = float(reach.expected(reach.along(way, ctx.now_s)[:, -1])) - ctx.now_s
+    speed = min(service.distance_m / max(cruise_s, 1.0), reach.drone.max_ground_speed_mps)
+    return replace(service, diverts=ctx.diverts, ground_speed_mps=round(speed, 2))
 
 
 def make_leg(ctx: Context) -> tuple[DroneService, LegMission]:
@@ -362,12 +374,15 @@ def arming(ctx: Context) -> After:
     leg = ctx.leg
     if leg is None or ctx.plan is None:
         return State.PREFLIGHT, "the leg is prepared anew"
+    ctx.wait(FRESH_S)
     ctx.flight += 1
-    leg.start_s, leg.soc_start = ctx.now_s, ctx.soc
+    leg.start_s, leg.soc_start, leg.told_start = ctx.now_s, ctx.soc, ctx.told_soc
+    if ctx.charged or not math.isfinite(ctx.flown_from[0]):
+        ctx.flown_from = (ctx.told_soc, ctx.soc)
     ctx.note(
         "leg", f"flight {ctx.flight}: {leg.origin} to {leg.destination}",
         origin=leg.origin, destination=leg.destination, via=list(leg.via),
-        planned_s=leg.planned_s, planned_soc=leg.planned_soc, soc=ctx.soc, ground_speed_mps=leg.commanded_mps,
+        planned_s=leg.planned_s, planned_soc=leg.planned_soc, soc=ctx.soc, told_soc=ctx.told_soc, ground_speed_mps=leg.commanded_mps,
         way=[list(point) for point in leg.mission.way], last=leg.last, **ctx.standing(),
     )  # fmt: skip
     problem = ""

@@ -126,7 +126,7 @@ TABLE: Mapping[State, Rule] = {
         "not heard: it does what its parameters say; nothing is commanded",
     ),
     _S.HOLDING: Rule(
-        (_S.FLYING, _S.DIVERTING, _S.LANDED, _S.LOST_LINK, _S.STOPPED, _S.LEFT, _S.REPLANNING, _S.PREFLIGHT),
+        (_S.FLYING, _S.DIVERTING, _S.LANDED, _S.LOST_LINK, _S.STOPPED, _S.ENDED_ELSEWHERE, _S.LEFT, _S.REPLANNING),
         math.inf,
         None,
         "somebody else has control: nothing is commanded, all is watched, until the operator's word",

@@ -135,4 +135,8 @@ class Stage:
 
     def fly(self, **how):
         """Take the delivery to its end."""
-        return self.board(**how).run()
+        supervisor = self.board(**how)
+        try:
+            return supervisor.run()
+        finally:
+            supervisor.context.journal.close()
