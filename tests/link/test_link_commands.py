@@ -222,7 +222,6 @@ def test_a_signed_link_takes_the_key_from_a_file_or_the_environment_and_no_link_
     key = tmp_path / "key"
     key.write_text("ab" * 32)
     key.chmod(0o600)
-    monkeypatch.setattr("link.seen.FIND_S", 0.7)
     with served(tcp_port=0, autopilot="px4") as there:
         there.world.vehicles[1].radio.set_signing(bytes.fromhex("ab" * 32), 0)
         port = there.where()[1]
@@ -231,6 +230,7 @@ def test_a_signed_link_takes_the_key_from_a_file_or_the_environment_and_no_link_
         assert run("verify", plan, port=port)[0] == 0
         monkeypatch.delenv("SKYWAY_SIGNING_KEY_FILE")
         monkeypatch.setenv("SKYWAY_SIGNING_KEY", "cd" * 32)
+        monkeypatch.setattr("link.seen.FIND_S", 1.5)
         code, text = run("verify", plan, port=port)
         assert code == 2
         assert re.fullmatch(r"--key-file: no packet is signed with our key: \d+ were not believed; the key .*", text)
