@@ -27,7 +27,7 @@ _MISSION_CURRENT, _REQUEST_MESSAGE = 42, 512
 _UNKNOWN, _NO_MISSION = 0, 1
 _YES = (ACCEPTED, IN_PROGRESS)
 _REFUSING = re.compile(
-    r"reject|infeasible|not feasible|cannot be flown|too far|violat|no valid mission|invalid|not allowed|unsupported",
+    r"mission reject|infeasible|not feasible|too far|geofence violat|no valid mission|mission (is )?invalid",
     re.IGNORECASE,
 )
 _NUMBER = re.compile(r"\b(?:WP|waypoint|item|at) #?(\d+)", re.IGNORECASE)

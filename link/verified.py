@@ -222,6 +222,7 @@ class _Run:
         concerned: tuple[int, ...] = ()
         found: tuple[WireItem, ...] | None = ()
         for _ in range(ATTEMPTS):
+            said = len(self.job.texts())
             up = self._upload(self.wire, "sending")
             yield up
             self._sent = max(self._sent, up.sent)
@@ -230,20 +231,20 @@ class _Run:
             if found is None:
                 return self.outcome(UploadState.UNKNOWN, self._may_hold(), "it cannot be read back: no answer")
             if not self.differences:
-                return (yield from self._judged(up.heard_s))
+                return (yield from self._judged(up.heard_s, said))
             if up.end is UploadEnd.REFUSED:
                 break
         return (yield from self._give_up(before, found or (), reason, concerned))
 
-    def _judged(self, taken_s: float) -> Steps[UploadOutcome]:
-        """Verified, unless it is a mission that the vehicle says it will not fly."""
+    def _judged(self, taken_s: float, said: int) -> Steps[UploadOutcome]:
+        """Verified, unless it is a mission that the vehicle says it will not fly, in its words since so many."""
         holds = f"what was sent, {self._count()}"
         job = self.job
         if job.kind is not MissionKind.MISSION or job.family != "px4" or not self.wire:
             return self.outcome(UploadState.VERIFIED, holds)
         asked = AskVerdict(job.target, taken_s, round_trip=job.round_trip)
         yield asked
-        words = refusing(job.texts()[self._texts :])
+        words = refusing(job.texts()[said:])
         if asked.refused is False or (asked.refused is None and not words):
             return self.outcome(UploadState.VERIFIED, holds)
         why = " / ".join(dict.fromkeys(words)) or "it says that there is no mission to fly, and not why"

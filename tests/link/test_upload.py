@@ -400,9 +400,21 @@ def test_a_mission_that_px4_will_not_fly_is_refused_though_its_words_are_lost():
 
 
 def test_words_about_something_else_refuse_nothing():
-    scene = Scene("px4", spoil=without_state)
-    scene.meet()
-    scene.vehicle.say(4, "Low battery")
+    """Nor do words about an item that was spoilt on its way, once it has come whole."""
+    spoilt = []
+
+    def spoil(number, message, frame, up):
+        if up and message and message.name == "MISSION_ITEM_INT" and message["seq"] == 2 and not spoilt:
+            spoilt.append(message)
+            scene.vehicle.say(4, "Geofence invalid, doesn't have consistent vertices")
+            return changed_frame(message, frame=9)
+        return without_state(number, message, frame, up)
+
+    scene = Scene("px4", spoil=spoil)
+    outcome = scene.upload(NEW)
+    assert spoilt
+    assert outcome.state is UploadState.REFUSED  # by the item, not by the verdict
+    assert outcome.items == (2,)
     assert scene.upload(NEW).verified
 
 
