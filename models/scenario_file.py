@@ -25,6 +25,7 @@ from models.scenario import Scenario
 from models.scenario_checks import fit_warnings, position_faults, zone_faults
 from models.units import SPEED_UNITS_MPS
 from models.wind_columns import WindColumns
+from models.wind_forecast_table import read_forecast_table
 from models.wind_history import WindSite, read_history
 from models.zones import read_zones
 
@@ -194,7 +195,9 @@ class _Reader:
         }
         if sound and not sites and (file is not None or forecast_file is not None):
             table.fault("sites", "is missing", remedy="say where the wind was measured: [[wind.sites]] id, lat, lon")
-        elif file is not None and columns is not None and sound:
+        if sound and sites:  # the forecast is read when it is used, but a wrong one is said now
+            self._try(lambda f: read_forecast_table(f, [site.id for site in sites]), forecast_file)
+        if sound and sites and file is not None and columns is not None:
             history = self._try(lambda f: read_history(f, columns, sites, measured_at), file)
             self.warnings += history.warnings if history is not None else ()
             parts["history"] = history

@@ -292,6 +292,14 @@ def test_a_wrong_load_and_a_wrong_wind_are_said_at_once(scenario_with):
     assert [line.split(":")[0] for line in said] == ["wind.csv", "load.csv"]
 
 
+def test_a_wrong_forecast_is_said_when_the_scenario_is_read_and_not_first_when_it_is_used(scenario_with):
+    rows = "time,site,member,speed_mps,from_deg\n2026-07-10T00:00Z,JFK,a,-3,10\n2026-07-10T01:00Z,LGA,a,3,10\n"
+    said = said_of(scenario_with(with_line('forecast = "forecast.csv"', "[wind]"), forecast_csv=rows))
+    assert {line.split(":")[0] for line in said} == {"forecast.csv"}
+    assert any("LGA" in line for line in said)
+    assert any("-3" in line for line in said)
+
+
 @pytest.mark.parametrize(
     ("name", "said"),
     [
