@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from link.exchange import SPREADS, Exchange
-from link.mission_words import ACCEPTED, ERROR, MissionKind
+from link.mission_words import ACCEPTED, ERROR, ITEM_FIELDS, MissionKind
 from missions.dialects.wire import WireItem
 
 if TYPE_CHECKING:
@@ -19,12 +18,11 @@ GIVE_UP_S = 10.0
 _AGAIN_S = 0.4
 _MAX_RESTARTS = 12
 _FORGOTTEN_TRIES, _FORGOTTEN_COSTS, _DOUBTED_TRIES = 12, 2, 2
-_ITEM_FIELDS = tuple(field.name for field in fields(WireItem))
 
 
 def wire_item(message: Message) -> WireItem:
     """Item of a MISSION_ITEM_INT message."""
-    return WireItem(**{name: message[name] for name in _ITEM_FIELDS})
+    return WireItem(**{name: message[name] for name in ITEM_FIELDS})
 
 
 class Download(Exchange):

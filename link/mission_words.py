@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from enum import IntEnum
+
+from missions.dialects.wire import WireItem
 
 
 class MissionKind(IntEnum):
@@ -18,6 +21,8 @@ class MissionKind(IntEnum):
         return ("mission", "fence", "rally points")[self]
 
 
+ITEM_FIELDS = tuple(field.name for field in fields(WireItem))
+"""Of an item, as in MISSION_ITEM_INT."""
 ACCEPTED = 0
 ERROR = 1
 INVALID_SEQUENCE = 13

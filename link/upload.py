@@ -9,12 +9,11 @@ takes the second, and an item that is not expected is ignored. The transfer is n
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from enum import Enum
 from typing import TYPE_CHECKING
 
 from link.exchange import SPREADS, Exchange
-from link.mission_words import ACCEPTED, CANCELLED, INVALID_SEQUENCE, PASSING, MissionKind
+from link.mission_words import ACCEPTED, CANCELLED, INVALID_SEQUENCE, ITEM_FIELDS, PASSING, MissionKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -117,7 +116,8 @@ class Upload(Exchange):
         if number <= self.sent:
             self.resent += 1
         self.sent = max(self.sent, number)
-        self.send("MISSION_ITEM_INT", **asdict(self.items[number]))
+        item = self.items[number]
+        self.send("MISSION_ITEM_INT", **{name: getattr(item, name) for name in ITEM_FIELDS})
 
     def hear(self, message: Message, now_s: float) -> None:
         """Answer questions, end at an acknowledgement."""

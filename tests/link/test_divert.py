@@ -9,6 +9,7 @@ from link.divert import DivertState, Refuge, change_or_divert, divert
 from link.frames import FrameWriter
 from link.mavlink_vehicle import MavlinkVehicle
 from link.verified import UploadState
+from missions.mission import Mission
 from models.errors import CommandRefusedError, InputError, UploadMismatchError
 from sim_stub.faults import Fault
 from sim_stub.physics import offset_m
@@ -48,6 +49,18 @@ def test_an_unverified_change_in_flight_is_diverted_and_landed_at_the_refuge(fam
     assert from_refuge_m(scene) < 3.0
     with pytest.raises(UploadMismatchError, match="start blocked"):
         scene.craft.start()
+
+
+def test_a_change_that_px4_takes_and_will_not_fly_is_diverted_too():
+    scene = in_flight("px4")
+    items = a_mission(8, height=45.0).items
+    wrong = Mission((*items[:3], items[0], *items[3:]))
+    outcome, diversion = change_or_divert(scene.craft, wrong, 3, REFUGE)
+    assert outcome.state is UploadState.REFUSED
+    assert outcome.infeasible
+    assert "takeoff is not the first" in outcome.reason
+    assert diversion.state is DivertState.LANDED
+    assert from_refuge_m(scene) < 3.0
 
 
 @pytest.mark.parametrize("family", FAMILIES)
