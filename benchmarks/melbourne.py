@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from models.drone import M200_V2
 from models.errors import Fault, InputError
 from models.flight import FlightRules
-from models.load import read_occupancy
+from models.load_files import read_occupancy
 from models.network import ConnectionRule, Station
 from models.network_builders import build_network
 from models.scenario import Scenario

@@ -17,7 +17,8 @@ from models.errors import Fault, InputError
 from models.fields import Table, read_toml
 from models.fleet import read_fleet
 from models.flight import FlightRules
-from models.load import PadLoad, read_load, read_occupancy
+from models.load import PadLoad
+from models.load_files import read_load, read_occupancy
 from models.network import ConnectionRule, Network
 from models.network_builders import RULES, build_network
 from models.network_files import STATION_FIELDS, read_segments, read_stations

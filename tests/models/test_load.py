@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from models.errors import InputError
-from models.load import IDLE_CHARGING_S, PadLoad, hours_of_week, read_load, read_occupancy
+from models.load import IDLE_CHARGING_S, PadLoad, hours_of_week
+from models.load_files import read_load, read_occupancy
 
 NEW_YORK = "America/New_York"
 HEADER = "station,hour_of_week,arrivals_per_h,mean_charging_min"
