@@ -1,7 +1,8 @@
 """How fast planners search, scenarios load and commands start (issue "Speed").
 
-A request is solved twice on one problem: the first search also forecasts the queues of the stations that it meets, the
-second finds them ready. The targets are for the second; the first is stated beside it, as is the making of the problem.
+A request is solved several times on one problem: the first search also forecasts the queues of the stations that it
+meets, the others find them ready. The targets are for the fastest of these, which an otherwise busy machine disturbs
+least; the first is stated beside it, as is the making of the problem.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 LEAST_M, MOST_M = 20_000.0, 60_000.0
 SEED = 3
+SEARCHES = 3
+"""Times that a request is solved again."""
 UNTIMED = ("pfs-strict", "ies")
 """Planners without a promise: the one cycles until its step limit, the other has a benchmark of its own."""
 MEDIAN_TARGET_MS = {("pfs", 46): 5.0}
@@ -50,7 +53,7 @@ PLAN_TARGET_S, HELP_TARGET_S = 1.5, 0.3
 
 @dataclass(frozen=True)
 class Timing:
-    """One request: seconds to make the problem, to search first and again, and the flights of the answer."""
+    """One request: seconds to make the problem, to search first and again (at best), and the flights of the answer."""
 
     set_up_s: float
     first_s: float
@@ -68,11 +71,15 @@ def time_search(scenario: Scenario, request: Request, name: str, ensemble: WindE
     ready = time.perf_counter()
     try:
         FORECAST_PLANNERS[name](problem).solve()
-        first = time.perf_counter()
-        itinerary = FORECAST_PLANNERS[name](problem).solve()
     except InfeasibleError:
         return None
-    return Timing(ready - started, first - ready, time.perf_counter() - first, len(itinerary))
+    first = time.perf_counter() - ready
+    again = []
+    for _ in range(SEARCHES):
+        begun = time.perf_counter()
+        itinerary = FORECAST_PLANNERS[name](problem).solve()
+        again.append(time.perf_counter() - begun)
+    return Timing(ready - started, first, min(again), len(itinerary))
 
 
 def _time_plan(scenario: Scenario, request: Request, name: str, ensemble: WindEnsemble) -> Timing | None:
