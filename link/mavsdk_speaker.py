@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 FIND_S = 10.0
-_ASKS, _ASKED_S = 3, 1.0
+_ASKS, _ASKED_S, _DOWNLOADS = 3, 1.0, 6
 _INT32 = 6
 _HEARTBEAT = b"\0\0\0"
 _ITEM_FIELDS = [
@@ -220,9 +220,12 @@ class MavsdkSpeaker:
     def _download(self, down: Download) -> None:
         missions = self._plugins.missions
         ask = (missions.download_mission, missions.download_geofence, missions.download_rallypoints)[down.kind]
-        found, problem = self._call(ask)
-        down.items = None if problem or found is None else tuple(map(_wire_item, found))
-        down.problem = problem and f"MAVSDK says {problem}"
+        for _ in range(_DOWNLOADS):  # MAVSDK asks six times for an item; a bad radio loses more
+            found, problem = self._call(ask)
+            if not problem and found is not None:
+                down.items, down.problem = tuple(map(_wire_item, found)), ""
+                return
+            down.items, down.problem = None, f"MAVSDK says {problem}"
 
     def _command(self, given: Command) -> None:
         fields: dict[str, Any] = {"target_system": self.peer.system, "target_component": self.peer.component}

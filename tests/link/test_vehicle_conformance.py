@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import pytest
 from sim_serving import served
-from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, some_rally_points
+from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, bad_radio, some_rally_points
 
 from link.connection import Connection
 from link.mavlink_vehicle import MavlinkVehicle
@@ -51,23 +51,23 @@ class Site:
 
 
 @contextlib.contextmanager
-def by_pymavlink(family, **how):
+def by_pymavlink(family, *, speedup=1.0, **how):
     scene = Scene(family, **how)
     yield Site(MavlinkVehicle(scene.connection), scene.vehicle, 1.0)
 
 
 @contextlib.contextmanager
-def by_mavsdk(family, **how):
+def by_mavsdk(family, *, speedup=SPEEDUP, **how):
     pytest.importorskip("mavsdk")
     from link.mavsdk_vehicle import MavsdkVehicle
 
     how["parameters"] = how.get("parameters", ()) + NO_LINK_FAILSAFE[family]
-    with served(tcp_port=0, autopilot=family, speedup=SPEEDUP, **how) as there:
+    with served(tcp_port=0, autopilot=family, speedup=speedup, **how) as there:
         host, port = there.where()
         connection = open_connection(f"tcp:{host}:{port}", record=None)
         craft = MavsdkVehicle(connection, 1)
         try:
-            yield Site(craft, there.world.vehicles[1], SPEEDUP)
+            yield Site(craft, there.world.vehicles[1], speedup)
         finally:
             craft.close()
             connection.close()
@@ -281,6 +281,34 @@ def test_arming_is_refused_in_the_vehicles_words(driver, family):
     ):
         site.craft.arm()
     assert any("ompass" in text for text in site.craft.texts())
+
+
+@both
+def test_after_a_restart_it_is_spoken_with_again(site):
+    craft = site.craft
+    assert craft.upload(a_mission(5)).verified
+    craft.request_telemetry()
+    site.run_for(3.0)
+    site.simulated.reboot_soon()
+    assert site.wait(lambda: craft.silent_s > 2.0 / site.speed, 10.0)
+    assert site.wait(lambda: craft.silent_s < 0.5 / site.speed, 30.0)
+    assert craft.identify().version
+    assert craft.request_telemetry() == ()
+    assert craft.upload(a_mission(7)).verified
+    assert site.wait(lambda: craft.reboots == 1, 10.0)
+    assert ("boot", "begun anew") in {(change.what, change.after) for change in craft.changes()}
+
+
+@at_length
+@pytest.mark.parametrize("loss", [0.05, 0.2])
+def test_over_a_bad_radio_what_is_said_to_be_aboard_is_aboard(driver, family, loss):
+    with SITES[driver](family, impairment=bad_radio(loss), speedup=1.0) as site:
+        outcome = site.craft.upload(a_mission(12))
+        assert outcome.verified
+        assert len(site.simulated.autopilot.stores[0]) == 12 + (family == "ardupilot")
+        site.craft.set_mode("guided")
+        site.craft.arm(patience_s=20.0)
+        assert site.simulated.autopilot.armed
 
 
 @pytest.mark.parametrize("name", [name for name in vars(Vehicle) if not name.startswith("_")])
