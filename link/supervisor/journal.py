@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "skyway.journal/1"
 MAX_BYTES = 256 * 1024 * 1024
-UNSYNCED = frozenset({"track"})
+UNSYNCED = frozenset({"track", "truth"})
 """Events that nothing is decided by: flushed, but not forced to the disk."""
 
 

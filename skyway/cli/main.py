@@ -17,6 +17,7 @@ from models.errors import SkywayError
 from skyway import __version__
 from skyway.cli import (
     bench_commands,
+    demo_commands,
     fly_commands,
     forecast_commands,
     link_commands,
@@ -66,6 +67,7 @@ for commands in (
     sim_commands,
     link_commands,
     fly_commands,
+    demo_commands,
     replay_commands,
     forecast_commands,
     bench_commands,

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cache
-from pathlib import Path
+from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
-
-from calibrated import drag_of
 
 from link.connection import Connection
 from link.mavlink_vehicle import MavlinkVehicle
@@ -23,10 +21,15 @@ from planner.request import Request
 from sim_stub.airframe import Airframe
 from sim_stub.config import VehicleConfig
 from sim_stub.pads import Pads
-from sim_stub.transports.channel import Impairment
 from sim_stub.transports.lockstep import Lockstep
 from sim_stub.wind_truth import RecordedWind
 from sim_stub.world import World
+from skyway.proving_flight import drag_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sim_stub.transports.channel import Impairment
 
 PLANNER = "pfs-charge-aware"
 LOCAL = ZoneInfo("America/New_York")

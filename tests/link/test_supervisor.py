@@ -1,6 +1,7 @@
 """A delivery is supervised leg by leg on both autopilots; what goes wrong ends in a named safe state."""
 
 import json
+
 import pytest
 from deliveries import Stage, Story
 from supervision_page import PAGE, drawn
@@ -99,7 +100,7 @@ def test_a_lost_link_needs_nothing_and_the_vehicle_is_picked_up_again(autopilot,
 
 
 def test_a_battery_that_drops_makes_it_divert_with_the_reason(tmp_path):
-    story = Story(start="bellevue", to="yankee-stadium", soc=0.8, faults=told(["battery-drop=0.45@200s"]))
+    story = Story(start="bellevue", to="yankee-stadium", soc=1.0, faults=told(["battery-drop=0.6@250s"]))
     stage = Stage(story, tmp_path)
     outcome = stage.fly()
     assert outcome.state in ("delivered", "stopped-safe"), outcome

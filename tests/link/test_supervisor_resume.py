@@ -39,7 +39,7 @@ def tear(path, number):
     data = path.read_bytes()
     start = data[:-1].rfind(b"\n") + 1
     if b'"event":"track"' in data[start:]:  # only what is not forced to the disk can be lost
-        path.write_bytes(data[: start + random.Random(number).randrange(0, len(data) - start)])  # noqa: S311
+        path.write_bytes(data[: start + random.Random(number).randrange(0, len(data) - start)])
 
 
 def check_told_once(stage, outcome):
@@ -61,7 +61,7 @@ def test_a_killed_supervisor_goes_on_where_the_vehicle_is(autopilot, moments, tm
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(50))
 def test_killed_at_a_random_moment_nothing_is_lost_or_flown_twice(seed, tmp_path):
-    generator = random.Random(f"kill/{seed}")  # noqa: S311
+    generator = random.Random(f"kill/{seed}")
     autopilot = ("px4", "ardupilot")[seed % 2]
     story = Story(autopilot=autopilot, start="bellevue", to="white-plains", seed=seed, depart="2013-05-14T10:00-04:00")
     stage = Stage(story, tmp_path)

@@ -1,0 +1,210 @@
+"""The demonstration: a whole delivery in a simulated New York, on a day that the forecast does not know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import date, datetime, time
+from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from link.supervisor import Outcome
+    from link.supervisor.context import Context
+    from models.scenario import Scenario
+    from models.services import Composition
+    from models.wind_ensemble import WindEnsemble
+    from planner.request import Request
+    from sim_stub.world import World
+
+START, DESTINATION = "siuh-north", "white-plains"
+DRONE, PAYLOAD_KG = "m200", 0.8
+DAY, HOUR = date(2013, 7, 10), time(14, 0)
+TRUTH_EVERY_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoOptions:
+    """What is shown.
+
+    Attributes
+    ----------
+    folder : Path
+        Where plan, journal, recording and report go.
+    day : date
+        Whose wind blows; the forecast is made of other days of the season.
+    seed : int
+        Of gusts, other drones and errors.
+    autopilot : str
+        ``px4`` or ``ardupilot``.
+    planner : str
+        Of the plan and of replanning; empty is the default one.
+    """
+
+    folder: Path
+    day: date = DAY
+    seed: int = 1
+    autopilot: str = "px4"
+    planner: str = ""
+
+
+def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
+    """Plan, calibrate, fly and report; everything in virtual time on one thread.
+
+    Raises
+    ------
+    InfeasibleError
+        There is no plan for that day.
+    """
+    from link.supervisor import Journal, Mandate, NobodyThere, Supervisor
+    from models.composition_file import save
+    from planner.replan import DEFAULT_PLANNER
+    from skyway.proving_flight import drag_of
+
+    planner = options.planner or DEFAULT_PLANNER
+    scenario, request, forecast, composition = _plan(options, planner)
+    options.folder.mkdir(parents=True, exist_ok=True)
+    save(composition, options.folder / "plan.json", force=True)
+    stops = [stop.station for stop in composition.stops if stop.recharge_s > 0.0]
+    say(f"plan ({planner}): {' > '.join(composition.route)}")
+    minutes = composition.delivery_time_s / 60.0
+    say(f"  {minutes:.0f} min, {composition.distance_m / 1000:.0f} km, recharges at {', '.join(stops)}")
+    say(f"  forecast: {len(forecast)} days of the season; what blows is {options.day}, which is not one of them")
+    drag = drag_of(scenario.drone(DRONE), PAYLOAD_KG)
+    say("drag of the drone found in a proving flight: its tilt tells the wind")
+    lockstep, world = _world(options, scenario, composition)
+    path = options.folder / "journal.jsonl"
+    path.unlink(missing_ok=True)
+    vehicle, close = _aboard(options, lockstep, world)
+    journal = Journal(path, lockstep.clock.posix_s)
+    mandate = Mandate(
+        composition=composition,
+        scenario=scenario,
+        request=request,
+        forecast=forecast,
+        drag=drag,
+        planner=planner,
+        asking="never",
+    )
+    operator = NobodyThere(show=lambda line: say(f"{_clock(lockstep.clock.posix_s())}  {line}"))
+    supervisor = Supervisor(
+        mandate, vehicle, lockstep.clock, world.pads, operator, journal, on_tick=_truth_writer(world)
+    )
+    try:
+        return supervisor.run()
+    finally:
+        journal.close()
+        close()
+
+
+def _plan(options: DemoOptions, planner: str) -> tuple[Scenario, Request, WindEnsemble, Composition]:
+    """Plan for a departure on that day; its own wind is never a member of the forecast."""
+    from models.services import State
+    from planner.plan import plan
+    from planner.problem import HORIZON_H
+    from planner.request import Request
+    from skyway.cli.options import load_scenario
+
+    scenario = load_scenario(None)
+    depart = datetime.combine(options.day, HOUR, ZoneInfo(scenario.timezone))
+    state = State(depart, START)
+    request = Request(state=state, destination=DESTINATION, payload_kg=PAYLOAD_KG, drone=DRONE, seed=options.seed)
+    forecast = scenario.forecast(depart, HORIZON_H)
+    answer = plan(scenario, request, planner=planner, forecast=forecast)
+    return scenario, request, forecast, answer.composition
+
+
+def _world(options: DemoOptions, scenario: Scenario, composition: Composition) -> tuple[Any, World]:
+    """Make the world: the wind of that day with gusts, other drones at the pads, one vehicle at the start."""
+    from planner.problem import HORIZON_H
+    from sim_stub.fleet import FleetOptions, build_world
+    from sim_stub.transports.lockstep import Lockstep
+    from sim_stub.wind_truth import RecordedWind
+
+    stations = scenario.network.stations
+    place = stations[scenario.network.index[START]]
+    asked = FleetOptions(
+        stations=stations,
+        places=(place,),
+        autopilot=options.autopilot,
+        drone=scenario.drone(DRONE),
+        payload_kg=PAYLOAD_KG,
+        seed=options.seed,
+        warm=True,
+        epoch_s=composition.depart.timestamp(),
+        wind=RecordedWind(scenario.truth(options.day, composition.depart, HORIZON_H)),
+        load=scenario.load,
+    )
+    world = build_world(asked)
+    return Lockstep(world), world
+
+
+def _aboard(options: DemoOptions, lockstep: Any, world: World) -> tuple[Any, Callable[[], None]]:
+    """Connect to the vehicle, recording everything; returns it and what closes the connection."""
+    from link.connection import Connection
+    from link.mavlink_vehicle import MavlinkVehicle
+    from link.recorder import Recorder
+
+    recorder = Recorder(options.folder, lockstep.clock, name="demo")
+    craft = next(iter(world.vehicles.values()))
+    connection = Connection(lockstep.connect(craft, seed=options.seed), lockstep.clock, recorder=recorder)
+    return MavlinkVehicle(connection), connection.close
+
+
+def _truth_writer(world: World) -> Callable[[Context], None]:
+    """Write into the journal what truly blows at the vehicle, for the report; nothing else reads it."""
+    craft = next(iter(world.vehicles.values()))
+    written = [float("-inf")]
+
+    def write(ctx: Context) -> None:
+        if ctx.in_air and ctx.now_s >= written[0] + TRUTH_EVERY_S:
+            written[0] = ctx.now_s
+            north, east = craft.true_wind
+            ctx.note("truth", None, wind_north_mps=north, wind_east_mps=east, soc=craft.battery.soc)
+
+    return write
+
+
+def _clock(posix_s: float) -> str:
+    from models.units import from_posix
+
+    return f"{from_posix(posix_s):%H:%M:%S}"
+
+
+def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
+    """Return the last lines: how it ended, and where to look."""
+    from importlib.util import find_spec
+
+    from link.supervisor import read_journal
+
+    journal = options.folder / "journal.jsonl"
+    records = read_journal(journal).records
+    turned = [r for r in records if r.event == "decision" and r.data.get("action") in ("station", "charge", "divert")]
+    lines = [f"replanned {len(turned)} times because of what was learnt on the way:"] if turned else []
+    lines += [f"  {r.time[11:19]}  {r.data['action']}: {r.reason}" for r in turned]
+    seen = [str(options.folder / "plan.json"), str(journal)]
+    if find_spec("skyway.flight_report") is not None:
+        from importlib import import_module
+
+        report = options.folder / "report.html"
+        report.unlink(missing_ok=True)
+        import_module("skyway.flight_report").write_report(journal, report)
+        seen.insert(0, str(report))
+    word = "delivered" if outcome.delivered else outcome.state
+    lines.append(f"{word}: {outcome.reason}")
+    lines.append(f"see {', '.join(seen)}")
+    return lines
+
+
+def with_day(options: DemoOptions, text: str | None) -> DemoOptions:
+    """Return the options with a day as typed."""
+    from models.errors import Fault, InputError
+
+    if text is None:
+        return options
+    try:
+        return replace(options, day=date.fromisoformat(text))
+    except ValueError:
+        raise InputError(Fault("not a date", field="--day", value=text, remedy="a day of 2013: 2013-05-20")) from None

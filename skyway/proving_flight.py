@@ -1,0 +1,75 @@
+"""A proving flight: a simulated drone flies a square twice, and its drag is found in what it told, as with a real one."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+from link.connection import Connection
+from link.mavlink_vehicle import MavlinkVehicle
+from missions.commands import Command, Frame
+from missions.mission import Mission, MissionItem
+from models.calibration_wind import identify_drag
+from models.errors import LinkError
+from models.telemetry import TelemetryTrack
+from models.wind_filter_blocks import blocks
+from sim_stub.airframe import Airframe
+from sim_stub.config import VehicleConfig
+from sim_stub.transports.lockstep import Lockstep
+from sim_stub.wind_truth import ConstantWind
+from sim_stub.world import World
+
+if TYPE_CHECKING:
+    from models.drag import DragModel
+    from models.drone import Drone
+
+LAT, LON = 40.7392, -73.9756
+_SIDE_LAT, _SIDE_LON = 0.010, 0.013
+_ROUND = ((_SIDE_LAT, 0.0), (_SIDE_LAT, _SIDE_LON), (0.0, _SIDE_LON), (0.0, 0.0))
+_HEIGHT_M, _SPEED_MPS, _LONGEST_S = 60.0, 17.0, 1200.0
+_WIND = (2.0, -3.0)
+
+
+def _item(command: Command, north: float, east: float, height_m: float = _HEIGHT_M) -> MissionItem:
+    x, y = round((LAT + north) * 1e7), round((LON + east) * 1e7)
+    return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, x=x, y=y, z=height_m)
+
+
+def _square() -> Mission:
+    speed = MissionItem(Command.DO_CHANGE_SPEED, Frame.MISSION, 1.0, _SPEED_MPS, -1.0)
+    ways = [_item(Command.NAV_WAYPOINT, *corner) for corner in 2 * _ROUND]
+    return Mission((_item(Command.NAV_TAKEOFF, 0.0, 0.0), speed, *ways, _item(Command.NAV_LAND, 0.0, 0.0, 0.0)))
+
+
+@cache
+def drag_of(drone: Drone, payload_kg: float) -> DragModel:
+    """Fly a square twice in a light wind, in virtual time, and fit the drag.
+
+    Raises
+    ------
+    LinkError
+        The flight did not tell it.
+    """
+    world = World(wind=ConstantWind(*_WIND))
+    parameters = (("MPC_XY_VEL_MAX", 20.0), ("MPC_Z_V_AUTO_UP", 5.0))
+    vehicle = world.add(
+        VehicleConfig(
+            lat=LAT, lon=LON, ground_m=5.0, payload_kg=payload_kg, warm=True, seed=77, airframe=Airframe(drone=drone),
+            parameters=parameters,
+        )
+    )  # fmt: skip
+    lockstep = Lockstep(world)
+    craft = MavlinkVehicle(Connection(lockstep.connect(vehicle), lockstep.clock))
+    craft.request_telemetry()
+    if not craft.upload(_square()).verified:
+        raise LinkError("the proving flight could not be uploaded")
+    craft.start(30.0)
+    samples = []
+    for sample in craft.samples(_LONGEST_S):
+        samples.append(sample)
+        if len(samples) > 600 and not craft.armed:
+            break
+    fit = identify_drag(blocks(TelemetryTrack.of_samples(samples)))
+    if fit.drag is None:
+        raise LinkError(f"the proving flight does not tell the drag: {fit.reason}")
+    return fit.drag
