@@ -6,6 +6,7 @@ MISSION_CURRENT.mission_state. ArduPilot judges nothing before it flies.
 
 from __future__ import annotations
 
+import math
 import re
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 GIVE_UP_S = 2.0
 SETTLE_S = 0.2
 """It judges within so much of the last item; what it says before may be of the mission before."""
+AGAIN_S = 0.3
+"""A refusal counts when it is said again so much later."""
 WORDS_S = 1.0
 """Words come no later than so long after."""
 _MISSION_CURRENT, _REQUEST_MESSAGE = 42, 512
@@ -53,6 +56,7 @@ class AskVerdict(Exchange):
         self._since_s, self._end_s = since_s, 0.0
         self._tries = 0
         self._told = False
+        self._refused_s = math.inf
 
     def begin(self, now_s: float) -> None:
         """Ask, as soon as it can have judged."""
@@ -63,7 +67,10 @@ class AskVerdict(Exchange):
         """Take its state."""
         if message.name == "MISSION_CURRENT" and now_s >= self._since_s + SETTLE_S:
             state = message["mission_state"]
-            if state != _UNKNOWN:
+            if state == _NO_MISSION and now_s < self._refused_s + AGAIN_S:
+                self._refused_s = min(self._refused_s, now_s)
+                self.next_s = self._refused_s + AGAIN_S
+            elif state != _UNKNOWN:
                 self.refused = state == _NO_MISSION
                 self.finish()
             else:  # older versions have nothing but words
@@ -79,6 +86,8 @@ class AskVerdict(Exchange):
     def tick(self, now_s: float) -> None:
         """Ask again, or give up."""
         if now_s >= self._end_s:
+            if math.isfinite(self._refused_s):
+                self.refused = True
             self.finish()
         elif not self._told:
             self._tries += 1

@@ -1,14 +1,18 @@
 """What a vehicle tells: in UTC whatever clock it has, with what is doubtful said to be so."""
 
 import math
+import socket
+import time
 
 import pytest
+from sim_serving import free_port, served
 from wires import FAMILIES, Scene, bad_radio, changed_frame
 
 from link.doubts import Doubts
 from link.frames import FrameWriter, Message
 from link.live import LiveTelemetry
 from link.mavlink_vehicle import MavlinkVehicle
+from link.opening import open_connection
 from link.timebase import VehicleClock
 
 BEGAN_S = 1_373_464_800.0
@@ -237,3 +241,26 @@ def test_samples_go_on_when_a_clock_far_behind_ours_takes_over():
     live.hear(heard("SYSTEM_TIME", time_unix_usec=int(BEGAN_S * 1e6), time_boot_ms=1050), BEGAN_S + 4e8)
     later = [live.hear(heard("ATTITUDE", time_boot_ms=1100 + n, **turn), BEGAN_S + 4e8) for n in (0, 100)]
     assert [sample.time_s for sample in later] == pytest.approx([BEGAN_S + 0.05, BEGAN_S + 0.15])
+
+
+@pytest.mark.slow
+def test_a_simulator_that_runs_eight_times_as_fast_keeps_its_own_seconds_over_sockets():
+    port = free_port(socket.SOCK_STREAM)
+    with served(tcp_port=port, speedup=8.0) as there:
+        connection = open_connection(f"tcp:127.0.0.1:{port}", record=None)
+        craft = MavlinkVehicle(connection)
+        craft.request_telemetry()
+        list(craft.samples(0.1))
+        before_s, begun_s = there.world.sim_s, time.monotonic()
+        found = list(craft.samples(10.0))
+        passed_s, truth_s = time.monotonic() - begun_s, there.world.sim_s - before_s
+        assert truth_s > 3.0 * passed_s, "too busy a machine to simulate fast"
+        assert found[-1].time_s - found[0].time_s == pytest.approx(truth_s, rel=0.1)
+        assert found[-1].time_s == pytest.approx(there.world.epoch_s + there.world.sim_s, abs=2.0)
+        assert craft.live.clock.speed == pytest.approx(truth_s / passed_s, rel=0.3)
+        assert craft.live.clock.base.source == "the vehicle's clock (SYSTEM_TIME)"
+        assert craft.live.clock.base.doubts == ()
+        connection.run_for(12.0)
+        rates = {check.message: check for check in craft.rates.checks}
+        assert rates["ATTITUDE"].ok
+        connection.close()
