@@ -16,12 +16,15 @@ from models.wind_filter import FilteredWind
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from numpy.typing import NDArray
+
     from models.wind_filter_live import LiveWind
 
     Listener = Callable[[TelemetryTrack, FilteredWind], None]
 
 MAX_ROWS = 20_000
 """Rows kept of a log for pictures; of a longer one every second, fourth, … second is kept."""
+MOST_PARTS = 256
 
 
 class _Rows(Protocol):
@@ -37,7 +40,7 @@ class Thinned(Generic[Rows]):
     Parameters
     ----------
     take : callable
-        Chosen rows of a piece.
+        Chosen rows of a piece, by their numbers: copies, so that the piece can be forgotten.
     join : callable
         Pieces one after the other.
     most : int
@@ -45,7 +48,7 @@ class Thinned(Generic[Rows]):
 
     def __init__(
         self,
-        take: Callable[[Rows, slice], Rows],
+        take: Callable[[Rows, NDArray[np.int64]], Rows],
         join: Callable[[list[Rows]], Rows],
         most: int = MAX_ROWS,
     ) -> None:
@@ -58,11 +61,14 @@ class Thinned(Generic[Rows]):
         first = -self._seen % self._stride
         self._seen += len(rows)
         if first < len(rows):
-            part = self._take(rows, slice(first, None, self._stride))
+            part = self._take(rows, np.arange(first, len(rows), self._stride))
             self._parts.append(part)
             self._kept += len(part)
+        if len(self._parts) > MOST_PARTS:
+            self._parts = [self._join(self._parts)]
         while self._kept > self._most:
-            whole = self._take(self._join(self._parts), slice(0, None, 2))
+            whole = self._join(self._parts)
+            whole = self._take(whole, np.arange(0, len(whole), 2))
             self._parts, self._kept, self._stride = [whole], len(whole), 2 * self._stride
 
     def rows(self) -> Rows:

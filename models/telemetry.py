@@ -154,7 +154,7 @@ class TelemetryTrack:
         """Return one quantity, shape (samples,)."""
         return self.values[:, COLUMN[quantity]]
 
-    def part(self, chosen: NDArray[np.bool_] | slice) -> TelemetryTrack:
+    def part(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> TelemetryTrack:
         """Return some of the samples."""
         return TelemetryTrack(self.system, self.time_s[chosen], self.values[chosen])
 

@@ -26,8 +26,29 @@ if TYPE_CHECKING:
 
 PIECE_BYTES = 1024 * 1024
 """Telemetry is made of so much of the log at a time."""
+CLOCK_S, CLOCK_SHARE = 5.0, 0.02
+"""A vehicle's clock that differs more than this from the recorder's is doubted."""
+LOST_S = 60.0
+"""Steps longer than this are pauses of the recording, not of a clock."""
 WARM_UP_S = 15.0
 """A replay that begins in the middle reads from so much earlier, so that slow quantities are known."""
+
+
+class _Clock:
+    """How far a vehicle's clock and the recorder's have gone."""
+
+    def __init__(self) -> None:
+        self.own_s = self.recorder_s = 0.0
+        self._last = (math.nan, math.nan)
+
+    def add(self, boot_s: NDArray[np.float64], time_s: NDArray[np.float64]) -> None:
+        own, recorder = (
+            np.diff(values, prepend=last) for values, last in zip((boot_s, time_s), self._last, strict=True)
+        )
+        steady = (own >= 0.0) & (own < LOST_S) & (recorder < LOST_S)  # false for NaN, the first
+        self.own_s += float(own[steady].sum())
+        self.recorder_s += float(recorder[steady].sum())
+        self._last = float(boot_s[-1]), float(time_s[-1])
 
 
 class Tlog:
@@ -48,6 +69,7 @@ class Tlog:
         self.path = path
         self.index = scan(path)
         self._climbs: dict[int, float] = defaultdict(float)
+        self._clocks: dict[int, _Clock] = defaultdict(_Clock)
         self.summary = self._summary(self.index)
 
     def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
@@ -76,6 +98,7 @@ class Tlog:
                 told |= {int(system) for system in np.unique(frames.system[frames.rows_of("ATTITUDE")])}
                 told |= {int(system) for system in np.unique(frames.system[frames.rows_of("GLOBAL_POSITION_INT")])}
                 self._watch_climbs(frames, times)
+                self._watch_clocks(frames, times)
                 if len(events) < MAX_EVENTS:
                     events += _events(frames, times)
         return LogSummary(
@@ -85,11 +108,27 @@ class Tlog:
             skipped_bytes=index.skipped_bytes,
             systems=tuple(sorted(told)),
             others=tuple(sorted(set(index.by_system) - told)),
-            time_base=TimeBase("clock of the recorder (ground station)", doubts=_doubts(check, index, self._climbs)),
+            time_base=TimeBase("clock of the recorder (ground station)", doubts=self._doubts(check)),
             start_s=index.first_s,
             end_s=index.last_s,
             events=tuple(events[:MAX_EVENTS]),
         )
+
+    def _doubts(self, check: StampCheck) -> tuple[str, ...]:
+        found = list(_doubts(check, self.index, self._climbs))
+        for system, clock in sorted(self._clocks.items()):
+            if abs(clock.own_s - clock.recorder_s) > max(CLOCK_S, CLOCK_SHARE * clock.recorder_s):
+                went = f"went {clock.own_s:.0f} s while the recorder's went {clock.recorder_s:.0f} s"
+                found.append(f"the clock of vehicle {system} {went}: parts were not recorded as they happened")
+        return tuple(found)
+
+    def _watch_clocks(self, frames: Frames, times: NDArray[np.float64]) -> None:
+        """Add up how far each vehicle's clock goes, and the recorder's meanwhile; a restart adds nothing."""
+        rows = frames.rows_of("ATTITUDE")
+        boot = frames.decoded("ATTITUDE", rows)["time_boot_ms"].astype(np.float64) / 1000.0
+        for system in np.unique(frames.system[rows]):
+            mine = frames.system[rows] == system
+            self._clocks[int(system)].add(boot[mine], times[rows[mine]])
 
     def _watch_climbs(self, frames: Frames, times: NDArray[np.float64]) -> None:
         """Add up climb times vertical speed of each vehicle: negative where the speed is positive down, as it should."""

@@ -198,6 +198,18 @@ def test_an_old_autopilots_vertical_speed_is_turned_and_said_so(tmp_path):
     assert TelemetryTrack.joined(opened.tracks())["vel_down_mps"][10] == pytest.approx(-2.0)
 
 
+def test_a_vehicles_clock_that_goes_otherwise_than_the_recorders_is_doubted(tmp_path):
+    for factor, doubted in ((1.0, False), (4.0, True)):
+        log = Recorder()
+        for second in range(60):
+            boot_ms = round(1000 * factor * second) if second < 40 else round(1000 * (second - 40))  # restarts at 40 s
+            log.add(float(second), log.dialect.MAVLink_attitude_message(boot_ms, 0, 0, 0, 0, 0, 0))
+        path = tmp_path / f"{factor}.tlog"
+        path.write_bytes(log.data)
+        doubts = " ".join(open_log(path).summary.time_base.doubts)
+        assert ("the clock of vehicle 1 went" in doubts) is doubted
+
+
 def test_two_vehicles_give_two_tracks(tmp_path):
     first, second = tmp_path / "1.tlog", tmp_path / "2.tlog"
     record(first, fly(duration_s=5.0, speed_mps=10.0), system=1)
