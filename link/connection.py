@@ -26,6 +26,9 @@ SILENT_S = 5.0
 """A vehicle not heard for so long is out of reach."""
 GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
 _GROUND_STATION, _INVALID_AUTOPILOT = 6, 8
+_NO_VEHICLES = frozenset((_GROUND_STATION, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44))
+"""Types (MAV_TYPE) of what else has a heart: onboard computers, gimbals, cameras, batteries, winches; some of them claim the
+autopilot's firmware."""
 _MAX_SYSTEMS = 255
 _RADIOS = frozenset(("RADIO", "RADIO_STATUS"))
 _MAX_TEXTS = 200
@@ -278,7 +281,7 @@ class Connection:
         """A vehicle is somebody whose autopilot's heartbeat was heard."""
         if message.name != "HEARTBEAT" or message["autopilot"] == _INVALID_AUTOPILOT or message.system == 0:
             return None
-        if message["type"] == _GROUND_STATION or len(self.peers) >= _MAX_SYSTEMS:
+        if message["type"] in _NO_VEHICLES or len(self.peers) >= _MAX_SYSTEMS:
             return None
         peer = Peer(message.system, message.component, met_s=now)
         self.peers[message.system] = peer

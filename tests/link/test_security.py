@@ -80,6 +80,15 @@ def test_another_component_or_system_cannot_answer_for_the_vehicle(who):
     assert MavlinkVehicle(scene.connection, 1).parameter("MPC_XY_CRUISE").value != 99.0
 
 
+def test_a_companion_computer_that_is_heard_first_is_not_taken_for_the_autopilot():
+    scene = Scene("px4")
+    companion = FrameWriter(1, 191).frame("HEARTBEAT", {"type": 18, "autopilot": 12, "mavlink_version": 3})
+    scene.link.inner.inbox.append(companion)
+    scene.connection.pump(0.0)
+    assert scene.connection.peers == {}
+    assert scene.meet().component == 1
+
+
 def test_a_key_comes_from_a_file_only_its_owner_may_read_or_from_the_environment(tmp_path, monkeypatch):
     file = tmp_path / "key"
     file.write_text(KEY.hex() + "\n")
