@@ -488,12 +488,12 @@ def test_row_home_moves_when_arming_so_heights_depend_on_staying_armed():
 def test_row_an_armed_hold_leaves_by_the_clock_whatever_the_soc():
     stage = Stage("px4", soc=0.3)
     s = stage.station
-    s.upload((*leg(distance=60), plain(DELAY, 600), item(WAYPOINT, 60), item(LAND, 60, z=0)))
+    s.upload((*leg(distance=60), plain(DELAY, 200), item(WAYPOINT, 60), item(LAND, 60, z=0)))
     stage.start()
     s.until(lambda: stage.happened("item 2 reached"))
     soc, start = stage.vehicle.battery.soc, stage.lockstep.now_s
-    s.until(lambda: not stage.pilot.landed, 700.0)
-    assert stage.lockstep.now_s - start == pytest.approx(600.0, abs=3.0)
+    s.until(lambda: not stage.pilot.landed, 300.0)
+    assert stage.lockstep.now_s - start == pytest.approx(200.0, abs=3.0)
     assert stage.vehicle.battery.soc < soc, "the propellers have turned all the time"
 
 
