@@ -32,6 +32,8 @@ _WISHES = 2
 _MAX_SAMPLES, _MAX_CHANGES = 1000, 200
 _ARMED = 128
 _KINDS = ("mission", "fence", "rally points")
+_TAKEN, _UNTOLD = "Flight plan received", "untold"
+"""What ArduPilot says when a mission was uploaded, to every station."""
 _IDS = struct.Struct("<III")
 _IDS_AT = 6
 """Where MISSION_CURRENT tells the ids of what is stored (added to MAVLink in 2023; pymavlink's tables are older)."""
@@ -63,7 +65,8 @@ class Change:
     what : str
         ``mode``, ``armed``, ``mission``, ``fence``, ``rally points`` (what it holds of these) or ``boot``.
     before, after : str
-        For a person; of a mission its id and number of items.
+        For a person; of a mission its id and number of items. Where a vehicle tells no ids, a different number of items
+        is noticed, and on ArduPilot its words.
     ours : bool
         Whether an order of ours in the last seconds asks for it. What is not ours did the vehicle by itself (the end of
         a mission, a failsafe), its pilot, or another ground station: the texts tell more.
@@ -129,6 +132,7 @@ class Seen:
         self._changes: list[Change] = []
         self._expected: dict[str, tuple[frozenset[str], float]] = {}
         self._was: dict[str, str] = {}
+        self._tells_ids = False
         beat = self.peer.latest.get("HEARTBEAT")
         if beat is not None:
             self._note_state(beat)
@@ -157,6 +161,8 @@ class Seen:
             self._note_state(message)
         elif name == "MISSION_CURRENT":
             self._note_stored(message)
+        elif name == "STATUSTEXT" and message["text"].startswith(_TAKEN) and not self._tells_ids:
+            self._changed("mission", _UNTOLD, "taken over, by its words")
 
     def _note_state(self, beat: Message) -> None:
         self._note("mode", self.family.mode_name(beat["custom_mode"]))
@@ -165,8 +171,9 @@ class Seen:
     def _note_stored(self, message: Message) -> None:
         total = message["total"]
         items = "" if total == 0 else f", {0 if total == 0xFFFF else total} items"
-        ids = message.payload[_IDS_AT : _IDS_AT + _IDS.size].ljust(_IDS.size, b"\0")
-        for kind, number in zip(_KINDS, _IDS.unpack(ids), strict=True):
+        ids = _IDS.unpack(message.payload[_IDS_AT : _IDS_AT + _IDS.size].ljust(_IDS.size, b"\0"))
+        self._tells_ids = self._tells_ids or any(ids)
+        for kind, number in zip(_KINDS, ids, strict=True):
             self._note(kind, f"id {number}{items if kind == 'mission' else ''}")
 
     def _note(self, what: str, now: str) -> None:

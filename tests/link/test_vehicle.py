@@ -312,6 +312,23 @@ def test_an_upload_by_another_station_is_noticed(scene):
     assert str(found[0]).endswith("(not commanded by us)")
 
 
+def test_an_upload_by_another_is_noticed_by_ardupilots_words_where_it_tells_no_ids():
+    def without_ids(_number, message, frame, up):
+        if message is None or message.name != "MISSION_CURRENT" or up:
+            return frame
+        return FrameWriter(message.system, message.component).frame("MISSION_CURRENT", message.fields)
+
+    scene = aboard("ardupilot", spoil=without_ids)
+    assert scene.craft.upload(a_mission(5)).verified
+    scene.connection.run_for(3.0)
+    assert all(change.ours for change in scene.craft.changes())
+    scene.connection.run_for(5.0)
+    other = MavlinkVehicle(Connection(scene.lockstep.connect(scene.vehicle), scene.lockstep.clock, system=254))
+    assert other.upload(a_mission(5, height=70.0)).verified
+    scene.connection.run_for(3.0)
+    assert ("mission", "taken over, by its words", False) in told(scene.craft)
+
+
 def test_a_restart_is_a_change_too(scene):
     scene.connection.run_for(5.0)
     scene.vehicle.reboot_soon()

@@ -7,11 +7,12 @@ on a socket and runs twenty times as fast.
 import contextlib
 import inspect
 import math
+import socket
 import struct
 from itertools import pairwise
 
 import pytest
-from sim_serving import served
+from sim_serving import free_port, served
 from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, bad_radio, some_rally_points
 
 from link.connection import Connection
@@ -297,6 +298,26 @@ def test_after_a_restart_it_is_spoken_with_again(site):
     assert craft.upload(a_mission(7)).verified
     assert site.wait(lambda: craft.reboots == 1, 10.0)
     assert ("boot", "begun anew") in {(change.what, change.after) for change in craft.changes()}
+
+
+@pytest.mark.slow
+def test_mavsdk_goes_on_when_the_link_has_died_and_come_back():
+    pytest.importorskip("mavsdk")
+    from link.mavsdk_vehicle import MavsdkVehicle
+
+    port = free_port(socket.SOCK_STREAM)
+    with served(tcp_port=port, autopilot="px4"):
+        connection = open_connection(f"tcp:127.0.0.1:{port}", record=None)
+        craft = MavsdkVehicle(connection, 1)
+        assert craft.upload(a_mission(5)).verified
+    assert connection.wait(lambda: not connection.transport.up, 5.0)
+    with served(tcp_port=port, autopilot="px4") as there:
+        heard = craft.peer.received
+        assert connection.wait(lambda: craft.peer.received > heard, 8.0)
+        assert craft.upload(a_mission(7)).verified
+        assert len(there.world.vehicles[1].autopilot.stores[0]) == 7
+    craft.close()
+    connection.close()
 
 
 @at_length
