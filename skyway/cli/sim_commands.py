@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from models.network import Station
     from models.scenario import Scenario
+    from sim_stub.transports.channel import Impairment
     from sim_stub.transports.loop import SocketLoop
     from sim_stub.wind_truth import WindTruth
     from sim_stub.world import Event, World
@@ -139,9 +141,10 @@ def sim(
     """Simulate vehicles, pads and wind (the help text is `SIM_HELP`)."""
     from sim_stub.faults import parse_fault
     from sim_stub.fleet import FleetOptions, build_world, serve
-    from sim_stub.transports.channel import Impairment
     from sim_stub.transports.urls import parse_address
 
+    if lasting is not None and not lasting > 0.0:
+        raise InputError(Fault("out of range", field="--for", value=lasting, remedy="seconds, above 0"))
     begins = options.parse_depart(depart)
     known, places = _placed(options.load_scenario(scenario), at)
     asked = FleetOptions(
@@ -168,7 +171,7 @@ def sim(
         connect=tuple(parse_address(text, option="--connect") for text in addresses),
         tcp_port=_tcp_port(tcp, vehicles),
         pads=None if pads is None else parse_address(pads, option="--pads", kinds=("tcp",)),
-        impairment=Impairment(loss, delay, jitter, duplicate, reorder),
+        impairment=_bad_link(loss, delay, jitter, duplicate, reorder),
         speedup=speedup,
         pad_speedup=pad_speedup,
         seed=seed,
@@ -184,6 +187,16 @@ def _placed(scenario: Scenario, at: list[str] | None) -> tuple[Scenario, tuple[S
         places.append(station_id)
     stations = {station.id: station for station in scenario.network.stations}
     return scenario, tuple(stations[place] for place in places)
+
+
+def _bad_link(loss: float, delay: float, jitter: float, duplicate: float, reorder: float) -> Impairment:
+    """What the options say of the link; a wrong one is named as it was typed."""
+    from sim_stub.transports.channel import Impairment
+
+    try:
+        return Impairment(loss, delay, jitter, duplicate, reorder)
+    except InputError as error:
+        raise InputError([replace(f, field=f"--{(f.field or '').removesuffix('_s')}") for f in error.faults]) from None
 
 
 def _tcp_port(tcp: int | None, vehicles: int) -> int | None:

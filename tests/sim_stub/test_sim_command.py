@@ -2,6 +2,7 @@
 
 import json
 import re
+import socket
 
 import pytest
 
@@ -126,6 +127,16 @@ def test_each_vehicle_says_where_it_is_reached_and_has_its_own_system_id(two, ca
     assert len(set(re.findall(r"vehicle (\d+) +autopilot is up", out))) == vehicles
 
 
+def test_a_vehicle_connects_to_a_station_that_listens(two, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as station:
+        code, out, err = run(capsys, two, "--connect", f"tcp:127.0.0.1:{station.getsockname()[1]}", "--for", "5")
+        assert (code, err) == (0, "")
+        heard, _ = station.accept()
+        with heard:
+            assert heard.recv(4096)[0] == 0xFD
+    assert "autopilot is up" in out
+
+
 @pytest.mark.parametrize("connect", ["udpout:127.0.0.1:14540", "udpin:127.0.0.1:0", "tcpin:127.0.0.1:0"])
 def test_every_kind_of_connection_opens(two, capsys, connect):
     code, out, err = run(capsys, two, "--connect", connect, "--pads", "tcp:127.0.0.1:0")
@@ -148,7 +159,9 @@ def test_json_lines_for_machines(two, capsys):
         (["--fault", "storm"], "one of gust"),
         (["--fault", "pads-taken=nowhere"], "no station with pads"),
         (["--speedup", "21"], "0.1 to 20"),
-        (["--loss", "2"], "a probability"),
+        (["--loss", "2"], "--loss: out of range (got '2.0'); a probability"),
+        (["--delay", "-1"], "--delay: out of range"),
+        (["--for", "-1"], "--for: out of range"),
         (["--vehicles", "0"], "1 to 250"),
         (["--connect", "serial:x"], "KIND:HOST:PORT"),
         (["--connect", "tcp:127.0.0.1:1"], "start the ground station first"),
