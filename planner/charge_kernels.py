@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from planner.evaluation_kernels import Sky
     from planner.room_kernels import Present
 
-GRID_S = 600.0
+GRID_S = 300.0
 """What a flight needs is worked out for take-offs within so long together; the most of both ends counts."""
 LEARNED = 0.005
 """What is left of the energy error once a flight has shown it."""

@@ -17,6 +17,7 @@ import numpy as np
 
 from models.errors import NoRouteError
 from planner.charge_policy import ChargePolicy, Rehearsal, known_at, margin_for
+from planner.course_kernels import TOUCH_DOWN
 from planner.equivalent import expected_queues, mean_speeds
 from planner.evaluation_truths import USUAL_ERRORS, Errors
 from planner.exact import ExactSearch
@@ -79,6 +80,10 @@ class Candidate:
         See `planner.objective.Objective.loss`.
     charge_used : float
         Mean charge that all flights take together, as SoC.
+    arrival_s : ndarray, shape (runs,)
+        Arrival of each run, infinite where there is none; the same runs for all candidates of a comparison.
+    weight : ndarray, shape (runs,)
+        Probability of each run.
     """
 
     policy: ChargePolicy
@@ -86,6 +91,8 @@ class Candidate:
     unsafe: bool
     loss: tuple[float, float]
     charge_used: float
+    arrival_s: NDArray[np.float64]
+    weight: NDArray[np.float64]
 
     @property
     def stops(self) -> tuple[int, ...]:
@@ -131,6 +138,9 @@ class RobustSearch:
         What the truth has beyond the forecast.
     measured : bool
         The wind at the sites is measured while the drone stands at a station.
+    switch_s : float or None
+        A drone that plans anew at every stop need not hold on to a route that turns out badly: no run counts for more
+        than that of the best candidate in it and this much. None: each route is flown to its end.
 
     Attributes
     ----------
@@ -138,10 +148,13 @@ class RobustSearch:
         Stays looked at by the exact searches and simulated deliveries.
     """
 
-    def __init__(self, problem: Problem, *, errors: Errors = USUAL_ERRORS, measured: bool = True) -> None:
+    def __init__(
+        self, problem: Problem, *, errors: Errors = USUAL_ERRORS, measured: bool = True, switch_s: float | None = None
+    ) -> None:
         self.problem = problem.thinned(MEMBERS)
         self.errors = errors
         self.measured = measured
+        self.switch_s = switch_s
         self.looked_at = 0
         self._large = len(problem.network) > LARGE
 
@@ -208,7 +221,25 @@ class RobustSearch:
                 error = none
         if not found:
             raise error if error is not None else NoRouteError("no route", constraint="energy")
-        return sorted(found.values(), key=_order)
+        return sorted(self._with_switches(list(found.values())), key=_order)
+
+    def _with_switches(self, found: list[Candidate]) -> list[Candidate]:
+        """Let no run of a candidate be much later than that of the best one in it."""
+        if self.switch_s is None:
+            return found
+        least = np.min([one.arrival_s for one in found], axis=0) + self.switch_s
+        better = []
+        for one in found:
+            arrival = np.minimum(one.arrival_s, least)
+            arrives = np.isfinite(arrival)
+            outcome = replace(
+                one.outcome,
+                arrival_s=arrival[arrives],
+                weight=one.weight[arrives],
+                p_arrive=min(float(one.weight[arrives].sum()), 1.0),
+            )
+            better.append(replace(one, outcome=outcome, loss=self.problem.request.objective.loss(outcome)))
+        return better
 
     def _add(self, found: dict[tuple[tuple[int, ...], ...], Candidate], itinerary: Itinerary) -> None:
         """Judge a route, and the same without the stops at which it does not charge, unless they are known."""
@@ -284,7 +315,9 @@ class RobustSearch:
         outcome = rehearsal.outcome(p)
         unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(rehearsal.weight)
         loss = p.request.objective.loss(outcome)
-        return Candidate(policy, outcome, unsafe, loss, rehearsal.charge_used), rehearsal.charging
+        arrival = rehearsal.course[:, -1, TOUCH_DOWN]
+        found = Candidate(policy, outcome, unsafe, loss, rehearsal.charge_used, arrival, rehearsal.weight)
+        return found, rehearsal.charging
 
 
 def _order(one: Candidate) -> tuple[float, ...]:

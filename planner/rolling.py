@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 SITE_VARIANCE = 0.05
 """Of a component of the hourly wind measured at a site, m2/s2."""
 
+SWITCH_S = 900.0
+"""What it costs to give up a route for another, about: a landing more, and the wait for a pad."""
+
 
 def with_measured(forecast: WindEnsemble, standing: Standing) -> WindEnsemble:
     """Bring a forecast up to date with the wind measured at its sites now, at the height of measurement."""
@@ -53,6 +56,6 @@ class RollingRobust:
         forecast = with_measured(p.ensemble, standing)
         problem = Problem(p.scenario, request, p.drone, forecast)
         try:
-            return RobustSearch(problem, errors=self.errors).candidates()[0].policy
+            return RobustSearch(problem, errors=self.errors, switch_s=SWITCH_S).candidates()[0].policy
         except InfeasibleError:
             return None
