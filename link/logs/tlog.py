@@ -18,7 +18,7 @@ from link.logs.dialect import crc_extras, message_type, name_of
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -159,6 +159,8 @@ class TlogIndex:
         First and last believable stamp; NaN where there is none.
     seek_time_s, seek_offset, seek_shift_s : ndarray, shape (points,)
         Times, never decreasing; places from which the log can be read on; how far the clock had been set back by then.
+    stamps : StampCheck
+        What was found wrong with the stamps.
     """
 
     messages: int
@@ -171,6 +173,7 @@ class TlogIndex:
     seek_time_s: NDArray[np.float64]
     seek_offset: NDArray[np.int64]
     seek_shift_s: NDArray[np.float64]
+    stamps: StampCheck
 
     def offset_at(self, time_s: float) -> tuple[int, float]:
         """Return a place in the log before everything recorded at `time_s` or later, and the clock's shift there."""
@@ -226,8 +229,22 @@ class StampCheck:
         return np.asarray(times)
 
 
-def scan(path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> TlogIndex:
+def scan(
+    path: Path,
+    *,
+    chunk_bytes: int = CHUNK_BYTES,
+    watch: Callable[[Frames, NDArray[np.float64]], None] | None = None,
+) -> TlogIndex:
     """Find and count every message of a log; memory does not grow with it.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    chunk_bytes : int
+        Bytes held at a time.
+    watch : callable, optional
+        Shown the messages of each chunk and their times on the way.
 
     Raises
     ------
@@ -250,6 +267,8 @@ def scan(path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> TlogIndex:
         types.update(frames.number[~dense].tolist())
         systems += np.bincount(frames.system, minlength=256)
         points.append(_seek_points(frames, times))
+        if watch is not None:
+            watch(frames, times)
     state = memory.state
     seek_time_s, seek_offset, seek_shift_s = np.concatenate(points, axis=1)
     return TlogIndex(
@@ -263,6 +282,7 @@ def scan(path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> TlogIndex:
         seek_time_s=seek_time_s,
         seek_offset=seek_offset.astype(np.int64),
         seek_shift_s=seek_shift_s,
+        stamps=check,
     )
 
 

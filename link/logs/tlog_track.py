@@ -67,9 +67,11 @@ class Tlog:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.index = scan(path)
+        self._told: set[int] = set()
+        self._events: list[LogEvent] = []
         self._climbs: dict[int, float] = defaultdict(float)
         self._clocks: dict[int, _Clock] = defaultdict(_Clock)
+        self.index = scan(path, chunk_bytes=PIECE_BYTES, watch=self._watch)
         self.summary = self._summary(self.index)
 
     def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
@@ -88,30 +90,27 @@ class Tlog:
             if len(times) and times[-1] >= to_s:
                 return
 
+    def _watch(self, frames: Frames, times: NDArray[np.float64]) -> None:
+        """Take notice of a chunk while the log is indexed."""
+        for name in ("ATTITUDE", "GLOBAL_POSITION_INT"):
+            self._told |= {int(system) for system in np.unique(frames.system[frames.rows_of(name)])}
+        self._watch_climbs(frames, times)
+        self._watch_clocks(frames, times)
+        if len(self._events) < MAX_EVENTS:
+            self._events += _events(frames, times)
+
     def _summary(self, index: TlogIndex) -> LogSummary:
-        check = StampCheck()
-        told: set[int] = set()
-        events: list[LogEvent] = []
-        if index.messages:
-            for frames in read_frames(self.path, chunk_bytes=PIECE_BYTES):
-                times = check.clean(frames.time_s)
-                told |= {int(system) for system in np.unique(frames.system[frames.rows_of("ATTITUDE")])}
-                told |= {int(system) for system in np.unique(frames.system[frames.rows_of("GLOBAL_POSITION_INT")])}
-                self._watch_climbs(frames, times)
-                self._watch_clocks(frames, times)
-                if len(events) < MAX_EVENTS:
-                    events += _events(frames, times)
         return LogSummary(
             format="tlog",
             messages=index.messages,
             by_type=index.by_type,
             skipped_bytes=index.skipped_bytes,
-            systems=tuple(sorted(told)),
-            others=tuple(sorted(set(index.by_system) - told)),
-            time_base=TimeBase("clock of the recorder (ground station)", doubts=self._doubts(check)),
+            systems=tuple(sorted(self._told)),
+            others=tuple(sorted(set(index.by_system) - self._told)),
+            time_base=TimeBase("clock of the recorder (ground station)", doubts=self._doubts(index.stamps)),
             start_s=index.first_s,
             end_s=index.last_s,
-            events=tuple(events[:MAX_EVENTS]),
+            events=tuple(self._events[:MAX_EVENTS]),
         )
 
     def _doubts(self, check: StampCheck) -> tuple[str, ...]:

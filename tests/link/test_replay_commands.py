@@ -208,8 +208,10 @@ def test_calibrate_energy_writes_a_drone_that_plan_uses(skyway, flight, tmp_path
     assert "endurance model written" in text
     (drone,) = read_fleet(fitted)
     assert drone.energy_model.power_w(5.0) == pytest.approx(550.0, rel=0.02)
-    what = ("--from", "bellevue", "--to", "bellevue", "--payload", "0.5", "--wind", "4@270", "--json")
-    assert skyway("plan", "scenario", *what[:3], "jacobi", *what[4:])
+    what = ("--from", "bellevue", "--to", "jacobi", "--payload", "0.5", "--wind", "4@270", "--json")
+    planned = json.loads(skyway("plan", "scenario", *what, "--planner", "pfs-charge-aware"))
+    assert planned["drone_parameters"]["endurance_empty_min"] == pytest.approx(drone.endurance_empty_s / 60.0)
+    assert planned["energy_wh"] == pytest.approx(550.0 * planned["flight_time_s"] / 3600.0, rel=0.05)
 
 
 def test_calibrate_energy_needs_to_know_what_was_carried(skyway, flight):
