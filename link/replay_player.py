@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -23,11 +24,11 @@ if TYPE_CHECKING:
 
     from link.logs.log import Log
     from link.logs.tlog import TlogIndex
-    from models.telemetry import TelemetrySample
+    from models.telemetry import TelemetryTrack
 
 Packet = tuple[float, bytes]
 WINDOW_BYTES = 1 << 18
-BEFORE_S, AFTER_S = 5.0, 20.0
+BEFORE_S, AFTER_S = 2.0, 8.0
 """How much of another log is made into messages around what is asked for."""
 MAX_SPEED = 1000.0
 
@@ -86,20 +87,20 @@ class SamplePackets:
     def __init__(self, log: Log) -> None:
         self.start_s, self.end_s = log.summary.start_s, log.summary.end_s
         self._log = log
-        self._held: list[TelemetrySample] = []
-        self._times = np.empty(0)
+        self._held: list[TelemetryTrack] = []
         self._reach = (math.inf, -math.inf)
 
     def between(self, from_s: float, to_s: float) -> list[Packet]:
         """Return the packets with ``from_s < time <= to_s``."""
         if not (self._reach[0] <= from_s and to_s <= self._reach[1]):
             self._reach = (from_s - BEFORE_S, to_s + AFTER_S)
-            end = float(np.nextafter(self._reach[1], math.inf))
-            self._held = [sample for track in self._log.tracks(self._reach[0], end) for sample in track.samples()]
-            self._held.sort(key=lambda sample: sample.time_s)
-            self._times = np.array([sample.time_s for sample in self._held])
-        first, last = np.searchsorted(self._times, (from_s, to_s), side="right")
-        return [(sample.time_s, encode(sample, self.start_s)) for sample in self._held[first:last]]
+            self._held = list(self._log.tracks(self._reach[0], float(np.nextafter(self._reach[1], math.inf))))
+        found = []
+        for track in self._held:
+            first, last = np.searchsorted(track.time_s, (from_s, to_s), side="right")
+            samples = track.part(slice(int(first), int(last))).samples()
+            found += [(sample.time_s, encode(sample, self.start_s)) for sample in samples]
+        return sorted(found, key=itemgetter(0))
 
 
 class Part:

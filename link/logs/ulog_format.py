@@ -92,10 +92,9 @@ class ULogContents:
         for row in np.flatnonzero(found.kind != ord("D")):
             at, size = int(found.place[row]), int(found.size[row])
             self._see_one(int(found.kind[row]), data[at : at + size].tobytes())
-        numbers = found.numbers(data)
-        for number in np.unique(numbers[numbers >= 0]).tolist():
+        for number in np.unique(found.number[found.number >= 0]).tolist():
             if number in self.topics:
-                mine = numbers == number
+                mine = found.number == number
                 self.number[number] = self.number.get(number, 0) + int(mine.sum())
                 shortest = int(found.size[mine].min()) - 2
                 self.lengths[number] = min(self.lengths.get(number, shortest), shortest)
@@ -117,11 +116,10 @@ class ULogContents:
 
     def columns(self, topic: str, data: NDArray[np.uint8], found: Messages) -> dict[str, NDArray[Any]]:
         """Fields of the first instance of a topic in a piece, shape (messages,) each; empty where there is none, or no sense."""
-        numbers = found.numbers(data)
         for number, (name, instance) in self.topics.items():
             if (name, instance) != (topic, 0) or number not in self.lengths:
                 continue
-            rows = found.place[numbers == number] + 2
+            rows = found.place[found.number == number] + 2
             layout = self._layout(topic)
             if not len(rows) or layout is None or layout.itemsize > self.lengths[number]:
                 return {}
@@ -168,6 +166,8 @@ class Messages:
     ----------
     place, kind, size : ndarray, shape (messages,)
         Where the body of each begins in the piece, its type, and its bytes.
+    number : ndarray, shape (messages,)
+        Subscription of each data message; -1 for other messages.
     skipped : int
         Bytes of the piece that lie in no message.
     """
@@ -175,15 +175,8 @@ class Messages:
     place: NDArray[np.int64]
     kind: NDArray[np.uint8]
     size: NDArray[np.int64]
+    number: NDArray[np.int64]
     skipped: int
-
-    def numbers(self, data: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """Subscription of each data message; -1 for other messages, shape (messages,)."""
-        mine = (self.kind == ord("D")) & (self.size >= 2)
-        found = np.full(len(self.kind), -1, dtype=np.int64)
-        at = self.place[mine]
-        found[mine] = data[at] + 256 * data[at + 1].astype(np.int64)
-        return found
 
 
 def find_in_piece(data: NDArray[np.uint8], *, final: bool) -> tuple[Messages, int]:
@@ -191,4 +184,8 @@ def find_in_piece(data: NDArray[np.uint8], *, final: bool) -> tuple[Messages, in
     most = len(data) // 3 + 1
     place, kind, size = np.empty(most, np.int64), np.empty(most, np.uint8), np.empty(most, np.int64)
     count, used, skipped = kernels.find_messages(data, final, _KNOWN, _SYNC, place, kind, size)
-    return Messages(place[:count], kind[:count], size[:count], skipped), used
+    place, kind, size = place[:count], kind[:count], size[:count]
+    mine = (kind == ord("D")) & (size >= 2)
+    number = np.full(count, -1, dtype=np.int64)
+    number[mine] = data[place[mine]] + 256 * data[place[mine] + 1].astype(np.int64)
+    return Messages(place, kind, size, number, skipped), used

@@ -298,6 +298,21 @@ def test_seeking_in_a_long_log_takes_less_than_50_ms(tmp_path):
     assert sorted(took)[1] < 0.05
 
 
+@pytest.mark.parametrize("name", ["erle_copter_auto_20141205.BIN", "flugdrohne_20230621_log66.ulg"])
+def test_seeking_in_other_logs_takes_less_than_50_ms_too(shared_data, name):
+    log = open_log(shared_data / "logs" / name)
+    sink = Sink()
+    player = Player(packets_of(log), sink)
+    length_s, took = log.summary.end_s - log.summary.start_s, []
+    for share in (0.9, 0.1, 0.6, 0.95, 0.3, 0.8, 0.2):
+        begin = time.perf_counter()
+        player.seek(share * length_s)
+        player.step(0.1)
+        took.append(time.perf_counter() - begin)
+    assert sorted(took)[3] < 0.05
+    assert sink.packets
+
+
 def test_a_csv_is_played_as_messages_that_pymavlink_reads(flight, tmp_path):
     from pymavlink.dialects.v20 import common
 
@@ -335,6 +350,48 @@ def test_a_log_is_served_to_a_ground_station_and_obeys_it(tmp_path):
     control.close()
     output.close()
     station.close()
+
+
+def test_pymavlink_reads_what_is_served_and_pause_seek_speed_and_reverse_are_obeyed(flight):
+    from pymavlink import mavutil
+
+    path, _ = flight
+    log = open_log(path)
+    station = mavutil.mavlink_connection("udpin:127.0.0.1:0", dialect="common")
+    output = Output(f"udpout:127.0.0.1:{station.port.getsockname()[1]}")
+    player = Player(packets_of(log), output.send, speed=20.0)
+    control = ControlServer(player, 0)
+    thread = threading.Thread(target=play, args=(player, control), kwargs={"hold": False}, daemon=True)
+    thread.start()
+
+    def heard():
+        """Time since boot of the next attitude, s."""
+        message = station.recv_match(type="ATTITUDE", blocking=True, timeout=5.0)
+        assert message is not None
+        return message.time_boot_ms / 1000.0
+
+    with socket.create_connection(("127.0.0.1", control.port), timeout=5.0) as client:
+        lines = client.makefile()
+
+        def order(**what):
+            client.sendall(json.dumps(what).encode() + b"\n")
+            return json.loads(lines.readline())
+
+        assert heard() < heard()
+        assert order(do="pause")["paused"]
+        while station.recv_msg() is not None:
+            pass
+        assert order(do="seek", to=200.0)["position_s"] == 200.0
+        assert station.recv_msg() is None, "nothing is sent while it is paused"
+        assert order(do="reverse")["speed"] == -20.0
+        assert not order(do="play")["paused"]
+        first, second = heard(), heard()
+        assert 190.0 < second < first <= 200.0
+        assert order(do="speed", to=1000)["speed"] == 1000.0
+    thread.join(timeout=5.0)
+    assert player.ended
+    for one in (control, output, station):
+        one.close()
 
 
 def test_a_port_in_use_is_a_link_error(tmp_path):
