@@ -59,7 +59,8 @@ class Download(Exchange):
         self._count: int | None = None
         self._tries = 0
         self._restarts = 0
-        self._heard_s = self._sent_s = 0.0
+        self._heard_s = 0.0
+        self._sent_s = 0.0
         self._progress = progress
         self._pause = False
 
@@ -101,6 +102,8 @@ class Download(Exchange):
     def _next(self, now_s: float) -> None:
         if self._tries == 1:
             self.round_trip.learn(now_s - self._sent_s)
+        else:
+            self.round_trip.unclear()
         self._heard_s, self._tries = now_s, 0
         if self._progress is not None and self._count is not None:
             self._progress(len(self._got), self._count)

@@ -24,9 +24,10 @@ FIRST_RETRY_S = 0.25
 """What MAVLink allows for an item, while the round trip is not known."""
 _LEAST_RETRY_S = 0.03
 _FEW_TRIES = 6
+_UNCLEAR, _SLOWEST = 4, 16.0
 SPREADS = 2.0
 """For missions, `RoundTrip.retry_s` waits for no more than so many: what is sent too early there is ignored."""
-_LONGEST_RETRY_S = 1.5
+_LONGEST_RETRY_S = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ class Target:
 
 @dataclass(slots=True)
 class RoundTrip:
-    """How long an answer takes, learnt as TCP does it (RFC 6298, and never of repeated questions).
+    """How long an answer takes, learnt as TCP does it (RFC 6298).
 
     Attributes
     ----------
@@ -49,14 +50,28 @@ class RoundTrip:
 
     mean_s: float = math.nan
     spread_s: float = 0.0
+    _unclear: int = 0
+    _slower: float = 1.0
 
     def learn(self, took_s: float) -> None:
-        """Add one measurement."""
+        """Add one measurement: an answer to a question asked once."""
+        self._unclear, self._slower = 0, 1.0
         if math.isnan(self.mean_s):
             self.mean_s, self.spread_s = took_s, took_s / 2.0
         else:
             self.spread_s += 0.25 * (abs(took_s - self.mean_s) - self.spread_s)
             self.mean_s += 0.125 * (took_s - self.mean_s)
+
+    def unclear(self) -> None:
+        """Hear an answer to a question asked more than once: it tells not which time, and so nothing is learnt.
+
+        Several in a row mean that the link may have become slower than we wait: then we wait longer, until an answer
+        is clear again. Without this a slow link is never learnt, and is asked ever more.
+        """
+        self._unclear += 1
+        if self._unclear >= _UNCLEAR:
+            self._unclear = 0
+            self._slower = min(self._slower * 2.0, _SLOWEST)
 
     def retry_s(self, attempt: int, *, spreads: float = 4.0) -> float:
         """How long to wait for an answer before asking again; longer each time after the first few.
@@ -69,7 +84,7 @@ class RoundTrip:
             How much later than usual an answer may be; few where asking too early costs nothing but a packet.
         """
         first = FIRST_RETRY_S if math.isnan(self.mean_s) else self.mean_s + max(spreads * self.spread_s, 0.01)
-        return min(max(first, _LEAST_RETRY_S) * 1.4 ** max(0, attempt - _FEW_TRIES), _LONGEST_RETRY_S)
+        return min(max(first, _LEAST_RETRY_S) * self._slower * 1.4 ** max(0, attempt - _FEW_TRIES), _LONGEST_RETRY_S)
 
 
 class Exchange(ABC):

@@ -94,6 +94,7 @@ class Upload(Exchange):
         self.resent = 0
         self._progress = progress
         self._tries = 0
+        self._times = [0] * len(self.items)
         self.heard_s = self._begun_s = self._sent_s = self._moved_s = 0.0
         self._doubt_s = math.inf
         self._busy = self._listed = False
@@ -116,6 +117,7 @@ class Upload(Exchange):
         if number <= self.sent:
             self.resent += 1
         self.sent = max(self.sent, number)
+        self._times[number] += 1
         item = self.items[number]
         self.send("MISSION_ITEM_INT", **{name: getattr(item, name) for name in ITEM_FIELDS})
 
@@ -142,10 +144,10 @@ class Upload(Exchange):
             self.send("MISSION_ACK", type=CANCELLED, mission_type=int(self.kind))
             self._end(UploadEnd.BROKEN, CANCELLED)
             return
-        if not fresh and now_s < self._sent_s + 0.5 * self.round_trip.retry_s(1):
-            return  # a doubled packet
-        if fresh and self._tries == 1:
-            self.round_trip.learn(now_s - self._sent_s)
+        if not fresh and now_s < self._sent_s + self.round_trip.retry_s(1, spreads=SPREADS):
+            return  # a doubled packet, or asked before our item can have arrived
+        if number == self.asked + 1:
+            self._learn(now_s)
         self.heard_s, self._doubt_s, self._busy = now_s, math.inf, False
         if fresh and self._progress is not None:
             self._progress(number, len(self.items))
@@ -153,6 +155,13 @@ class Upload(Exchange):
         self.guessed = self.guessed and number < self.sent
         self._item(number)
         self._wait(now_s)
+
+    def _learn(self, now_s: float) -> None:
+        """Learn the round trip of the next question, where what it answers was sent once and nothing ahead of it."""
+        if self._tries > 1:
+            self.round_trip.unclear()
+        elif self.asked < 0 or (self._times[self.asked] == 1 and self.sent == self.asked):
+            self.round_trip.learn(now_s - self._sent_s)
 
     def _acknowledged(self, answer: int, now_s: float) -> None:
         complete = self.sent == len(self.items) - 1

@@ -437,3 +437,17 @@ def test_a_fence_that_is_verified_does_not_start_a_mission_that_is_unknown():
         craft.start()
     assert craft.upload(NEW).verified
     assert craft.blocked is None
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_slow_link_is_learnt_and_not_flooded(family):
+    """1.2 s there and back, longer than we wait at first: soon everything is sent once."""
+    scene = Scene(family, impairment=bad_radio(delay_s=0.6, duplicate=0.0, reorder=0.0))
+    scene.meet()
+    sent = []
+    for height in (40.0, 60.0):
+        scene.link.log = []
+        assert scene.upload(a_mission(40, height=height)).verified
+        sent.append(sum(entry == ("MISSION_ITEM_INT", 1) for entry in scene.link.log))
+    assert sent[0] < 2.5 * 41
+    assert sent[1] <= 41 + 2
