@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import selectors
 import socket
+import time
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,8 @@ MAX_VEHICLE_PEERS = 8
 _MAX_BACKLOG_BYTES = 1_000_000
 _READ_BYTES = 65536
 _GONE_AFTER_MS = 30_000
+SILENT_S = 10.0
+"""Where there is no room, a peer that has said nothing for so long makes it."""
 _CONNECT_S = 5.0
 
 
@@ -41,6 +44,7 @@ class TcpPeer(ABC):
         self.socket, self.selector = connection, selector
         self.backlog = b""
         self.closed = False
+        self.heard_s = time.monotonic()
         connection.settimeout(0.0)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if hasattr(socket, "TCP_USER_TIMEOUT"):  # a peer that is gone without a word does not keep its place
@@ -72,6 +76,7 @@ class TcpPeer(ABC):
         if not data:
             self.close()
             return
+        self.heard_s = time.monotonic()
         self.received(data)
 
     def flush(self, now_s: float) -> None:
@@ -115,7 +120,7 @@ class TcpListener:
     selector : BaseSelector
         Of the loop.
     most : int
-        Peers at once; more are turned away.
+        Peers at once; more are turned away, unless one has been silent for `SILENT_S`.
     greet : callable
         Makes a peer of a connection and the number of peers so far; `InputError` turns it away.
 
@@ -149,14 +154,25 @@ class TcpListener:
             connection, _ = self.socket.accept()
         except OSError:
             return
-        self.peers = [peer for peer in self.peers if not peer.closed]
-        if len(self.peers) >= self.most:
+        if not self._room():
             connection.close()
             return
         try:
             self.peers.append(self.greet(connection, len(self.peers)))
         except InputError:
             connection.close()
+
+    def _room(self) -> bool:
+        """Whether there is room for one more; half-open connections do not keep it for ever."""
+        self.peers = [peer for peer in self.peers if not peer.closed]
+        if len(self.peers) < self.most:
+            return True
+        silent = min(self.peers, key=lambda peer: peer.heard_s)
+        if time.monotonic() - silent.heard_s < SILENT_S:
+            return False
+        silent.close()
+        self.peers.remove(silent)
+        return True
 
     def flush(self, now_s: float) -> None:
         """Send what is waiting for every peer."""

@@ -1,9 +1,11 @@
 """Hostile input: nothing crashes it, hangs it or makes it grow, and the next good client is served."""
 
+import contextlib
 import math
 import random
 import socket
 import struct
+import time
 import tracemalloc
 
 import pytest
@@ -13,7 +15,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim_serving import served
 from sim_station import LAT, LON, NAN, Stage, Station, item, leg
 
+from sim_stub.transports import tcp
 from sim_stub.transports.channel import Impairment
+from sim_stub.transports.pad_server import MAX_CLIENTS
 from sim_stub.wire.messages import specs
 
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
@@ -228,6 +232,26 @@ def test_absurd_places_are_refused_or_harmless(autopilot):
     s.run(5.0)
     body = stage.vehicle.body
     assert all(map(math.isfinite, (body.lat, body.lon, body.alt_m, body.roll, body.pitch)))
+
+
+@pytest.mark.parametrize("what", ["vehicle", "pads"])
+def test_silent_connections_keep_nobody_out_for_ever(what, monkeypatch):
+    monkeypatch.setattr(tcp, "SILENT_S", 0.3)
+    with served(tcp_port=0, pads="tcp:127.0.0.1:0") as running:
+        where = running.where(0 if what == "vehicle" else 1)
+        most = tcp.MAX_VEHICLE_PEERS if what == "vehicle" else MAX_CLIENTS
+        with contextlib.ExitStack() as stack:
+            for _ in range(most):
+                stack.enter_context(socket.create_connection(where))
+            end = time.monotonic() + 10.0
+            answer = b""
+            while not answer and time.monotonic() < end:
+                with socket.create_connection(where) as late:
+                    late.settimeout(2.0)
+                    with contextlib.suppress(OSError):
+                        late.sendall(b'{"op": "status", "station": "here"}\n')
+                        answer = late.recv(4096)
+            assert answer, "the newest is served"
 
 
 def test_too_many_connections_are_turned_away():
