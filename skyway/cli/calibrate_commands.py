@@ -42,6 +42,8 @@ Examples:
 
   skyway calibrate energy m100_*.csv --mass 3.68 --model momentum --json
 """
+MOST_SAMPLES = 300_000
+"""Of a longer log every second, fourth, … sample is taken."""
 calibrate = typer.Typer(
     name="calibrate",
     help="Fit the models to what a drone really did.",
@@ -240,6 +242,7 @@ def _record(
     system: int | None,
     columns: Path | None,
 ) -> PowerRecord:
+    from link.flight_monitor import Thinned
     from link.replay import choose_system
     from models.calibration_energy import power_record
     from models.telemetry import TelemetryTrack
@@ -256,8 +259,11 @@ def _record(
         if math.isnan(package):
             raise InputError(Fault("does not say what was carried", str(path), remedy="give --payload, kg"))
     chosen = choose_system(opened.summary, system)
-    track = TelemetryTrack.joined(track for track in opened.tracks() if track.system == chosen)
-    return power_record(str(path), track, mass + package)
+    kept = Thinned(TelemetryTrack.part, TelemetryTrack.joined, most=MOST_SAMPLES)
+    for track in opened.tracks():
+        if track.system == chosen:
+            kept.add(track)
+    return power_record(str(path), kept.rows(), mass + package)
 
 
 def _rank(fit: EnergyFit) -> float:
