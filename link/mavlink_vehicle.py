@@ -48,6 +48,7 @@ _SET_MODE, _PAUSE, _START, _BATTERY_RESET = 176, 193, 300, 42651
 _SPEED, _GROUND_SPEED, _SAME_THROTTLE = 178, 1.0, -1.0
 _MODE_S, _RETRY_ARM_S, _BATTERY_S = 8.0, 1.0, 3.0
 _PERCENT = 0.0101
+_ORDERS, _BEATS_S = 3, 3.0
 _ABOVE_HOME, _ABOVE_SEA = 6, 0
 """MAV_FRAME_GLOBAL_RELATIVE_ALT_INT and MAV_FRAME_GLOBAL."""
 _GROUND_NAMES = ("SYSID_MYGCS", "MAV_GCS_SYSID")
@@ -211,13 +212,12 @@ class MavlinkVehicle(Seen):
             raise CommandRefusedError(what, RESULTS.get(result, f"answer {result}"), self.peer.texts_since(said)[-3:])
 
     def arm(self, patience_s: float = 0.0) -> None:
-        """Arm; try again for so long while it is not ready."""
+        """Arm, until a heartbeat says so; try again for so long while it is not ready."""
         self.check_ground_station()
         end = self.connection.clock.now_s() + patience_s
         while True:
-            self.expect("armed", "armed")
             try:
-                self.command("arm", _ARM, 1.0)
+                self._switch_motors("arm", on=True)
             except CommandRefusedError:
                 if self.connection.clock.now_s() >= end:
                     raise
@@ -226,9 +226,17 @@ class MavlinkVehicle(Seen):
                 return
 
     def disarm(self) -> None:
-        """Disarm."""
-        self.expect("armed", "disarmed")
-        self.command("disarm", _ARM, 0.0)
+        """Disarm, until a heartbeat says so."""
+        self._switch_motors("disarm", on=False)
+
+    def _switch_motors(self, what: str, *, on: bool) -> None:
+        """Order it until it is so: the answer to arming, doubled and late, reads like one to disarming."""
+        for _ in range(_ORDERS):
+            self.expect("armed", f"{what}ed")
+            self.command(what, _ARM, float(on))
+            if self.connection.wait(lambda: self.armed == on, _BEATS_S):
+                return
+        raise CommandRefusedError(what, f"it agrees, and stays {'dis' if on else ''}armed", self.texts()[-2:])
 
     def set_mode(self, name: str) -> None:
         """Switch the mode, and wait until a heartbeat says so."""

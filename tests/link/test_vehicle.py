@@ -126,6 +126,24 @@ def test_arming_waits_until_a_cold_vehicle_is_ready():
     assert scene.vehicle.autopilot.armed
 
 
+def test_an_answer_to_arming_that_comes_late_is_not_taken_for_one_to_disarming(scene):
+    scene.craft.set_mode("guided")
+    scene.craft.arm(patience_s=60.0)
+    lost, late = [], FrameWriter(1, 1).frame("COMMAND_ACK", {"command": 400, "result": 0})
+
+    def spoil(number, message, frame, up):
+        if up and not lost and message.name == "COMMAND_LONG" and message["command"] == 400:
+            lost.append(frame)
+            scene.link.inner.inbox.append(late)
+            return b""
+        return frame
+
+    scene.link.spoil = spoil
+    scene.craft.disarm()
+    assert lost
+    assert not scene.vehicle.autopilot.armed
+
+
 def test_ardupilot_must_count_our_heartbeat():
     scene = aboard("ardupilot", parameters=(("SYSID_MYGCS", 250.0),))
     with pytest.raises(CommandRefusedError, match=r"SYSID_MYGCS.*--gcs-system 250"):
