@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from planner.request import Request
 
 Action = Literal["continue", "speed", "charge", "wait", "station", "divert", "land", "stop"]
-DEFAULT_PLANNER = "pfs-charge-aware"
+DEFAULT_PLANNER = "robust"
 """Planner of replanning where none is named."""
 
 
@@ -54,8 +54,9 @@ class ReplanSettings:
         `epsilon_depart`.
     epsilon_later : float
         Charges of later legs, which are decided anew when they are near, may be too low in this share of the forecast.
-    plan_sigmas : float
-        Plans are made with the energy factor so many standard deviations above its mean.
+    plan_sigmas, strict_sigmas : float
+        Plans are made with the energy factor so many standard deviations above its mean; with the second where no plan of
+        the first can be flown.
     margin_s, margin_share : float
         Another plan must arrive earlier by both: seconds, and a share of the time left.
     divert_share : float
@@ -64,8 +65,9 @@ class ReplanSettings:
         The ground speed is sent again when it changed by so much, and no oftener than this.
     confirm : int
         Looks in a row that must say the same before a flight is diverted.
-    better_every_s : float
-        How often in flight a better composition is looked for.
+    better_every_s, flight_planner : float, str
+        How often in flight a better composition is looked for, and by which planner: nobody listens to the vehicle
+        meanwhile, so it must answer in a fraction of a second.
     wait_s : float
         How long to wait for wind or a pad before looking again.
     charge_step : float
@@ -77,6 +79,7 @@ class ReplanSettings:
     divert_above: float = 0.5
     epsilon_later: float = 0.1
     plan_sigmas: float = 1.0
+    strict_sigmas: float = 2.5
     margin_s: float = 180.0
     margin_share: float = 0.05
     divert_share: float = 0.5
@@ -84,6 +87,7 @@ class ReplanSettings:
     speed_every_s: float = 30.0
     confirm: int = 3
     better_every_s: float = 60.0
+    flight_planner: str = "pfs-charge-aware"
     wait_s: float = 300.0
     charge_step: float = 0.02
 
@@ -207,23 +211,24 @@ class GroundReplanner:
         belief : EnergyBelief
             How much energy flights take.
         """
-        problem = self._problem(standing, forecast, belief)
         reach = self.reach(forecast, belief.next_flight())
-        kept = None if current is None else self._kept(problem, current, standing)
-        fresh, why_not = self._fresh(standing, problem, forecast)
-        chosen = self._choose(standing, kept, fresh, why_not)
-        reason = why_not
-        for action, candidate, why in chosen:
-            decision = self._with_charge(standing, problem, action, candidate, why, reach)
-            if decision.action != "stop":
-                return decision
-            reason = decision.reason
+        reason = ""
+        for sigmas in (self.settings.plan_sigmas, self.settings.strict_sigmas):
+            problem = self._problem(standing, forecast, belief.next_flight().cautious(sigmas))
+            kept = None if current is None else self._kept(problem, current, standing)
+            fresh, why_not = self._fresh(standing, problem, forecast)
+            reason = reason or why_not
+            for action, candidate, why in self._choose(standing, kept, fresh, why_not):
+                decision = self._with_charge(standing, problem, action, candidate, why, reach)
+                if decision.action != "stop":
+                    new = candidate is not kept
+                    return replace(decision, figures={**decision.figures, "new_plan": new})
+                reason = decision.reason
         return Decision("stop", reason, {"station": standing.station, "soc": standing.soc})
 
     # The candidates
 
-    def _problem(self, standing: Grounded, forecast: WindEnsemble, belief: EnergyBelief) -> Problem:
-        factor = belief.next_flight().cautious(self.settings.plan_sigmas)
+    def _problem(self, standing: Grounded, forecast: WindEnsemble, factor: float) -> Problem:
         drone = cautious_drone(self.drone, factor)
         drones = tuple(drone if d.id == drone.id else d for d in self.scenario.drones)
         scenario = replace(self.scenario, drones=drones)
@@ -314,14 +319,18 @@ class GroundReplanner:
         reason = f"next {service.destination}, {minutes:.0f} min to the delivery: {why}"
         if wanted is not None:
             reason += f"; charge from {100 * standing.soc:.0f} to {100 * wanted:.0f} %"
-            if action == "continue" and standing.planned_soc is not None:
-                changed = abs(wanted - standing.planned_soc) > self.settings.charge_step
-                action = "charge" if changed else "continue"
+        before = standing.planned_soc
+        if before is not None and abs((wanted or standing.soc) - max(before, standing.soc)) > self.settings.charge_step:
+            action = "charge" if action == "continue" else action
+            reason += (
+                f" instead of {100 * before:.0f} %" if wanted is not None else f"; no charging to {100 * before:.0f} %"
+            )
         return Decision(action, reason, figures, told, service.destination, None, wanted, need.diverts)
 
     def charge_needed(self, service: DroneService, standing: Grounded, reach: Reach) -> _Need:
         """Find the least charge with which a leg keeps the reserve and always has a divert station."""
         way = reach.way(service.origin, service.via, service.destination)
+        reach = reach.where_flown(way, standing.time_s)
         cost = reach.leg_cost(way, standing.time_s, climbs=True)
         settings, reserve = self.settings, self.request.reserve_soc
         floor = reserve * settings.divert_share

@@ -238,7 +238,7 @@ class FlightReplanner:
         try:
             problem = Problem(scenario, request, drone, forecast)
             kept = itinerary_of(problem, airborne.rest)
-            fresh = plan(scenario, request, planner=ground.planner, forecast=forecast)
+            fresh = plan(scenario, request, planner=settings.flight_planner, forecast=forecast)
         except (InfeasibleError, InputError):
             return None
         first = fresh.composition.services[0]

@@ -61,6 +61,7 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
     from link.supervisor import Journal, Mandate, NobodyThere, Supervisor
     from models.composition_file import save
     from planner.replan import DEFAULT_PLANNER
+    from sim_stub.pads import Pads
     from skyway.proving_flight import drag_of
 
     planner = options.planner or DEFAULT_PLANNER
@@ -89,9 +90,8 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
         asking="never",
     )
     operator = NobodyThere(show=lambda line: say(f"{_clock(lockstep.clock.posix_s())}  {line}"))
-    supervisor = Supervisor(
-        mandate, vehicle, lockstep.clock, world.pads, operator, journal, on_tick=_truth_writer(world)
-    )
+    pads = world.pads or Pads(world, scenario.load, seed=options.seed)
+    supervisor = Supervisor(mandate, vehicle, lockstep.clock, pads, operator, journal, on_tick=_truth_writer(world))
     try:
         return supervisor.run()
     finally:
@@ -181,8 +181,10 @@ def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
 
     journal = options.folder / "journal.jsonl"
     records = read_journal(journal).records
-    turned = [r for r in records if r.event == "decision" and r.data.get("action") in ("station", "charge", "divert")]
-    lines = [f"replanned {len(turned)} times because of what was learnt on the way:"] if turned else []
+    decided = [r for r in records if r.event == "decision"]
+    turned = [r for r in decided if r.data.get("new_plan") or r.data.get("action") in ("station", "charge", "divert")]
+    times = "once" if len(turned) == 1 else f"{len(turned)} times"
+    lines = [f"replanned {times}, by what was learnt on the way:"] if turned else []
     lines += [f"  {r.time[11:19]}  {r.data['action']}: {r.reason}" for r in turned]
     seen = [str(options.folder / "plan.json"), str(journal)]
     if find_spec("skyway.flight_report") is not None:

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from deliveries import Stage, Story
+from benchmarks.deliveries import Stage, Story
 from supervision_page import PAGE, drawn
 from wires import FAMILIES
 

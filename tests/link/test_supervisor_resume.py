@@ -3,7 +3,7 @@
 import random
 
 import pytest
-from deliveries import Stage, Story
+from benchmarks.deliveries import Stage, Story
 
 from link.supervisor import read_journal
 

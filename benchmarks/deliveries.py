@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from link.connection import Connection
@@ -27,8 +27,13 @@ from sim_stub.world import World
 from skyway.proving_flight import drag_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
+    from link.supervisor import Operator, Outcome
+    from models.scenario import Scenario
+    from models.services import Composition
+    from models.wind_ensemble import WindEnsemble
     from sim_stub.transports.channel import Impairment
 
 PLANNER = "pfs-charge-aware"
@@ -36,7 +41,7 @@ LOCAL = ZoneInfo("America/New_York")
 
 
 @cache
-def newyork():
+def newyork() -> Scenario:
     return replace(read_scenario(NEW_YORK), path="builtin:newyork")
 
 
@@ -61,10 +66,10 @@ class Story:
     truth: str | None = None
     vehicle: dict = field(default_factory=dict)
 
-    def instant(self):
+    def instant(self) -> datetime:
         return datetime.fromisoformat(self.depart)
 
-    def plan(self):
+    def plan(self) -> tuple[Request, WindEnsemble, Composition]:
         scenario, depart = newyork(), self.instant()
         request = Request(
             state=State(depart, self.start, None, self.soc),
@@ -80,7 +85,7 @@ class Story:
 class Stage:
     """The world of a story, and a supervisor that may be killed and begun anew."""
 
-    def __init__(self, story: Story, folder: Path, operator=None):
+    def __init__(self, story: Story, folder: Path, operator=None) -> None:
         self.story = story
         scenario, depart = newyork(), story.instant()
         self.request, self.forecast, self.composition = story.plan()
@@ -111,7 +116,7 @@ class Stage:
         self.operator = operator or NobodyThere()
         self.supervisor = None
 
-    def mandate(self):
+    def mandate(self) -> Mandate:
         settings = ReplanSettings() if self.story.supervised else None
         return Mandate(
             composition=self.composition,
@@ -124,7 +129,7 @@ class Stage:
             asking="once" if self.operator.present else "never",
         )
 
-    def board(self, *, resume=False, on_tick=None):
+    def board(self, *, resume: bool = False, on_tick: Callable[[Any], None] | None = None) -> Supervisor:
         """Connect, and put a supervisor in charge."""
         link = self.lockstep.connect(self.craft, self.story.impairment, seed=self.story.seed)
         connection = Connection(link, self.lockstep.clock)
@@ -136,7 +141,7 @@ class Stage:
         )  # fmt: skip
         return self.supervisor
 
-    def fly(self, **how):
+    def fly(self, **how: Any) -> Outcome:
         """Take the delivery to its end."""
         supervisor = self.board(**how)
         try:
