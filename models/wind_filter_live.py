@@ -141,7 +141,7 @@ class LiveWind:
         self._waiting: list[tuple[float, ...]] = []
         self._heard_s = -math.inf
         self._flying = False
-        self._autopilot_s = -math.inf
+        self._taken_s = {"autopilot": -math.inf, "airspeed": -math.inf}
         self._flown: deque[tuple[float, ...]] = deque(maxlen=DRAG_WINDOW)
         self._slots = SlotAverages()
 
@@ -190,10 +190,13 @@ class LiveWind:
         """Let the filter live through blocks."""
         course = FilteredWind.empty(len(air))
         self._flying = bool(air.flying[-1]) if len(air) else self._flying
-        found = measurements(air, self.drag, self.airspeed, autopilot_s=self._autopilot_s)
+        found = measurements(
+            air, self.drag, self.airspeed, autopilot_s=self._taken_s["autopilot"], airspeed_s=self._taken_s["airspeed"]
+        )
         self.measured.update(found.source.tolist())
-        taken = found.source == "autopilot"
-        self._autopilot_s = float(found.time_s[taken][-1]) if taken.any() else self._autopilot_s
+        for source in self._taken_s:
+            times = found.time_s[found.source == source]
+            self._taken_s[source] = float(times[-1]) if len(times) else self._taken_s[source]
         if self.drag is not None:
             seen = air.flying & ~air.winged & np.isfinite(air.drag).all(axis=1)
             pairs = np.concatenate([air.velocity, tilt_air_velocity(air, self.drag)], axis=1)

@@ -21,6 +21,8 @@ LAG_S = 0.3
 AUTOPILOT_SIGMA_MPS = 1.0
 AUTOPILOT_EVERY_S = 10.0
 """The autopilot's estimate is a filtered one: it is taken this often and no oftener."""
+SAME_SENSOR_S = 30.0
+"""Where airspeed told the wind so shortly before, the autopilot's estimate is made of the same and not taken again."""
 PLAIN_SENSOR = AirspeedModel()
 MIN_AIRSPEED_MPS = 8.0
 """Below this a plane does not fly on its wings."""
@@ -94,7 +96,7 @@ def airspeed_wind(air: Blocks, sensor: AirspeedModel = PLAIN_SENSOR) -> Measurem
     return _chosen(air, wind, noise, air.flying & air.winged & fast, "airspeed")
 
 
-def autopilot_wind(air: Blocks, after_s: float = -math.inf) -> Measurements:
+def autopilot_wind(air: Blocks, after_s: float = -math.inf, told_s: NDArray[np.float64] | None = None) -> Measurements:
     """Return the autopilot's own estimate, taken seldom because it is filtered already.
 
     Parameters
@@ -102,9 +104,13 @@ def autopilot_wind(air: Blocks, after_s: float = -math.inf) -> Measurements:
     air : Blocks
     after_s : float
         When it was taken last, in blocks before these.
+    told_s : ndarray, optional
+        When airspeed told the wind, in order.
     """
     noise = np.broadcast_to(np.array([AUTOPILOT_SIGMA_MPS**2, 0.0, AUTOPILOT_SIGMA_MPS**2]), (len(air), 3))
-    alive = np.flatnonzero(np.isfinite(air.autopilot).all(axis=1) & air.flying)
+    told = np.concatenate([[-np.inf], np.empty(0) if told_s is None else told_s])
+    since = air.time_s - told[np.searchsorted(told, air.time_s, side="right") - 1]
+    alive = np.flatnonzero(np.isfinite(air.autopilot).all(axis=1) & air.flying & (since > SAME_SENSOR_S))
     slot = np.floor(air.time_s[alive] / AUTOPILOT_EVERY_S)
     fresh = np.diff(slot, prepend=math.floor(after_s / AUTOPILOT_EVERY_S) if math.isfinite(after_s) else -np.inf) > 0.0
     first = np.zeros(len(air), dtype=bool)
@@ -113,7 +119,12 @@ def autopilot_wind(air: Blocks, after_s: float = -math.inf) -> Measurements:
 
 
 def measurements(
-    air: Blocks, drag: DragModel | None, sensor: AirspeedModel = PLAIN_SENSOR, *, autopilot_s: float = -math.inf
+    air: Blocks,
+    drag: DragModel | None,
+    sensor: AirspeedModel = PLAIN_SENSOR,
+    *,
+    autopilot_s: float = -math.inf,
+    airspeed_s: float = -math.inf,
 ) -> Measurements:
     """Every measurement of the wind that telemetry gives, in the order of time.
 
@@ -125,10 +136,11 @@ def measurements(
         None: the drag is not known, so tilt tells nothing.
     sensor : AirspeedModel
         Of a plane; by default as the sensor says.
-    autopilot_s : float
-        When the autopilot's estimate was taken last.
+    autopilot_s, airspeed_s : float
+        When the autopilot's estimate was taken last, and airspeed told the wind, in blocks before these.
     """
-    parts = [airspeed_wind(air, sensor), autopilot_wind(air, autopilot_s)]
+    by_airspeed = airspeed_wind(air, sensor)
+    parts = [by_airspeed, autopilot_wind(air, autopilot_s, np.append(airspeed_s, by_airspeed.time_s))]
     if drag is not None:
         parts.insert(0, tilt_wind(air, drag))
     time_s = np.concatenate([part.time_s for part in parts])

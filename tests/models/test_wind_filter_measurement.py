@@ -63,6 +63,15 @@ def test_the_autopilots_estimate_is_taken_once_in_ten_seconds():
     assert found.wind[0] == pytest.approx((-2.0, 1.0))
 
 
+def test_where_airspeed_tells_the_wind_the_autopilots_estimate_of_the_same_sensor_is_not_counted_again():
+    track = flight(fixed_wing=1.0, airspeed_mps=18.0, wind_north_mps=-6.0, wind_east_mps=1.0)
+    assert set(measurements(blocks(track), None).source) == {"airspeed"}
+    track["airspeed_mps"][100:] = np.nan
+    found = measurements(blocks(track), None)
+    since = found.time_s[found.source == "autopilot"] - found.time_s[found.source == "airspeed"][-1]
+    assert since.min() > 30.0
+
+
 def test_a_log_without_attitude_measures_nothing():
     assert len(measurements(blocks(flight(roll_rad=np.nan, pitch_rad=np.nan)), DragModel())) == 0
 
