@@ -9,10 +9,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.errors import InfeasibleError
-from planner.evaluate import Evaluation, Flown, clairvoyant_times, fly_itinerary, pooled, sample_truths, summarise
+from planner.evaluate import (
+    Evaluation,
+    Flown,
+    clairvoyant_times,
+    fly_charging,
+    fly_itinerary,
+    fly_policy,
+    pooled,
+    sample_truths,
+    summarise,
+)
 from planner.itinerary import fly_sampled, outcome
-from planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, plan
+from planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, plan
 from planner.problem import HORIZON_H, Problem
+from planner.rolling import RollingRobust
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -36,9 +47,11 @@ APART = ("pfs-strict",)
 """Planners whose failures do not take requests from the comparison of the others."""
 MOST_FLIGHTS = 150
 """A plan of more flights takes longer than the horizon; it counts as wandering and is not flown."""
-MOST_STATIONS = {"ies": 200, "pfs-strict": 50}
-"""Planners that are tried only on networks of up to so many stations: the search that looks at everything, and the one
-that goes in circles until its step limit, in seconds to hours."""
+MOST_STATIONS = {"ies": 200, "pfs-strict": 50, "rolling": 200}
+"""Planners that are tried only on networks of up to so many stations: the search that looks at everything, the one that
+goes in circles until its step limit, and the one that plans anew at every stop of every run."""
+ROLLING = "rolling"
+"""`planner.rolling.RollingRobust`: ``robust`` anew at every stop."""
 PLANNED, NO_ROUTE, WANDERED = "planned", "no-route", "wandered"
 
 
@@ -52,6 +65,8 @@ class Contender:
     @property
     def label(self) -> str:
         """For tables."""
+        if self.planner == ROLLING:
+            return "robust, anew at each stop"
         return f"{self.planner}, {self.recharge}" if self.planner in TWO_WAYS else self.planner
 
 
@@ -67,6 +82,8 @@ def contenders(stations: int) -> list[Contender]:
         if name not in CLAIRVOYANT_PLANNERS and tried(name, stations):
             ways = ("full", "enough") if name in TWO_WAYS else ("full" if name in {*APART, "shortest"} else "enough",)
             found += [Contender(name, way) for way in ways]
+    if tried(ROLLING, stations):
+        found.append(Contender(ROLLING, "enough"))
     return found
 
 
@@ -188,6 +205,8 @@ def _try(
     request, _ = instance.request(instance.deliveries[number], rival.recharge)
     if day.isoformat() in forecast.labels:
         raise AssertionError("the truth is in the forecast")
+    if rival.planner in (ROBUST, ROLLING):
+        return _try_robust(scenario, instance, number, rival, forecast, truths)
     started = time.perf_counter()
     try:
         itinerary, promise, spent = _solve(scenario, request, rival.planner, forecast)
@@ -197,6 +216,29 @@ def _try(
         return Trial(rival, number, WANDERED, spent, len(itinerary), None)
     flown = fly_itinerary(truths, instance.drone, itinerary).judged(promise, truths.request.state.time.timestamp())
     return Trial(rival, number, PLANNED, spent, len(itinerary), flown)
+
+
+def _try_robust(
+    scenario: Scenario, instance: Instance, number: int, rival: Contender, forecast: WindEnsemble, truths: Truths
+) -> Trial:
+    """A route with charges decided at each stop, or everything decided anew at each stop."""
+    request, _ = instance.request(instance.deliveries[number], rival.recharge)
+    started = time.perf_counter()
+    try:
+        if rival.planner == ROBUST:
+            result = plan(scenario, request, planner=ROBUST, forecast=forecast)
+            assert result.robust is not None
+            flown = fly_charging(truths, instance.drone, result.robust.policy).judged(
+                result.outcome, result.problem.depart_s
+            )
+            return Trial(rival, number, PLANNED, result.planning_time_s, len(result.itinerary), flown)
+        start = Problem(scenario, request, scenario.drone(request.drone or ""), forecast)
+        flown, done = fly_policy(truths, instance.drone, RollingRobust(start, truths.errors))
+    except InfeasibleError:
+        return Trial(rival, number, NO_ROUTE, time.perf_counter() - started, 0, None)
+    decisions = sum(len(hops) for hops in done)
+    spent = (time.perf_counter() - started) / max(decisions, 1)
+    return Trial(rival, number, PLANNED, spent, max((len(hops) for hops in done), default=0), flown)
 
 
 def _solve(
