@@ -20,7 +20,7 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "logs": ("bench_logs", []),
 }
 """Benchmarks that print their own figures, each run as a process of its own."""
-MEASURED = ("speed", "ies", "evaluate")
+MEASURED = ("speed", "ies", "exact", "evaluate")
 """Benchmarks that return figures."""
 
 
@@ -34,6 +34,10 @@ def measured(name: str) -> list[Figure]:
         from benchmarks import bench_ies
 
         return bench_ies.measure()
+    if name == "exact":
+        from benchmarks import bench_exact
+
+        return bench_exact.measure()
     from benchmarks import bench_evaluate
 
     return bench_evaluate.measure()

@@ -43,8 +43,13 @@ AFTER = (0.06, 0.2, 0.6, math.inf)
 """How far beyond the lower bound deadlines go before the next larger part of the network is laid out, as shares of it."""
 SHARES = (0.01, 0.03, math.inf)
 """The same within one part of the network; a search with a time limit tries the last one only."""
-COARSE_CELLS, FINE_CELLS = 320, 1500
-"""Cells that the time up to the deadline is cut into, about; fewer where they would be shorter than a few seconds."""
+COARSE_CELLS = 240
+"""Cells that the time up to the first deadline is cut into, about; they are at least 10 s long."""
+FINE_S = 9.0
+FEWEST, MOST = 1_500, 4_500
+"""Finer cells are about that long, unless they would be fewer or more than this up to the deadline."""
+MOST_STATES = 5_000_000
+"""Nor are there more of them than this, over all nodes: they take 40 bytes each."""
 
 
 class ExactSearch:
@@ -211,7 +216,8 @@ class ExactSearch:
         part = narrowed(whole, keep)
         span = deadline_s - start.time_s
         coarse = guide.cells
-        ratio = max(int(coarse.step_s / max(span / FINE_CELLS, 2.0)), 1)
+        fine_s = max(min(FINE_S, span / FEWEST), span / min(MOST, max(MOST_STATES / len(part.nodes), 1.0)), 2.0)
+        ratio = max(int(coarse.step_s / fine_s), 1)
         cells = coarse._replace(step_s=coarse.step_s / ratio, length=coarse.length * ratio)
         mask = np.ascontiguousarray(guide.over[:, keep])
         mask[0, part.origin] = True

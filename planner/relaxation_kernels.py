@@ -201,6 +201,7 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
     least_s, deadline = remaining
     last, found = cells.length - 1, cells.length
     per_s, strict = costs.soc_per_s, costs.soc_per_s + costs.margin_soc_per_s
+    margin = costs.margin_soc_per_s > 0.0  # without one the second value of each node is the first
     climb = costs.soc_fixed + per_s * table.climb_s
     enough = costs.reserve - _LOOSE + strict * table.descent_s
     full_s = costs.reserve / costs.rate_per_s
@@ -222,7 +223,8 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                 stale[node] = False
                 barred = len(allowed) > 0 and not allowed[i // ratio, node]
                 flight = least_s[node] + table.descent_s
-                charge, left = over[i, node], rest[i, node]
+                charge = over[i, node]
+                left = rest[i, node] if margin else charge
                 late = max(x + flight, full_s + flight * drain - (charge / costs.rate_per_s - x)) > deadline
                 if barred or late or left < enough:
                     charge = left = _NONE
@@ -255,7 +257,9 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                 late = max(x + flight, full_s + flight * drain - (off / costs.rate_per_s - x)) > deadline
                 if not barred and not late:
                     charge, left = max(charge, off), max(left, off - costs.margin_soc_per_s * table.climb_s)
-                over[i, node], rest[i, node] = charge, left
+                over[i, node] = charge
+                if margin:
+                    rest[i, node] = left
                 if left < enough:
                     continue
                 for segment in range(first[node], first[node + 1]):
@@ -274,9 +278,10 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                     other = head[segment]
                     seen[other] = True
                     while cell <= end and cell < cells.length:
-                        if less > over[cell, other] or lesser > rest[cell, other]:
+                        if less > over[cell, other] or (margin and lesser > rest[cell, other]):
                             over[cell, other] = max(less, over[cell, other])
-                            rest[cell, other] = max(lesser, rest[cell, other])
+                            if margin:
+                                rest[cell, other] = max(lesser, rest[cell, other])
                             if cell == i:
                                 stale[other] = again = True
                         cell += 1
@@ -307,6 +312,7 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     # Over a node; the same for reserve and margin alone; to leave it; the least of that, and of the potential, from here on.
     over, rest, leave, ever, potential = rows[0], rows[1], rows[2], rows[3], rows[4]
     per_s, strict = costs.soc_per_s, costs.soc_per_s + costs.margin_soc_per_s
+    margin = costs.margin_soc_per_s > 0.0  # without one the second value of each node is the first
     climb = costs.soc_fixed + per_s * table.climb_s
     for i in range(cells.length - 1, -1, -1):
         x = cells.over_s + i * cells.step_s
@@ -336,8 +342,11 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
                     short = short or cell == i
                     while cell <= end and cell < cells.length:
                         fly = min(fly, over[cell, other] + per_s * least)
-                        least_rest = min(least_rest, rest[cell, other] + strict * least)
+                        if margin:
+                            least_rest = min(least_rest, rest[cell, other] + strict * least)
                         cell += 1
+                if not margin:
+                    least_rest = fly
                 off = max(fly, least_rest + costs.margin_soc_per_s * table.climb_s) + climb
                 if off < NEVER and (off <= 1.0 + _LOOSE or not has_pads[node]):
                     leave[i, node], ever[i, node] = off, min(ever[i, node], off)
@@ -358,8 +367,10 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
                     fly = min(fly, max(down, costs.reserve) + per_s * hover)
                     if down < NEVER:
                         least_rest = min(least_rest, costs.reserve + strict * hover)
-                if fly < over[i, node] or least_rest < rest[i, node]:
-                    over[i, node], rest[i, node] = min(fly, over[i, node]), min(least_rest, rest[i, node])
+                if fly < over[i, node] or (margin and least_rest < rest[i, node]):
+                    over[i, node] = min(fly, over[i, node])
+                    if margin:
+                        rest[i, node] = min(least_rest, rest[i, node])
                     again = again or short
     return over[:-1], leave[:-1]
 
