@@ -132,8 +132,8 @@ class Diversion:
     def _taken(self, time_s: float) -> bool:
         """Whether it is in a mode that is neither ours nor, for a while, the one it was in before our order."""
         mode = self.vehicle.mode
-        if mode in _OWN_MODES[self.state.value]:
-            return False
+        if mode in _OWN_MODES[self.state.value] or not self.vehicle.armed:
+            return False  # PX4 leaves LAND as it disarms; samples on their way still say armed
         return mode != self._before or time_s > self._order_s + _SETTLE_S
 
     def hear(self, sample: TelemetrySample) -> DivertState:

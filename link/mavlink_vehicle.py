@@ -294,18 +294,27 @@ class MavlinkVehicle(Seen):
         height_m += 0.0 if relative else self.home().alt_msl_m
         place = Place(round(lat_deg * 1e7), round(lon_deg * 1e7), height_m, _ABOVE_HOME if relative else _ABOVE_SEA)
         yaw = math.nan if self.family.name == "px4" else 0.0
-        self.expect("mode", self.family.mode_name(self.family.modes["guided"]))
-        self.command("go there", _REPOSITION, -1.0, 1.0, 0.0, yaw, place=place)
+        guided = self.family.mode_name(self.family.modes["guided"])
+        self._order("go there", (guided,), _REPOSITION, -1.0, 1.0, 0.0, yaw, place=place)
+
+    def _order(
+        self, what: str, modes: Sequence[str], number: int, *parameters: float, place: Place | None = None
+    ) -> None:
+        """Give a command that changes the mode, until a heartbeat says so or it stands disarmed."""
+        for _ in range(_ORDERS):
+            self.expect("mode", *modes)
+            self.command(what, number, *parameters, place=place)
+            if self.connection.wait(lambda: self.mode in modes or not self.armed, _MODE_S):
+                return
+        raise CommandRefusedError(what, f"it agrees, and stays in {self.mode}", self.texts()[-2:])
 
     def return_home(self) -> None:
         """Return as the vehicle's parameters say."""
-        self.expect("mode", "return")
-        self.command("return", _RETURN)
+        self._order("return", ("return", "land"), _RETURN)
 
     def land(self) -> None:
         """Land here."""
-        self.expect("mode", "land")
-        self.command("land", _LAND)
+        self._order("land", ("land",), _LAND)
 
     def release(self) -> None:
         """Let the package go."""
