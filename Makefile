@@ -13,14 +13,12 @@ $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	@echo "compiling the kernels, once"
+	@$(BIN)/skyway demo --plan-only > /dev/null
 	@touch $(STAMP)
 
 demo: setup
-	@mkdir -p out
-	$(BIN)/skyway plan --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00 \
-	  -o out/plan.json --plot out/plan.png --force
-	$(BIN)/skyway compare --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00 --drone m200
-	@echo "planned: see out/plan.png and out/plan.json"
+	$(BIN)/skyway demo --output out/demo
 
 test: setup
 	$(BIN)/python -m pytest -q

@@ -85,7 +85,7 @@ class Story:
 class Stage:
     """The world of a story, and a supervisor that may be killed and begun anew."""
 
-    def __init__(self, story: Story, folder: Path, operator=None) -> None:
+    def __init__(self, story: Story, folder: Path, operator: Operator | None = None) -> None:
         self.story = story
         scenario, depart = newyork(), story.instant()
         self.request, self.forecast, self.composition = story.plan()

@@ -99,6 +99,13 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
         close()
 
 
+def plan_demo(options: DemoOptions) -> Composition:
+    """Return the plan that would be flown."""
+    from planner.replan import DEFAULT_PLANNER
+
+    return _plan(options, options.planner or DEFAULT_PLANNER)[3]
+
+
 def _plan(options: DemoOptions, planner: str) -> tuple[Scenario, Request, WindEnsemble, Composition]:
     """Plan for a departure on that day; its own wind is never a member of the forecast."""
     from models.services import State

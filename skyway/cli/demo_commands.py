@@ -23,14 +23,18 @@ def demo(
     seed: Annotated[int, typer.Option("--seed", help="Of gusts, other drones and errors.")] = 1,
     autopilot: Annotated[Literal["px4", "ardupilot"], typer.Option("--autopilot", help="Whose behaviour.")] = "px4",
     planner: Annotated[str, typer.Option("--planner", help="Planner; without it the default one.")] = "",
+    plan_only: Annotated[bool, typer.Option("--plan-only", help="Plan and do not fly: compiles the kernels.")] = False,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for plan, journal and report.")] = Path(
         "out/demo"
     ),
 ) -> None:
     """Show a whole delivery (the help text is `DEMO_HELP`)."""
-    from skyway.demo import DemoOptions, run_demo, tell_end, with_day
+    from skyway.demo import DemoOptions, plan_demo, run_demo, tell_end, with_day
 
     options = with_day(DemoOptions(folder=output, seed=seed, autopilot=autopilot, planner=planner), day)
+    if plan_only:
+        typer.echo(str(plan_demo(options)))
+        return
     outcome = run_demo(options, typer.echo)
     for line in tell_end(options, outcome):
         typer.echo(line)
