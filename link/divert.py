@@ -148,8 +148,9 @@ class Diversion:
             return self.state
         if math.isnan(self._order_s):
             self._order_s = sample.time_s
-        if sample.armed == 0.0 and sample.landed != 0.0:
-            self.state = DivertState.LANDED
+        if not self.vehicle.armed:  # whatever mode that leaves it in: PX4 leaves LAND when it disarms
+            if sample.landed != 0.0 or self.state is DivertState.LANDING:
+                self.state = DivertState.LANDED
         elif self._taken(sample.time_s):
             self.state = DivertState.TAKEN
             self.reason = f"it is in mode {self.vehicle.mode}, which we did not command"
