@@ -202,7 +202,7 @@ def _without_flip_flop(planner, flights):
     turned = speeds = 0
     for seed in range(flights):
         rng = random.Random(f"noise/{seed}")
-        flight = Flight(planner, rng.uniform(0.45, 0.95), rng.uniform(0.003, 0.006))
+        flight = Flight(planner, rng.uniform(0.40, 0.95), rng.uniform(0.0050, 0.0062))
         acts, diverted = fly(planner, flight, rng, noise=1.0)
         # a flight is turned at most once, since nothing is decided any more after it; and never for noise alone
         landing = flight.soc - flight.drain * (flight.length - flight.flown) / 180.0
