@@ -77,6 +77,8 @@ class Known(NamedTuple):
         Share of flights that may need more than is charged for.
     margin : float
         Calibrated: multiplies the energy that a flight needs beyond that.
+    full : bool
+        Every charge is to 100 %, whatever is needed.
     """
 
     air: Air
@@ -90,6 +92,7 @@ class Known(NamedTuple):
     energy_error: float
     epsilon: float
     margin: float
+    full: bool
 
 
 class Stop(NamedTuple):
@@ -107,8 +110,8 @@ class Stop(NamedTuple):
         Least charge at the end of the flight.
     error : float
         Of the vehicle's energy: the flight may take this share more.
-    plugged, at_once : bool
-        It takes a pad whether or not it needs one; it cannot stay.
+    plugged, at_once, first : bool
+        It takes a pad whether or not it needs one; it cannot stay; it is where the delivery begins.
     """
 
     now_s: float
@@ -119,6 +122,7 @@ class Stop(NamedTuple):
     error: float
     plugged: bool
     at_once: bool
+    first: bool
 
 
 @compiled
@@ -336,6 +340,8 @@ def _leave(
     for _ in range(_CHANGES):
         base = _energy_about(known, row, truth, member, segments, at, cost, table)
         wanted = stop.landing + (1.0 + stop.error) * (1.0 + known.margin) * base
+        if known.full and not stop.first:
+            wanted = max(wanted, curve_soc[-1])
         charging = charging or wanted > stop.soc
         level = stop.soc
         if charging and at > stop.pad_s:
@@ -445,7 +451,7 @@ def fly_by_need(
             pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, hop, now)
             first = hop == 0
             stop = Stop(
-                now, soc, pad, hops.not_before_s[hop], landing[hop], error, plugged and first, at_once and first
+                now, soc, pad, hops.not_before_s[hop], landing[hop], error, plugged and first, at_once and first, first
             )
             curve = hops.curve_s[hop], hops.curve_soc[hop]
             looks = room if sampled and hop < count - 1 else nobody

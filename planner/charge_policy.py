@@ -17,7 +17,7 @@ import numpy as np
 from models.queue_paths import pack
 from models.wind_field import ResidualModel
 from planner.charge_kernels import Known, fly_by_need, need_tables
-from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues
+from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, fly_under, no_queues
 from planner.evaluation_kernels import Sky
 from planner.itinerary import hops_of, no_waits, outcome, stop_nodes
 from planner.outlook import Outlook
@@ -60,6 +60,7 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
         energy_error=errors.energy,
         epsilon=epsilon,
         margin=margin,
+        full=problem.request.recharge == "full",
     )
 
 
@@ -75,6 +76,39 @@ def left_out(ensemble: WindEnsemble) -> NDArray[np.float64]:
     lonely = share.sum(axis=1) <= 0.0
     share[lonely] = ensemble.probability
     return np.ascontiguousarray(share / share.sum(axis=1, keepdims=True))
+
+
+def rehearsed_worlds(
+    problem: Problem, itinerary: Itinerary, errors: Errors, runs: int, most_truths: int | None = None
+) -> tuple[NDArray[np.int64], Sky, list[QueuePath]]:
+    """Worlds in which routes are tried, the same for all of one request: (member of each run, its sky, queue paths).
+
+    Paths are those of `QUEUES` sets at the stop before each flight, in order (set, hop). See `ChargePolicy.rehearse`.
+    """
+    count = len(problem.probability)
+    chosen = np.arange(count)
+    if most_truths is not None and count > most_truths:
+        chosen = (np.arange(most_truths) * 2 + 1) * count // (2 * most_truths)
+    members = np.repeat(chosen, max(1, round(runs / len(chosen))))
+    sample = np.arange(len(members)) % QUEUES
+    nodes = stop_nodes(problem, itinerary)
+    sets = [problem.queue_paths(dict.fromkeys(nodes), number) for number in range(QUEUES)]
+    rng = np.random.default_rng((problem.request.seed, _GUSTS))
+    table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
+    energy = np.asarray(1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0), dtype=np.float64)
+    sky = Sky(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s)
+    return members, sky, [found[node] for found in sets for node in nodes]
+
+
+def rehearse_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Outcome:
+    """What becomes of an itinerary flown as it stands in the worlds in which a `ChargePolicy` is rehearsed."""
+    members, sky, paths = rehearsed_worlds(problem, itinerary, errors, runs)
+    start = (float(problem.depart_s), float(problem.soc))
+    cost = (float(problem.soc_per_s), float(problem.soc_fixed))
+    hops, queues = hops_of(problem, itinerary), Queues(*pack(paths))
+    course = fly_under(sky, problem.air, members, hops, queues, no_waits(len(itinerary)), start, cost)
+    weight = problem.probability[members]
+    return outcome(problem, course, weight / weight.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,20 +239,7 @@ class ChargePolicy:
             Of the same flights, whose tables are used again.
         """
         p = self.problem
-        count = len(p.probability)
-        chosen = np.arange(count)
-        if most_truths is not None and count > most_truths:
-            chosen = (np.arange(most_truths) * 2 + 1) * count // (2 * most_truths)
-        each = max(1, round(runs / len(chosen)))
-        members = np.repeat(chosen, each)
-        sample = np.arange(len(members)) % QUEUES
-        nodes = stop_nodes(p, self.itinerary)
-        sets = [p.queue_paths(dict.fromkeys(nodes), number) for number in range(QUEUES)]
-        paths = [found[node] for found in sets for node in nodes]
-        rng = np.random.default_rng((p.request.seed, _GUSTS))
-        table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
-        energy = np.asarray(1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0), dtype=np.float64)
-        sky = Sky(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s)
+        members, sky, paths = rehearsed_worlds(p, self.itinerary, errors, runs, most_truths)
         tables = before.tables if before is not None else need_tables(p.air, len(self))
         course, strain = self.fly(p, sky, members, paths, share=left_out(p.ensemble), tables=tables)
         weight = p.probability[members]

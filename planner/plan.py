@@ -320,6 +320,9 @@ def _told(answer: RobustAnswer, spent_s: float, looked_at: int, rejected: dict[s
         planning_time_s=spent_s,
         notes=_doubts(problem, answer.course, summary, rehearsed=len(answer.rehearsal.weight)),
     )
+    objective = problem.request.objective
+    if objective.deadline is not None:
+        composition = replace(composition, on_time_probability=objective.on_time(summary))
     return PlanResult(composition, itinerary, problem, summary, spent_s, looked_at, rejected, robust=answer)
 
 

@@ -248,8 +248,33 @@ def print_comparison(answers: list[Comparison]) -> None:
                 "ies is told the true wind and queues, the others know the forecast: its figures are for that one truth",
             )
         say(out, "")
+    _print_bought(out, answers)
     for answer in answers:
         if answer.error is not None:
             say(out, f"{answer.planner}: {answer.error}")
         elif answer.result is not None:
             say(out, f"{answer.planner}: {' > '.join(answer.result.composition.route)}")
+
+
+def _print_bought(out: Console, answers: list[Comparison]) -> None:
+    """Say in plain words what the robust plan buys."""
+    from planner.explain import bought
+    from planner.plan import CLAIRVOYANT_PLANNERS
+
+    robust = next((one.result for one in answers if one.result is not None and one.result.robust is not None), None)
+    if robust is None:
+        return
+    for answer in answers:
+        if answer.result is None or answer.result is robust or answer.planner in CLAIRVOYANT_PLANNERS:
+            continue
+        one = bought(robust, answer.result)
+        minutes = abs(one.sooner_s) / 60.0
+        text = f"robust against {one.planner}: {minutes:.0f} min {'sooner' if one.sooner_s >= 0 else 'later'} in the mean; "
+        text += (
+            f"breaks the reserve in {percent(one.broken, 1)} of deliveries instead of {percent(one.broken_there, 1)}"
+        )
+        less = (one.recharge_there_s - one.recharge_s) / 60.0
+        why = f"{abs(less):.0f} min {'less' if less >= 0 else 'more'} on pads, {one.stops} stops instead of {one.stops_there}"
+        say(out, f"{text}: {why}, and the charge is decided anew at each stop")
+    say(out, "(both flown in the same rehearsed worlds: winds, queues, gusts and vehicles that the plan did not know)")
+    say(out, "")

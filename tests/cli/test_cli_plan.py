@@ -266,7 +266,7 @@ def test_planners_are_compared_on_one_request(skyway):
 def test_given_one_wind_no_planner_beats_the_exhaustive_search(skyway):
     answer = skyway("compare", *HOP, *ONE_WIND, "--json")
     times = {plan["planner"]: plan["composition"]["delivery_time_s"] for plan in json.loads(answer.out)["plans"]}
-    assert set(times) == {"pfs", "pfs-charge-aware", "shortest", "ies"}
+    assert set(times) == {"robust", "pfs", "pfs-charge-aware", "shortest", "ies"}
     assert times["ies"] <= min(times.values()) + 1.0
 
 
@@ -294,3 +294,36 @@ def test_output_cut_short_by_its_reader_is_no_traceback():
     command = f"{sys.executable} -m skyway network --json | head -c 10"
     found = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     assert "Traceback" not in found.stderr
+
+
+def test_a_robust_plan_says_what_it_would_do_otherwise_and_why(skyway):
+    answer = skyway("plan", *TRIP, "--drone", "m200", "--alternatives", "2", "--explain")
+    assert answer.code == 0
+    out = answer.out
+    assert "charge by the wind then" in out
+    assert "rehearsed deliveries" in out
+    assert "Alternatives" in out or "No alternative" in out
+    assert "without it" in out or "no way without" in out
+    assert "Who knew wind and queues beforehand" in out
+
+
+def test_a_deadline_is_told_as_a_probability(plan_json):
+    late = plan_json(*TRIP, "--drone", "m200", "--objective", "on-time 2013-07-11T02:00-04:00")
+    soon = plan_json(*TRIP, "--drone", "m200", "--objective", "on-time 2013-07-10T14:05-04:00")
+    assert late["on_time_probability"] > 0.9
+    assert soon["on_time_probability"] == 0.0
+
+
+def test_a_window_lists_the_departures_that_were_tried(plan_json):
+    document = plan_json(*HOP, "--drone", "m200", "--depart-window", "1h", "--explain")
+    assert len(document["departures"]) == 3
+    assert document["depart"] in [one["depart"] for one in document["departures"]]
+    assert document["explanation"]["bound"]["gap"] >= -0.05
+
+
+def test_a_comparison_says_in_plain_words_what_robust_buys(skyway):
+    answer = skyway("compare", *TRIP, "--drone", "m200", "--planners", "robust,pfs")
+    assert answer.code == 0
+    out = answer.out
+    assert "robust against pfs:" in out
+    assert "breaks the reserve in" in out
