@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.label_search import Round
+from planner.label_search import GAIN_S, Round
 from planner.no_route import no_route
 from planner.outlook import Outlook
-from planner.relaxation import Start, cells_for, longest_cell_s, run_backward, run_forward
+from planner.relaxation import Start, cells_for, longest_cell_s, only_nodes, run_backward, run_forward
 from planner.stays import Stays, costs_of, needed_at_destination
 from planner.terrain import narrowed, places, terrain
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from models.queue_paths import QueuePath
     from planner.itinerary import Itinerary
     from planner.problem import Problem
-    from planner.relaxation import Guide
+    from planner.relaxation import Forward, Guide
     from planner.terrain import Terrain
 
 FIRST_GUESS = 2.4
@@ -202,45 +202,57 @@ class ExactSearch:
             end = forward.cells.over_s + forward.cells.length * forward.cells.step_s + whole.table.descent_s
             deadline = min(until_s, end)
             guide = run_backward(whole, costs, forward, needed, deadline)
-            self._refine(whole, guide, start, needed, deadline)
+            keep = guide.used.copy()
+            keep[[whole.origin, whole.destination]] = True
+            part = narrowed(whole, keep)
+            guide, forward = only_nodes(guide, forward, keep)
+            if math.isinf(self._time_limit_s):
+                self._refine(part, guide, needed, deadline)
+            elif self._run(part, guide, forward, needed, deadline, 0.0) and time.perf_counter() < self._stop_at:
+                self._refine(part, guide, needed, min(deadline, self.best_s))
             if self._answer is not None or deadline >= until_s:
                 return
         self.lower_bound_s = max(self.lower_bound_s, until_s)
 
-    def _refine(
-        self, whole: Terrain, guide: Guide, start: Start, needed: NDArray[np.float64], deadline_s: float
-    ) -> None:
+    def _refine(self, part: Terrain, guide: Guide, needed: NDArray[np.float64], deadline_s: float) -> None:
         """Search where a guide leaves anything to be found, with finer cells and earlier deadlines first."""
-        keep = guide.used.copy()
-        keep[[whole.origin, whole.destination]] = True
-        part = narrowed(whole, keep)
+        start, coarse = self._start(), guide.cells
         span = deadline_s - start.time_s
-        coarse = guide.cells
         fine_s = max(min(FINE_S, span / FEWEST), span / min(MOST, max(MOST_STATES / len(part.nodes), 1.0)), 2.0)
         ratio = max(int(coarse.step_s / fine_s), 1)
         cells = coarse._replace(step_s=coarse.step_s / ratio, length=coarse.length * ratio)
-        mask = np.ascontiguousarray(guide.over[:, keep])
+        mask = guide.over.copy()
         mask[0, part.origin] = True
         forward = run_forward(
             part, self._costs, start, cells, needed, deadline_s, after=math.inf, allowed=(mask, ratio)
         )
-        least = forward.arrive_s
-        if math.isinf(least):
-            self.lower_bound_s = max(self.lower_bound_s, deadline_s)
-            return
+        least = min(forward.arrive_s, deadline_s)
         self.lower_bound_s = max(self.lower_bound_s, least)
         for share in SHARES if math.isinf(self._time_limit_s) else SHARES[-1:]:
             until = min(least + share * (least - start.time_s) + 2.0 * cells.step_s, deadline_s)
-            stays = Stays(self.problem, self.queues, part, needed, margin_soc_per_s=self._margin)
-            stays.best_s = until
             narrow = run_backward(part, self._costs, forward, needed, until)
-            one = Round(stays, narrow, forward, needed, self._stop_at)
-            one.run()
-            self.looked_at += one.looked_at
-            if one.best is not None:
-                self.complete, self.best_s = one.complete, stays.best_s
-                self._answer = stays.trace(*one.best)
-            if one.complete:
-                self.lower_bound_s = max(self.lower_bound_s, stays.best_s)
-            if one.best is not None or until >= deadline_s:
+            if self._run(part, narrow, forward, needed, until, self._stop_at) or until >= deadline_s:
                 return
+
+    def _run(
+        self,
+        part: Terrain,
+        guide: Guide,
+        forward: Forward,
+        needed: NDArray[np.float64],
+        until_s: float,
+        stop_at: float,
+    ) -> bool:
+        """Search labels for arrivals until some time; tells whether that is the end, by an answer or by the clock."""
+        stays = Stays(self.problem, self.queues, part, needed, margin_soc_per_s=self._margin)
+        stays.best_s = until_s
+        one = Round(stays, guide, forward, needed, stop_at, answered=self._answer is not None)
+        one.run()
+        self.looked_at += one.looked_at
+        if one.best is not None:
+            self.best_s = stays.best_s
+            self._answer = stays.trace(*one.best)
+        if one.complete:
+            self.lower_bound_s = max(self.lower_bound_s, stays.best_s)
+        self.complete = self._answer is None or self.lower_bound_s >= self.best_s - GAIN_S
+        return one.best is not None or not one.complete

@@ -90,6 +90,8 @@ class Round:
         See `planner.stays.needed_at_destination`.
     stop_at : float
         Of `time.perf_counter`: with an answer, the search ends then.
+    answered : bool
+        There is an answer already.
 
     Attributes
     ----------
@@ -102,13 +104,21 @@ class Round:
     """
 
     def __init__(
-        self, stays: Stays, guide: Guide, forward: Forward, needed: NDArray[np.float64], stop_at: float = math.inf
+        self,
+        stays: Stays,
+        guide: Guide,
+        forward: Forward,
+        needed: NDArray[np.float64],
+        stop_at: float = math.inf,
+        *,
+        answered: bool = False,
     ) -> None:
         self.stays = stays
         self.guide = guide
         self.forward = forward
         self.needed = needed
         self.stop_at = stop_at
+        self.answered = answered
         self.complete = True
         self.looked_at = 0
         self.best: tuple[list[Stay], float] | None = None
@@ -123,7 +133,7 @@ class Round:
         label: Label | None = self._judged(Label(origin, None, self.guide, 0.0))
         while label is not None:
             after = self._expand(label)
-            if self.best is not None and time.perf_counter() > self.stop_at:
+            if (self.answered or self.best is not None) and time.perf_counter() > self.stop_at:
                 self.complete = False
                 return
             # Until there is an answer the best continuation is followed at once.

@@ -164,3 +164,12 @@ def run_backward(
     last = cells.length - 1 - np.argmax(can_leave[::-1], axis=0)
     window = np.column_stack((np.where(any_cell, first, 0), np.where(any_cell, last, -1)))
     return Guide(cells, leave, (forward.over >= over - _LOOSE) & (over < np.inf), window)
+
+
+def only_nodes(guide: Guide, forward: Forward, keep: NDArray[np.bool_]) -> tuple[Guide, Forward]:
+    """Return the same for some of the nodes, as in `planner.terrain.narrowed`."""
+    one = Guide(guide.cells, guide.leave[:, keep], np.ascontiguousarray(guide.over[:, keep]), guide.window[keep])
+    other = Forward(
+        forward.cells, forward.over[:, keep], forward.leave[:, keep], forward.arrive_s, forward.least_s[keep]
+    )
+    return one, other
