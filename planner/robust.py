@@ -171,7 +171,7 @@ class RobustSearch:
     def finalists(self, candidates: list[Candidate]) -> list[Candidate]:
         """Order candidates anew after more runs of the first few."""
         again = [self._judged(one.policy.itinerary, FINALIST_RUNS, None)[0] for one in candidates[:FINALISTS]]
-        return sorted(again, key=_order) + candidates[FINALISTS:]
+        return sorted(self._with_switches(again), key=_order) + candidates[FINALISTS:]
 
     def finish(self, candidates: list[Candidate]) -> RobustAnswer:
         """Calibrate the first of the candidates and tell what becomes of it."""
