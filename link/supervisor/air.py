@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from link.divert import Diversion, Refuge
-from link.supervisor.context import Turn
+from link.supervisor.foreign import landed, refuse_foreign
 from link.supervisor.legs import cross_track_m, turn_leg, with_places
 from link.supervisor.states import State
 from models.errors import InputError, LinkError
@@ -15,7 +15,6 @@ from planner.replan import GroundReplanner
 from planner.replan_flight import Airborne, FlightReplanner
 
 if TYPE_CHECKING:
-    from link.seen import Change
     from link.supervisor.context import After, Context
     from models.telemetry import TelemetrySample
     from planner.energy_belief import EnergyBelief
@@ -40,7 +39,7 @@ def flying(ctx: Context) -> After:
     replanner = _replanner(ctx)
     decided_s = ctx.now_s
     while True:
-        check_changes(ctx, ctx.tick(), _WAY_MODES)
+        refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
         if landed(ctx):
             return State.LANDED, "landed and disarmed"
         if ctx.now_s < decided_s + DECIDE_EVERY_S or not _climbed(ctx):
@@ -70,12 +69,6 @@ def _replanner(ctx: Context) -> FlightReplanner | None:
     return FlightReplanner(ground)
 
 
-def landed(ctx: Context) -> bool:
-    """Whether the flight is over: disarmed, and on the ground as far as it tells."""
-    s = ctx.sample
-    return s is not None and s.armed == 0.0 and s.landed != 0.0
-
-
 def _climbed(ctx: Context) -> bool:
     """Whether it cruises: not still climbing at the start, nor landing at the end."""
     s = ctx.sample
@@ -87,28 +80,6 @@ def _landing(ctx: Context, s: TelemetrySample) -> bool:
         return False
     end = ctx.leg.mission.way[-1]
     return cross_track_m([end, end], s.lat_deg, s.lon_deg) < 30.0
-
-
-def check_changes(ctx: Context, changes: list[Change], own_modes: tuple[str, ...]) -> None:
-    """Stop commanding where something is not ours: a mode, a mission, arming or disarming in the air."""
-    for change in changes:
-        if change.ours:
-            continue
-        if change.what == "mode" and change.after not in own_modes and not landed(ctx):
-            if not _lasts(ctx, change.after):
-                continue
-            said = "; ".join(ctx.vehicle.texts()[-2:])
-            words = f"; it said: {said}" if said else ""
-            raise Turn(State.HOLDING, f"mode {change.after}, which we did not command{words}")
-        if change.what == "mission" and ctx.in_air:
-            raise Turn(State.HOLDING, f"its mission was changed by somebody else ({change.before} to {change.after})")
-        if change.what == "boot" and ctx.in_air:
-            raise Turn(State.HOLDING, "the autopilot restarted in the air")
-
-
-def _lasts(ctx: Context, mode: str) -> bool:
-    """Whether it is still in that mode, or already on the ground: the end of a mission also changes it."""
-    return ctx.vehicle.mode == mode and not landed(ctx) and ctx.in_air
 
 
 # Deciding
@@ -237,7 +208,7 @@ def diverting(ctx: Context) -> After:
         if after[0] is not State.DIVERTING:
             return after
     while True:
-        check_changes(ctx, ctx.tick(), _WAY_MODES)
+        refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
         _watch(ctx)
         if landed(ctx):
             return State.LANDED, "landed and disarmed after a divert"
@@ -310,7 +281,7 @@ def _land_here(ctx: Context) -> After:
     except LinkError as error:
         ctx.note("turn", f"landing was not taken over: {error}")
     while True:
-        check_changes(ctx, ctx.tick(), ("land", "mission"))
+        refuse_foreign(ctx, ctx.tick(), ("land", "mission"))
         if landed(ctx):
             return State.LANDED, "landed where it was"
 

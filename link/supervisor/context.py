@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from link.supervisor.legs import station_at
-from link.supervisor.states import IN_AIR, TABLE, State
+from link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State
 from models.composition_file import to_json
 from models.services import Place
 from planner.energy_belief import EnergyBelief
@@ -33,6 +33,8 @@ TICK_S = 1.0
 SILENT_S = 5.0
 """Not heard for so long, the link is lost."""
 AT_STATION_M = 60.0
+JUMP_SOC = 0.05
+"""A charge that falls by so much from one report to the next was not used by flying."""
 MIN_GAUGE_SOC = 0.08
 """A flight that used less tells nothing of the gauge."""
 TRACK_EVERY_S, GROUND_TRACK_EVERY_S = 5.0, 120.0
@@ -193,6 +195,10 @@ class Context:
             self.on_tick(self)
         if self.state is not State.LOST_LINK and self.vehicle.silent_s > SILENT_S:
             raise Turn(State.LOST_LINK, f"nothing was heard of the vehicle for {self.vehicle.silent_s:.0f} s")
+        if self.state in ON_GROUND:
+            from link.supervisor.foreign import refuse_on_ground
+
+            refuse_on_ground(self, changes)
         rule = TABLE[self.state]
         if rule.overdue is not None and self.clock.now_s() - self.entered_s > rule.longest_s:
             raise Turn(rule.overdue, f"{self.state} has lasted longer than {rule.longest_s / 60:.0f} min")
@@ -202,8 +208,12 @@ class Context:
         """Take a state of charge that the vehicle tells; what pads have found its gauge to miss is counted in."""
         if not math.isfinite(soc):
             return
+        leg, fell = self.leg, self.told_soc - soc
         self.told_soc = soc
-        leg = self.leg
+        if leg is not None and self.state in IN_AIR and fell > JUMP_SOC:
+            leg.soc_start, leg.told_start = leg.soc_start - fell, leg.told_start - fell
+            self.flown_from = (math.nan, math.nan)
+            self.note("gauge", f"the charge fell by {100 * fell:.0f} % at once: lost, not used", fell_soc=fell)
         flown = leg is not None and math.isfinite(leg.soc_start) and self.gauge != 1.0
         if leg is not None and flown:
             soc = max(leg.soc_start - self.gauge * (leg.told_start - soc), 0.0)

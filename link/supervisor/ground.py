@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from link.mission_words import MissionKind
 from link.pads import ManualPads
 from link.supervisor.context import Leg, Turn
+from link.supervisor.foreign import refuse_foreign
 from link.supervisor.legs import plan_leg, with_places
 from link.supervisor.preflight import run_checks
 from link.supervisor.states import State
@@ -411,7 +412,7 @@ def arming(ctx: Context) -> After:
 def _took_off(ctx: Context) -> bool:
     end = ctx.clock.now_s() + TAKE_OFF_S
     while ctx.clock.now_s() < end:
-        ctx.tick()
+        refuse_foreign(ctx, ctx.tick(), ("mission", "takeoff", "guided"))
         s = ctx.sample
         if ctx.in_air and s is not None and s.height_m > 2.0:
             return True

@@ -139,6 +139,8 @@ TABLE: Mapping[State, Rule] = {
 
 IN_AIR = frozenset({State.FLYING, State.DIVERTING})
 """States in which it is expected to fly under our mission."""
+ON_GROUND = frozenset({State.REPLANNING, State.WAITING, State.CHARGING, State.PREFLIGHT, State.UPLOADING, State.READY})
+"""States in which it is expected to stand disarmed."""
 ENDS = frozenset(state for state, rule in TABLE.items() if not rule.following)
 """States in which a delivery ends."""
 

@@ -3,10 +3,10 @@
 import json
 
 import pytest
-from benchmarks.deliveries import Stage, Story
 from supervision_page import PAGE, drawn
 from wires import FAMILIES
 
+from benchmarks.deliveries import Stage, Story
 from link.supervisor import Scripted, State, read_journal
 from link.supervisor.failsafes import finishes_alone, when_left
 from link.supervisor.journal import Journal
@@ -180,3 +180,21 @@ def test_a_torn_line_at_the_end_of_a_journal_is_left_out_and_cut_off(tmp_path):
         read_journal(path)
     with pytest.raises(InputError, match="exists already"):
         Journal(path, lambda: 1.0e9)
+
+
+def test_somebody_else_who_arms_it_on_the_pad_stops_all_commanding(tmp_path):
+    stage = Stage(Story(start="bellevue", to="yankee-stadium", soc=0.3, traffic=False), tmp_path)
+    done = []
+
+    def meddle(ctx):
+        if ctx.state is State.CHARGING and not done:
+            done.append(ctx.now_s)
+            stage.craft.autopilot.arm(force=True, by="somebody else")
+
+    outcome = stage.fly(on_tick=meddle)
+    assert "holding" in states(stage)
+    assert not outcome.delivered
+    assert outcome.state == "stopped-safe"
+    assert stage.craft.station() == "bellevue"
+    held = next(record for record in events(stage, "state") if record.data["after"] == "holding")
+    assert "armed, and not by us" in held.reason

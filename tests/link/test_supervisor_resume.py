@@ -3,8 +3,8 @@
 import random
 
 import pytest
-from benchmarks.deliveries import Stage, Story
 
+from benchmarks.deliveries import Stage, Story
 from link.supervisor import read_journal
 
 
