@@ -122,7 +122,7 @@ def _restore_leg(ctx: Context, data: dict[str, Any], time_s: float) -> Leg | Non
     if ctx.plan is None or not ctx.plan.services:
         return None
     try:
-        _, mission = make_leg(ctx)
+        _, mission = make_leg(ctx, _number(data.get("ground_speed_mps")))
     except (InputError, Turn):
         return None
     mandate = ctx.mandate

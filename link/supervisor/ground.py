@@ -220,11 +220,13 @@ def _note_pad(ctx: Context, told: DroneOnPad) -> None:
 # To the take-off
 
 
-def next_service(ctx: Context) -> DroneService:
-    """Return the leg to be flown next, with the divert stations that were found for it."""
+def next_service(ctx: Context, speed_mps: float | None = None) -> DroneService:
+    """Return the leg to be flown next, with its divert stations and the ground speed that the wind gives, or this one."""
     if ctx.plan is None or not ctx.plan.services:
         raise Turn(State.STOPPED, "there is no plan from here")
     service = ctx.plan.services[0]
+    if speed_mps is not None:
+        return replace(service, diverts=ctx.diverts, ground_speed_mps=speed_mps)
     planner = GroundReplanner(ctx.mandate.scenario, ctx.mandate.request, ctx.mandate.planner)
     reach = planner.reach(ctx.wind.forecast(ctx.now_s), ctx.belief)
     way = reach.way(service.origin, service.via, service.destination)
@@ -233,9 +235,9 @@ def next_service(ctx: Context) -> DroneService:
     return replace(service, diverts=ctx.diverts, ground_speed_mps=round(speed, 2))
 
 
-def make_leg(ctx: Context) -> tuple[DroneService, LegMission]:
+def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService, LegMission]:
     """Make the mission of the next leg."""
-    service = next_service(ctx)
+    service = next_service(ctx, speed_mps)
     if ctx.plan is None:
         raise Turn(State.STOPPED, "there is no plan from here")
     mandate = ctx.mandate
@@ -323,7 +325,7 @@ def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
         via=service.via,
         diverts=service.diverts,
         mission=mission,
-        commanded_mps=min(service.ground_speed_mps, 20.0),
+        commanded_mps=service.ground_speed_mps,
         planned_s=cruise + reach.rules.climb_s + reach.rules.descent_s,
         planned_soc=ctx.soc - cost,
         modelled_per_s=reach.soc_per_s,
