@@ -37,16 +37,16 @@ if TYPE_CHECKING:
     from planner.relaxation import Forward, Guide
     from planner.terrain import Terrain
 
-FIRST_GUESS = 2.4
+FIRST_GUESS = 2.2
 """The first deadline, as a multiple of what the straight way would take."""
-AFTER = (0.06, 0.2, 0.6, math.inf)
+AFTER = (0.08, 0.25, 0.7, math.inf)
 """How far beyond the lower bound deadlines go before the next larger part of the network is laid out, as shares of it."""
 SHARES = (0.01, 0.03, math.inf)
 """The same within one part of the network; a search with a time limit tries the last one only."""
 COARSE_CELLS = 240
 """Cells that the time up to the first deadline is cut into, about; they are at least 10 s long."""
-FINE_S = 9.0
-FEWEST, MOST = 1_500, 4_500
+FINE_S = 30.0
+FEWEST, MOST = 700, 4_500
 """Finer cells are about that long, unless they would be fewer or more than this up to the deadline."""
 MOST_STATES = 5_000_000
 """Nor are there more of them than this, over all nodes: they take 40 bytes each."""
