@@ -23,10 +23,9 @@ if TYPE_CHECKING:
 DECIDE_EVERY_S = 10.0
 LEARN_SOC = 0.04
 """From so much charge used on, the energy of this very flight is counted in."""
-HOLDS_S = 20.0
+PLACE_S = 60.0
+"""So long we wait for a position after a landing."""
 _WAY_MODES = ("mission", "takeoff")
-_DISARM_S = 60.0
-_GLITCH_S = 3.0
 
 
 def flying(ctx: Context) -> After:
@@ -296,12 +295,17 @@ def after_landing(ctx: Context) -> After:
     if ctx.in_air:
         return State.HOLDING, "it is in the air again"
     ctx.request_telemetry()
+    end = ctx.clock.now_s() + PLACE_S
+    while ctx.place is None and ctx.clock.now_s() < end:
+        ctx.tick()
+    if ctx.place is None:
+        return State.HOLDING, "it has landed, and does not tell where"
     station = ctx.here_station()
     ctx.station = station
     flown = leg is not None and math.isfinite(leg.soc_start) and leg.origin != station
     if leg is not None and flown:
         _learn(ctx)
-    where = station or ("an unknown place" if ctx.place is None else f"{ctx.place[0]:.5f}, {ctx.place[1]:.5f}")
+    where = station or f"{ctx.place[0]:.5f}, {ctx.place[1]:.5f}"
     planned = leg is not None and station == leg.destination
     ctx.note(
         "landed", f"at {where} with {100 * ctx.soc:.0f} %", soc=ctx.soc, planned=planned,

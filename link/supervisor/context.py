@@ -33,13 +33,15 @@ TICK_S = 1.0
 SILENT_S = 5.0
 """Not heard for so long, the link is lost."""
 AT_STATION_M = 60.0
+PLACE_FRESH_S = 10.0
+"""A position told so long ago still counts: over bad radios many are lost."""
 JUMP_SOC = 0.05
 """A charge that falls by so much from one report to the next was not used by flying."""
 MIN_GAUGE_SOC = 0.08
 """A flight that used less tells nothing of the gauge."""
 TRACK_EVERY_S, GROUND_TRACK_EVERY_S = 5.0, 120.0
 FLYING_RATES: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 1.0, 2: 1.0, 168: 1.0}
-GROUND_RATES: Mapping[int, float] = {30: 1.0, 33: 1.0, 74: 0.5, 1: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 0.2}
+GROUND_RATES: Mapping[int, float] = {30: 1.0, 33: 2.0, 74: 0.5, 1: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 0.2}
 """Messages a second on the ground, where nothing moves for hours."""
 
 
@@ -105,6 +107,8 @@ class Context:
         Stations landed at.
     charge_to : float or None
         Charge to leave with.
+    seen_at : (lat, lon, POSIX seconds)
+        Position told last.
     soc, told_soc : float
         State of charge: believed, and as the vehicle says.
     gauge : float
@@ -146,6 +150,7 @@ class Context:
     belief: EnergyBelief = field(default_factory=EnergyBelief)
     failsafes: dict[str, float] = field(default_factory=dict)
     sample: TelemetrySample | None = None
+    seen_at: tuple[float, float, float] = (math.nan, math.nan, -math.inf)
     soc: float = math.nan
     told_soc: float = math.nan
     gauge: float = 1.0
@@ -181,6 +186,8 @@ class Context:
         for sample in self.vehicle.samples(duration_s):
             self.samples += 1
             self.sample = sample
+            if math.isfinite(sample.lat_deg) and math.isfinite(sample.lon_deg):
+                self.seen_at = (sample.lat_deg, sample.lon_deg, sample.time_s)
             self._read_gauge(sample.soc)
             self.wind.hear(sample)
         changes = self.vehicle.changes()
@@ -314,10 +321,10 @@ class Context:
     @property
     def place(self) -> tuple[float, float] | None:
         """Latitude and longitude; None where they are not known."""
-        s = self.sample
-        if s is None or not (math.isfinite(s.lat_deg) and math.isfinite(s.lon_deg)):
+        lat, lon, time_s = self.seen_at
+        if self.sample is None or self.sample.time_s > time_s + PLACE_FRESH_S:
             return None
-        return s.lat_deg, s.lon_deg
+        return lat, lon
 
     def here_station(self) -> str | None:
         """Station at which it is, of all that are known."""
