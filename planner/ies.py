@@ -3,7 +3,7 @@
 It is told the truth, one wind and one queue at each station, and is the referee of the other planners: a sequence is
 cut off only by a proof that no continuation of it beats the best composition found so far. On each sequence the whole
 trade-off between time and charge is carried along exactly (`planner.profile_kernels`), over flights that may overfly
-stations (`planner.flight_functions`). The proof is that of `planner.stays.Stays.bound_s`.
+stations (`planner.flight_functions`). The proof is that of `planner.stay_kernels.stay_bound`.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ class Grounds(NamedTuple):
 
 
 class Costs(NamedTuple):
-    """Of flights and of charging: see `planner.problem.Problem` and `planner.stays.Stays.bound_s`."""
+    """Of flights and of charging: see `planner.problem.Problem` and `stay_bound`."""
 
     soc_per_s: float
     soc_fixed: float
@@ -109,7 +109,7 @@ def land_everywhere(
     kept : ndarray of int, shape (kept,)
         Targets reached whose bound is below `best_s`.
     bound_s : ndarray, shape (kept,)
-        Their bounds, see `planner.stays.Stays.bound_s`.
+        Their bounds, see `stay_bound`.
     offset : ndarray of int, shape (2 * kept + 1,)
         Points 2 i of z and 2 i + 1 of h are ``points[offset[k] : offset[k + 1]]``.
     points : ndarray, shape (points, 3)
@@ -144,7 +144,13 @@ def land_everywhere(
 
 @compiled
 def stay_bound(z: NDArray[np.float64], h: NDArray[np.float64], least_s: float, costs: Costs) -> float:
-    """Earliest arrival at the destination from a stay; the proof is at `planner.stays.Stays.bound_s`."""
+    """Earliest arrival at the destination that any continuation of a stay can have.
+
+    Let L be the least flight time from here at the best wind of any slot that is left, c the charge a second of flight
+    takes, r the greatest rate of charging, and z the greatest charging potential. No arrival is earlier than (a) the
+    stay's beginning plus L, nor than (b) reserve / r + L (1 + c / r) - z: potential is lost by L c / r to energy and by
+    L to time in flight, waiting never gains any, and to land at T with the reserve, T + z must be at least reserve / r.
+    """
     flight = least_s + costs.landing_s
     potential = h[-1, 1] / costs.rate_per_s - h[0, 0]
     if len(z) > 0:

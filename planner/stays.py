@@ -19,7 +19,7 @@ from planner.flight_functions import arrival_functions
 from planner.flight_table import FlightTable, escape_costs, ground_speeds, table_land, table_slot
 from planner.itinerary import Hop
 from planner.profile_kernels import departure_profile, fly_profile, profile_at
-from planner.stay_kernels import Costs, land_everywhere, stay_bound
+from planner.stay_kernels import Costs, land_everywhere
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -206,17 +206,6 @@ class Stays:
             curve_s, curve_soc = p.curve(p.origin)
             z = np.array([[pad, float(np.interp(p.soc, curve_soc, curve_s)) - pad, p.depart_s]])
         return Stay(self.terrain.origin, z, h, p.curve(p.origin))
-
-    def bound_s(self, stay: Stay) -> float:
-        """Earliest arrival at the destination that any continuation of a stay can have.
-
-        Let L be the least flight time from here at the best wind of any slot that is left, c the charge a second of flight
-        takes, r the greatest rate of charging, and z the greatest charging potential. No arrival is earlier than (a) the
-        stay's beginning plus L, nor than (b) reserve / r + L (1 + c / r) - z: potential is lost by L c / r to energy and
-        by L to time in flight, waiting never gains any, and to land at T with the reserve, T + z must be at least
-        reserve / r.
-        """
-        return float(stay_bound(stay.z, stay.h, float(self.least_s(stay.begin_s)[stay.node]), self.costs))
 
     def _potential(self, stay: Stay) -> float:
         """Greatest charging potential of a stay, for the constant rate that is nowhere exceeded."""
