@@ -4,7 +4,6 @@ import json
 
 import pytest
 from supervision_page import PAGE, drawn
-from wires import FAMILIES
 
 from benchmarks.deliveries import Stage, Story
 from link.supervisor import Scripted, State, read_journal
@@ -29,7 +28,10 @@ def states(stage):
     return [record.data["after"] for record in events(stage, "state")]
 
 
-@pytest.mark.parametrize("autopilot", FAMILIES)
+SLOW_ARDUPILOT = ["px4", pytest.param("ardupilot", marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("autopilot", SLOW_ARDUPILOT)
 def test_a_package_is_delivered_with_a_recharge_on_the_way(autopilot, tmp_path):
     stage = Stage(Story(autopilot=autopilot, start="bellevue", to="yankee-stadium", soc=0.42, traffic=False), tmp_path)
     outcome = stage.fly()
@@ -91,7 +93,7 @@ def test_without_an_operator_a_vehicle_that_a_pilot_has_landed_is_left_standing(
     assert not stage.craft.autopilot.crashed
 
 
-@pytest.mark.parametrize("autopilot", FAMILIES)
+@pytest.mark.parametrize("autopilot", SLOW_ARDUPILOT)
 def test_a_lost_link_needs_nothing_and_the_vehicle_is_picked_up_again(autopilot, tmp_path):
     stage = Stage(Story(autopilot=autopilot, faults=told(["link-loss@100s+60s"]), **SHORT), tmp_path)
     outcome = stage.fly()
@@ -99,6 +101,7 @@ def test_a_lost_link_needs_nothing_and_the_vehicle_is_picked_up_again(autopilot,
     assert "lost-link" in states(stage)
 
 
+@pytest.mark.slow
 def test_a_battery_that_drops_makes_it_divert_with_the_reason(tmp_path):
     story = Story(start="bellevue", to="yankee-stadium", soc=1.0, faults=told(["battery-drop=0.6@250s"]))
     stage = Stage(story, tmp_path)
@@ -121,6 +124,7 @@ def test_a_take_off_is_not_begun_without_a_word_where_one_is_asked_for(tmp_path)
     assert not any("armed (" in event.text for event in stage.world.events)
 
 
+@pytest.mark.slow
 def test_ctrl_c_stays_at_the_next_landing_and_twice_leaves_it_saying_what_it_will_do(tmp_path):
     stage = Stage(Story(start="bellevue", to="white-plains"), tmp_path)
     stage.operator = Scripted(lambda _q, _n: (0.0, "yes"), stage.lockstep.clock.now_s)
@@ -182,6 +186,7 @@ def test_a_torn_line_at_the_end_of_a_journal_is_left_out_and_cut_off(tmp_path):
         Journal(path, lambda: 1.0e9)
 
 
+@pytest.mark.slow
 def test_somebody_else_who_arms_it_on_the_pad_stops_all_commanding(tmp_path):
     stage = Stage(Story(start="bellevue", to="yankee-stadium", soc=0.3, traffic=False), tmp_path)
     done = []

@@ -24,6 +24,7 @@ def fly_and_kill(stage, moments):
         try:
             supervisor = stage.board(resume=resume, on_tick=reaper)
             outcome = supervisor.run()
+            supervisor.context.journal.close()
             break
         except Killed:
             supervisor.context.journal.close()
@@ -52,7 +53,10 @@ def check_told_once(stage, outcome):
     assert read_journal(stage.journal_path).records[-1].event == "end"
 
 
-@pytest.mark.parametrize(("autopilot", "moments"), [("px4", (40.0, 300.0)), ("ardupilot", (8.0, 150.0, 420.0))])
+@pytest.mark.parametrize(
+    ("autopilot", "moments"),
+    [("px4", (40.0, 300.0)), pytest.param("ardupilot", (8.0, 150.0, 420.0), marks=pytest.mark.slow)],
+)
 def test_a_killed_supervisor_goes_on_where_the_vehicle_is(autopilot, moments, tmp_path):
     stage = Stage(Story(autopilot=autopilot, start="bellevue", to="yankee-stadium", soc=0.45, traffic=False), tmp_path)
     check_told_once(stage, fly_and_kill(stage, moments))
