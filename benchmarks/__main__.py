@@ -20,7 +20,7 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "logs": ("bench_logs", []),
 }
 """Benchmarks that print their own figures, each run as a process of its own."""
-MEASURED = ("speed", "ies", "exact", "evaluate")
+MEASURED = ("speed", "ies", "exact", "robust", "evaluate")
 """Benchmarks that return figures."""
 
 
@@ -38,6 +38,10 @@ def measured(name: str) -> list[Figure]:
         from benchmarks import bench_exact
 
         return bench_exact.measure()
+    if name == "robust":
+        from benchmarks import bench_robust
+
+        return bench_robust.measure()
     from benchmarks import bench_evaluate
 
     return bench_evaluate.measure()

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from planner.evaluation_kernels import Sky
     from planner.room_kernels import Present
 
-GRID_S = 300.0
+GRID_S = 600.0
 """What a flight needs is worked out for take-offs within so long together; the most of both ends counts."""
 LEARNED = 0.005
 """What is left of the energy error once a flight has shown it."""
@@ -47,6 +47,9 @@ LEAST_CHANCE = 1e-9
 """Likeness below which a member does not count."""
 LOOK_S = 120.0
 """A drone that finds no room at the next station looks again after so long."""
+WORST = 12
+"""Members, of those with the strongest wind against the way, whose flights are worked out; the others are taken to need
+what the mildest of these does, which is no less than they need."""
 STEADY = 3.0
 """Standard deviations of what is unsure at which the time that it costs is worked out; it is taken as linear in them."""
 _ROUNDS = 14  # of bisection: the charge is found to 1e-4 of the spread
@@ -198,6 +201,34 @@ def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], 
 
 
 @compiled
+def _worst_first(
+    air: Air,
+    segments: NDArray[np.int64],
+    north: NDArray[np.float64],
+    east: NDArray[np.float64],
+    chance: NDArray[np.float64],
+) -> NDArray[np.int64]:
+    """Members that count, those with the strongest wind against the way as a whole first."""
+    to_north, to_east = 0.0, 0.0
+    for segment in segments:
+        to_north += air.distance_m[segment] * air.cos_bearing[segment]
+        to_east += air.distance_m[segment] * air.sin_bearing[segment]
+    score = np.empty(len(chance))
+    for m in range(len(chance)):
+        score[m] = NEVER
+        if chance[m] > LEAST_CHANCE:
+            score[m] = 0.0
+            for k in range(min(2, north.shape[1])):
+                for site in range(north.shape[2]):
+                    score[m] += to_north * north[m, k, site] + to_east * east[m, k, site]
+    order = np.argsort(score)
+    count = 0
+    while count < len(order) and score[order[count]] < NEVER:
+        count += 1
+    return order[:count]
+
+
+@compiled
 def flight_energy(
     known: Known,
     row: int,
@@ -236,12 +267,17 @@ def flight_energy(
     for m in range(members):
         if known.share[row, m] > 0.0:
             least = min(least, miss[m])
-    energy, spread, share = np.empty(members), np.empty(members), np.empty(members)
-    flying, total, low, high = 0, 0.0, NEVER, 0.0
+    chance = np.zeros(members)
     for m in range(members):
-        chance = known.share[row, m] * math.exp(-0.5 * (miss[m] - least) / (known.sigma_mps * known.sigma_mps))
-        if chance <= LEAST_CHANCE:
-            continue
+        chance[m] = known.share[row, m] * math.exp(-0.5 * (miss[m] - least) / (known.sigma_mps * known.sigma_mps))
+    order = _worst_first(air, segments, north, east, chance)
+    energy, spread, share = np.empty(members + 1), np.empty(members + 1), np.empty(members + 1)
+    flying, total, low, high, mildest = 0, 0.0, NEVER, 0.0, 0
+    seen_enough = 0
+    for m in order:
+        if flying >= WORST:
+            break
+        seen_enough += 1
         down = land(seen, m, segments, time_s)
         if down == NEVER:
             continue
@@ -249,12 +285,20 @@ def flight_energy(
         slow = slow_land(known, seen, m, segments, time_s, gust_mean(known, flight)) - down
         energy[flying] = cost[1] + cost[0] * flight
         spread[flying] = max(cost[0] * slow / STEADY, 1e-9)
-        share[flying] = chance
-        total += chance
-        low, high = min(low, energy[flying]), max(high, energy[flying] + 6.0 * spread[flying])
+        share[flying] = chance[m]
+        total += chance[m]
+        if energy[flying] < low:
+            low, mildest = energy[flying], flying
+        high = max(high, energy[flying] + 6.0 * spread[flying])
         flying += 1
     if flying == 0:
         return NEVER
+    rest = 0.0
+    for m in order[seen_enough:]:
+        rest += chance[m]
+    energy[flying], spread[flying], share[flying] = energy[mildest], spread[mildest], rest  # they need no more than it
+    flying += 1
+    total += rest
     for _ in range(_ROUNDS):
         middle = 0.5 * (low + high)
         beyond = 0.0

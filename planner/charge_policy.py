@@ -301,6 +301,11 @@ class Rehearsal:
     tables: NDArray[np.float64]
 
     @property
+    def arrival_s(self) -> NDArray[np.float64]:
+        """Arrival of each run, POSIX seconds, infinite where there is none."""
+        return self.course[:, -1, TOUCH_DOWN]
+
+    @property
     def charging(self) -> NDArray[np.float64]:
         """Share of the runs that charge at the stop before each flight, shape (hops,); the first one counts always."""
         charged = np.ones(self.course.shape[:2], dtype=bool)

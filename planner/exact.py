@@ -124,6 +124,13 @@ class ExactSearch:
         NoRouteError
             There is none.
         """
+        found = self.find()
+        if found is None:
+            raise no_route(self.problem, Outlook(self.problem))
+        return found
+
+    def find(self) -> Itinerary | None:
+        """Search without a word on why there is no route: that takes longer than some searches."""
         p = self.problem
         self._stop_at = time.perf_counter() + self._time_limit_s
         self._place_m = places(p.network)
@@ -132,7 +139,7 @@ class ExactSearch:
             until = min(until, self._latest_s)
             self._search_until(until)
             if self._answer is None and until >= self._latest_s:
-                raise no_route(p, Outlook(p))
+                return None
             until = p.depart_s + 1.6 * (until - p.depart_s)
         return self._answer
 

@@ -10,17 +10,19 @@ another way exists: a drone that hovers lives on its reserve.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import NoRouteError
 from planner.charge_policy import ChargePolicy, Rehearsal, known_at, margin_for
-from planner.course_kernels import TOUCH_DOWN
 from planner.equivalent import expected_queues, mean_speeds
 from planner.evaluation_truths import USUAL_ERRORS, Errors
 from planner.exact import ExactSearch
+from planner.no_route import no_route
+from planner.outlook import Outlook
 from planner.room import chances_full
 
 if TYPE_CHECKING:
@@ -40,12 +42,16 @@ LARGE = 200
 """Stations from which on a network is large: fewer worlds are composed in."""
 HOURS = 16.0
 """How far ahead speeds and full stations are worked out; beyond, the last hour holds on."""
+NEEDED = 0.5
+"""Share of epsilon for flights that need more than was charged for; the rest is for stations without room."""
 MOST_FULL = 0.5
 """A flight is begun when the chance to find its station full is below this multiple of epsilon."""
 MARGINS = (0.12, 0.25, 0.06)
 """Margins of the energy of each flight that routes are composed with; large networks begin with the first alone."""
-LAST_MARGINS = (0.45, 0.0)
-"""Margins tried where none of those gives a route."""
+MUCH = 0.45
+"""Margin tried beside none where those give no route."""
+COMPOSE_S = 0.05
+"""On large networks a composition that was found in this time is good enough, proved the best or not."""
 WORLDS = 3
 """Members with sampled queues that routes are composed in on small networks."""
 SCREEN_TRUTHS, SCREEN_RUNS = 12, 120
@@ -80,10 +86,8 @@ class Candidate:
         See `planner.objective.Objective.loss`.
     charge_used : float
         Mean charge that all flights take together, as SoC.
-    arrival_s : ndarray, shape (runs,)
-        Arrival of each run, infinite where there is none; the same runs for all candidates of a comparison.
-    weight : ndarray, shape (runs,)
-        Probability of each run.
+    rehearsal : Rehearsal
+        The runs behind the outcome; the same worlds for all candidates of a comparison.
     """
 
     policy: ChargePolicy
@@ -91,8 +95,7 @@ class Candidate:
     unsafe: bool
     loss: tuple[float, float]
     charge_used: float
-    arrival_s: NDArray[np.float64]
-    weight: NDArray[np.float64]
+    rehearsal: Rehearsal
 
     @property
     def stops(self) -> tuple[int, ...]:
@@ -133,7 +136,7 @@ class RobustSearch:
     Parameters
     ----------
     problem : Problem
-        With the forecast; more than `MEMBERS` members are thinned out.
+        With the forecast.
     errors : Errors
         What the truth has beyond the forecast.
     measured : bool
@@ -141,6 +144,8 @@ class RobustSearch:
     switch_s : float or None
         A drone that plans anew at every stop need not hold on to a route that turns out badly: no run counts for more
         than that of the best candidate in it and this much. None: each route is flown to its end.
+    members : int
+        Members of the forecast beyond that number are thinned out.
 
     Attributes
     ----------
@@ -149,9 +154,15 @@ class RobustSearch:
     """
 
     def __init__(
-        self, problem: Problem, *, errors: Errors = USUAL_ERRORS, measured: bool = True, switch_s: float | None = None
+        self,
+        problem: Problem,
+        *,
+        errors: Errors = USUAL_ERRORS,
+        measured: bool = True,
+        switch_s: float | None = None,
+        members: int = MEMBERS,
     ) -> None:
-        self.problem = problem.thinned(MEMBERS)
+        self.problem = problem.thinned(members)
         self.errors = errors
         self.measured = measured
         self.switch_s = switch_s
@@ -170,13 +181,15 @@ class RobustSearch:
 
     def finalists(self, candidates: list[Candidate]) -> list[Candidate]:
         """Order candidates anew after more runs of the first few."""
+        if len(candidates) == 1 or self._large:
+            return candidates
         again = [self._judged(one.policy.itinerary, FINALIST_RUNS, None)[0] for one in candidates[:FINALISTS]]
         return sorted(self._with_switches(again), key=_order) + candidates[FINALISTS:]
 
     def finish(self, candidates: list[Candidate]) -> RobustAnswer:
         """Calibrate the first of the candidates and tell what becomes of it."""
         policy = candidates[0].policy
-        rehearsal = policy.rehearse(self.errors, FINAL_RUNS)
+        rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=candidates[0].rehearsal)
         for _ in range(CALIBRATIONS):
             extra = margin_for([rehearsal], self.problem.epsilon)
             if extra <= policy.known.margin + 1e-6:
@@ -203,7 +216,6 @@ class RobustSearch:
             There is no route even without margin.
         """
         p = self.problem
-        error: NoRouteError | None = None
         roomy = chances_full(p) <= MOST_FULL * p.epsilon
         roomy[[p.origin, p.destination]] = True
         found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
@@ -212,31 +224,29 @@ class RobustSearch:
                 allowed[without] = False
             if found and (quick or self._large or roomy.all()):
                 break
-            try:
-                for itinerary in self._routes(allowed, worlds=0 if found or self._large else WORLDS):
-                    self._add(found, itinerary)
-                    if quick:
-                        break
-            except NoRouteError as none:
-                error = none
+            for itinerary in self._routes(allowed, worlds=0 if found or self._large else WORLDS):
+                self._add(found, itinerary)
+                if quick:
+                    break
         if not found:
-            raise error if error is not None else NoRouteError("no route", constraint="energy")
+            raise no_route(p, Outlook(p))
         return sorted(self._with_switches(list(found.values())), key=_order)
 
     def _with_switches(self, found: list[Candidate]) -> list[Candidate]:
         """Let no run of a candidate be much later than that of the best one in it."""
         if self.switch_s is None:
             return found
-        least = np.min([one.arrival_s for one in found], axis=0) + self.switch_s
+        least = np.min([one.rehearsal.arrival_s for one in found], axis=0) + self.switch_s
         better = []
         for one in found:
-            arrival = np.minimum(one.arrival_s, least)
+            arrival = np.minimum(one.rehearsal.arrival_s, least)
+            weight = one.rehearsal.weight
             arrives = np.isfinite(arrival)
             outcome = replace(
                 one.outcome,
                 arrival_s=arrival[arrives],
-                weight=one.weight[arrives],
-                p_arrive=min(float(one.weight[arrives].sum()), 1.0),
+                weight=weight[arrives],
+                p_arrive=min(float(weight[arrives].sum()), 1.0),
             )
             better.append(replace(one, outcome=outcome, loss=self.problem.request.objective.loss(outcome)))
         return better
@@ -251,37 +261,35 @@ class RobustSearch:
             itinerary = _without_idle_stops(itinerary, charges)
 
     def _routes(self, allowed: NDArray[np.bool_], worlds: int) -> Iterator[Itinerary]:
-        """Compose in the world of the mean, and in so many of members with a sampled queue.
-
-        Raises
-        ------
-        NoRouteError
-            No world has a route, with the least margin; where any has, the others without are passed over.
-        """
+        """Compose in the world of the mean at several margins, and in so many of members with a sampled queue."""
         p = self.problem
-        speeds = self._speeds(p.probability)
-        queues = expected_queues(p)
-        any_found = False
-        error: NoRouteError | None = None
-        for margin in (*MARGINS, *LAST_MARGINS):
-            if any_found and (self._large or margin in LAST_MARGINS):
-                break
-            try:
-                yield self._compose(speeds, queues, margin, allowed)
-                any_found = True
-            except NoRouteError as none:
-                error = none
-        if not any_found and error is not None:
-            raise error
+        speeds, queues = self._mean_world
+        margins = MARGINS[:1] if self._large else MARGINS
+        found = 0
+        for margin in margins:
+            itinerary = self._compose(speeds, queues, margin, allowed)
+            if itinerary is not None:
+                found += 1
+                yield itinerary
+        if not found:  # without any margin there may be one; and if so, perhaps with more than none
+            bare = self._compose(speeds, queues, 0.0, allowed)
+            if bare is None:
+                return
+            cautious = self._compose(speeds, queues, MUCH, allowed)
+            yield from (one for one in (cautious, bare) if one is not None)
         chosen = (np.arange(worlds) * 2 + 1) * len(p.probability) // (2 * max(worlds, 1))
         for sample, member in enumerate(dict.fromkeys(chosen.tolist())):
             alone = np.zeros(len(p.probability))
             alone[member] = 1.0
-            try:
-                queues = p.queue_paths(range(len(p.network)), sample)
-                yield self._compose(self._speeds(alone), queues, MARGINS[0], allowed)
-            except NoRouteError:
-                continue
+            sampled = p.queue_paths(range(len(p.network)), sample)
+            itinerary = self._compose(self._speeds(alone), sampled, MARGINS[0], allowed)
+            if itinerary is not None:
+                yield itinerary
+
+    @cached_property
+    def _mean_world(self) -> tuple[NDArray[np.float64], dict[int, QueuePath]]:
+        """Speeds and queues that stand for the forecast."""
+        return self._speeds(self.problem.probability), expected_queues(self.problem)
 
     def _speeds(self, probability: NDArray[np.float64]) -> NDArray[np.float64]:
         count = np.count_nonzero(probability)
@@ -295,29 +303,30 @@ class RobustSearch:
 
     def _compose(
         self, speeds: NDArray[np.float64], queues: dict[int, QueuePath], margin: float, allowed: NDArray[np.bool_]
-    ) -> Itinerary:
+    ) -> Itinerary | None:
         p = self.problem
-        search = ExactSearch(p, queues, speeds=speeds, margin_soc_per_s=margin * p.soc_per_s, stops=allowed)
-        try:
-            return search.solve()
-        finally:
-            self.looked_at += search.looked_at
+        limit_s = COMPOSE_S if self._large else math.inf
+        margin_per_s = margin * p.soc_per_s
+        search = ExactSearch(
+            p, queues, speeds=speeds, margin_soc_per_s=margin_per_s, stops=allowed, time_limit_s=limit_s
+        )
+        found = search.find()
+        self.looked_at += search.looked_at
+        return found
 
     def _judged(
         self, itinerary: Itinerary, runs: int = SCREEN_RUNS, truths: int | None = SCREEN_TRUTHS
     ) -> tuple[Candidate, NDArray[np.float64]]:
         """How a route fares, and the share of runs that charge at each stop."""
         p = self.problem
-        known = known_at(p, self.errors, measured=self.measured, epsilon=p.epsilon / len(itinerary))
+        known = known_at(p, self.errors, measured=self.measured, epsilon=NEEDED * p.epsilon / len(itinerary))
         policy = ChargePolicy(p, itinerary, known, MOST_FULL * p.epsilon)
         rehearsal = policy.rehearse(self.errors, runs, most_truths=truths)
         self.looked_at += len(rehearsal.weight)
         outcome = rehearsal.outcome(p)
         unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(rehearsal.weight)
         loss = p.request.objective.loss(outcome)
-        arrival = rehearsal.course[:, -1, TOUCH_DOWN]
-        found = Candidate(policy, outcome, unsafe, loss, rehearsal.charge_used, arrival, rehearsal.weight)
-        return found, rehearsal.charging
+        return Candidate(policy, outcome, unsafe, loss, rehearsal.charge_used, rehearsal), rehearsal.charging
 
 
 def _order(one: Candidate) -> tuple[float, ...]:
