@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 PRIOR_FACTOR, PRIOR_SIGMA = 1.08, 0.08
 """Before the first flight. Published endurances are hovered in still air with new batteries; a cruise at 20 m/s, a climb and
 an older battery take more."""
-LEG_SIGMA = 0.05
-"""From flight to flight the factor differs by so much: other airspeeds, other shares of climb and descent."""
+LEG_SIGMA = 0.09
+"""From flight to flight the factor differs by so much: the model's power does not depend on airspeed, and real power does, so
+that a flight against the wind takes a fifth more than one with it."""
 WITHIN_SIGMA = 0.02
 """Between the parts of one flight."""
 SOC_SIGMA = 0.006

@@ -178,6 +178,8 @@ def _act(ctx: Context, decision: Decision) -> After | None:
         return None if after[0] is State.FLYING else after
     if decision.action == "divert" and decision.station is not None:
         ctx.divert_to, ctx.turned = decision.station, False
+        ctx.belief = belief_now(ctx)  # what this way takes; the way back would tell another wind
+        leg.learns = False
         return State.DIVERTING, f"to {decision.station}: {decision.reason}"
     if decision.action == "land":
         ctx.divert_to, ctx.turned = None, False
@@ -302,8 +304,7 @@ def after_landing(ctx: Context) -> After:
         return State.HOLDING, "it has landed, and does not tell where"
     station = ctx.here_station()
     ctx.station = station
-    flown = leg is not None and math.isfinite(leg.soc_start) and leg.origin != station
-    if leg is not None and flown:
+    if leg is not None and math.isfinite(leg.soc_start) and leg.learns:
         _learn(ctx)
     where = station or f"{ctx.place[0]:.5f}, {ctx.place[1]:.5f}"
     planned = leg is not None and station == leg.destination

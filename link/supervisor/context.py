@@ -73,6 +73,8 @@ class Leg:
         Take-off, charge then, and as the vehicle said it; planned flight time and charge at the landing.
     modelled_per_s, modelled_fixed : float
         Charge by the model: a second of cruise, and climb and descent.
+    last, learns : bool
+        It ends at the destination; the energy of the whole flight is to be learnt.
     """
 
     origin: str
@@ -89,6 +91,7 @@ class Leg:
     modelled_per_s: float = math.nan
     modelled_fixed: float = 0.0
     last: bool = False
+    learns: bool = True
 
 
 @dataclass(slots=True)
