@@ -182,9 +182,8 @@ def _clock(posix_s: float) -> str:
 
 def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
     """Return the last lines: how it ended, and where to look."""
-    from importlib.util import find_spec
-
     from link.supervisor import read_journal
+    from skyway.flight_report import write_report
 
     journal = options.folder / "journal.jsonl"
     records = read_journal(journal).records
@@ -193,14 +192,9 @@ def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
     times = "once" if len(turned) == 1 else f"{len(turned)} times"
     lines = [f"replanned {times}, by what was learnt on the way:"] if turned else []
     lines += [f"  {r.time[11:19]}  {r.data['action']}: {r.reason}" for r in turned]
-    seen = [str(options.folder / "plan.json"), str(journal)]
-    if find_spec("skyway.flight_report") is not None:
-        from importlib import import_module
-
-        report = options.folder / "report.html"
-        report.unlink(missing_ok=True)
-        import_module("skyway.flight_report").write_report(journal, report)
-        seen.insert(0, str(report))
+    report = options.folder / "report.html"
+    write_report(journal, report, force=True)
+    seen = [str(report), str(options.folder / "plan.json"), str(journal)]
     word = "delivered" if outcome.delivered else outcome.state
     lines.append(f"{word}: {outcome.reason}")
     lines.append(f"see {', '.join(seen)}")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from models.errors import Fault, InputError
+from skyway import flight_report_fields as of
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -101,13 +102,13 @@ def line_of(record: Record) -> str | None:
     """Tell a record of the journal as a plain line; None for those that a person need not see."""
     data = record.data
     clock = record.time[11:19]
-    if record.event == "track" and data.get("left_s") is not None:
-        late = data.get("late_s") or 0.0
+    if record.event == "track" and of.number(data, "left_s") is not None:
+        left_min = (of.number(data, "left_s") or 0.0) / 60.0
         return (
-            f"{clock}  {record.state:<12} {data['height_m']:.0f} m, {data['ground_speed_mps']:.1f} m/s, "
-            f"{100 * data['soc']:.0f} %; {data['destination']} in {data['left_s'] / 60:.1f} min "
-            f"({late:+.0f} s), landing with {_percent(data.get('soc_land'))} "
-            f"(planned {_percent(data.get('planned_soc_land'))}), {data.get('cross_track_m') or 0:.0f} m off the way"
+            f"{clock}  {record.state:<12} {_figure(data, 'height_m')} m, {_figure(data, 'ground_speed_mps', 1)} m/s, "
+            f"{_percent(of.share(data, 'soc'))}; {data.get('destination')} in {left_min:.1f} min "
+            f"({of.number(data, 'late_s') or 0.0:+.0f} s), landing with {_percent(of.share(data, 'soc_land'))} "
+            f"(planned {_percent(of.share(data, 'planned_soc_land'))}), {_figure(data, 'cross_track_m')} m off the way"
             f"{_wind(data)}"
         )
     if record.event not in ("state", "change", "reboot", "link", "turn"):
@@ -119,11 +120,16 @@ def _percent(value: float | None) -> str:
     return "unknown" if value is None else f"{100 * value:.0f} %"
 
 
-def _wind(data: dict[str, float]) -> str:
-    from models.wind import speed_from
+def _figure(data: dict[str, Any], key: str, digits: int = 0) -> str:
+    value = of.number(data, key)
+    return "unknown" if value is None else f"{value:.{digits}f}"
 
-    if data.get("wind_north_mps") is None:
+
+def _wind(data: dict[str, Any]) -> str:
+    north, east = of.number(data, "wind_north_mps"), of.number(data, "wind_east_mps")
+    speed, direction = of.speed(north, east), of.direction(north, east)
+    if speed is None or direction is None:
         return ""
-    speed, direction = speed_from(data["wind_north_mps"], data["wind_east_mps"])
-    expected, _ = speed_from(data["forecast_north_mps"], data["forecast_east_mps"])
-    return f", wind {float(speed):.1f} m/s from {float(direction):.0f}° (forecast {float(expected):.1f})"
+    expected = of.speed(of.number(data, "forecast_north_mps"), of.number(data, "forecast_east_mps"))
+    forecast = "unknown" if expected is None else f"{expected:.1f}"
+    return f", wind {speed:.1f} m/s from {direction:.0f}° (forecast {forecast})"

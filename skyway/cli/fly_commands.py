@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,11 +13,10 @@ from skyway.cli import options
 from skyway.cli.aboard import AsJson, Link, linked
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from datetime import datetime
 
     from link.mavlink_vehicle import MavlinkVehicle
-    from link.supervisor import Mandate, Outcome, Record
+    from link.supervisor import Mandate, Outcome
     from models.clock import Clock
     from models.pad_service import PadService
     from skyway.cli.console import Console
@@ -109,6 +107,8 @@ def fly(
     from planner.replan import DEFAULT_PLANNER, ReplanSettings
     from skyway import flying
     from skyway.cli.console import Console
+    from skyway.cli.flight_view import view_for
+    from skyway.flight_report import write_report
 
     if manual and yes:
         raise InputError(Fault("--manual and --yes exclude each other", remedy="give one of them"))
@@ -118,7 +118,8 @@ def fly(
     composition = load(plan)
     region = flying.scenario_of(composition, scenario)
     request = flying.request_of(composition, region)
-    console = Console(listens=not yes, show=(lambda line: typer.echo(line, err=True)) if as_json else typer.echo)
+    view, take, say = view_for(as_json=as_json)
+    console = Console(listens=not yes, show=say)
     drag_model = flying.read_drag_file(drag)
     heights = flying.heights(region, elevation)
     with link.aboard() as vehicle:
@@ -142,14 +143,16 @@ def fly(
             console.tell("no --drag: the wind is taken as forecast, unless the autopilot itself tells it")
         path = resume or journal or _journal_path(link.record, flying.journal_name(composition, now))
         book = Journal(path, clock.posix_s, resume=resume is not None)
-        book.listeners.append(_shown(as_json=as_json))
+        book.listeners.append(take)
         console.tell(f"journal: {path}")
         try:
-            with console.counting_interrupts():
+            with console.counting_interrupts(), view.shown():
                 service = _pads(pads, mandate, console, clock)
                 outcome = Supervisor(mandate, vehicle, clock, service, console, book, resume=resume is not None).run()
         finally:
             book.close()
+            if report is not None and book.count:  # also of a flight that broke off
+                write_report(path, report, scenario=region)
     _end(outcome, path, report, as_json=as_json)
 
 
@@ -197,30 +200,8 @@ def _pads(text: str, mandate: Mandate, console: Console, clock: Clock) -> PadSer
     return ManualPads(console.ask, known, clock.posix_s)
 
 
-def _shown(*, as_json: bool) -> Callable[[Record], None]:
-    """Show records as they are written."""
-    import msgspec
-
-    from skyway.flying import line_of
-
-    def show(record: Record) -> None:
-        if as_json:
-            typer.echo(msgspec.json.encode(record).decode())
-            return
-        line = line_of(record)
-        if line is not None:
-            typer.echo(line)
-        sys.stdout.flush()
-
-    return show
-
-
 def _end(outcome: Outcome, journal: Path, report: Path | None, *, as_json: bool) -> None:
     """Say how it ended, and exit by it."""
-    if report is not None:
-        from importlib import import_module
-
-        import_module("skyway.flight_report").write_report(journal, report)
     if as_json:
         ended = {
             "schema": "skyway.fly/1", "delivered": outcome.delivered, "state": outcome.state, "reason": outcome.reason,

@@ -24,6 +24,7 @@ from skyway.cli import (
     mission_commands,
     plan_commands,
     replay_commands,
+    report_commands,
     scenario_commands,
     sim_commands,
 )
@@ -68,6 +69,7 @@ for commands in (
     link_commands,
     fly_commands,
     demo_commands,
+    report_commands,
     replay_commands,
     forecast_commands,
     bench_commands,
