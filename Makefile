@@ -21,10 +21,10 @@ demo: setup
 	$(BIN)/skyway demo --output out/demo
 
 test: setup
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n auto
 
 slow: setup
-	$(BIN)/python -m pytest -q -m slow
+	$(BIN)/python -m pytest -q -n auto -m slow
 
 check: setup
 	$(BIN)/ruff check .

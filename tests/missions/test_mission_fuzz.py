@@ -89,9 +89,10 @@ def fuzz(folder, count):
     return read, slowest
 
 
-def test_ten_thousand_damaged_files_are_read_or_refused_and_none_takes_long(shared_data):
-    read, slowest = fuzz(shared_data / "missions", 10_000)
-    assert 1000 < read < 9000
+@pytest.mark.parametrize("count", [2000, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_thousands_of_damaged_files_are_read_or_refused_and_none_takes_long(shared_data, count):
+    read, slowest = fuzz(shared_data / "missions", count)
+    assert 0.1 * count < read < 0.9 * count
     assert slowest < 5.0
 
 
