@@ -212,29 +212,39 @@ def _largest(track: dict[str, list[Any]], name: str, begin_s: float, end_s: floa
 
 
 def _stops(records: tuple[Record, ...]) -> list[dict[str, Any]]:
-    """Return the time on the ground between flights: how long it waited, how long it charged and to what."""
-    stops: list[dict[str, Any]] = []
+    """Return the times on the ground: how long it waited, how long it charged and to what.
+
+    The start is one where it waited or charged; the customer is none where it was delivered.
+    """
+    times = [at_s for at_s, _ in of.timed(records)]
+    if not times:
+        return []
+    stops = [_stop(of.text(of.table(records[0].data, "composition"), "from"), times[0], None)]
     entered: tuple[float, str] | None = None
     for at_s, record in of.timed(records):
-        current = stops[-1] if stops and stops[-1]["leave_s"] is None else None
+        current = stops[-1] if stops[-1]["leave_s"] is None else None
         if record.event == "landed":
-            stops.append(
-                {
-                    "station": of.text(record.data, "station"), "arrive_s": at_s, "leave_s": None, "wait_s": 0.0,
-                    "charge_s": 0.0, "soc_from": of.share(record.data, "soc"), "soc_to": None,
-                }
-            )  # fmt: skip
+            stops.append(_stop(of.text(record.data, "station"), at_s, of.share(record.data, "soc")))
         elif record.event == "leg" and current is not None:
             current |= {"leave_s": at_s, "soc_to": of.share(record.data, "soc")}
         elif record.event == "state":
             _count(current, entered, at_s)
             entered = (at_s, record.state)
-    last_s = of.instant_s(records[-1].time)
-    if stops and stops[-1]["leave_s"] is None and last_s is not None:
-        _count(stops[-1], entered, last_s)
-        if _outcome(records)["delivered"]:
-            stops.pop()  # the customer is no stop
-    return stops
+        elif record.event == "track" and current is not None and current["soc_from"] is None:
+            current["soc_from"] = of.share(record.data, "soc")
+    if stops[-1]["leave_s"] is None:
+        _count(stops[-1], entered, times[-1])
+        if len(stops) > 1 and _outcome(records)["delivered"]:
+            stops.pop()
+    first = stops[0]
+    return stops if first["wait_s"] + first["charge_s"] > 0.0 else stops[1:]
+
+
+def _stop(station: str | None, arrive_s: float, soc: float | None) -> dict[str, Any]:
+    return {
+        "station": station, "arrive_s": arrive_s, "leave_s": None, "wait_s": 0.0, "charge_s": 0.0, "soc_from": soc,
+        "soc_to": None,
+    }  # fmt: skip
 
 
 def _count(stop: dict[str, Any] | None, entered: tuple[float, str] | None, until_s: float) -> None:
