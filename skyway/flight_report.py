@@ -54,6 +54,7 @@ def write_report(
     logs: Sequence[Path] = (),
     plan: Path | None = None,
     scenario: Scenario | None = None,
+    plot: Path | None = None,
     force: bool = False,
 ) -> dict[str, Any]:
     """Write the report of a flight as one page that needs no other file; returns what it was made of.
@@ -66,6 +67,8 @@ def write_report(
         The page.
     scenario : Scenario, optional
         Where it flew, for the no-fly zones on the map. Without it the built-in one, if the plan was made in it.
+    plot : Path, optional
+        Write map, charge and wind as a picture too: FILE.svg.
     force : bool
         Overwrite.
 
@@ -76,9 +79,13 @@ def write_report(
     """
     from models.files import write_atomically
     from skyway.flight_report_page import page
+    from skyway.flight_report_picture import picture
 
     document = flight(journal, logs=logs, plan=plan)
-    write_atomically(report, page(document, _zones(document, scenario)), force=force)
+    zones = _zones(document, scenario)
+    write_atomically(report, page(document, zones), force=force)
+    if plot is not None:
+        write_atomically(plot, picture(document, zones), force=force)
     return document
 
 

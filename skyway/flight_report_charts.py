@@ -13,8 +13,8 @@ _GAP_S = 30.0
 _GROUND_GAP_S = 400.0
 
 
-def charts(document: dict[str, Any]) -> list[str]:
-    """Return the figures, as HTML."""
+def charts(document: dict[str, Any]) -> list[Chart]:
+    """Return the charts: charge, wind, height, wind direction, ground speed, distance from the way."""
     span = time_span(document)
     if span is None:
         return []
@@ -67,7 +67,7 @@ def _flown(document: dict[str, Any], name: str) -> Course:
     return Course("flown (recording)", "actual", points, _GAP_S)
 
 
-def _charge(document: dict[str, Any], common: dict[str, Any]) -> str:
+def _charge(document: dict[str, Any], common: dict[str, Any]) -> Chart:
     """State of charge: told by the vehicle, planned at first, expected at each take-off, and true."""
     planned: list[tuple[float, float | None]] = []
     for leg in document["planned"]["legs"]:
@@ -88,10 +88,10 @@ def _charge(document: dict[str, Any], common: dict[str, Any]) -> str:
     courses.append(Course("expected at each take-off", "expected", expected))
     reserve = document["delivery"]["reserve_soc"]
     level = None if reserve is None else (100.0 * reserve, f"reserve {100.0 * reserve:.0f} %")
-    return Chart("State of charge", "%", courses=courses, level=level, low=0.0, high=100.0, step=20.0, **common).drawn()
+    return Chart("State of charge", "%", courses=courses, level=level, low=0.0, high=100.0, step=20.0, **common)
 
 
-def _height(document: dict[str, Any], common: dict[str, Any]) -> str:
+def _height(document: dict[str, Any], common: dict[str, Any]) -> Chart:
     plan = document["planned"]
     cruise, climb, sink = (plan[key] for key in ("cruise_height_m", "climb_rate_mps", "descent_rate_mps"))
     planned: list[tuple[float, float | None]] = []
@@ -104,7 +104,7 @@ def _height(document: dict[str, Any], common: dict[str, Any]) -> str:
                     (arrive_s, 0.0), (arrive_s, None),
                 ]  # fmt: skip
     courses = [Course("first plan", "planned", planned), _flown(document, "height_m")]
-    return Chart("Height above home", "m", courses=courses, low=0.0, **common).drawn()
+    return Chart("Height above home", "m", courses=courses, low=0.0, **common)
 
 
 def _winds(columns: dict[str, list[Any]], name: str, of_what: Any) -> list[tuple[float, float | None]]:
@@ -118,7 +118,7 @@ def _aloft(columns: dict[str, list[Any]]) -> dict[str, list[Any]]:
     return {name: [column[i] for i in rows] for name, column in columns.items()}
 
 
-def _wind_speed(document: dict[str, Any], common: dict[str, Any]) -> str:
+def _wind_speed(document: dict[str, Any], common: dict[str, Any]) -> Chart:
     track, truth = _aloft(document["series"]["track"]), document["series"]["truth"]
     estimate = _winds(track, "wind", of.speed)
     sigma: list[tuple[float, float | None, float | None]] = [
@@ -133,10 +133,10 @@ def _wind_speed(document: dict[str, Any], common: dict[str, Any]) -> str:
         Course("forecast, updated", "expected", _winds(track, "believed", of.speed), _GAP_S),
     ]
     band = Band("two sigma", "actual", sigma, _GAP_S)
-    return Chart("Wind at the vehicle", "m/s", courses=courses, bands=[band], low=0.0, **common).drawn()
+    return Chart("Wind at the vehicle", "m/s", courses=courses, bands=[band], low=0.0, **common)
 
 
-def _wind_direction(document: dict[str, Any], common: dict[str, Any]) -> str:
+def _wind_direction(document: dict[str, Any], common: dict[str, Any]) -> Chart:
     """Where the wind comes from; a line is broken where it goes through north."""
     track, truth = _aloft(document["series"]["track"]), document["series"]["truth"]
     courses = [Course("estimate", "actual", _unwound(_winds(track, "wind", of.direction)), _GAP_S)]
@@ -145,7 +145,7 @@ def _wind_direction(document: dict[str, Any], common: dict[str, Any]) -> str:
     courses.append(Course("forecast", "planned", _unwound(_winds(track, "forecast", of.direction)), _GAP_S))
     return Chart(
         "Wind comes from", "°", courses=courses, low=0.0, high=360.0, step=90.0, **common
-    ).drawn()  # fmt: skip
+    )  # fmt: skip
 
 
 def _unwound(points: list[tuple[float, float | None]]) -> list[tuple[float, float | None]]:
@@ -159,16 +159,16 @@ def _unwound(points: list[tuple[float, float | None]]) -> list[tuple[float, floa
     return found
 
 
-def _ground_speed(document: dict[str, Any], common: dict[str, Any]) -> str:
+def _ground_speed(document: dict[str, Any], common: dict[str, Any]) -> Chart:
     track = _aloft(document["series"]["track"])
     courses = [
         _flown(document, "ground_speed_mps"),
         Course("commanded", "expected", _points(track, "commanded_mps"), _GAP_S),
     ]
-    return Chart("Ground speed", "m/s", courses=courses, low=0.0, **common).drawn()
+    return Chart("Ground speed", "m/s", courses=courses, low=0.0, **common)
 
 
-def _off_the_way(document: dict[str, Any], common: dict[str, Any]) -> str:
+def _off_the_way(document: dict[str, Any], common: dict[str, Any]) -> Chart:
     track = _aloft(document["series"]["track"])
     courses = [Course("off the way", "actual", _points(track, "cross_track_m"), _GAP_S)]
-    return Chart("Distance from the way (cross-track)", "m", courses=courses, low=0.0, **common).drawn()
+    return Chart("Distance from the way (cross-track)", "m", courses=courses, low=0.0, **common)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from skyway.flight_report_svg import nice_step, safe
+from skyway.flight_report_svg import nice_step, safe, swatch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,6 +16,8 @@ _MARGIN = 0.09
 _METRES_PER_DEG = 111_320.0
 _MAX_TRACK = 4_000
 _LABEL_PX = 10.0
+_AWAY = frozenset({"divert", "land", "station", "stop"})
+"""Decisions that send it elsewhere."""
 
 Place = tuple[float, float]
 
@@ -69,6 +71,23 @@ def drawn_map(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> s
     zones : list of dict, optional
         No-fly zones, each ``name`` and ``rings`` of (lat, lon); None where they are not known.
     """
+    drawn = map_picture(document, zones)
+    if drawn is None:
+        return '<p class="none">no position is known</p>'
+    inner, height = drawn
+    items = "".join(f"<li>{swatch(style)}{words}</li>" for words, style in map_entries(document, zones))
+    unknown = "<li>no-fly zones: unknown</li>" if zones is None else "" if zones else "<li>no no-fly zones</li>"
+    return (
+        '<figure class="map"><div class="map-tools" hidden><button type="button" data-zoom="0.667" '
+        'aria-label="zoom in">+</button><button type="button" data-zoom="1.5" aria-label="zoom out">&minus;</button>'
+        '<button type="button" data-zoom="0">whole</button></div>'
+        f'<svg id="map" viewBox="0 0 {WIDTH:g} {height:.0f}" role="img" aria-label="map of the flight">'
+        f'{inner}</svg><ul class="legend">{items}{unknown}</ul></figure>'
+    )
+
+
+def map_picture(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> tuple[str, float] | None:
+    """Return what stands inside the picture, `WIDTH` wide, and its height; None where no position is known."""
     stations = document["planned"]["stations"]
     tracks = _tracks(document)
     ways = _planned_ways(document)
@@ -76,24 +95,31 @@ def drawn_map(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> s
     on_route = [(at["lat"], at["lon"]) for name, at in stations.items() if name in route]
     everything = [at for way in (*tracks, *ways) for at in way] + on_route
     if not everything:
-        return '<p class="none">no position is known</p>'
+        return None
     frame = framed(everything)
     parts = _zones(frame, zones)
     parts += [f'<path class="line planned" d="{frame.path(way)}"/>' for way in ways if len(way) > 1]
-    for leg in document["legs"]:
-        if len(leg["way"]) > 1:
-            parts.append(f'<path class="line expected" d="{frame.path(leg["way"])}"/>')
+    uploaded = [leg["way"] for leg in document["legs"] if len(leg["way"]) > 1]
+    parts += [f'<path class="line expected" d="{frame.path(way)}"/>' for way in uploaded]
     parts += [f'<path class="line actual" d="{frame.path(track)}"/>' for track in tracks if len(track) > 1]
     parts += _turns(frame, document)
     parts += _stations(frame, document, route)
     parts.append(_scale_bar(frame))
-    return (
-        '<figure class="map"><div class="map-tools" hidden><button type="button" data-zoom="0.667" '
-        'aria-label="zoom in">+</button><button type="button" data-zoom="1.5" aria-label="zoom out">&minus;</button>'
-        '<button type="button" data-zoom="0">whole</button></div>'
-        f'<svg id="map" viewBox="0 0 {WIDTH:g} {frame.height:.0f}" role="img" aria-label="map of the flight">'
-        f"{''.join(parts)}</svg>{_legend(document, zones)}</figure>"
-    )
+    return "".join(parts), frame.height
+
+
+def map_entries(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> list[tuple[str, str]]:
+    """Return the legend: words, and the CSS class of the mark."""
+    found = [
+        ("first plan", "line planned"), ("way as uploaded", "line expected"), ("flown", "line actual"),
+        ("landed here", "station landed"), ("on the way or planned", "station passed"),
+    ]  # fmt: skip
+    decided = {d["action"] for d in document["decisions"] if d["where"] == "flight"}
+    if decided - _AWAY:
+        found.append(("decision in flight", "turn-mark"))
+    if decided & _AWAY:
+        found.append(("sent elsewhere", "turn-away"))
+    return [*found, ("no-fly zone", "zone")] if zones else found
 
 
 def _names(leg: dict[str, Any]) -> list[str]:
@@ -139,7 +165,7 @@ def _turns(frame: Frame, document: dict[str, Any]) -> list[str]:
         at = _position(track, decision["time_s"])
         if at is not None:
             x, y = frame.xy(at)
-            away = decision["action"] in ("divert", "land", "station", "stop")
+            away = decision["action"] in _AWAY
             shape = "M0 -7L7 6H-7Z" if away else "M0 -5L5 0L0 5L-5 0Z"
             kind = "turn-away" if away else "turn-mark"
             words = f"{decision['action']}: {decision['reason']}"
@@ -196,26 +222,3 @@ def _scale_bar(frame: Frame) -> str:
         f'<g class="fixed" transform="translate({WIDTH - 22:.1f} 26)"><path class="north" d="M0 -14L6 6L0 2L-6 6Z"/>'
         '<text y="20" text-anchor="middle">N</text></g>'
     )
-
-
-def _legend(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> str:
-    def swatch(inner: str) -> str:
-        return f'<svg class="swatch" viewBox="0 0 24 12" aria-hidden="true">{inner}</svg>'
-
-    entries = [
-        (swatch('<path class="line planned" d="M1 6h22"/>'), "first plan"),
-        (swatch('<path class="line expected" d="M1 6h22"/>'), "way as uploaded"),
-        (swatch('<path class="line actual" d="M1 6h22"/>'), "flown"),
-        (swatch('<g class="station landed"><circle cx="12" cy="6" r="5"/></g>'), "landed here"),
-        (swatch('<g class="station passed"><circle cx="12" cy="6" r="5"/></g>'), "on the way or planned"),
-    ]
-    decided = {d["action"] for d in document["decisions"] if d["where"] == "flight"}
-    if decided - {"divert", "land", "station", "stop"}:
-        entries.append((swatch('<path class="turn-mark" d="M12 1L17 6L12 11L7 6Z"/>'), "decision in flight"))
-    if decided & {"divert", "land", "station", "stop"}:
-        entries.append((swatch('<path class="turn-away" d="M12 0L18 11H6Z"/>'), "sent elsewhere"))
-    if zones:
-        entries.append((swatch('<rect class="zone" x="1" y="1" width="22" height="10"/>'), "no-fly zone"))
-    items = "".join(f"<li>{mark}{words}</li>" for mark, words in entries)
-    unknown = "<li>no-fly zones: unknown</li>" if zones is None else "" if zones else "<li>no no-fly zones</li>"
-    return f'<ul class="legend">{items}{unknown}</ul>'

@@ -34,7 +34,7 @@ def page(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> str:
     zones : list of dict, optional
         No-fly zones for the map, see `drawn_map`; None where they are not known.
     """
-    template = (resources.files("skyway") / "flight_report.html").read_text(encoding="utf-8")
+    template = page_template()
     delivery = document["delivery"]
     title = f"{_headline(document)}: {delivery['from'] or UNKNOWN} to {delivery['to'] or UNKNOWN}"
     body = "\n".join(
@@ -54,6 +54,11 @@ def page(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> str:
     )
     before, after = template.split("<!--BODY-->")
     return before.replace("<!--TITLE-->", safe(title)) + body + after
+
+
+def page_template() -> str:
+    """Return the page without its content."""
+    return (resources.files("skyway") / "flight_report.html").read_text(encoding="utf-8")
 
 
 def _section(title: str, content: str) -> str:
@@ -147,7 +152,11 @@ def _story(document: dict[str, Any]) -> str:
 
 def _figures(document: dict[str, Any]) -> str:
     found = charts(document)
-    return f'<div class="charts">{"".join(found)}</div>' if found else '<p class="none">unknown: nothing has a time</p>'
+    return (
+        f'<div class="charts">{"".join(chart.drawn() for chart in found)}</div>'
+        if found
+        else '<p class="none">unknown: nothing has a time</p>'
+    )
 
 
 def _legs(document: dict[str, Any]) -> str:

@@ -118,10 +118,27 @@ class Chart:
 
     def drawn(self) -> str:
         """Return the figure with its legend; one that says so where nothing is known."""
+        inner = self.picture()
+        title = f"{safe(self.title)}, {safe(self.unit)}"
+        if not inner:
+            return (
+                f'<figure><figcaption>{title}</figcaption><p class="none">unknown: the journal tells none</p></figure>'
+            )
+        items = [f"<li>{swatch(style)}{safe(label)}</li>" for label, style in self.entries()]
+        items += [f"<li>{safe(c.label)}: unknown</li>" for c in self.courses if not c.pieces()]
+        return (
+            f'<figure class="{"broad" if self.width > WIDTH else ""}"><figcaption>{title}</figcaption>'
+            f'<div class="wide"><svg class="chart" viewBox="0 0 {self.width:g} {HEIGHT:g}" role="img" '
+            f'aria-label="{safe(self.title)} over time">{inner}</svg></div>'
+            f'<ul class="legend">{"".join(items)}</ul></figure>'
+        )
+
+    def picture(self) -> str:
+        """Return what stands inside the picture; empty where nothing is known."""
         values = [v for c in self.courses for piece in c.pieces() for _, v in piece]
         values += [v for band in self.bands for piece in band.pieces() for _, v in piece]
         if not values:
-            return f'<figure><figcaption>{safe(self.title)}</figcaption><p class="none">unknown: the journal tells none</p></figure>'
+            return ""
         scale = self._scale(values)
         parts = [*self._frame(scale), *self._marks(scale)]
         parts += [
@@ -134,11 +151,17 @@ class Chart:
             for course in self.courses
             for piece in course.pieces()
         ]
-        return (
-            f'<figure class="{"broad" if self.width > WIDTH else ""}"><figcaption>{safe(self.title)}, {safe(self.unit)}</figcaption>'
-            f'<div class="wide"><svg class="chart" viewBox="0 0 {self.width:g} {HEIGHT:g}" role="img" aria-label="{safe(self.title)} over time">'
-            f"{''.join(parts)}</svg></div>{self._legend()}</figure>"
-        )
+        return "".join(parts)
+
+    def entries(self) -> list[tuple[str, str]]:
+        """Return the legend: words, and the CSS class of the mark."""
+        found = [(band.label, f"band {band.style}") for band in self.bands if band.pieces()]
+        found += [(course.label, f"line {course.style}") for course in self.courses if course.pieces()]
+        if self.spans:
+            found.append(("in flight", "span"))
+        if self.turns:
+            found.append(("decision in flight", "turn"))
+        return found
 
     def _scale(self, values: Sequence[float]) -> Scale:
         level = [] if self.level is None else [self.level[0]]
@@ -186,18 +209,6 @@ class Chart:
             )
         return parts
 
-    def _legend(self) -> str:
-        entries = [(band.label, f"band {band.style}") for band in self.bands]
-        entries += [(course.label, f"line {course.style}") for course in self.courses if course.pieces()]
-        if self.spans:
-            entries.append(("in flight", "span"))
-        if self.turns:
-            entries.append(("decision in flight", "turn"))
-        missing = [course.label for course in self.courses if not course.pieces()]
-        items = [f"<li>{_swatch(style)}{safe(label)}</li>" for label, style in entries]
-        items += [f"<li>{safe(label)}: unknown</li>" for label in missing]
-        return f'<ul class="legend">{"".join(items)}</ul>'
-
 
 @dataclass(frozen=True, slots=True)
 class Scale:
@@ -221,12 +232,24 @@ class Scale:
         return HEIGHT - _BOTTOM - min(max(share, 0.0), 1.0) * (HEIGHT - _TOP - _BOTTOM)
 
 
-def _swatch(style: str) -> str:
-    if "line" in style or style == "turn":
-        inner = f'<path class="{style}" d="M1 6h22"/>' if style != "turn" else '<path class="turn" d="M12 0v12"/>'
+def swatch(style: str, place: str = "") -> str:
+    """Return the mark of a legend; `place` holds attributes that set it somewhere in a picture."""
+    if style.startswith("line"):
+        inner = f'<path class="{style}" d="M1 6h22"/>'
+    elif style == "turn":
+        inner = '<path class="turn" d="M12 0v12"/>'
     else:
-        inner = f'<rect class="{style}" x="1" y="1" width="22" height="10"/>'
-    return f'<svg class="swatch" viewBox="0 0 24 12" aria-hidden="true">{inner}</svg>'
+        inner = MARKS.get(style, f'<rect class="{style}" x="1" y="1" width="22" height="10"/>')
+    return f'<svg class="swatch" viewBox="0 0 24 12" {place} aria-hidden="true">{inner}</svg>'
+
+
+MARKS = {
+    "station landed": '<g class="station landed"><circle cx="12" cy="6" r="5"/></g>',
+    "station passed": '<g class="station passed"><circle cx="12" cy="6" r="5"/></g>',
+    "turn-mark": '<path class="turn-mark" d="M12 1L17 6L12 11L7 6Z"/>',
+    "turn-away": '<path class="turn-away" d="M12 0L18 11H6Z"/>',
+}
+"""Marks of a legend that are neither a line nor an area."""
 
 
 def _path(points: Iterable[tuple[float, float]], scale: Scale) -> str:

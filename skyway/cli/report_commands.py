@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from models.errors import Fault, InputError
 from skyway.cli import options
 from skyway.cli.log_options import AsJson, Force
 
@@ -40,6 +41,11 @@ Output = Annotated[
     typer.Option("--output", "-o", help="The page; without it, report.html.", show_default=False),
 ]
 
+Plot = Annotated[
+    Path | None,
+    typer.Option("--plot", help="Draw map, charge and wind: FILE.svg; with a page.", show_default=False),
+]
+
 
 def report(
     journal: JournalFile,
@@ -47,19 +53,22 @@ def report(
     plan: PlanFile = None,
     scenario: ScenarioFolder = None,
     output: Output = None,
+    plot: Plot = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
     """Make a page of a flight (the help text is `REPORT_HELP`)."""
     from skyway.flight_report import flight, write_report
 
-    page = output or (None if as_json else Path("report.html"))
-    options.refuse_overwriting(page, force=force)
+    page = output or (None if as_json and plot is None else Path("report.html"))
+    if plot is not None and plot.suffix.lower() != ".svg":
+        raise InputError(Fault("is no name of a picture", str(plot), field="--plot", remedy="FILE.svg"))
+    options.refuse_overwriting(page, plot, force=force)
     where = None if scenario is None else options.load_scenario(scenario)
     if page is None:
         document = flight(journal, logs=log or (), plan=plan)
     else:
-        document = write_report(journal, page, logs=log or (), plan=plan, scenario=where, force=force)
+        document = write_report(journal, page, logs=log or (), plan=plan, scenario=where, plot=plot, force=force)
     if as_json:
         typer.echo(json.dumps(document, allow_nan=False))
         return

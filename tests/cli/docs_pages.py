@@ -98,6 +98,14 @@ def draw_pictures() -> None:
     run(f"skyway plan {trip} --plot {assets}/newyork-plan.svg --force")
     run(f"skyway wind --depart 2013-07-10T14:00-04:00 --plot {assets}/newyork-wind.svg --force")
     run(f"skyway network --plot {assets}/newyork-network.svg --force")
+    with tempfile.TemporaryDirectory() as folder:
+        for command in (
+            f"skyway demo -o {folder}",
+            f"skyway report {folder}/journal.jsonl -o {folder}/page.html --plot {assets}/newyork-flight.svg --force",
+        ):
+            code, _, err = run(command)
+            if code:
+                raise SystemExit(f"{command}: exit {code}: {err}")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import math
 import random
 import re
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 import pytest
 from rich.console import Console
@@ -290,6 +291,16 @@ def test_another_plan_is_compared_with_when_it_is_named(skyway, flown, tmp_path)
     other = json.loads((tmp_path / "other.json").read_text())
     assert answer["totals"]["planned"]["delivery_s"] == other["delivery_time_s"]
     assert answer["sources"]["plan"] == "other.json"
+
+
+def test_the_picture_is_one_svg_that_needs_nothing_else(skyway, flown, tmp_path):
+    assert skyway("report", str(flown), "--plot", "flight.svg").code == 0
+    root = ElementTree.parse(tmp_path / "flight.svg").getroot()
+    words = {element.text for element in root.iter() if element.tag.endswith("}text")}
+    assert {"State of charge, %", "Wind at the vehicle, m/s", "bellevue", "city-hall", "time, UTC"} <= words
+    text = (tmp_path / "flight.svg").read_text()
+    assert re.findall(r"https?:[^\"]*", text) == ["http://www.w3.org/2000/svg"]
+    assert "FILE.svg" in skyway("report", str(flown), "--plot", "flight.png", "--force").err
 
 
 def test_lines_break_where_nothing_was_told_and_no_peak_is_thinned_away():
