@@ -7,7 +7,7 @@ import math
 import random
 import re
 from html.parser import HTMLParser
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import pytest
 from rich.console import Console
@@ -295,7 +295,7 @@ def test_another_plan_is_compared_with_when_it_is_named(skyway, flown, tmp_path)
 
 def test_the_picture_is_one_svg_that_needs_nothing_else(skyway, flown, tmp_path):
     assert skyway("report", str(flown), "--plot", "flight.svg").code == 0
-    root = ElementTree.parse(tmp_path / "flight.svg").getroot()
+    root = ET.parse(tmp_path / "flight.svg").getroot()
     words = {element.text for element in root.iter() if element.tag.endswith("}text")}
     assert {"State of charge, %", "Wind at the vehicle, m/s", "bellevue", "city-hall", "time, UTC"} <= words
     text = (tmp_path / "flight.svg").read_text()
