@@ -16,10 +16,11 @@ import numpy as np
 
 from models.queue_paths import pack
 from models.wind_field import ResidualModel
-from planner.charge_kernels import Known, fly_by_need, need_tables
+from planner.charge_kernels import fly_by_need
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, fly_under, no_queues
 from planner.evaluation_kernels import Sky
 from planner.itinerary import hops_of, no_waits, outcome, stop_nodes
+from planner.need_kernels import Known, need_tables
 from planner.outlook import Outlook
 from planner.outlook_kernels import escape_cost
 from planner.room import present_in, room_at
@@ -46,7 +47,7 @@ _GUSTS = 0x47
 
 
 def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float, margin: float = 0.0) -> Known:
-    """What a drone of a problem knows at every stop; see `planner.charge_kernels.Known`.
+    """What a drone of a problem knows at every stop; see `planner.need_kernels.Known`.
 
     The members are smoothed with a normal kernel whose bandwidth falls with their number as Silverman's ("Density
     Estimation", 1986, eq. 3.28), but is wider: see `BANDWIDTH`.
@@ -295,7 +296,7 @@ class Rehearsal:
     member : ndarray of int, shape (runs,)
         The truth of each run.
     tables : ndarray
-        See `planner.charge_kernels.need_tables`.
+        See `planner.need_kernels.need_tables`.
     """
 
     course: NDArray[np.float64]

@@ -13,7 +13,6 @@ from models.errors import InputError, NoRouteError
 from models.queue_paths import no_queue, sample_path
 from models.services import State
 from models.wind_forecast import constant_wind
-from planner.charge_kernels import flight_energy, gust_mean
 from planner.charge_policy import ChargePolicy, known_at, left_out, margin_for
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
 from planner.departure import plan_within
@@ -30,6 +29,7 @@ from planner.evaluate import (
 )
 from planner.evaluation_kernels import plain_sky
 from planner.explain import alternatives, charge_ranges, stop_names, stop_reasons, wait_and_see
+from planner.need_kernels import flight_energy, gust_mean
 from planner.objective import Objective
 from planner.plan import alternative_plans, plan
 from planner.problem import HORIZON_H, Problem

@@ -1,0 +1,311 @@
+"""Compiled: how much charge a flight needs, by all that is known when it takes off.
+
+What it must expect is the forecast seen from that moment: each member weighted by its likeness to the wind measured now
+and shifted by its own residual, which fades as exp(-horizon / tau) (model.md, section 9), smoothed, with gusts about it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from models.compiled import compiled
+from models.flight import Air
+from models.flight_kernels import NEVER, land, slot_end, slot_of, wind_on
+from models.wind import MIN_GROUND_SPEED_MPS
+from planner.evaluation_kernels import LATERAL
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+GRID_S = 600.0
+"""What a flight needs is worked out for take-offs within so long together; the most of both ends counts."""
+LEAST_CHANCE = 1e-9
+"""Likeness below which a member does not count."""
+WORST = 12
+"""Members, of those with the strongest wind against the way, whose flights are worked out; the others are taken to need
+what the mildest of these does, which is no less than they need."""
+STEADY = 3.0
+"""Standard deviations of what is unsure at which the time that it costs is worked out; it is taken as linear in them."""
+_ROUNDS = 14  # of bisection: the charge is found to 1e-4 of the spread
+
+
+class Known(NamedTuple):
+    """What a drone knows when it decides, and how careful it is.
+
+    Attributes
+    ----------
+    air : Air
+        Segments and the members of the forecast.
+    share : ndarray, shape (rows, members)
+        Probability of each member; a row for each truth, so that a truth can be left out of its own forecast.
+    measured : bool
+        The wind of the hour is measured at the sites; else the members stay as they are.
+    sigma_mps, tau_s : float
+        Standard deviation and correlation time of a member's residual.
+    smoothing : float
+        The wind after the hour of the take-off is less sure than the few members say: each stands for a normal
+        distribution about it, of this share of the standard deviation that a residual has gained by then.
+    gust_sd, gust_time_s : float
+        Of gusts, see `planner.evaluation_kernels.Sky`.
+    energy_error : float
+        A vehicle may need this share more than the model says.
+    epsilon : float
+        Share of flights that may need more than is charged for.
+    margin : float
+        Calibrated: multiplies the energy that a flight needs beyond that.
+    full : bool
+        Every charge is to 100 %, whatever is needed.
+    """
+
+    air: Air
+    share: NDArray[np.float64]
+    measured: bool
+    sigma_mps: float
+    tau_s: float
+    smoothing: float
+    gust_sd: float
+    gust_time_s: float
+    energy_error: float
+    epsilon: float
+    margin: float
+    full: bool
+
+
+@compiled
+def expected_winds(
+    known: Known, first: int, wind_north: NDArray[np.float64], wind_east: NDArray[np.float64], count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Members from slot `first` on as seen with the wind measured in it, or as they are where nobody measures.
+
+    Returns
+    -------
+    north, east : ndarray, shape (members, count, sites)
+        Shifted members.
+    miss : ndarray, shape (members,)
+        Mean square of the residual of one component, m2/s2.
+    """
+    air = known.air
+    members, slots, sites = air.north.shape
+    north, east = np.empty((members, count, sites)), np.empty((members, count, sites))
+    miss = np.zeros(members)
+    fade = np.exp(-np.arange(count) * air.slot_s / known.tau_s)
+    for m in range(members):
+        for site in range(sites):
+            dn = wind_north[site] - air.north[m, first, site] if known.measured else 0.0
+            de = wind_east[site] - air.east[m, first, site] if known.measured else 0.0
+            miss[m] += (dn * dn + de * de) / (2.0 * sites)
+            for k in range(count):
+                slot = min(first + k, slots - 1)
+                north[m, k, site] = air.north[m, slot, site] + dn * fade[k]
+                east[m, k, site] = air.east[m, slot, site] + de * fade[k]
+    return north, east, miss
+
+
+@compiled
+def gust_mean(known: Known, flight_s: float) -> float:
+    """Standard deviation of the mean of a flight's gusts, as a share of the wind.
+
+    The mean of an Ornstein-Uhlenbeck process of time constant tau over T has the variance
+    2 tau / T (1 - tau / T (1 - exp(-T / tau))) of one value.
+    """
+    x = known.gust_time_s / max(flight_s, 1.0)
+    return known.gust_sd * math.sqrt(2.0 * x * (1.0 - x * (1.0 - math.exp(-1.0 / x))))
+
+
+@compiled
+def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], depart_s: float, gust: float) -> float:
+    """Touch-down of a flight through wind that is worse all the way than the member says, by `STEADY` deviations.
+
+    Of the wind itself after the hour of the take-off, and of the mean of gusts, `gust` as a share of the wind. Whether the
+    flight is flyable is `land`'s to say.
+    """
+    now = depart_s + air.climb_s
+    first = slot_of(air, depart_s)
+    for segment in segments:
+        left = air.distance_m[segment]
+        slot = slot_of(air, now)
+        while True:
+            north, east = wind_on(air, member, slot, segment)
+            along = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
+            across = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
+            speed = along + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
+            unsure = known.sigma_mps * known.smoothing
+            unsure *= math.sqrt(1.0 - math.exp(-2.0 * (slot - first) * air.slot_s / known.tau_s))
+            speed -= STEADY * math.hypot(gust * math.hypot(along, LATERAL * across), unsure)
+            speed = min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
+            end = slot_end(air, slot)
+            if now + left / speed <= end:
+                now += left / speed
+                break
+            left -= speed * (end - now)
+            now = end
+            slot += 1
+    return now + air.descent_s
+
+
+@compiled
+def _worst_first(
+    air: Air,
+    segments: NDArray[np.int64],
+    north: NDArray[np.float64],
+    east: NDArray[np.float64],
+    chance: NDArray[np.float64],
+) -> NDArray[np.int64]:
+    """Members that count, those with the strongest wind against the way as a whole first."""
+    to_north, to_east = 0.0, 0.0
+    for segment in segments:
+        to_north += air.distance_m[segment] * air.cos_bearing[segment]
+        to_east += air.distance_m[segment] * air.sin_bearing[segment]
+    score = np.empty(len(chance))
+    for m in range(len(chance)):
+        score[m] = NEVER
+        if chance[m] > LEAST_CHANCE:
+            score[m] = 0.0
+            for k in range(min(2, north.shape[1])):
+                for site in range(north.shape[2]):
+                    score[m] += to_north * north[m, k, site] + to_east * east[m, k, site]
+    order = np.argsort(score)
+    count = 0
+    while count < len(order) and score[order[count]] < NEVER:
+        count += 1
+    return order[:count]
+
+
+@compiled
+def flight_energy(
+    known: Known,
+    row: int,
+    segments: NDArray[np.int64],
+    time_s: float,
+    wind_north: NDArray[np.float64],
+    wind_east: NDArray[np.float64],
+    cost: tuple[float, float],
+) -> float:
+    """Energy, as SoC, that a flight taking off at `time_s` exceeds with the probability epsilon only.
+
+    `wind_north` and `wind_east`, shape (sites,), are measured in the slot of `time_s`. Members over the limits do not
+    count (nobody would fly); without any other, never.
+    """
+    air = known.air
+    first = slot_of(air, time_s)
+    count = int(math.ceil(2.0 * 3600.0 / air.slot_s)) + 1
+    members = air.north.shape[0]
+    north, east, miss = expected_winds(known, first, wind_north, wind_east, count)
+    seen = Air(
+        air.start_s + first * air.slot_s,
+        air.slot_s,
+        north,
+        east,
+        air.weight,
+        air.cos_bearing,
+        air.sin_bearing,
+        air.distance_m,
+        air.airspeed_mps,
+        air.wind_limit_mps,
+        air.max_ground_speed_mps,
+        air.climb_s,
+        air.descent_s,
+    )
+    least = NEVER
+    for m in range(members):
+        if known.share[row, m] > 0.0:
+            least = min(least, miss[m])
+    chance = np.zeros(members)
+    for m in range(members):
+        chance[m] = known.share[row, m] * math.exp(-0.5 * (miss[m] - least) / (known.sigma_mps * known.sigma_mps))
+    order = _worst_first(air, segments, north, east, chance)
+    energy, spread, share = np.empty(members + 1), np.empty(members + 1), np.empty(members + 1)
+    flying, total, low, high, mildest = 0, 0.0, NEVER, 0.0, 0
+    seen_enough = 0
+    for m in order:
+        if flying >= WORST:
+            break
+        seen_enough += 1
+        down = land(seen, m, segments, time_s)
+        if down == NEVER:
+            continue
+        flight = down - time_s
+        slow = slow_land(known, seen, m, segments, time_s, gust_mean(known, flight)) - down
+        energy[flying] = cost[1] + cost[0] * flight
+        spread[flying] = max(cost[0] * slow / STEADY, 1e-9)
+        share[flying] = chance[m]
+        total += chance[m]
+        if energy[flying] < low:
+            low, mildest = energy[flying], flying
+        high = max(high, energy[flying] + 6.0 * spread[flying])
+        flying += 1
+    if flying == 0:
+        return NEVER
+    rest = 0.0
+    for m in order[seen_enough:]:
+        rest += chance[m]
+    energy[flying], spread[flying], share[flying] = energy[mildest], spread[mildest], rest  # they need no more than it
+    flying += 1
+    total += rest
+    for _ in range(_ROUNDS):
+        middle = 0.5 * (low + high)
+        beyond = 0.0
+        for m in range(flying):
+            beyond += share[m] * 0.5 * math.erfc((middle - energy[m]) / spread[m] * math.sqrt(0.5))
+        if beyond > known.epsilon * total:
+            low = middle
+        else:
+            high = middle
+    return float(high)
+
+
+@compiled
+def energy_about(
+    known: Known,
+    row: int,
+    truth: Air,
+    member: int,
+    segments: NDArray[np.int64],
+    time_s: float,
+    cost: tuple[float, float],
+    table: NDArray[np.float64],
+) -> float:
+    """Look up, or work out and keep, what a flight may need that takes off about a time."""
+    slot = slot_of(truth, time_s)
+    k = int((time_s - truth.start_s) // GRID_S)
+    need = _energy_at(known, row, truth, member, segments, cost, table, slot, 2 * k + 1)
+    return max(need, _energy_at(known, row, truth, member, segments, cost, table, slot, 2 * k + 2))
+
+
+@compiled
+def _energy_at(
+    known: Known,
+    row: int,
+    truth: Air,
+    member: int,
+    segments: NDArray[np.int64],
+    cost: tuple[float, float],
+    table: NDArray[np.float64],
+    slot: int,
+    point: int,
+) -> float:
+    """What a flight needs at point 2 k + 1, the beginning of interval k, or 2 k + 2, its end, kept where both are one."""
+    interval = (point - 1) // 2
+    time_s = truth.start_s + interval * GRID_S
+    key = point
+    if point == 2 * interval + 2:
+        time_s += GRID_S
+        if slot_of(truth, time_s) == slot:
+            key = point + 1  # the next interval begins in the same wind
+        else:
+            time_s -= 1.0
+    if 0 <= key < len(table) and not math.isnan(table[key]):
+        return float(table[key])
+    need = flight_energy(known, row, segments, time_s, truth.north[member, slot], truth.east[member, slot], cost)
+    if 0 <= key < len(table):
+        table[key] = need
+    return need
+
+
+def need_tables(truth: Air, hops: int) -> NDArray[np.float64]:
+    """Return tables for `fly_by_need` in which nothing is known yet."""
+    members, slots, _ = truth.north.shape
+    return np.full((members, hops, 2 * int(slots * truth.slot_s / GRID_S) + 4), np.nan)
