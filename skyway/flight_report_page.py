@@ -141,7 +141,11 @@ def _story(document: dict[str, Any]) -> str:
     """Return what differed from the plan, in short: decisions that changed something, and what was not meant to happen."""
     changed = [d for d in document["decisions"] if d["new_plan"] or d["action"] not in ("continue", "speed", None)]
     lines = [(d["time_s"], f"{d['action'] or 'decided'}: {d['reason'] or 'no reason told'}") for d in changed]
-    lines += [(c["time_s"], c["reason"] or c["event"]) for c in document["contingencies"] if c["event"] != "decision"]
+    for event in document["contingencies"]:
+        words = event["reason"] or event["event"]
+        told_already = any(d["reason"] and d["reason"] in words and d["time_s"] == event["time_s"] for d in changed)
+        if event["event"] != "decision" and not told_already:
+            lines.append((event["time_s"], words))
     speeds = sum(1 for d in document["decisions"] if d["action"] == "speed")
     told = rows(("at", "what and why"), [(clock(at_s), text) for at_s, text in sorted(lines)], "tw")
     if not lines:

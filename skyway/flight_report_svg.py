@@ -275,7 +275,7 @@ def nice_step(span: float) -> float:
     """Return a round step that divides a range into some five parts."""
     raw = span / 5.0
     power = 10.0 ** math.floor(math.log10(raw))
-    return next(m * power for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * power >= raw * 0.999)
+    return next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= raw * 0.999)
 
 
 def time_ticks(begin_s: float, end_s: float, most: int = _TICKS) -> list[tuple[float, str]]:

@@ -16,7 +16,7 @@ from benchmarks.deliveries import Stage, Story
 from link.supervisor import read_journal
 from skyway.cli.flight_view import FlightView
 from skyway.flight_report import flight, write_report
-from skyway.flight_report_svg import Band, Course, time_ticks
+from skyway.flight_report_svg import Band, Chart, Course, time_ticks
 from skyway.flying import line_of
 
 VOID = {"meta"}
@@ -315,6 +315,21 @@ def test_lines_break_where_nothing_was_told_and_no_peak_is_thinned_away():
     assert kept[-1] == long[-1]
     band = Band("", "", [(0.0, 1.0, 3.0), (5.0, 2.0, 4.0)])
     assert band.pieces() == [[(0.0, 1.0), (5.0, 2.0), (5.0, 4.0), (0.0, 3.0)]]
+
+
+@pytest.mark.parametrize("highest", [0.7, 3.0, 12.0, 12.6, 99.0, 4e3, 7e8])
+def test_figures_at_an_axis_are_where_they_say(highest):
+    drawn = Chart(
+        "x", "m", 0.0, 60.0, courses=[Course("a", "actual", [(0.0, 0.0), (60.0, highest)])], low=0.0
+    ).picture()
+    ticks = [
+        (float(y) - 4.0, float(value)) for y, value in re.findall(r'y="([\d.]+)" text-anchor="end">([\d.]+)<', drawn)
+    ]
+    assert 4 <= len(ticks) <= 8
+    (low_y, low), (high_y, high) = ticks[0], ticks[-1]
+    assert high >= highest
+    for y, value in ticks:
+        assert y == pytest.approx(low_y + (value - low) / (high - low) * (high_y - low_y), abs=0.11)
 
 
 @pytest.mark.parametrize("span_s", [1.0, 59.0, 600.0, 7_000.0, 86_000.0, 4e6, 4e9])
