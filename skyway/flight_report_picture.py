@@ -54,7 +54,7 @@ def picture(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> str
         f'<svg x="0" y="0" width="{wide:g}" height="{tall:g}" viewBox="0 0 {chart_of_places.WIDTH:g} {map_height:g}">'
         f'<rect class="span" width="100%" height="100%" rx="10"/>{inner}</svg>'
     )
-    style = page_template().split("<style>")[1].split("</style>")[0].split("@media (max-width")[0]  # no phone
+    style = page_template().split("<style>")[1].split("</style>")[0].split("@media screen and")[0]  # no phone
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="-16 -16 {BROAD + 32:g} {height + 32:g}">'
         f"<style>{style} .head{{font-weight:600}} .swatch{{margin:0}}</style>"
