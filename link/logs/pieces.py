@@ -40,7 +40,9 @@ class Scan(Protocol[Found_co]):
         """Return what was found, and how many bytes are done with; `final` says that the log ends with them."""
 
 
-def read_pieces(path: Path, scan: Scan[Found_co], *, begin: int = 0) -> Iterator[tuple[int, NDArray[np.uint8], Found_co]]:
+def read_pieces(
+    path: Path, scan: Scan[Found_co], *, begin: int = 0
+) -> Iterator[tuple[int, NDArray[np.uint8], Found_co]]:
     """Read a file piece by piece; what a piece has not used up begins the next one.
 
     Parameters

@@ -137,7 +137,11 @@ def open_any(path: Path, columns: Path | None) -> Log:
 
     opened = open_log(path, None if columns is None else read_columns(columns))
     if not opened.summary.messages:
-        raise InputError(Fault("holds no valid message", str(path), remedy="a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"))
+        raise InputError(
+            Fault(
+                "holds no valid message", str(path), remedy="a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"
+            )
+        )
     usual = SUFFIX[opened.summary.format]
     names = [part.lower().lstrip(".") for part in path.suffixes]
     if usual not in names:
