@@ -52,6 +52,8 @@ MUCH = 0.45
 """Margin tried beside none where those give no route."""
 COMPOSE_S = 0.05
 """On large networks a composition that was found in this time is good enough, proved the best or not."""
+FEW = 0.1
+"""Where a smaller share of the stations has room likely enough, no way is looked for that keeps to them."""
 WORLDS = 3
 """Members with sampled queues that routes are composed in on small networks."""
 SCREEN_TRUTHS, SCREEN_RUNS = 12, 120
@@ -219,7 +221,9 @@ class RobustSearch:
         roomy = chances_full(p) <= MOST_FULL * p.epsilon
         roomy[[p.origin, p.destination]] = True
         found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
-        for allowed in (roomy, np.ones(len(p.network), dtype=bool)):
+        everywhere = np.ones(len(p.network), dtype=bool)
+        few = roomy.sum() < FEW * np.count_nonzero(p.network.pads > 0)
+        for allowed in (everywhere,) if few else (roomy, everywhere):
             if without is not None:
                 allowed[without] = False
             if found and (quick or self._large or roomy.all()):
