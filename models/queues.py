@@ -39,8 +39,6 @@ WARM_UP_H = 168
 """Hours lived through from an empty station where nobody has seen the pads."""
 TAIL_H = 24
 """Hours after a horizon whose charging times still matter to those who wait at its end."""
-MOST_SPOTS = 32
-"""Holding spots up to which the chance of finding them all taken is told."""
 STEP_S = 600.0
 
 
@@ -228,13 +226,8 @@ class PadQueue:
         wait = expected_waits(states.distribution, self.pads, 1.0 / self.mean_charging_s, S_PER_H, times)
         # Exact values never let a later arrival start earlier; this removes what rounding and cutting leave.
         wait = np.maximum.accumulate(times + wait) - times
-        share = states.distribution
-        free = np.minimum(share[:, : self.pads].sum(axis=1), 1.0)
-        at_least = np.cumsum(share[:, ::-1], axis=1)[:, ::-1][:, self.pads :]
-        p_line = np.zeros((len(grid), MOST_SPOTS + 1))
-        spots = min(at_least.shape[1], MOST_SPOTS + 1)
-        p_line[:, :spots] = np.minimum(at_least[:, :spots], 1.0)
-        return WaitForecast(self.start_s, step_s, np.maximum(wait, 0.0), free, states.lost_mass, self, p_line)
+        free = np.minimum(states.distribution[:, : self.pads].sum(axis=1), 1.0)
+        return WaitForecast(self.start_s, step_s, np.maximum(wait, 0.0), free, states.lost_mass, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,8 +250,6 @@ class WaitForecast:
     queue : PadQueue or None
         What it was computed from; None is a station without pads, a delivery target: nobody recharges
         there, so nobody waits.
-    p_line : ndarray or None, shape (times, spots)
-        Probability that so many drones or more stand in line behind those on the pads.
     """
 
     start_s: float
@@ -267,16 +258,6 @@ class WaitForecast:
     p_free: NDArray[np.float64]
     lost_mass: float = 0.0
     queue: PadQueue | None = field(default=None, repr=False)
-    p_line: NDArray[np.float64] | None = field(default=None, repr=False)
-
-    def p_full(self, holding_spots: int) -> NDArray[np.float64]:
-        """Probability at each point that all pads and so many holding spots are taken, shape (times,).
-
-        With more than `MOST_SPOTS` spots that of `MOST_SPOTS`, which is more.
-        """
-        if self.p_line is None:
-            return np.zeros(len(self.wait_s))
-        return self.p_line[:, min(holding_spots, MOST_SPOTS)]
 
     @classmethod
     def no_queue(cls, start_s: float, hours: float, step_s: float = STEP_S) -> WaitForecast:

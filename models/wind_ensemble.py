@@ -20,6 +20,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
+def evenly(count: int, most: int) -> NDArray[np.int64]:
+    """Return at most so many of the numbers below `count`, evenly chosen, ascending."""
+    return np.arange(count) if count <= most else (np.arange(most) * 2 + 1) * count // (2 * most)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class WindEnsemble:
     """Possible courses of the wind and how probable each is.
@@ -109,10 +114,7 @@ class WindEnsemble:
         """Return at most that many members, evenly chosen in their order, their probabilities scaled to 1."""
         if most < 1:
             raise InputError(Fault("an ensemble needs a member", field="members", value=most))
-        count = len(self)
-        if count <= most:
-            return self
-        return self._chosen((np.arange(most) * 2 + 1) * count // (2 * most))
+        return self if len(self) <= most else self._chosen(evenly(len(self), most))
 
     def _chosen(self, members: NDArray[np.int64]) -> WindEnsemble:
         probability = self.probability[members]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.queue_paths import pack
+from models.wind_ensemble import evenly
 from models.wind_field import ResidualModel
 from planner.charge_kernels import fly_by_need
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, fly_under, no_queues
@@ -91,9 +92,7 @@ def rehearsed_worlds(
     Paths are those of `QUEUES` sets at the stop before each flight, in order (set, hop). See `ChargePolicy.rehearse`.
     """
     count = len(problem.probability)
-    chosen = np.arange(count)
-    if most_truths is not None and count > most_truths:
-        chosen = (np.arange(most_truths) * 2 + 1) * count // (2 * most_truths)
+    chosen = evenly(count, count if most_truths is None else most_truths)
     members = np.repeat(chosen, max(1, round(runs / len(chosen))))
     sample = np.arange(len(members)) % QUEUES
     nodes = stop_nodes(problem, itinerary)

@@ -153,7 +153,12 @@ def alternatives(answer: RobustAnswer, count: int) -> list[Candidate]:
     """Return different routes none of which is beaten in mean time, 95th percentile, risk and energy; best first."""
 
     def measures(one: Candidate) -> tuple[float, ...]:
-        return (one.outcome.mean_s, one.outcome.quantile_s(0.95), 1.0 - one.outcome.p_success, one.charge_used)
+        return (
+            one.outcome.mean_s,
+            one.outcome.quantile_s(0.95),
+            1.0 - one.outcome.p_success,
+            one.rehearsal.charge_used,
+        )
 
     found: list[Candidate] = []
     for one in answer.candidates:
@@ -177,9 +182,7 @@ def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
         alone[member] = 1.0
         speeds = mean_speeds(problem.air, alone, float(HORIZON_H))
         search = ExactSearch(problem, problem.queue_paths(nodes, member), speeds=speeds)
-        try:
-            search.solve()
-        except NoRouteError:
+        if search.find() is None:
             continue
         times.append(search.best_s - problem.depart_s)
         weights.append(probability)

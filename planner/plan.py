@@ -299,11 +299,10 @@ def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: di
         spent += time.perf_counter() - started
     drones = [search.problem.drone.id for search in searches]
     best = _best(objective, drones, outcomes, errors, rejected)
-    problem = searches[best].problem
     started = time.perf_counter()
     answer = searches[best].solve()
-    looked_at = sum(search.looked_at for search in searches)
     spent += time.perf_counter() - started
+    looked_at = sum(search.looked_at for search in searches)
     return _told(answer, spent, looked_at, rejected)
 
 

@@ -221,7 +221,7 @@ class Problem:
 
 
 class ExpectedWaits:
-    """Expected wait, and chances of a free pad and of no room at all, at every station over the horizon.
+    """Expected wait and chance of a free pad at every station over the horizon.
 
     Rows are filled when first asked for; kernels read the arrays.
 
@@ -229,7 +229,7 @@ class ExpectedWaits:
     ----------
     start_s, step_s : float
         The grid of arrival times.
-    wait_s, p_free, p_full : ndarray, shape (nodes, times)
+    wait_s, p_free : ndarray, shape (nodes, times)
         Linear between grid points. Only rows of nodes passed to `need` are filled.
     known : ndarray of bool, shape (nodes,)
         Which rows are filled.
@@ -237,13 +237,11 @@ class ExpectedWaits:
 
     def __init__(self, problem: Problem) -> None:
         self._load, self._pads, self._busy = problem.load, problem.network.pads, problem.busy
-        self._spots = [station.holding_spots for station in problem.network.stations]
         self.start_s = problem.depart_s
         self.step_s = 600.0
         points = round(HORIZON_H * 3600.0 / self.step_s) + 1
         self.wait_s = np.zeros((len(problem.network), points))
         self.p_free = np.ones((len(problem.network), points))
-        self.p_full = np.zeros((len(problem.network), points))
         self.known = np.zeros(len(problem.network), dtype=bool)
 
     @classmethod
@@ -268,9 +266,6 @@ class ExpectedWaits:
             self.wait_s[node, count:] = forecast.wait_s[-1]
             self.p_free[node, :count] = forecast.p_free[:count]
             self.p_free[node, count:] = forecast.p_free[-1]
-            full = forecast.p_full(self._spots[node])
-            self.p_full[node, :count] = full[:count]
-            self.p_full[node, count:] = full[-1]
         self.known[wanted] = True
 
     def at(self, node: int, time_s: float) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from models.wind_ensemble import evenly
 from planner.charge_policy import ChargePolicy, Rehearsal, known_at, margin_for
 from planner.equivalent import expected_queues, mean_speeds
 from planner.evaluation_truths import USUAL_ERRORS, Errors
@@ -86,8 +87,6 @@ class Candidate:
         It breaks the reserve more often than allowed, by more than chance may explain.
     loss : tuple of float
         See `planner.objective.Objective.loss`.
-    charge_used : float
-        Mean charge that all flights take together, as SoC.
     rehearsal : Rehearsal
         The runs behind the outcome; the same worlds for all candidates of a comparison.
     """
@@ -96,7 +95,6 @@ class Candidate:
     outcome: Outcome
     unsafe: bool
     loss: tuple[float, float]
-    charge_used: float
     rehearsal: Rehearsal
 
     @property
@@ -281,8 +279,7 @@ class RobustSearch:
                 return
             cautious = self._compose(speeds, queues, MUCH, allowed)
             yield from (one for one in (cautious, bare) if one is not None)
-        chosen = (np.arange(worlds) * 2 + 1) * len(p.probability) // (2 * max(worlds, 1))
-        for sample, member in enumerate(dict.fromkeys(chosen.tolist())):
+        for sample, member in enumerate(evenly(len(p.probability), worlds).tolist()):
             alone = np.zeros(len(p.probability))
             alone[member] = 1.0
             sampled = p.queue_paths(range(len(p.network)), sample)
@@ -298,7 +295,7 @@ class RobustSearch:
     def _speeds(self, probability: NDArray[np.float64]) -> NDArray[np.float64]:
         count = np.count_nonzero(probability)
         if self._large and count > SPEED_MEMBERS:
-            kept = (np.arange(SPEED_MEMBERS) * 2 + 1) * len(probability) // (2 * SPEED_MEMBERS)
+            kept = evenly(len(probability), SPEED_MEMBERS)
             mask = np.zeros(len(probability))
             mask[kept] = probability[kept]
             if mask.sum() > 0.0:
@@ -330,7 +327,7 @@ class RobustSearch:
         outcome = rehearsal.outcome(p)
         unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(rehearsal.weight)
         loss = p.request.objective.loss(outcome)
-        return Candidate(policy, outcome, unsafe, loss, rehearsal.charge_used, rehearsal), rehearsal.charging
+        return Candidate(policy, outcome, unsafe, loss, rehearsal), rehearsal.charging
 
 
 def _order(one: Candidate) -> tuple[float, ...]:
