@@ -69,7 +69,9 @@ def corridor(
         )
 
     def plane(points: Sequence[LatLon]) -> list[tuple[float, float]]:
-        return [(round((lon - west) * scale, 3), round(lat * _M_PER_DEG, 3)) for lat, lon in points]  # to the millimetre
+        return [
+            (round((lon - west) * scale, 3), round(lat * _M_PER_DEG, 3)) for lat, lon in points
+        ]  # to the millimetre
 
     shapes: list[shapely.Geometry] = [_line(plane(route))]
     for part, station in diverts:
