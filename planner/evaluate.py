@@ -15,7 +15,6 @@ from models.units import S_PER_MIN
 from planner.evaluation_flights import (
     DELIVERED,
     GAVE_UP,
-    LEVELS,
     STRANDED,
     UNFLYABLE,
     Flown,
@@ -94,8 +93,9 @@ class Evaluation:
         Share of runs with a landing below the reserve (stranded runs among them).
     counts : dict of str to int
         Runs: ``delivered``, ``stranded``, ``unflyable``, ``gave_up``, ``below_reserve``.
-    calibration : tuple of (level, Estimate)
-        Frequency of deliveries no later than what was promised with the probability `level`; empty without promises.
+    calibration : tuple of (promised, Estimate)
+        Probability promised in the mean of a deadline, and how often it was kept; empty without promises. Deadlines are
+        the quantiles `planner.evaluation_flights.LEVELS` of what each plan promises.
     calibration_error : Estimate
         Mean absolute difference between both, 0 to 1.
     regret : Estimate
@@ -163,7 +163,7 @@ class Evaluation:
             "days": self.days,
             "counts": self.counts,
             **estimates,
-            "calibration": [{"level": level, **found.document()} for level, found in self.calibration],
+            "calibration": [{"promised": promised, **found.document()} for promised, found in self.calibration],
             "clairvoyant_runs": self.clairvoyant_runs,
             "planning_s": list(self.planning_s),
         }
@@ -219,7 +219,8 @@ def summarise(planner: str, flown: Flown, planning_s: Sequence[float] = (), *, s
         regret = Estimate(found.value - 1.0, found.low - 1.0, found.high - 1.0)
     calibration: tuple[tuple[float, Estimate], ...] = ()
     if len(flown.kept):
-        calibration = tuple((level, days.rate(flown.kept[:, k])) for k, level in enumerate(LEVELS))
+        promised = flown.promised.mean(axis=0).tolist()
+        calibration = tuple((level, days.rate(flown.kept[:, k])) for k, level in enumerate(promised))
     return Evaluation(
         planner=planner,
         runs=len(flown),
@@ -236,7 +237,7 @@ def summarise(planner: str, flown: Flown, planning_s: Sequence[float] = (), *, s
         below_reserve=days.rate(flown.below_reserve),
         counts=counts,
         calibration=calibration,
-        calibration_error=days.mean_error(flown.kept, np.array(LEVELS)),
+        calibration_error=days.mean_error(flown.kept, flown.promised),
         regret=regret,
         clairvoyant_runs=compared,
         planning_s=tuple(planning_s),

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from models.errors import InfeasibleError
+from models.flight_kernels import next_opening
 from models.queue_paths import pack
 from models.services import State
 from models.units import from_posix
-from planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN, Queues, fly_under
-from planner.itinerary import hops_of, no_waits, stop_nodes
+from planner.course_kernels import PAD, SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN, Queues, fly_under
+from planner.evaluation_kernels import gusty_land
+from planner.itinerary import Hop, hops_of, no_waits, stop_nodes
 from planner.plan import plan
 from planner.problem import HORIZON_H
 
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
     from models.wind_forecast import WindEnsemble
     from planner.charge_policy import ChargePolicy
     from planner.evaluation_truths import Truths
-    from planner.itinerary import Hop, Itinerary, Outcome
+    from planner.itinerary import Itinerary, Outcome
     from planner.problem import Problem
     from planner.request import Request
 
@@ -37,6 +40,7 @@ LEVELS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
 """On-time probabilities at which promises are compared with what happens."""
 MOST_STOPS = 60
 """A policy that stops more often has given up."""
+_AGAIN_S = 30.0  # a drone that cannot leave yet looks at the clock again
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +61,9 @@ class Flown:
         Of delivered runs, else NaN; the first is the sum of the others. Hovering for a holding spot is flight, holding
         for wind is waiting.
     kept : ndarray of bool, shape (runs, levels)
-        The delivery came no later than what was promised with probability `LEVELS`; empty without promises.
+        The delivery came by the deadlines that are the quantiles `LEVELS` of what was promised; empty without promises.
+    promised : ndarray, shape (runs, levels)
+        Probability promised of each of these deadlines: the level, or more where many arrivals are promised at one moment.
     clairvoyant_s : ndarray, shape (runs,)
         Delivery time of a planner that is told this truth (without gusts and error of energy), NaN where unknown.
     """
@@ -71,6 +77,7 @@ class Flown:
     wait_s: NDArray[np.float64]
     recharge_s: NDArray[np.float64]
     kept: NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, len(LEVELS)), dtype=bool))
+    promised: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, len(LEVELS))))
     clairvoyant_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __len__(self) -> int:
@@ -83,9 +90,11 @@ class Flown:
 
     def judged(self, promise: Outcome, depart_s: float) -> Flown:
         """Compare with what was promised at planning time."""
-        due = np.array([promise.quantile_s(level) for level in LEVELS]) - depart_s
+        due = np.array([promise.quantile_s(level) for level in LEVELS])
+        promised = np.array([promise.p_by(deadline) for deadline in due])
         time = np.where(self.delivered, self.delivery_s, np.inf)
-        return replace(self, kept=time[:, None] <= due + 1e-6)
+        kept = time[:, None] <= due - depart_s + 1e-6
+        return replace(self, kept=kept, promised=np.broadcast_to(promised, kept.shape))
 
     def chosen(self, runs: NDArray[np.bool_] | NDArray[np.int64]) -> Flown:
         """Some of the runs."""
@@ -97,7 +106,7 @@ def pooled(parts: Sequence[Flown]) -> Flown:
     """Join runs of several plans; promises and clairvoyant times stay where all parts have them."""
     total = sum(len(part) for part in parts)
     joined: dict[str, Any] = {f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Flown)}
-    for name in ("kept", "clairvoyant_s"):
+    for name in ("kept", "promised", "clairvoyant_s"):
         if len(joined[name]) != total:
             joined[name] = joined[name][:0]
     return Flown(**joined)
@@ -215,12 +224,37 @@ class Policy(Protocol):
         """The next flight and the stay before it, or None where there is no way on."""
 
 
+@dataclass(frozen=True)
+class Departure:
+    """How to leave a stop, until the wind is measured anew.
+
+    Attributes
+    ----------
+    segments : tuple of int
+        Flown without a landing between, if all goes well.
+    charge : float
+        Take-off with at least this charge.
+    need : callable
+        Charge without which the flight is not begun at a time, POSIX seconds.
+    """
+
+    segments: tuple[int, ...]
+    charge: float
+    need: Callable[[float], float]
+
+
 @runtime_checkable
 class Adaptive(Protocol):
-    """Says at every stop, and again with every new wind while it stands there, by which rule to leave."""
+    """Decides at every stop, again with every new wind while it stands there, and over stations on the way."""
 
-    def rule(self, standing: Standing) -> ChargePolicy | None:
-        """A way on whose first flight is flown once its charge is enough; None where there is no way on."""
+    def leave(self, standing: Standing) -> Departure | None:
+        """How to go on from a stop, or None where there is no way on."""
+
+    def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
+        """Segments to go on with over a station with pads; none: land there.
+
+        Time and charge are set back by a climb, as if it took off there.
+        """
 
 
 @dataclass(frozen=True)
@@ -335,45 +369,79 @@ def _standing(truths: Truths, problem: Problem, stay: _Stay, time_s: float, soc:
     nodes = np.flatnonzero(problem.network.pads > 0).tolist()
     paths = truths.queues(problem, nodes, int(truths.queue[stay.run]))
     busy = {problem.network.stations[node].id: paths[node].present_at(time_s) for node in nodes}
+    if stay.station in busy and time_s > stay.landed_s:  # who came after it does not stand before it in the line
+        path = paths[stay.node]
+        left = np.searchsorted(path.left_s, time_s, side="right") - np.searchsorted(path.left_s, stay.landed_s, side="right")
+        busy[stay.station] = max(path.present_at(stay.landed_s) - int(left), 0)
     return Standing(stay.node, stay.station, time_s, soc, stay.visited, wind, busy)
 
 
 def _fly_adaptive(
     truths: Truths, problem: Problem, policy: Adaptive, stay: _Stay
 ) -> tuple[Hop, NDArray[np.float64]] | None:
-    """Take-off by the rule of the policy, decided anew whenever the wind is: (hop, its course, shape (1, 1, 6))."""
+    """Take off as the policy says, decided anew whenever the wind is: (hop, its course, shape (1, 1, 6))."""
     now, soc = stay.landed_s, stay.soc
-    looked_s: float | None = None
-    queue = int(truths.queue[stay.run])
-    pad_s = float(truths.queues(problem, [stay.node], queue)[stay.node].pad_time(stay.landed_s))
+    queue = truths.queues(problem, [stay.node], int(truths.queue[stay.run]))[stay.node]
+    pad_s = float(queue.pad_time(stay.landed_s)) if problem.has_pads(stay.node) else math.inf
     curve_s, curve_soc = problem.curve(stay.node)
+    begun = float(np.interp(stay.soc, curve_soc, curve_s))
+
+    def charge_at(time_s: float) -> float:
+        return float(np.interp(begun + time_s - pad_s, curve_s, curve_soc)) if time_s > pad_s else stay.soc
+
     for _ in range(HORIZON_H):
-        rule = policy.rule(_standing(truths, problem, stay, now, soc))
-        if rule is None:
+        way = policy.leave(_standing(truths, problem, stay, now, soc))
+        if way is None:
             return None
-        nodes = stop_nodes(problem, rule.itinerary)
-        found = truths.queues(problem, nodes, queue)
-        one = np.array([stay.run])
-        course, _ = rule.fly(
-            problem,
-            truths.sky(one)._replace(queue=np.zeros(1, dtype=np.int64)),
-            truths.day[one],
-            [found[node] for node in nodes],
-            start=(stay.landed_s, stay.soc),
-            learned=bool(stay.visited),
-            looked_s=looked_s,
-        )
-        flight = course[:, :1].copy()
         wind = truths.wind
         new_wind_s = wind.start_s + (wind.slot_at(now) + 1) * wind.slot_s
-        if flight[0, 0, TAKE_OFF] <= new_wind_s or wind.slot_at(now) >= wind.slots - 1:
-            charged = float(flight[0, 0, SOC_OFF])
-            return replace(rule.itinerary[0], charge_to=charged if charged > stay.soc else None), flight
-        now = looked_s = new_wind_s
-        if problem.has_pads(stay.node) and now > pad_s:
-            begun = np.interp(stay.soc, curve_soc, curve_s)
-            soc = float(np.interp(begun + now - pad_s, curve_s, curve_soc))
+        until = new_wind_s if wind.slot_at(now) < wind.slots - 1 else math.inf
+        segments = np.array(way.segments, dtype=np.int64)
+        at = now
+        while at < until:
+            wanted = max(way.charge, way.need(at))
+            if charge_at(at) >= wanted - 1e-9:
+                opening = next_opening(problem.air, int(truths.day[stay.run]), segments, at)
+                if opening <= at + 1e-6:
+                    return _flight(truths, problem, policy, stay, way.segments, (pad_s, at, charge_at(at)))
+                at = opening
+            elif wanted <= curve_soc[-1] and pad_s < math.inf:
+                reached = pad_s + float(np.interp(wanted, curve_soc, curve_s)) - begun
+                at = max(reached, at + _AGAIN_S)
+            else:
+                break
+        if not until < math.inf:
+            return None
+        now, soc = new_wind_s, charge_at(new_wind_s)
     return None
+
+
+def _flight(
+    truths: Truths,
+    problem: Problem,
+    policy: Adaptive,
+    stay: _Stay,
+    rest: tuple[int, ...],
+    begun: tuple[float, float, float],
+) -> tuple[Hop, NDArray[np.float64]]:
+    """Fly, asking the policy over each station with pads; `begun` is (pad, take-off, charge)."""
+    pad_s, off, charge = begun
+    sky = truths.sky()
+    run, day, air = stay.run, int(truths.day[stay.run]), problem.air
+    flown: tuple[int, ...] = ()
+    while rest:
+        flown, rest = (*flown, rest[0]), rest[1:]
+        node = int(problem.network.head[flown[-1]])
+        down = gusty_land(air, day, np.array(flown), off, sky.gust_key[run], sky.gust_sd, sky.gust_time_s)
+        if rest and problem.has_pads(node):
+            as_off = down - air.descent_s - air.climb_s
+            soc = charge - float(sky.energy[run]) * problem.soc_per_s * (as_off - off)
+            over = _Stay(run, node, problem.network.stations[node].id, as_off, soc, (*stay.visited, stay.station))
+            rest = policy.over(_standing(truths, problem, over, as_off, soc), rest)
+    soc = charge - float(sky.energy[run]) * (problem.soc_fixed + problem.soc_per_s * (down - off))
+    course = np.full((1, 1, 6), off)
+    course[0, 0, [PAD, TOUCH_DOWN, SOC_OFF, SOC_DOWN]] = min(pad_s, off), down, charge, soc
+    return Hop(flown, charge if charge > stay.soc else None), course
 
 
 def _given_up(flown: Flown | None, block: NDArray[np.int64], soc: float) -> Flown:

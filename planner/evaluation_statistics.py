@@ -116,14 +116,15 @@ class DayBootstrap:
         value = ascending[min(max(math.ceil(q * len(order) - 1e-9) - 1, 0), len(order) - 1)]
         return self._interval(float(value), found)
 
-    def mean_error(self, kept: NDArray[np.bool_], levels: NDArray[np.float64]) -> Estimate:
-        """Mean absolute difference between frequencies, of flags of shape (runs, levels), and levels."""
+    def mean_error(self, kept: NDArray[np.bool_], promised: NDArray[np.float64]) -> Estimate:
+        """Mean over levels of the absolute difference between frequency and mean promise, both of shape (runs, levels)."""
         if not len(kept):
             return Estimate(math.nan)
-        sums = np.column_stack([self._by_day(column.astype(np.float64)) for column in kept.T])
+        off = kept - promised
+        sums = np.column_stack([self._by_day(column) for column in off.T])
         number = self._by_day(np.ones(len(kept)))
-        value = float(np.abs(sums.sum(axis=0) / number.sum() - levels).mean())
-        found = np.abs((self.weight @ sums) / (self.weight @ number)[:, None] - levels).mean(axis=1)
+        value = float(np.abs(sums.sum(axis=0) / number.sum()).mean())
+        found = np.abs((self.weight @ sums) / (self.weight @ number)[:, None]).mean(axis=1)
         return self._interval(value, found)
 
     @property

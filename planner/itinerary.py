@@ -178,6 +178,10 @@ class Outcome:
         """Quantile of the arrival, POSIX seconds."""
         return weighted_quantile(self.arrival_s, self.weight, q) if len(self.weight) else math.inf
 
+    def p_by(self, deadline_s: float) -> float:
+        """Probability to arrive by a deadline, POSIX seconds."""
+        return float(self.weight[self.arrival_s <= deadline_s + 1e-6].sum())
+
 
 def outcome(problem: Problem, runs: NDArray[np.float64], weight: NDArray[np.float64]) -> Outcome:
     """Summarise runs of an itinerary."""

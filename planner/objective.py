@@ -55,5 +55,4 @@ class Objective:
         """Probability to arrive by the deadline."""
         if self.deadline is None:
             return outcome.p_arrive
-        due = self.deadline.timestamp()
-        return float(outcome.weight[outcome.arrival_s <= due + 1e-6].sum())
+        return outcome.p_by(self.deadline.timestamp())

@@ -25,10 +25,10 @@ from planner.evaluate import (
     season_days,
     summarise,
 )
-from planner.evaluation_flights import DELIVERED, GAVE_UP, courses
+from planner.evaluation_flights import DELIVERED, GAVE_UP, Flown, courses
 from planner.evaluation_kernels import GUST_STEP_S, LATERAL, MOST_DEVIATION, gust_at
 from planner.evaluation_statistics import DayBootstrap, Estimate
-from planner.itinerary import fly_true
+from planner.itinerary import Outcome, fly_true
 from planner.plan import plan
 from planner.problem import HORIZON_H
 from planner.request import Request
@@ -370,3 +370,28 @@ def test_an_estimate_tells_what_is_not_known():
     assert Estimate(1.0).text() == "1.0"
     assert Estimate(2.0, 1.0, 3.0).scaled(10.0).text(".0f") == "20 [10, 30]"
     assert Estimate(math.nan).document() == {"value": None, "low": None, "high": None}
+
+
+def flown_at(times_s):
+    """Deliveries that took so long, one a day."""
+    times = np.asarray(times_s, dtype=np.float64)
+    none = np.zeros(len(times), dtype=bool)
+    return Flown(np.arange(len(times)), np.full(len(times), DELIVERED), none, times, times, times, times, times)
+
+
+def test_a_planner_that_tells_the_truth_is_calibrated_even_where_many_arrive_at_one_moment():
+    """Four in ten arrive at 100 s: nobody can promise that moment with 10 %, and the plan does not."""
+    rng = np.random.default_rng(4)
+
+    def draw(count):
+        return np.where(rng.random(count) < 0.4, 100.0, 100.0 + rng.exponential(60.0, count))
+
+    arrival = draw(20_000)
+    even = np.full(len(arrival), 1.0 / len(arrival))
+    promise = Outcome(arrival, even, np.ones(1), np.zeros(1), 1.0, 1.0)
+    honest = summarise("honest", flown_at(draw(20_000)).judged(promise, 0.0))
+    assert honest.calibration[0][0] == pytest.approx(0.4, abs=0.02)
+    assert honest.calibration_error.value < 0.01
+    late = summarise("late", flown_at(draw(20_000) + 30.0).judged(promise, 0.0))
+    assert late.calibration_error.value > 0.1
+    assert late.calibration_error.low > 0.08
