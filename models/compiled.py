@@ -1,18 +1,15 @@
 """Kernels compiled by numba, under one set of options.
 
-The first kernel imports numba (a few tenths of a second), so modules with kernels are imported late. The compiled code is cached beside the source. By itself numba notices a
-change of the file a kernel is in, but not of the files its callees are in; here the files of all callees count, so that
-an edited or upgraded installation never runs stale code.
+The first kernel imports numba (a few tenths of a second), so modules with kernels are imported late. The compiled code is
+cached beside the source (`models.kernel_cache`).
 """
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import sys
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
@@ -23,8 +20,8 @@ _SOUGHT = "scipy.linalg.cython_blas"
 
 
 @cache
-def _numba() -> Any:
-    """Import numba, without what it looks for only to know whether matrices can be multiplied.
+def _ready() -> None:
+    """Make numba ready to compile, without what it looks for only to know whether matrices can be multiplied.
 
     Finding that takes longer than all else that numba does when it starts. Numba is told that it is there, and finds the
     real one when a kernel multiplies matrices.
@@ -36,7 +33,6 @@ def _numba() -> Any:
     finally:
         if not known:
             del sys.modules[_SOUGHT]
-    return importlib.import_module("numba")
 
 
 def compiled(function: F) -> F:
@@ -54,26 +50,20 @@ def compiled_lean(function: F) -> F:
 
 
 def _compile(function: F, **options: Any) -> F:
-    kernel: Any = _numba().njit(cache=True, nogil=True, error_model="numpy", fastmath=False, **options)(function)
+    import numba
+
+    from models.kernel_cache import KernelCache
+
+    kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False, **options)(function)
     callees = [
         value for name in function.__code__.co_names if hasattr(value := function.__globals__.get(name), "py_func")
     ]
-    foreign = {path for callee in callees for path in sources(callee)} - {function.__code__.co_filename}
-    kernel.skyway_sources = frozenset(foreign | {function.__code__.co_filename})
-    if foreign:
-        _stamp(kernel, foreign)
+    own = function.__code__.co_filename
+    kernel.skyway_sources = frozenset({own, *(path for callee in callees for path in sources(callee))})
+    kernel._cache = KernelCache(function, kernel.skyway_sources, _ready)  # noqa: SLF001  numba offers no public way
     return cast("F", kernel)
 
 
 def sources(kernel: Any) -> frozenset[str]:
     """Return the files that a kernel's compiled code depends on: its own and those of all its callees."""
     return cast("frozenset[str]", getattr(kernel, "skyway_sources", frozenset({kernel.py_func.__code__.co_filename})))
-
-
-def _stamp(kernel: Any, foreign: set[str]) -> None:
-    """Make the cached code of a kernel valid only for these versions of its callees' files."""
-    digest = hashlib.sha256()
-    for path in sorted(foreign):
-        digest.update(Path(path).read_bytes())
-    index = kernel._cache._cache_file  # noqa: SLF001  numba offers no public way; a test fails if this one goes
-    index._source_stamp = (*index._source_stamp, digest.hexdigest())  # noqa: SLF001

@@ -12,8 +12,8 @@ CALLER = (
 )
 
 
-def _run(folder: Path) -> str:
-    code = "from caller import outer; print(outer(1.0), sum(outer.stats.cache_hits.values()))"
+def _run(folder: Path, code: str = "") -> str:
+    code = code or "from caller import outer; print(outer(1.0), sum(outer.stats.cache_hits.values()))"
     done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
     return done.stdout.strip()
 
@@ -25,6 +25,23 @@ def test_a_kernel_is_compiled_anew_when_a_kernel_it_calls_in_another_file_change
     assert _run(tmp_path) == "2.0 1"
     (tmp_path / "callee.py").write_text(CALLEE.format(5.0))
     assert _run(tmp_path) == "6.0 0"
+
+
+def test_a_kernel_read_from_disk_can_be_called_by_one_that_is_compiled_after_it(tmp_path):
+    (tmp_path / "callee.py").write_text(CALLEE.format(1.0))
+    (tmp_path / "caller.py").write_text(CALLER)
+    assert _run(tmp_path, "from callee import inner; print(inner(1.0))") == "2.0"
+    loaded_first = (
+        "from caller import inner, outer; print(inner(1.0), outer(2.0), sum(inner.stats.cache_hits.values()))"
+    )
+    assert _run(tmp_path, loaded_first) == "2.0 3.0 1"
+
+
+def test_a_process_that_only_calls_kernels_from_disk_does_not_get_ready_to_compile(tmp_path):
+    (tmp_path / "callee.py").write_text(CALLEE.format(1.0))
+    code = "import sys; from callee import inner; inner(1.0); print('numba.np.arraymath' in sys.modules)"
+    assert _run(tmp_path, code) == "True"
+    assert _run(tmp_path, code) == "False"
 
 
 def test_the_first_kernel_does_not_bring_in_what_only_products_of_matrices_need(tmp_path):

@@ -1,0 +1,121 @@
+"""Compiled kernels from disk, without making numba ready to compile.
+
+When numba loads a kernel that it has compiled before, it first gets ready to compile others (it registers all functions it
+knows, 0.1 s) and reads, beside the machine code, the intermediate code that callers compiled later would need (half of what
+loading takes). Most processes compile nothing. Here both wait until something is compiled; and whether a cache folder can be
+written, which numba tries when a kernel is decorated, is found out when the kernel is first called.
+
+By itself numba notices a change of the file a kernel is in, but not of the files its callees are in; here these count, too.
+"""
+
+# ruff: noqa: SLF001  numba offers no public way to any of this; tests/models/test_compiled.py fails if one of these goes
+from __future__ import annotations
+
+import hashlib
+from functools import cache, cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from llvmlite import binding
+from numba.core.caching import FunctionCache
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
+from numba.core.runtime.nrt import rtsys
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_WRAPPER = "_ZN7cpython"  # what numba calls the function by which Python calls a kernel begins like this
+
+
+class _Library(JITCodeLibrary):
+    """A library of machine code; where that is from disk, its intermediate code is read when a caller is compiled."""
+
+    _intermediate: bytes | None = None
+
+    @classmethod
+    def _unserialize(cls, codegen: Any, state: Any) -> Any:
+        name, kind, data = state
+        if kind != "object":
+            return super()._unserialize(codegen, state)
+        library = cls(codegen, name)
+        machine_code, library._intermediate = data
+        library.enable_object_caching()
+        library._set_compiled_object(machine_code)
+        library._finalize_final_module()
+        return library
+
+    def _get_module_for_linking(self) -> Any:
+        if self._intermediate is not None:
+            self._shared_module = binding.parse_bitcode(self._intermediate)
+            self._intermediate = None
+            self._codegen._engine._load_defined_symbols(self._shared_module)
+        return super()._get_module_for_linking()
+
+    def get_pointer_to_function(self, name: str) -> int:
+        if self._intermediate is not None:
+            if name.startswith(_WRAPPER):  # it is there, whatever else is
+                return int(self._codegen._engine.get_function_address(name))
+            self._get_module_for_linking()
+        return int(super().get_pointer_to_function(name))
+
+
+JITCPUCodegen._library_class = _Library
+
+
+class _Files(FunctionCache):
+    """Files of one kernel; valid for these versions of its source and of its callees'."""
+
+    def __init__(self, function: Callable[..., Any], sources: frozenset[str]) -> None:
+        super().__init__(function)
+        files = self._cache_file
+        foreign = sorted(sources - {function.__code__.co_filename})
+        if foreign:
+            files._source_stamp = (*files._source_stamp, *(_digest(path) for path in foreign))
+
+
+class KernelCache:
+    """What a dispatcher of numba keeps its compiled kernels in.
+
+    Parameters
+    ----------
+    function : callable
+        The kernel's source.
+    sources : frozenset of str
+        Files that its compiled code depends on.
+    get_ready : callable
+        Called before anything is compiled.
+    """
+
+    def __init__(self, function: Callable[..., Any], sources: frozenset[str], get_ready: Callable[[], Any]) -> None:
+        self._function, self._sources, self._get_ready = function, sources, get_ready
+
+    @cached_property
+    def _files(self) -> _Files:
+        return _Files(self._function, self._sources)
+
+    @property
+    def cache_path(self) -> str:
+        """Folder of the files."""
+        return str(self._files.cache_path)
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """Load what was compiled for a signature; None where it must be compiled."""
+        rtsys.initialize(target_context)
+        with self._files._guard_against_spurious_io_errors():
+            found = self._files._load_overload(signature, target_context)
+        if found is None:
+            self._get_ready()
+        return found
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Keep what was compiled."""
+        self._files.save_overload(signature, data)
+
+    def flush(self) -> None:
+        """Forget what is there."""
+        self._files.flush()
+
+
+@cache
+def _digest(path: str) -> str:
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
