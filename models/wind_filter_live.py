@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 from functools import lru_cache
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 
     Forecast = Callable[[float, float, float, float], tuple[float, float]]
 
+_TOLD = attrgetter(*QUANTITIES)
 NOMINAL_DRAG = DragModel(relative_sigma=0.35)
 """Where no drag is known: that of a common quadcopter, uncertain by a third."""
 NO_FORECAST = WindFilterSettings(tau_s=1800.0, sigma_mps=5.0)
@@ -157,7 +159,7 @@ class LiveWind:
         period = math.floor(sample.time_s / self._period_s)
         over = bool(self._waiting) and period != math.floor(self._heard_s / self._period_s)
         self._heard_s = sample.time_s
-        self._waiting.append((sample.time_s, *(getattr(sample, name) for name in QUANTITIES)))
+        self._waiting.append((sample.time_s, *_TOLD(sample)))
         if not over:
             return None
         table = np.array(self._waiting)

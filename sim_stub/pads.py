@@ -7,6 +7,7 @@ passes from event to event.
 
 from __future__ import annotations
 
+import heapq
 import math
 import random
 from collections import deque
@@ -74,8 +75,11 @@ class _Site:
 
     def next_due_s(self) -> float:
         """When somebody comes or leaves by himself."""
-        leaving = min((guest.end_s for guest in self.on_pads), default=math.inf)
-        return min(leaving, self.next_arrival_s)
+        due = self.next_arrival_s
+        for guest in self.on_pads:
+            if guest.end_s < due:
+                due = guest.end_s
+        return due
 
 
 class Pads:
@@ -108,6 +112,7 @@ class Pads:
                 if site.station.pads:
                     site.next_arrival_s = self._arrival_after(site, self._now)
         self._due = -math.inf
+        self._calendar: list[tuple[float, int, _Site]] = []
         self._reschedule()
         self.advance(world.sim_s)
         world.pads = self
@@ -124,16 +129,28 @@ class Pads:
             if self._raids and self._raids[0].start_s <= self._due:
                 self._raid(self._raids.pop(0))
             else:
-                site = min(self._sites.values(), key=_Site.next_due_s)
-                self._now = site.next_due_s()
+                self._now, _, site = self._calendar[0]
                 self._happen(site)
+                self._book(site)
+                continue
             self._reschedule()
         self._now = max(self._now, sim_s)
         for site in self._hosts[:]:
             self._see_off(site)
 
     def _reschedule(self) -> None:
-        due = min((site.next_due_s() for site in self._sites.values()), default=math.inf)
+        """Put the calendar of all stations up anew."""
+        self._calendar = [(site.next_due_s(), site.row, site) for site in self._sites.values()]
+        heapq.heapify(self._calendar)
+        self._look_up()
+
+    def _book(self, site: _Site) -> None:
+        """Put the next event of the station that was first in the calendar in its place."""
+        heapq.heapreplace(self._calendar, (site.next_due_s(), site.row, site))
+        self._look_up()
+
+    def _look_up(self) -> None:
+        due = self._calendar[0][0] if self._calendar else math.inf
         self._due = min(due, self._raids[0].start_s) if self._raids else due
 
     def take(self, fault: Fault) -> None:

@@ -98,12 +98,17 @@ class World:
 
     def next_due_s(self) -> float:
         """Simulated instant at which something happens by itself."""
-        due = min((v.next_due_s() for v in self.vehicles.values()), default=math.inf)
-        return due if self.pads is None else min(due, self.pads.next_due_s())
+        due = math.inf if self.pads is None else self.pads.next_due_s()
+        for vehicle in self.vehicles.values():
+            due = min(due, vehicle.next_due_s())
+        return due
 
     def next_wall_s(self) -> float:
         """Wall instant at which a protocol timer of a vehicle runs out."""
-        return min((v.next_wall_s() for v in self.vehicles.values()), default=math.inf)
+        due = math.inf
+        for vehicle in self.vehicles.values():
+            due = min(due, vehicle.next_wall_s())
+        return due
 
     def advance(self, sim_s: float, wall_s: float) -> None:
         """Let time pass for everything."""

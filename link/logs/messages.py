@@ -8,6 +8,7 @@ camera is not the vehicle's.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,16 +31,28 @@ _REPEATED_MPS = 1e-3
 """An airspeed so close to the ground speed is the ground speed again: a bridge without a sensor."""
 
 
-def _real(values: Any, unknown: Any, scale: float = 1.0) -> NDArray[np.float64]:
+def _numbers(values: Any) -> Any:
+    """Numbers to reckon with: those of a log as an array; that of a live message, of which many come a second, as it is."""
+    return values if isinstance(values, int | float) else np.asarray(values, dtype=np.float64)
+
+
+def _among(values: Any, wanted: tuple[int, ...]) -> Any:
+    """Whether each value is one of some."""
+    return values in wanted if isinstance(values, int | float) else np.isin(values, wanted)
+
+
+def _real(values: Any, unknown: Any, scale: float = 1.0) -> Any:
     """Scaled numbers, NaN where `unknown` holds."""
+    if isinstance(values, int | float):
+        return math.nan if unknown else values * scale
     return np.where(unknown, np.nan, np.asarray(values, dtype=np.float64) * scale)
 
 
 def _attitude(fields: Any) -> Columns:
     return {
-        "roll_rad": np.asarray(fields["roll"], dtype=np.float64),
-        "pitch_rad": np.asarray(fields["pitch"], dtype=np.float64),
-        "yaw_rad": np.asarray(fields["yaw"], dtype=np.float64),
+        "roll_rad": _numbers(fields["roll"]),
+        "pitch_rad": _numbers(fields["pitch"]),
+        "yaw_rad": _numbers(fields["yaw"]),
     }
 
 
@@ -59,12 +72,12 @@ def _quaternion(fields: Any) -> Columns:
 
 
 def _position(fields: Any) -> Columns:
-    nowhere = (np.asarray(fields["lat"]) == 0) & (np.asarray(fields["lon"]) == 0)
+    nowhere = (_numbers(fields["lat"]) == 0) & (_numbers(fields["lon"]) == 0)
     return {
         "lat_deg": _real(fields["lat"], nowhere, 1e-7),
         "lon_deg": _real(fields["lon"], nowhere, 1e-7),
         "alt_msl_m": _real(fields["alt"], nowhere, 1e-3),
-        "height_m": np.asarray(fields["relative_alt"], dtype=np.float64) * 1e-3,
+        "height_m": _numbers(fields["relative_alt"]) * 1e-3,
         "vel_north_mps": _real(fields["vx"], nowhere, 1e-2),
         "vel_east_mps": _real(fields["vy"], nowhere, 1e-2),
         "vel_down_mps": _real(fields["vz"], nowhere, 1e-2),
@@ -102,7 +115,7 @@ def _wind_cov(fields: Any) -> Columns:
 
 def _status(fields: Any) -> Columns:
     volts, amperes, percent = (
-        np.asarray(fields[name]) for name in ("voltage_battery", "current_battery", "battery_remaining")
+        _numbers(fields[name]) for name in ("voltage_battery", "current_battery", "battery_remaining")
     )
     return {
         "voltage_v": _real(volts, (volts == 0) | (volts == 65535), 1e-3),
@@ -118,17 +131,15 @@ def _battery(fields: Any) -> Columns:
 
 
 def _heartbeat(fields: Any) -> Columns:
-    kind = np.asarray(fields["type"])
-    vehicle = ~np.isin(kind, GROUND_TYPES) & (np.asarray(fields["autopilot"]) != 8)
-    if not np.any(vehicle):
+    kind = fields["type"]
+    nobody = _among(kind, GROUND_TYPES) | (_numbers(fields["autopilot"]) == 8)
+    if np.all(nobody):
         return {}
     armed = (np.asarray(fields["base_mode"]) & ARMED_FLAG) != 0
-    columns = {
-        "armed": _real(armed, ~vehicle),
-        "mode": _real(fields["custom_mode"], ~vehicle),
-    }
-    if np.any(np.isin(kind, PLANE_TYPES + ROTOR_TYPES)):
-        columns["fixed_wing"] = _real(np.isin(kind, PLANE_TYPES), ~np.isin(kind, PLANE_TYPES + ROTOR_TYPES))
+    columns = {"armed": _real(armed, nobody), "mode": _real(fields["custom_mode"], nobody)}
+    known = _among(kind, PLANE_TYPES + ROTOR_TYPES)
+    if np.any(known):
+        columns["fixed_wing"] = _real(_among(kind, PLANE_TYPES), np.logical_not(known))
     return columns
 
 
@@ -141,11 +152,11 @@ def _extended(fields: Any) -> Columns:
 
 
 def _mission(fields: Any) -> Columns:
-    return {"mission_item": np.asarray(fields["seq"], dtype=np.float64)}
+    return {"mission_item": _numbers(fields["seq"])}
 
 
 def _reached(fields: Any) -> Columns:
-    return {"mission_reached": np.asarray(fields["seq"], dtype=np.float64)}
+    return {"mission_reached": _numbers(fields["seq"])}
 
 
 SPOKEN: Mapping[str, Callable[[Any], Columns]] = {

@@ -95,7 +95,8 @@ class LockstepTransport:
 
     def next_s(self) -> float:
         """When the next packet arrives at either end."""
-        return min(self._up.next_s(), self._down.next_s())
+        up, down = self._up.next_s(), self._down.next_s()
+        return up if up < down else down
 
     def deliver(self, now_s: float) -> None:
         """Hand over what has arrived at either end."""
@@ -140,7 +141,8 @@ class Lockstep:
             now = self.now_s = max(self.now_s, due)
             world.advance(now, now)
             for link in links:
-                link.deliver(now)
+                if link.next_s() <= now:
+                    link.deliver(now)
             if world.next_wall_s() <= now:
                 world.advance(now, now)
             if stop is not None and stop():
