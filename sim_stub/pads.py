@@ -77,8 +77,7 @@ class _Site:
         """When somebody comes or leaves by himself."""
         due = self.next_arrival_s
         for guest in self.on_pads:
-            if guest.end_s < due:
-                due = guest.end_s
+            due = min(due, guest.end_s)
         return due
 
 

@@ -96,7 +96,7 @@ class LockstepTransport:
     def next_s(self) -> float:
         """When the next packet arrives at either end."""
         up, down = self._up.next_s(), self._down.next_s()
-        return up if up < down else down
+        return min(down, up)
 
     def deliver(self, now_s: float) -> None:
         """Hand over what has arrived at either end."""
