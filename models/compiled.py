@@ -6,33 +6,10 @@ cached beside the source (`models.kernel_cache`).
 
 from __future__ import annotations
 
-import importlib
-import sys
 from collections.abc import Callable
-from functools import cache
-from types import ModuleType
 from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-_SOUGHT = "scipy.linalg.cython_blas"
-
-
-@cache
-def _ready() -> None:
-    """Make numba ready to compile, without what it looks for only to know whether matrices can be multiplied.
-
-    Finding that takes longer than all else that numba does when it starts. Numba is told that it is there, and finds the
-    real one when a kernel multiplies matrices.
-    """
-    known = _SOUGHT in sys.modules
-    sys.modules.setdefault(_SOUGHT, ModuleType(_SOUGHT))
-    try:
-        importlib.import_module("numba.np.arraymath")
-    finally:
-        if not known:
-            del sys.modules[_SOUGHT]
 
 
 def compiled(function: F) -> F:
@@ -60,7 +37,7 @@ def _compile(function: F, **options: Any) -> F:
     ]
     own = function.__code__.co_filename
     kernel.skyway_sources = frozenset({own, *(path for callee in callees for path in sources(callee))})
-    kernel._cache = KernelCache(function, kernel.skyway_sources, _ready)  # noqa: SLF001  numba offers no public way
+    kernel._cache = KernelCache(function, kernel.skyway_sources)  # noqa: SLF001  numba offers no public way
     return cast("F", kernel)
 
 

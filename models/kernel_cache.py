@@ -12,8 +12,12 @@ By itself numba notices a change of the file a kernel is in, but not of the file
 from __future__ import annotations
 
 import hashlib
+import importlib
+import sys
+from contextlib import contextmanager
 from functools import cache, cached_property
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from llvmlite import binding
@@ -22,8 +26,9 @@ from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.runtime.nrt import rtsys
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
+_SOUGHT = "scipy.linalg.cython_blas"
 _WRAPPER = "_ZN7cpython"  # what numba calls the function by which Python calls a kernel begins like this
 
 
@@ -82,12 +87,10 @@ class KernelCache:
         The kernel's source.
     sources : frozenset of str
         Files that its compiled code depends on.
-    get_ready : callable
-        Called before anything is compiled.
     """
 
-    def __init__(self, function: Callable[..., Any], sources: frozenset[str], get_ready: Callable[[], Any]) -> None:
-        self._function, self._sources, self._get_ready = function, sources, get_ready
+    def __init__(self, function: Callable[..., Any], sources: frozenset[str]) -> None:
+        self._function, self._sources = function, sources
 
     @cached_property
     def _files(self) -> _Files:
@@ -101,10 +104,10 @@ class KernelCache:
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Load what was compiled for a signature; None where it must be compiled."""
         rtsys.initialize(target_context)
-        with self._files._guard_against_spurious_io_errors():
+        with self._files._guard_against_spurious_io_errors(), _no_search():
             found = self._files._load_overload(signature, target_context)
-        if found is None:
-            self._get_ready()
+            if found is None:
+                importlib.import_module("numba.np.arraymath")
         return found
 
     def save_overload(self, signature: Any, data: Any) -> None:
@@ -114,6 +117,22 @@ class KernelCache:
     def flush(self) -> None:
         """Forget what is there."""
         self._files.flush()
+
+
+@contextmanager
+def _no_search() -> Iterator[None]:
+    """Keep numba from what it looks for only to know whether matrices can be multiplied.
+
+    Finding that takes longer than all else that numba does when it starts. Numba is told that it is there, and finds the
+    real one when a kernel multiplies matrices.
+    """
+    known = _SOUGHT in sys.modules
+    sys.modules.setdefault(_SOUGHT, ModuleType(_SOUGHT))
+    try:
+        yield
+    finally:
+        if not known:
+            del sys.modules[_SOUGHT]
 
 
 @cache
