@@ -18,9 +18,10 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "link": ("bench_link", []),
     "many": ("bench_many", []),
     "logs": ("bench_logs", []),
+    "rolling": ("bench_rolling", ["--deliveries", "12"]),
 }
 """Benchmarks that print their own figures, each run as a process of its own."""
-MEASURED = ("speed", "ies", "exact", "robust", "evaluate")
+MEASURED = ("speed", "ies", "exact", "robust", "evaluate", "promises", "gap")
 """Benchmarks that return figures."""
 
 
@@ -42,6 +43,14 @@ def measured(name: str) -> list[Figure]:
         from benchmarks import bench_robust
 
         return bench_robust.measure()
+    if name == "promises":
+        from benchmarks import bench_promises
+
+        return bench_promises.measure()
+    if name == "gap":
+        from benchmarks import bench_gap
+
+        return bench_gap.measure()
     from benchmarks import bench_evaluate
 
     return bench_evaluate.measure()

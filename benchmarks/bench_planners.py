@@ -11,15 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks import report
-from benchmarks.figure import machine
+from benchmarks.figure import commit, machine
 from benchmarks.instances import FOLDER, NETWORKS, UTILISATIONS, read_instance
 from benchmarks.paper import NODES, rows, run_experiment
-from benchmarks.trials import try_instance
+from benchmarks.trials import COMPARED_RUNS, try_instance
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from benchmarks.paper import PaperRow
     from benchmarks.trials import Row
 
 
@@ -39,6 +40,8 @@ class Size:
         Of each size at most; the paper has half the nodes.
     time_limit_s : float
         Of each exhaustive search.
+    compared : int
+        Runs of each delivery in which times are compared.
     """
 
     instances: tuple[Path, ...]
@@ -47,6 +50,7 @@ class Size:
     nodes: tuple[int, ...]
     paper_runs: int
     time_limit_s: float
+    compared: int = COMPARED_RUNS
 
 
 def _files(networks: tuple[str, ...], utilisations: tuple[float, ...]) -> tuple[Path, ...]:
@@ -77,7 +81,7 @@ def run(size: Size, out: Path, *, progress: Callable[[str], None] = say) -> list
     started = time.perf_counter()
     found: list[Row] = []
     skipped: list[str] = []
-    facts = machine()
+    facts = {"commit": commit()} | machine()
     runs = run_experiment(
         size.nodes,
         time_limit_s=size.time_limit_s,
@@ -93,21 +97,28 @@ def run(size: Size, out: Path, *, progress: Callable[[str], None] = say) -> list
             skipped.append(f"{instance.name}: {error}")
             progress(f"left out: {skipped[-1]}")
             continue
-        found += try_instance(instance, time_limit_s=size.time_limit_s, progress=progress)
+        found += try_instance(instance, compared=size.compared, time_limit_s=size.time_limit_s, progress=progress)
     facts["seconds"] = f"{time.perf_counter() - started:.0f}"
+    pictures = _draw(out, found, paper, progress)
     written = [out / "planners.md", out / "planners.json"]
-    written[0].write_text(report.markdown(found, paper, facts, skipped), encoding="utf-8")
+    names = [path.name for path in pictures]
+    written[0].write_text(report.markdown(found, paper, facts, skipped, names), encoding="utf-8")
     text = json.dumps(report.document(found, paper, runs, facts, skipped), indent=1, allow_nan=False)
     written[1].write_text(text + "\n", encoding="utf-8")
+    return written + pictures
+
+
+def _draw(out: Path, found: list[Row], paper: list[PaperRow], progress: Callable[[str], None]) -> list[Path]:
+    """Draw what can be drawn here."""
     try:
         import matplotlib as mpl
     except ImportError:
         progress("no figures: drawing needs matplotlib, install skyway[plot]")
-        return written
+        return []
     progress(f"figures by matplotlib {mpl.__version__}")
     from benchmarks import pictures
 
-    return written + pictures.draw(out, found, paper)
+    return pictures.draw(out, found, paper)
 
 
 def main() -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,6 +58,22 @@ class Figure:
             "verdict": self.verdict or None,
             "note": self.note or None,
         }
+
+
+def commit() -> str:
+    """Return the commit of the source that runs, and whether it was changed since; ``unknown`` outside a repository."""
+    root = Path(__file__).resolve().parent
+
+    def git(*words: str) -> str:
+        done = subprocess.run(["git", "-C", str(root), *words], check=False, capture_output=True, text=True)
+        return done.stdout.strip() if done.returncode == 0 else ""
+
+    try:
+        found = git("rev-parse", "--short=10", "HEAD")
+        changed = git("status", "--porcelain", "--untracked-files=no", "--", "..")
+    except OSError:
+        return "unknown"
+    return (found or "unknown") + (", changed since" if changed else "")
 
 
 def machine() -> dict[str, str]:

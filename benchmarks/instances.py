@@ -34,6 +34,8 @@ LEAST_M, MOST_M = 20_000.0, 60_000.0
 PAYLOADS_KG = (0.4, 0.8, 1.2)
 SEED = 1
 RUNS = 20
+LONG = ("new-york", 0.5, 125, 4)
+"""Network, utilisation, deliveries and runs of the long instance: 500 deliveries on many days, for `benchmarks.bench_rolling`."""
 HOLDING_SPOTS = 1000
 
 
@@ -187,8 +189,10 @@ def digest(scenario: Scenario) -> str:
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
-def make_instance(network: str, utilisation: float, *, seed: int = SEED, deliveries: int | None = None) -> Instance:
-    """Make an instance from its seed: the same everywhere."""
+def make_instance(
+    network: str, utilisation: float, *, seed: int = SEED, deliveries: int | None = None, runs: int = RUNS
+) -> Instance:
+    """Make an instance from its seed: the same everywhere. One of as many deliveries as asked for is named after that."""
     scenario = region(network, seed, utilisation)
     count = deliveries if deliveries is not None else DELIVERIES.get(network, 6)
     pairs = random_pairs(scenario.network, count, seed, least_m=LEAST_M, most_m=MOST_M)
@@ -199,8 +203,8 @@ def make_instance(network: str, utilisation: float, *, seed: int = SEED, deliver
         payload_kg, own = float(rng.choice(PAYLOADS_KG)), int(rng.integers(2**31))
         made.append(Delivery(origin, destination, iso(depart), day.isoformat(), payload_kg, own))
     drone = "m200" if network == "new-york" else scenario.drones[0].id
-    name = f"{network}-{utilisation:g}"
-    return Instance(name, network, seed, digest(scenario), utilisation, drone, tuple(made))
+    name = f"{network}-{utilisation:g}" + (f"-{count}" if deliveries is not None else "")
+    return Instance(name, network, seed, digest(scenario), utilisation, drone, tuple(made), runs=runs)
 
 
 def _departure(scenario: Scenario, rng: np.random.Generator) -> tuple[datetime, date]:
@@ -223,6 +227,12 @@ def _departure(scenario: Scenario, rng: np.random.Generator) -> tuple[datetime, 
         return depart, local.date()
 
 
+def make_long(seed: int = SEED) -> Instance:
+    """Make the long instance."""
+    network, utilisation, deliveries, runs = LONG
+    return make_instance(network, utilisation, seed=seed, deliveries=deliveries, runs=runs)
+
+
 def make_all(networks: Sequence[str] = NETWORKS) -> tuple[list[Instance], list[str]]:
     """All instances whose data are here, and why others are not."""
     made, skipped = [], []
@@ -240,7 +250,7 @@ def main() -> None:
     """Write the published instances."""
     FOLDER.mkdir(exist_ok=True)
     made, skipped = make_all()
-    for instance in made:
+    for instance in [*made, make_long()]:
         (FOLDER / f"{instance.name}.json").write_text(instance.to_json(), encoding="utf-8")
     for reason in skipped:
         print(reason)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from models.units import S_PER_MIN
+from planner.evaluation_statistics import Estimate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,10 +24,14 @@ def draw(folder: Path, rows: Sequence[Row], paper: Sequence[PaperRow]) -> list[P
         written.append(_save(folder / "paper-execution-time.svg", paper_execution, paper))
         written.append(_save(folder / "paper-delivery-time.svg", paper_delivery, paper))
     if any(row.common is not None for row in rows):
-        written.append(_save(folder / "delivery-time.svg", delivery, rows))
-        written.append(_save(folder / "planning-time.svg", planning, rows))
-    if any(row.whole is not None for row in rows):
-        written.append(_save(folder / "failures.svg", failures, rows))
+        title = "Delivery time on runs that all planners delivered, 95 % intervals over days"
+        written.append(_save_panels(folder / "delivery-time.svg", delivery, rows, title))
+        title = "Planning time, forecasting the queues met included"
+        written.append(_save_panels(folder / "planning-time.svg", planning, rows, title))
+    rivals = [row for row in rows if not row.clairvoyant]
+    if any(row.whole is not None for row in rivals):
+        title = "Deliveries with a landing below the reserve, 95 % intervals over days"
+        written.append(_save_panels(folder / "failures.svg", failures, rivals, title))
     return written
 
 
@@ -39,6 +44,35 @@ def _save(path: Path, paint: Any, what: Sequence[Any]) -> Path:
         paint(figure.subplots(), what)
         figure.savefig(path, format="svg", metadata={"Date": None})
     return path
+
+
+def _save_panels(path: Path, paint: Any, rows: Sequence[Row], title: str) -> Path:
+    """A panel for each network, its instances from left to right, one legend for all."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    networks = list(dict.fromkeys(_network(row.instance) for row in rows))
+    planners = list(dict.fromkeys(row.planner for row in rows))
+    with mpl.rc_context({"svg.hashsalt": "skyway", "svg.fonttype": "none"}):
+        figure = Figure(figsize=(2.6 * max(len(networks), 2) + 1.0, 5.0), layout="constrained")
+        axes = figure.subplots(1, len(networks), squeeze=False, sharey=True)[0]
+        for one, network in zip(axes, networks, strict=True):
+            paint(one, [row for row in rows if _network(row.instance) == network], planners)
+            one.set_title(network, fontsize=9)
+            one.grid(axis="y", alpha=0.3)
+        handles = [mpl.lines.Line2D([], [], color=_colour(k), marker="o", linestyle="") for k in range(len(planners))]
+        figure.legend(handles, planners, loc="outside lower center", ncols=4, fontsize=8)
+        figure.suptitle(title, fontsize=10)
+        figure.savefig(path, format="svg", metadata={"Date": None})
+    return path
+
+
+def _network(instance: str) -> str:
+    return instance.rpartition("-")[0]
+
+
+def _colour(number: int) -> str:
+    return f"C{number}" if number < 10 else "black"
 
 
 def _lines(axes: Any, paper: Sequence[PaperRow], value: Any, marked: Any) -> None:
@@ -75,57 +109,48 @@ def paper_delivery(axes: Any, paper: Sequence[PaperRow]) -> None:
     axes.set_title("Average delivery time")
 
 
-def _bars(axes: Any, rows: Sequence[Row], value: Any) -> None:
+def _marks(axes: Any, rows: Sequence[Row], planners: Sequence[str], value: Any) -> None:
+    """One mark for each planner, with its interval, beside each other over their instance."""
     instances = list(dict.fromkeys(row.instance for row in rows))
-    planners = list(dict.fromkeys(row.planner for row in rows))
-    width = 0.85 / max(len(planners), 1)
-    for number, planner in enumerate(planners):
-        for place, instance in enumerate(instances):
-            mine = next((row for row in rows if (row.instance, row.planner) == (instance, planner)), None)
-            found = None if mine is None else value(mine)
-            if found is None or np.isnan(found.value):
-                continue
-            x = place + (number - (len(planners) - 1) / 2.0) * width
-            axes.bar(x, found.value, width, color=f"C{number}")
-            if not np.isnan(found.low):
-                axes.plot([x, x], [found.low, found.high], color="black", linewidth=0.8)
-        axes.bar(0.0, 0.0, width, color=f"C{number}", label=planner)
-    axes.set_xticks(range(len(instances)), instances, rotation=35, ha="right", fontsize=8)
-    axes.legend(fontsize=7)
-    axes.grid(axis="y", alpha=0.3)
+    for row in rows:
+        found = value(row)
+        if found is None or np.isnan(found.value):
+            continue
+        number = planners.index(row.planner)
+        x = instances.index(row.instance) + 0.8 * ((number + 0.5) / len(planners) - 0.5)
+        axes.plot([x], [found.value], "o", color=_colour(number), markersize=4)
+        if not np.isnan(found.low):
+            axes.plot([x, x], [found.low, found.high], color=_colour(number), linewidth=1.0)
+    axes.set_xticks(range(len(instances)), [name.rpartition("-")[2] for name in instances], fontsize=8)
+    axes.set_xlim(-0.5, len(instances) - 0.5)
+    axes.set_xlabel("utilisation of pads", fontsize=8)
 
 
-def delivery(axes: Any, rows: Sequence[Row]) -> None:
+def delivery(axes: Any, rows: Sequence[Row], planners: Sequence[str]) -> None:
     """Mean delivery time with its interval, on runs that all delivered."""
-    _bars(axes, rows, lambda row: None if row.common is None else row.common.mean_s.scaled(1.0 / S_PER_MIN))
+    _marks(axes, rows, planners, lambda row: None if row.common is None else row.common.mean_s.scaled(1.0 / S_PER_MIN))
     axes.set_yscale("log")
-    axes.set_ylabel("mean delivery time, min")
-    axes.set_title("Delivery time on runs that all planners delivered, 95 % intervals over days")
+    if axes.get_subplotspec().is_first_col():
+        axes.set_ylabel("mean delivery time, min")
 
 
-def failures(axes: Any, rows: Sequence[Row]) -> None:
+def failures(axes: Any, rows: Sequence[Row], planners: Sequence[str]) -> None:
     """Share of runs with a landing below the reserve, with its interval."""
-    rivals = [row for row in rows if not row.clairvoyant]
-    _bars(axes, rivals, lambda row: None if row.whole is None else row.whole.below_reserve.scaled(100.0))
-    axes.set_ylabel("landings below the reserve, % of runs")
-    axes.set_title("Deliveries with a landing below the reserve, 95 % intervals over days")
+    _marks(axes, rows, planners, lambda row: None if row.whole is None else row.whole.below_reserve.scaled(100.0))
+    if axes.get_subplotspec().is_first_col():
+        axes.set_ylabel("landings below the reserve, % of deliveries")
 
 
-def planning(axes: Any, rows: Sequence[Row]) -> None:
-    """Median planning time of a delivery by instance."""
-    for number, planner in enumerate(dict.fromkeys(row.planner for row in rows)):
-        x, y = [], []
-        for place, instance in enumerate(dict.fromkeys(row.instance for row in rows)):
-            for row in rows:
-                found = row.whole or row.common
-                if (row.instance, row.planner) == (instance, planner) and found is not None and found.planning_s:
-                    x.append(place)
-                    y.append(1000.0 * float(np.median(found.planning_s)))
-        axes.plot(x, y, "o", color=f"C{number}", label=planner, markersize=5)
-    names = list(dict.fromkeys(row.instance for row in rows))
-    axes.set_xticks(range(len(names)), names, rotation=35, ha="right", fontsize=8)
+def planning(axes: Any, rows: Sequence[Row], planners: Sequence[str]) -> None:
+    """Median planning time of a delivery."""
+
+    def median(row: Row) -> Estimate | None:
+        found = row.whole or row.common
+        if found is None or not found.planning_s:
+            return None
+        return Estimate(1000.0 * float(np.median(found.planning_s)))
+
+    _marks(axes, rows, planners, median)
     axes.set_yscale("log")
-    axes.set_ylabel("median planning time, ms")
-    axes.set_title("Planning time, forecasting the queues met included")
-    axes.legend(fontsize=7)
-    axes.grid(axis="y", alpha=0.3)
+    if axes.get_subplotspec().is_first_col():
+        axes.set_ylabel("median planning time, ms")

@@ -18,25 +18,37 @@ if TYPE_CHECKING:
 SCHEMA = "skyway.benchmark-results/1"
 INTRODUCTION = """# Planners measured
 
-All times in minutes, with 95 % intervals (block bootstrap over days) in brackets. *Failures* are counted over all
-simulated deliveries of a planner; *times* are compared over the runs that every planner delivered (those of
-`pfs-strict` do not decide what is compared: where it has no plan it is missing from the means). Clairvoyant planners
-are told the hourly wind and the queues, neither gusts nor errors of energy: a bound, not a rival, and known for
-the first run of each delivery alone. How it is measured:
-docs/explanation/evaluation.md; the instances: docs/reference/benchmark.md. `ies` is tried on networks of at most 200
-stations, `pfs-strict`, which goes in circles until its step limit, of at most 50.
+Written by `skyway bench planners`. All times in minutes, with 95 % intervals (block bootstrap over days) in brackets.
+*Failures* are counted over all simulated deliveries of a planner. *Times* are compared over the first few runs of each
+delivery, those that every planner delivered (`pfs-strict` does not decide what is compared: where it has no plan it is
+missing from the means). Clairvoyant planners are told the hourly wind and the queues of these runs, neither gusts nor
+errors of energy: a bound, not a rival. `robust, anew at each stop` flies these runs alone, and its planning time is that of
+one decision. How it is measured: docs/explanation/evaluation.md; the instances:
+docs/reference/benchmark.md.
+
+All stations of these instances have 1,000 holding spots: as in the paper, who waits for a pad does so on the ground. With
+few spots drones hover for one at busy stations, and of the planners here only `robust` foresees that.
+
+`ies` is tried on networks of at most 200 stations, `pfs-strict`, which goes in circles until its step limit, of at most 50,
+`robust, anew at each stop` of at most 200.
+"""
+GLANCE = """## At a glance
+
+Mean delivery time above that of the clairvoyant `exact`, %, over the runs that all delivered; in brackets the share of all
+deliveries with a landing below the reserve, %.
 """
 PAPER = """## The paper's experiment
 
-The paper prints no figure of its results, nor its networks, wind or loads: compare shapes. Means of execution time with searches cut off are lower bounds and marked with ≥. Delivery times are
-means over the requests that all planners (but `pfs-strict`) solved and no search was cut off on; `pfs-strict` over
-those of them that it solved.
+The paper prints no figure of its results, nor its networks, wind or loads: compare shapes. Means of execution time with
+searches cut off are lower bounds and marked with ≥. Delivery times are means over the requests that all planners (but
+`pfs-strict`) solved and no search was cut off on; `pfs-strict` over those of them that it solved.
 """
 _HEAD = (
     "planner",
     "planned",
     "no route",
     "wandered / cut off",
+    "deliveries flown",
     "stranded %",
     "below reserve %",
     "unflyable %",
@@ -53,9 +65,18 @@ _HEAD = (
 )
 
 
-def markdown(rows: Sequence[Row], paper: Sequence[PaperRow], facts: Mapping[str, str], skipped: Sequence[str]) -> str:
-    """The whole report."""
+def markdown(
+    rows: Sequence[Row],
+    paper: Sequence[PaperRow],
+    facts: Mapping[str, str],
+    skipped: Sequence[str],
+    pictures: Sequence[str] = (),
+) -> str:
+    """The whole report; pictures are named by the files that stand beside it."""
     parts = [INTRODUCTION, "\n".join(f"- {key}: {value}" for key, value in facts.items()) + "\n"]
+    if rows:
+        parts.append(GLANCE + "\n" + _glance(rows))
+    parts += [_picture(name) for name in pictures if not name.startswith("paper")]
     parts += [
         f"## {name}\n\n" + _table(_HEAD, [_cells(row) for row in rows if row.instance == name])
         for name in dict.fromkeys(row.instance for row in rows)
@@ -64,7 +85,29 @@ def markdown(rows: Sequence[Row], paper: Sequence[PaperRow], facts: Mapping[str,
         parts.append("## Left out\n\n" + "\n".join(f"- {reason}" for reason in skipped) + "\n")
     if paper:
         parts.append(PAPER + "\n" + _paper_table(paper))
+    parts += [_picture(name) for name in pictures if name.startswith("paper")]
     return "\n".join(parts)
+
+
+def _picture(name: str) -> str:
+    return f"![{name.removesuffix('.svg').replace('-', ' ')}]({name})\n"
+
+
+def _glance(rows: Sequence[Row]) -> str:
+    """Planners by instances."""
+    instances = list(dict.fromkeys(row.instance for row in rows))
+    lines = []
+    for planner in dict.fromkeys(row.planner for row in rows if not row.clairvoyant):
+        mine = {row.instance: row for row in rows if row.planner == planner}
+        lines.append([planner, *(_short(mine.get(instance)) for instance in instances)])
+    return _table(("planner", *instances), lines)
+
+
+def _short(row: Row | None) -> str:
+    if row is None or row.whole is None:
+        return "-"
+    above = "-" if row.common is None or np.isnan(row.common.regret.value) else f"{100 * row.common.regret.value:.0f}"
+    return f"{above} ({100 * row.whole.below_reserve.value:.1f})"
 
 
 def document(
@@ -102,9 +145,10 @@ def _cells(row: Row) -> list[str]:
     cells.append(str(row.cut_off if row.clairvoyant else row.wandered))
     whole, common = row.whole, row.common
     if whole is None:
-        cells += ["-"] * 4
+        cells += ["-"] * 5
     else:
         rates = (whole.stranded, whole.below_reserve, whole.unflyable, whole.calibration_error)
+        cells.append(str(whole.runs))
         cells += [rate.scaled(100.0).text(".1f") for rate in rates]
     if common is None:
         cells += ["0"] + ["-"] * 7

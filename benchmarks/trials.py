@@ -27,7 +27,6 @@ from planner.rolling import RollingRobust
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from datetime import date
     from typing import TypeAlias
 
     from numpy.typing import NDArray
@@ -52,6 +51,8 @@ MOST_STATIONS = {"ies": 200, "pfs-strict": 50, "rolling": 200}
 goes in circles until its step limit, and the one that plans anew at every stop of every run."""
 ROLLING = "rolling"
 """`planner.rolling.RollingRobust`: ``robust`` anew at every stop."""
+COMPARED_RUNS = 4
+"""Runs of each delivery in which times are compared: the clairvoyant are told these, and who plans anew flies these alone."""
 PLANNED, NO_ROUTE, WANDERED = "planned", "no-route", "wandered"
 
 
@@ -128,7 +129,7 @@ class Row:
     whole : Evaluation or None
         All simulated runs of its plans: failures, promises.
     common : Evaluation or None
-        The runs that all planners (but `APART`) delivered: times.
+        Of the first `COMPARED_RUNS` runs of each delivery, those that all planners (but `APART`) delivered: times.
     """
 
     instance: str
@@ -151,8 +152,52 @@ class Row:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One delivery of an instance, made ready for all who try it.
+
+    Attributes
+    ----------
+    scenario, instance, number
+        Network, and which delivery of the instance.
+    forecast : WindEnsemble
+        Without the day of the truths.
+    truths : Truths
+        What all are flown in.
+    compared : int
+        Of the runs, those in which times are compared.
+    """
+
+    scenario: Scenario
+    instance: Instance
+    number: int
+    forecast: WindEnsemble
+    truths: Truths
+    compared: int
+
+    def request(self, recharge: str) -> Request:
+        """The delivery as a request."""
+        return self.instance.request(self.instance.deliveries[self.number], recharge)[0]
+
+
+def case_of(scenario: Scenario, instance: Instance, number: int, compared: int = COMPARED_RUNS) -> Case:
+    """Make a delivery of an instance ready, in the scenario of the instance."""
+    request, day = instance.request(instance.deliveries[number], "enough")
+    forecast = scenario.forecast(request.state.time, HORIZON_H, truth=day)
+    if day.isoformat() in forecast.labels:
+        raise AssertionError("the truth is in the forecast")
+    truths = sample_truths(
+        scenario, request, [day], runs=instance.runs, errors=instance.errors, seed=instance.truth_seed + number
+    )
+    return Case(scenario, instance, number, forecast, truths, min(compared, instance.runs))
+
+
 def try_instance(
-    instance: Instance, *, clairvoyant_runs: int = 1, time_limit_s: float = 5.0, progress: Callable[[str], None]
+    instance: Instance,
+    *,
+    compared: int = COMPARED_RUNS,
+    time_limit_s: float = 5.0,
+    progress: Callable[[str], None],
 ) -> list[Row]:
     """Try all planners on an instance.
 
@@ -160,8 +205,8 @@ def try_instance(
     ----------
     instance : Instance
         Which.
-    clairvoyant_runs : int
-        Runs of each delivery that the clairvoyant planners are told.
+    compared : int
+        See `COMPARED_RUNS`.
     time_limit_s : float
         Of each clairvoyant plan.
     progress : callable
@@ -174,71 +219,59 @@ def try_instance(
     spent: dict[str, float] = {}
     cut: dict[str, int] = {}
     started = time.perf_counter()
-    for number, delivery in enumerate(instance.deliveries):
-        request, day = instance.request(delivery, "enough")
-        forecast = scenario.forecast(request.state.time, HORIZON_H, truth=day)
-        truths = sample_truths(
-            scenario, request, [day], runs=instance.runs, errors=instance.errors, seed=instance.truth_seed + number
-        )
-        trials += [_try(scenario, instance, number, rival, forecast, truths, day) for rival in rivals]
+    for number in range(len(instance.deliveries)):
+        case = case_of(scenario, instance, number, compared)
+        trials += [try_case(case, rival) for rival in rivals]
         for name in CLAIRVOYANT_PLANNERS:
             if not tried(name, len(scenario.network)):
                 continue
-            runs = range(min(clairvoyant_runs, instance.runs))
-            found, took, off = clairvoyant_times(truths, instance.drone, name, runs, time_limit_s=time_limit_s)
+            found, took, off = clairvoyant_times(
+                case.truths, instance.drone, name, range(case.compared), time_limit_s=time_limit_s
+            )
             known.setdefault(name, []).append(found)
-            spent[name] = spent.get(name, 0.0) + took
+            spent[name] = spent.get(name, 0.0) + took / case.compared
             cut[name] = cut.get(name, 0) + off
         progress(f"{instance.name}: {number + 1} of {len(instance.deliveries)}, {time.perf_counter() - started:.0f} s")
-    return _rows(instance, rivals, trials, known, spent, cut)
+    return _rows(instance, rivals, trials, known, spent, cut, compared)
 
 
-def _try(
-    scenario: Scenario,
-    instance: Instance,
-    number: int,
-    rival: Contender,
-    forecast: WindEnsemble,
-    truths: Truths,
-    day: date,
-) -> Trial:
-    request, _ = instance.request(instance.deliveries[number], rival.recharge)
-    if day.isoformat() in forecast.labels:
-        raise AssertionError("the truth is in the forecast")
-    if rival.planner in (ROBUST, ROLLING):
-        return _try_robust(scenario, instance, number, rival, forecast, truths)
+def try_case(case: Case, rival: Contender) -> Trial:
+    """Let one contender plan a delivery, and fly that in its truths."""
     started = time.perf_counter()
     try:
-        itinerary, promise, spent = _solve(scenario, request, rival.planner, forecast)
-    except InfeasibleError:
-        return Trial(rival, number, NO_ROUTE, time.perf_counter() - started, 0, None)
-    if promise is None:
-        return Trial(rival, number, WANDERED, spent, len(itinerary), None)
-    flown = fly_itinerary(truths, instance.drone, itinerary).judged(promise, truths.request.state.time.timestamp())
-    return Trial(rival, number, PLANNED, spent, len(itinerary), flown)
-
-
-def _try_robust(
-    scenario: Scenario, instance: Instance, number: int, rival: Contender, forecast: WindEnsemble, truths: Truths
-) -> Trial:
-    """A route with charges decided at each stop, or everything decided anew at each stop."""
-    request, _ = instance.request(instance.deliveries[number], rival.recharge)
-    started = time.perf_counter()
-    try:
+        if rival.planner == ROLLING:
+            return _try_rolling(case, rival)
         if rival.planner == ROBUST:
-            result = plan(scenario, request, planner=ROBUST, forecast=forecast)
-            assert result.robust is not None
-            flown = fly_charging(truths, instance.drone, result.robust.policy).judged(
-                result.outcome, result.problem.depart_s
-            )
-            return Trial(rival, number, PLANNED, result.planning_time_s, len(result.itinerary), flown)
-        start = Problem(scenario, request, scenario.drone(request.drone or ""), forecast)
-        flown, done = fly_policy(truths, instance.drone, RollingRobust(start, truths.errors))
+            return _try_robust(case, rival)
+        itinerary, promise, spent = _solve(case.scenario, case.request(rival.recharge), rival.planner, case.forecast)
     except InfeasibleError:
-        return Trial(rival, number, NO_ROUTE, time.perf_counter() - started, 0, None)
+        return Trial(rival, case.number, NO_ROUTE, time.perf_counter() - started, 0, None)
+    if promise is None:
+        return Trial(rival, case.number, WANDERED, spent, len(itinerary), None)
+    depart_s = case.truths.request.state.time.timestamp()
+    flown = fly_itinerary(case.truths, case.instance.drone, itinerary).judged(promise, depart_s)
+    return Trial(rival, case.number, PLANNED, spent, len(itinerary), flown)
+
+
+def _try_robust(case: Case, rival: Contender) -> Trial:
+    """A route with charges decided at each stop."""
+    result = plan(case.scenario, case.request(rival.recharge), planner=ROBUST, forecast=case.forecast)
+    assert result.robust is not None
+    flown = fly_charging(case.truths, case.instance.drone, result.robust.policy)
+    flown = flown.judged(result.outcome, result.problem.depart_s)
+    return Trial(rival, case.number, PLANNED, result.planning_time_s, len(result.itinerary), flown)
+
+
+def _try_rolling(case: Case, rival: Contender) -> Trial:
+    """Everything decided anew at each stop; its planning time is that of one decision."""
+    request = case.request(rival.recharge)
+    started = time.perf_counter()
+    start = Problem(case.scenario, request, case.scenario.drone(request.drone or ""), case.forecast)
+    policy = RollingRobust(start, case.truths.errors)
+    flown, done = fly_policy(case.truths, case.instance.drone, policy, np.arange(case.compared))
     decisions = sum(len(hops) for hops in done)
     spent = (time.perf_counter() - started) / max(decisions, 1)
-    return Trial(rival, number, PLANNED, spent, max((len(hops) for hops in done), default=0), flown)
+    return Trial(rival, case.number, PLANNED, spent, max((len(hops) for hops in done), default=0), flown)
 
 
 def _solve(
@@ -265,8 +298,9 @@ def _rows(
     known: dict[str, list[Floats]],
     spent: dict[str, float],
     cut: dict[str, int],
+    compared: int,
 ) -> list[Row]:
-    common = _common(instance, trials)
+    common = _common(instance, trials, compared)
     bound = next((known[name] for name in ("exact", "ies") if name in known), [])
     rows = []
     for rival in rivals:
@@ -278,9 +312,9 @@ def _rows(
                 continue
             flown = trial.flown
             if bound:
-                flown = replace(flown, clairvoyant_s=bound[trial.delivery])
+                flown = replace(flown, clairvoyant_s=bound[trial.delivery][: len(flown)])
             whole.append(flown)
-            shared.append(flown.chosen(common[trial.delivery] & flown.delivered))
+            shared.append(flown.chosen(common[trial.delivery][: len(flown)] & flown.delivered))
         rows.append(
             Row(
                 instance.name,
@@ -300,12 +334,17 @@ def _rows(
     return rows
 
 
-def _common(instance: Instance, trials: Sequence[Trial]) -> list[NDArray[np.bool_]]:
-    """Runs of each delivery that all planners but those set apart delivered."""
-    masks = [np.ones(instance.runs, dtype=bool) for _ in instance.deliveries]
+def _common(instance: Instance, trials: Sequence[Trial], compared: int) -> list[NDArray[np.bool_]]:
+    """Of the runs of each delivery in which times are compared, those that all planners but those set apart delivered."""
+    masks = [np.arange(instance.runs) < compared for _ in instance.deliveries]
     for trial in trials:
-        if trial.contender.planner not in APART:
-            masks[trial.delivery] &= trial.flown.delivered if trial.flown is not None else False
+        if trial.contender.planner in APART:
+            continue
+        mask = masks[trial.delivery]
+        if trial.flown is None:
+            mask[:] = False
+        else:
+            mask[: len(trial.flown)] &= trial.flown.delivered
     return masks
 
 

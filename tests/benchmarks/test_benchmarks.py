@@ -10,9 +10,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT))
 
-from benchmarks import bench_planners, pictures, report  # noqa: E402
+from benchmarks import bench_gap, bench_planners, bench_promises, bench_rolling, pictures, report  # noqa: E402
 from benchmarks.figure import Figure, machine  # noqa: E402
-from benchmarks.instances import FOLDER, make_instance, read_instance  # noqa: E402
+from benchmarks.instances import FOLDER, make_instance, make_long, read_instance  # noqa: E402
 from benchmarks.melbourne import melbourne  # noqa: E402
 from benchmarks.networks import geometric, random_pairs  # noqa: E402
 from benchmarks.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows  # noqa: E402
@@ -102,6 +102,8 @@ def test_a_small_benchmark_writes_table_results_and_figures(tmp_path, monkeypatc
     document = json.loads((tmp_path / "out" / "planners.json").read_text())
     assert document["schema"] == "skyway.benchmark-results/1"
     assert {row["planner"] for row in document["rows"]} >= {"shortest", "ies"}
+    assert document["machine"]["commit"]
+    assert "![delivery time](delivery-time.svg)" in text
     assert any("new-york-0.5" in line for line in told)
     assert len(written) == 7
 
@@ -118,3 +120,44 @@ def test_an_instance_whose_data_are_not_here_is_left_out_with_its_reason(tmp_pat
     bench_planners.run(size, tmp_path / "out", progress=told.append)
     melbourne.cache_clear()
     assert "the data of Melbourne are not here" in (tmp_path / "out" / "planners.md").read_text()
+
+
+def test_the_long_instance_is_what_its_seed_makes_and_has_500_deliveries():
+    published = read_instance(FOLDER / "new-york-0.5-125.json")
+    assert published == make_long()
+    assert len(published.deliveries) * published.runs == 500
+
+
+def test_the_bound_in_the_wind_alone_is_below_every_plan():
+    rows = list(bench_gap.measured(2, days=2, why=True, seed=4))
+    assert rows
+    for row in rows:
+        assert row.bound_s <= row.parts["own stops"] * (1.0 + 1e-9)
+        assert row.parts["own stops"] <= row.fixed_s * (1.0 + 1e-9)
+        assert row.parts["best route"] <= row.fixed_s * (1.0 + 1e-9)
+        assert row.days == 0 or row.day_bound_s <= min(row.day_fixed_s, row.rolling_s) * (1.0 + 1e-9)
+    assert any("mean above bound" in figure.what for figure in bench_gap.figures_of(rows))
+
+
+def test_promises_are_counted_on_days_that_no_forecast_held():
+    found = list(bench_promises.measured(bench_promises.loaded(0.0), 2, days=2, runs=5, seed=3))
+    assert sum(len(one.flown) for one in found) == 10 * len(found) > 0
+    error, broken = bench_promises.figures_of(found, "New York")
+    assert 0.0 <= error.value <= 100.0
+    assert broken.value >= 0.0
+    assert json.loads(json.dumps(found[0].document()))["days"][0]["runs"] == 5
+    assert "0.95" in bench_promises.table(found)
+
+
+def test_a_long_measurement_goes_on_where_it_was_broken_off(tmp_path, monkeypatch):
+    few = tuple(one for one in bench_rolling.RIVALS if one.label in {"robust, anew at each stop", "pfs, full"})
+    monkeypatch.setattr("benchmarks.bench_rolling.RIVALS", few)
+    instance = read_instance(FOLDER / "new-york-0.5-125.json").cut(3, 1)
+    told = []
+    bench_rolling.run(instance.cut(1, 1), tmp_path / "rows.jsonl", progress=told.append)
+    bench_rolling.run(instance, tmp_path / "rows.jsonl", part=(0, 2), progress=told.append)
+    assert [row["number"] for row in bench_rolling.read(tmp_path / "rows.jsonl")] == [0, 2]
+    assert len(told) == 2
+    above = bench_rolling.figures_of(bench_rolling.read(tmp_path / "rows.jsonl"))[0]
+    assert above.target == 4.0
+    assert above.value > -1.0
