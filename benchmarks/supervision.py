@@ -23,6 +23,7 @@ from benchmarks.deliveries import Stage, Story, newyork
 from link.supervisor import Scripted, read_journal
 from models import geodesy
 from models.errors import InfeasibleError
+from planner.replan import DEFAULT_PLANNER
 from sim_stub.faults import parse_fault
 from sim_stub.transports.channel import Impairment
 
@@ -95,6 +96,7 @@ def story_of(seed: int) -> tuple[Story, tuple[str, ...]]:
         seed=seed,
         faults=tuple(parse_fault(text) for text in faults),
         impairment=Impairment(0.2, 0.02, 0.005, 0.02, 0.02) if lossy else None,
+        planner=DEFAULT_PLANNER,
     )
     return story, (*faults, *(["upload-loss=0.2"] if lossy else []))
 

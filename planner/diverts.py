@@ -11,7 +11,7 @@ import math
 from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from models.airspeed_load import AirspeedLoad
     from models.drone import Drone
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
@@ -32,8 +33,25 @@ POINT_EVERY_M = 500.0
 """Distance between the points of a leg at which diverts are looked for."""
 MIN_SPEED_MPS = 1.0
 MOST_DIVERTS = 16
+BESIDE_M = 1500.0
+"""Stations so near to a way are beside it."""
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
+
+
+class Flown(NamedTuple):
+    """Flights in every member of the forecast, shape (members, n) each.
+
+    Attributes
+    ----------
+    time_s : ndarray
+        How long they take.
+    soc : ndarray
+        Charge that they take by the model, without the factor that is believed.
+    """
+
+    time_s: NDArray[np.float64]
+    soc: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +87,8 @@ class Reach:
         How its energy differs from the model's.
     airspeed_mps : float, optional
         Planned airspeed; the drone's cruise airspeed by default.
+    load : AirspeedLoad, optional
+        How its power changes with airspeed; by default it does not.
     """
 
     def __init__(
@@ -80,7 +100,9 @@ class Reach:
         belief: EnergyBelief,
         *,
         airspeed_mps: float | None = None,
+        load: AirspeedLoad | None = None,
     ) -> None:
+        self.load = load
         self.network, self.rules = scenario.network, scenario.rules
         self.wind = forecast.at_height(self.rules.cruise_height_m, self.rules.wind_profile_exponent)
         self.drone, self.belief = drone, belief
@@ -107,11 +129,17 @@ class Reach:
         east = np.einsum("mns,ns->mn", wind.east[member, chosen], weight)
         return north, east
 
-    def speeds(
+    def at_airspeed(self, airspeed_mps: float) -> Reach:
+        """Return the same at another planned airspeed."""
+        same = copy(self)
+        same.airspeed_mps = airspeed_mps
+        return same
+
+    def cruise(
         self, start: tuple[NDArray[np.float64], NDArray[np.float64]], bearing: NDArray[np.float64],
         length_m: NDArray[np.float64], time_s: NDArray[np.float64],
-    ) -> NDArray[np.float64]:  # fmt: skip
-        """Ground speed at the planned airspeed over straight flights, shape (members, n); at least 1 m/s.
+    ) -> Flown:  # fmt: skip
+        """Fly straight at the planned airspeed, with at least 1 m/s over the ground; no climb, no descent.
 
         Limits of the wind do not count: whoever is in the air has to fly on.
         """
@@ -121,33 +149,49 @@ class Reach:
         along = north * np.cos(angle) + east * np.sin(angle)
         across = east * np.cos(angle) - north * np.sin(angle)
         most = self.drone.max_ground_speed_mps
-        return np.maximum(ground_speed(self.airspeed_mps, along, across, math.inf, most), MIN_SPEED_MPS)
+        speed = np.maximum(ground_speed(self.airspeed_mps, along, across, math.inf, most), MIN_SPEED_MPS)
+        flight_s = length_m / speed
+        if self.load is None:
+            return Flown(flight_s, self.soc_per_s * flight_s)
+        # a drone that must not be faster over the ground flies slower through the air
+        airspeed = np.hypot(speed - along, across)
+        return Flown(flight_s, self.soc_per_s * self.load.factor(airspeed) * flight_s)
 
-    def to_stations(self, here: Place, time_s: float, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Time from a point at cruise height to touch-down at stations, shape (members, n)."""
+    def to_stations(self, here: Place, time_s: float, nodes: NDArray[np.int64]) -> Flown:
+        """Fly from a point at cruise height to touch-down at stations."""
         lat, lon = self.network.lat[nodes], self.network.lon[nodes]
         length, bearing = geodesy.inverse(*here, lat, lon)
         start = np.full(len(nodes), here[0]), np.full(len(nodes), here[1])
         half = time_s + 0.5 * length / self.airspeed_mps
-        return length / self.speeds(start, bearing, length, half) + self.rules.descent_s
+        flown = self.cruise(start, bearing, length, half)
+        return Flown(flown.time_s + self.rules.descent_s, flown.soc + self.soc_descent)
 
-    def along(self, points: Sequence[Place], time_s: float) -> NDArray[np.float64]:
-        """Time at which each point of a way after the first is reached, shape (members, points - 1); no descent."""
+    def along(self, points: Sequence[Place], time_s: float) -> Flown:
+        """Fly along a way: to each of its points after the first, shape (members, points - 1); no climb, no descent."""
         places = np.array(points)
         length, bearing = geodesy.inverse(places[:-1, 0], places[:-1, 1], places[1:, 0], places[1:, 1])
         start = places[:-1, 0], places[:-1, 1]
         begins = time_s + np.concatenate(([0.0], np.cumsum(length)[:-1])) / self.airspeed_mps
         for _ in range(2):
             middle = begins + 0.5 * length / self.airspeed_mps
-            spent = length / self.speeds(start, bearing, length, middle)
-            ends = time_s + np.cumsum(spent, axis=1)
-            begins = ends - spent
-        return np.asarray(ends)
+            flown = self.cruise(start, bearing, length, middle)
+            spent = np.cumsum(flown.time_s, axis=1)
+            begins = time_s + spent - flown.time_s
+        return Flown(spent, np.cumsum(flown.soc, axis=1))
 
-    def energy(self, flight_s: NDArray[np.float64], *, climbs: bool = False) -> NDArray[np.float64]:
-        """Charge by the model, without its factor, of a cruise with a descent at its end."""
-        cruise = np.maximum(flight_s - self.rules.descent_s, 0.0)
-        return self.soc_per_s * cruise + self.soc_descent + (self.soc_climb if climbs else 0.0)
+    def to_the_end(self, way: Sequence[Place], time_s: float, *, climbs: bool = False) -> Flown:
+        """Fly a way to touch-down at its end, shape (members,): with a climb first where it begins on the ground."""
+        climb_s, climb_soc = (self.rules.climb_s, self.soc_climb) if climbs else (0.0, 0.0)
+        flown = self.along(way, time_s + climb_s)
+        return Flown(
+            flown.time_s[:, -1] + climb_s + self.rules.descent_s, flown.soc[:, -1] + climb_soc + self.soc_descent
+        )
+
+    def mean_load(self, way: Sequence[Place], time_s: float) -> float:
+        """Power over that of the model in the mean of a way's cruise."""
+        flown = self.along(way, time_s)
+        time_mean = float(self.expected(flown.time_s[:, -1]))
+        return float(self.expected(flown.soc[:, -1])) / (self.soc_per_s * time_mean) if time_mean > 0.0 else 1.0
 
     def p_below(self, soc: float, cost: NDArray[np.float64], floor_soc: float) -> NDArray[np.float64]:
         """Probability of landing below a charge, over members and energy, shape (n,); `cost` has shape (members, n)."""
@@ -191,12 +235,6 @@ class Reach:
         first = (float(lat[index[origin]]), float(lon[index[origin]])) if isinstance(origin, str) else origin
         return [first, *((float(lat[index[s]]), float(lon[index[s]])) for s in (*via, destination))]
 
-    def leg_cost(self, way: Sequence[Place], time_s: float, *, climbs: bool) -> NDArray[np.float64]:
-        """Charge by the model that a leg takes from `time_s` on, shape (members,)."""
-        begins = time_s + (self.rules.climb_s if climbs else 0.0)
-        cruise = self.along(way, begins)[:, -1] - begins
-        return self.energy(cruise + self.rules.descent_s, climbs=climbs)
-
     def cover(
         self, way: Sequence[Place], time_s: float, soc: float, *, floor_soc: float, epsilon: float,
         destination: str, not_at: frozenset[str] = frozenset(), climbs: bool = True,
@@ -221,9 +259,11 @@ class Reach:
         points = _points(way)
         places = [place for place, _ in points]
         begins = time_s + (self.rules.climb_s if climbs else 0.0)
-        spent = np.zeros((len(self.wind), len(points)))
-        spent[:, 1:] = self.along(places, begins) - begins
-        used = self.soc_per_s * spent + (self.soc_climb if climbs else 0.0)
+        flown = self.along(places, begins)
+        spent, used = np.zeros((2, len(self.wind), len(points)))
+        spent[:, 1:] = flown.time_s
+        used[:, 1:] = flown.soc
+        used += self.soc_climb if climbs else 0.0
         nodes = np.array([n for n in self.pads if self.network.stations[n].id not in not_at], dtype=np.int64)
         ends_at = self.network.index[destination]
         nodes = nodes[nodes != ends_at]
@@ -235,14 +275,28 @@ class Reach:
                 break
             flight = self.to_stations(place, begins + float(mean_s[row]), nodes)
             left_s = float(mean_s[-1] - mean_s[row]) + self.rules.descent_s
-            nearest[row] = self.network.pads[ends_at] > 0 and left_s <= float(self.expected(flight).min())
-            cost = used[:, row, None] + self.energy(flight)
+            nearest[row] = self.network.pads[ends_at] > 0 and left_s <= float(self.expected(flight.time_s).min())
+            cost = used[:, row, None] + flight.soc
             near = np.flatnonzero(self.p_below(soc, cost, floor_soc) <= epsilon)
             near = near[np.argsort(self.expected(cost)[near])][:12]
             safe[row, near[self.clear(place, nodes[near])]] = True
         uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
         gap = float(points[uncovered[0]][1]) if len(uncovered) else None
-        return DivertCover(tuple(self.network.stations[nodes[k]].id for k in _fewest(safe)), gap)
+        chosen = _fewest(safe)
+        chosen += [k for k in self._beside(places, nodes, safe) if k not in chosen][: MOST_DIVERTS - len(chosen)]
+        return DivertCover(tuple(self.network.stations[nodes[k]].id for k in chosen), gap)
+
+    def _beside(self, places: Sequence[Place], nodes: NDArray[np.int64], safe: NDArray[np.bool_]) -> list[int]:
+        """Return stations that lie beside a way and are safe from a part of it, the nearest first: a drone may recharge there."""
+        lat, lon = np.array(places).T
+        found = []
+        for k in np.flatnonzero(safe.any(axis=0)):
+            station = self.network.stations[nodes[k]]
+            north, east = geodesy.local_offsets_m(lat, lon, station.lat, station.lon)
+            off = float(np.hypot(north, east).min())
+            if off <= BESIDE_M:
+                found.append((off, int(k)))
+        return [k for _, k in sorted(found)]
 
 
 def _points(way: Sequence[Place]) -> list[tuple[Place, float]]:

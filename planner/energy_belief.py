@@ -6,11 +6,14 @@ import math
 from dataclasses import dataclass, replace
 
 PRIOR_FACTOR, PRIOR_SIGMA = 1.08, 0.08
-"""Before the first flight. Published endurances are hovered in still air with new batteries; a cruise at 20 m/s, a climb and
-an older battery take more."""
+"""Before the first flight, where the model's power is the same at any airspeed. Published endurances are hovered in still air with
+new batteries; a cruise at 20 m/s, a climb and an older battery take more."""
 LEG_SIGMA = 0.09
-"""From flight to flight the factor differs by so much: the model's power does not depend on airspeed, and real power does, so
-that a flight against the wind takes a fifth more than one with it."""
+"""From flight to flight the factor differs by so much: real power depends on airspeed, so that a flight against the wind takes a
+fifth more than one with it."""
+LOADED_FACTOR, LOADED_SIGMA, LOADED_LEG_SIGMA = 1.04, 0.07, 0.05
+"""The same where the power over airspeed is known (`models.airspeed_load`): what is left is the battery's age, the climb, and what
+momentum theory leaves out, some percent each."""
 WITHIN_SIGMA = 0.02
 """Between the parts of one flight."""
 SOC_SIGMA = 0.006
@@ -25,10 +28,18 @@ class EnergyBelief:
     ----------
     factor, sigma : float
         Mean and standard deviation.
+    leg_sigma : float
+        By how much it differs from flight to flight.
     """
 
     factor: float = PRIOR_FACTOR
     sigma: float = PRIOR_SIGMA
+    leg_sigma: float = LEG_SIGMA
+
+    @classmethod
+    def first(cls, *, loaded: bool) -> EnergyBelief:
+        """Return the belief before the first flight; `loaded` where the model counts the airspeed."""
+        return cls(LOADED_FACTOR, LOADED_SIGMA, LOADED_LEG_SIGMA) if loaded else cls()
 
     def learnt(self, used_soc: float, expected_soc: float) -> EnergyBelief:
         """Return the belief about the drone after a whole flight.
@@ -36,9 +47,9 @@ class EnergyBelief:
         Parameters
         ----------
         used_soc, expected_soc : float
-            Charge that it took, and that the model says for its time; both fractions of nameplate.
+            Charge that it took, and that the model says for it; both fractions of nameplate.
         """
-        return _updated(self, used_soc, expected_soc, LEG_SIGMA)
+        return _updated(self, used_soc, expected_soc, self.leg_sigma)
 
     def in_flight(self, used_soc: float, expected_soc: float) -> EnergyBelief:
         """Return the belief about the rest of a flight of which so much has been flown."""
@@ -46,7 +57,7 @@ class EnergyBelief:
 
     def next_flight(self) -> EnergyBelief:
         """Return the belief about another flight than those it was learnt from."""
-        return replace(self, sigma=math.hypot(self.sigma, LEG_SIGMA))
+        return replace(self, sigma=math.hypot(self.sigma, self.leg_sigma))
 
     def cautious(self, sigmas: float) -> float:
         """Factor that so many standard deviations exceed the mean."""
@@ -60,4 +71,4 @@ def _updated(belief: EnergyBelief, used_soc: float, expected_soc: float, spread:
     noise = math.hypot(math.sqrt(2.0) * SOC_SIGMA / expected_soc, spread)
     gain = belief.sigma**2 / (belief.sigma**2 + noise**2)
     mean = belief.factor + gain * (used_soc / expected_soc - belief.factor)
-    return EnergyBelief(mean, math.sqrt(1.0 - gain) * belief.sigma)
+    return replace(belief, factor=mean, sigma=math.sqrt(1.0 - gain) * belief.sigma)

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from models.airspeed_load import AirspeedLoad
 from models.energy import ScaledEnergy
 from models.errors import InfeasibleError
 from models.services import State
-from models.units import S_PER_MIN, from_posix
+from models.units import S_PER_H, S_PER_MIN, from_posix
 from planner.diverts import Reach
 from planner.itinerary import compose, typical_member
 from planner.plan import plan
@@ -26,6 +27,7 @@ from planner.replan_candidates import Candidate, best_charges, itinerary_of
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from models.drag import DragModel
     from models.drone import Drone
     from models.scenario import Scenario
     from models.services import Composition, DroneService
@@ -48,10 +50,7 @@ class ReplanSettings:
         A leg is begun only with a charge that lands below the reserve with no more than this probability, counting wind
         and what is not known of the energy.
     epsilon_flight : float
-        In flight, above this probability of landing below the reserve something else is looked for.
-    divert_above : float
-        Above this one the flight is diverted; also where the landing would be below half of the reserve with more than
-        `epsilon_depart`.
+        In flight, above this probability of landing below the reserve what else can be done is weighed.
     epsilon_later : float
         Charges of later legs, which are decided anew when they are near, may be too low in this share of the forecast.
     plan_sigmas, strict_sigmas : float
@@ -65,18 +64,18 @@ class ReplanSettings:
         The ground speed is sent again when it changed by so much, and no oftener than this.
     confirm : int
         Looks in a row that must say the same before a flight is diverted.
-    better_every_s, flight_planner : float, str
-        How often in flight a better composition is looked for, and by which planner: nobody listens to the vehicle
-        meanwhile, so it must answer in a fraction of a second.
+    better_every_s : float
+        How often in flight a better composition is looked for.
     wait_s : float
         How long to wait for wind or a pad before looking again.
+    later_s : tuple of float
+        Where nothing can be flown now: how much later that is looked at again, at once by the forecast and by waiting.
     charge_step : float
         Charge targets closer than this are the same.
     """
 
     epsilon_depart: float = 0.01
     epsilon_flight: float = 0.05
-    divert_above: float = 0.5
     epsilon_later: float = 0.1
     plan_sigmas: float = 1.0
     strict_sigmas: float = 2.5
@@ -87,8 +86,8 @@ class ReplanSettings:
     speed_every_s: float = 30.0
     confirm: int = 3
     better_every_s: float = 60.0
-    flight_planner: str = "pfs-charge-aware"
     wait_s: float = 300.0
+    later_s: tuple[float, ...] = (1800.0, 3600.0, 7200.0, 14400.0, 21600.0)
     charge_step: float = 0.02
 
 
@@ -177,6 +176,8 @@ class GroundReplanner:
         See `planner.plan.plan`.
     settings : ReplanSettings
         When a plan is left for another.
+    drag : DragModel, optional
+        Of the drone: it tells how the energy depends on airspeed.
     """
 
     def __init__(
@@ -185,15 +186,21 @@ class GroundReplanner:
         request: Request,
         planner: str = DEFAULT_PLANNER,
         settings: ReplanSettings | None = None,
+        *,
+        drag: DragModel | None = None,
     ) -> None:
         self.scenario, self.request, self.planner = scenario, request, planner
         self.settings = settings or ReplanSettings()
         self.drone = scenario.drone(request.drone or "")
+        self.load = None if drag is None else AirspeedLoad(drag)
 
     def reach(self, forecast: WindEnsemble, belief: EnergyBelief) -> Reach:
         """Return what can be flown under a forecast."""
         request = self.request
-        return Reach(self.scenario, forecast, self.drone, request.payload_kg, belief, airspeed_mps=request.airspeed_mps)
+        return Reach(
+            self.scenario, forecast, self.drone, request.payload_kg, belief, airspeed_mps=request.airspeed_mps,
+            load=self.load,
+        )  # fmt: skip
 
     def decide(
         self, standing: Grounded, current: Composition | None, forecast: WindEnsemble, belief: EnergyBelief
@@ -211,10 +218,33 @@ class GroundReplanner:
         belief : EnergyBelief
             How much energy flights take.
         """
+        decision = self._decide_now(standing, current, forecast, belief)
+        return self._wait_for_better(standing, decision, forecast, belief) if decision.action == "stop" else decision
+
+    def _wait_for_better(
+        self, standing: Grounded, stop: Decision, forecast: WindEnsemble, belief: EnergyBelief
+    ) -> Decision:
+        """Where nothing can be flown now, look whether the forecast lets it later, and wait for that on the ground."""
+        for wait_s in self.settings.later_s:
+            then = replace(standing, time_s=standing.time_s + wait_s, busy_pads={})
+            later = self._decide_now(then, None, forecast, belief)
+            if later.action != "stop":
+                until_s = standing.time_s + min(wait_s, self.settings.later_s[0])
+                reason = f"{stop.reason}; in {wait_s / S_PER_H:.1f} h the forecast lets it fly to {later.station}: wait"
+                return replace(
+                    stop, action="wait", reason=reason, until_s=until_s, figures={**stop.figures, "wait_s": wait_s}
+                )
+        return stop
+
+    def _decide_now(
+        self, standing: Grounded, current: Composition | None, forecast: WindEnsemble, belief: EnergyBelief
+    ) -> Decision:
+        """Say what to do with what can be flown now."""
         reach = self.reach(forecast, belief.next_flight())
+        load = reach.mean_load(reach.way(standing.station, (), self.request.destination), standing.time_s)
         reason = ""
         for sigmas in (self.settings.plan_sigmas, self.settings.strict_sigmas):
-            problem = self._problem(standing, forecast, belief.next_flight().cautious(sigmas))
+            problem = self._problem(standing, forecast, load * reach.belief.cautious(sigmas))
             kept = None if current is None else self._kept(problem, current, standing)
             fresh, why_not = self._fresh(standing, problem, forecast)
             reason = reason or why_not
@@ -331,7 +361,7 @@ class GroundReplanner:
         """Find the least charge with which a leg keeps the reserve and always has a divert station."""
         way = reach.way(service.origin, service.via, service.destination)
         reach = reach.where_flown(way, standing.time_s)
-        cost = reach.leg_cost(way, standing.time_s, climbs=True)
+        cost = reach.to_the_end(way, standing.time_s, climbs=True).soc
         settings, reserve = self.settings, self.request.reserve_soc
         floor = reserve * settings.divert_share
         least: float | None = None

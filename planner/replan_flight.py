@@ -1,42 +1,39 @@
-"""Replanning in the air: fly on, at which speed, or elsewhere.
+"""Replanning in the air: fly on, at which speed, or land elsewhere.
 
-A flight that is most probably too long for its battery goes to the nearest station that is safe to reach; one that is well is
-only left for a plan that is better by a margin, at most once a flight, and a divert is never taken back: so noise in wind,
-charge and energy cannot turn a drone to and fro.
+Whenever the landing breaks the reserve with more than epsilon, what can be done is weighed by when the delivery then arrives: of what
+keeps the reserve the earliest is taken, be that another airspeed, a station on the way, another next station or the way back.
+Where nothing keeps it, the least risk is taken, an empty battery in the air before anything else. A flight that is well is only
+left for one that is better by a margin, and once a flight; one that was turned is turned again only where its battery would
+most probably be empty before: so noise in wind, charge and energy cannot turn a drone to and fro.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from models import geodesy
-from models.errors import InfeasibleError, InputError
-from models.services import State
-from models.units import S_PER_MIN, from_posix
-from planner.itinerary import fly_sampled, outcome
-from planner.plan import plan
-from planner.problem import IN_FLIGHT, Problem
-from planner.replan import Decision, cautious_drone
-from planner.replan_candidates import itinerary_of
+from models.units import S_PER_MIN
+from planner.onward import DEPART_SIGMAS, PLAN_SIGMAS, Onward
+from planner.replan import Decision
+from planner.replan_options import Floors, Option, arriving, earliest_s, going_on, other_airspeeds, other_stations
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from models.services import Composition
     from models.wind_forecast import WindEnsemble
     from planner.diverts import Place, Reach
     from planner.energy_belief import EnergyBelief
     from planner.replan import GroundReplanner
 
-EMPTY_SOC = 0.03
-"""Below this nothing is sure to fly."""
 COMMITTED_S = 60.0
 """A flight with less than this to go is flown to its end unless the battery says otherwise."""
+CLEARLY = 0.5
+"""A risk is clearly smaller below this share of another."""
+MOST_PROBABLE = 0.5
+WEIGHED_AGAIN_S, WEIGHED_AGAIN = 60.0, 1.5
+"""Where flying on was the best that could be done, it is thought of again after so long, or where the risk has grown by this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +54,8 @@ class Airborne:
         Ground speed it was last told.
     diverts : tuple of str
         Stations that it may go to instead: inside its fence.
-    visited : frozenset of str
-        Stations landed at before.
-    rest : Composition or None
-        The plan of which this flight is the first service.
+    sudden : bool
+        Charge was lost at once: there is no time to look twice.
     """
 
     here: Place
@@ -70,8 +65,7 @@ class Airborne:
     destination: str
     commanded_mps: float
     diverts: tuple[str, ...]
-    visited: frozenset[str] = frozenset()
-    rest: Composition | None = None
+    sudden: bool = False
 
 
 @dataclass(slots=True)
@@ -82,59 +76,88 @@ class FlightReplanner:
     ----------
     ground : GroundReplanner
         Scenario, request, planner and settings.
+    turned : bool
+        It was turned already.
     """
 
     ground: GroundReplanner
+    turned: bool = False
     _doubtful: int = 0
     _speed_s: float = -math.inf
     _better_s: float = -math.inf
-    _turned: bool = False
-    _last: dict[str, Any] = field(default_factory=dict)
+    _weighed: tuple[float, float] = (-math.inf, 0.0)
+    _airspeed_mps: float | None = None
+    _onward: Onward | None = None
 
     def decide(self, airborne: Airborne, forecast: WindEnsemble, belief: EnergyBelief) -> Decision:
         """Say what to do now; asked about every ten seconds."""
-        reach = self.ground.reach(forecast, belief)
-        figures = self._outlook(airborne, reach)
-        p_below, settings = figures["p_below_reserve"], self.ground.settings
-        grave = p_below > settings.divert_above or figures["p_below_half"] > settings.epsilon_depart
-        self._doubtful = self._doubtful + 1 if p_below > settings.epsilon_flight and grave else 0
-        if self._doubtful >= settings.confirm:
-            decision = self._divert(airborne, reach, figures, p_below)
+        reach = self._reach(forecast, belief)
+        now, figures = self._outlook(airborne, reach)
+        settings = self.ground.settings
+        bad = now.p_empty > MOST_PROBABLE if self.turned else now.p_reserve > settings.epsilon_flight
+        self._doubtful = self._doubtful + 1 if bad else 0
+        if bad and (self._doubtful >= settings.confirm or airborne.sudden) and self._due(airborne, now):
+            self._weighed = airborne.time_s, now.p_reserve
+            decision = self._turn(airborne, reach, now, figures)
             if decision is not None:
                 return decision
         speed = self._speed(airborne, figures)
         if speed is not None:
             return speed
-        better = self._better(airborne, forecast, belief, figures)
+        better = None if bad else self._better(airborne, reach, now, figures)
         if better is not None:
             return better
-        left_min = figures["left_s"] / S_PER_MIN
         reason = (
-            f"{left_min:.1f} min to {airborne.destination}, landing with {100 * float(str(figures['soc_land'])):.0f} %, "
-            f"below the reserve with probability {p_below:.3f}"
+            f"{figures['left_s'] / S_PER_MIN:.1f} min to {airborne.destination}, landing with {100 * now.soc:.0f} %, "
+            f"below the reserve with probability {now.p_reserve:.3f}"
         )
         return Decision("continue", reason, figures)
 
-    def _outlook(self, airborne: Airborne, reach: Reach) -> dict[str, Any]:
+    def watch(self, airborne: Airborne, forecast: WindEnsemble, belief: EnergyBelief) -> Decision:
+        """Say whether a divert under way must end elsewhere; only an empty battery turns it again."""
+        self.turned = True
+        reach = self._reach(forecast, belief)
+        now, figures = self._outlook(airborne, reach)
+        bad = now.p_empty > MOST_PROBABLE
+        self._doubtful = self._doubtful + 1 if bad else 0
+        if bad and (self._doubtful >= self.ground.settings.confirm or airborne.sudden):
+            decision = self._turn(airborne, reach, now, figures)
+            if decision is not None:
+                return decision
+        speed = self._speed(airborne, figures)
+        return speed or Decision("continue", f"on the way to {airborne.destination}", figures)
+
+    def _reach(self, forecast: WindEnsemble, belief: EnergyBelief) -> Reach:
+        reach = self.ground.reach(forecast, belief)
+        return reach if self._airspeed_mps is None else reach.at_airspeed(self._airspeed_mps)
+
+    def _due(self, airborne: Airborne, now: Option) -> bool:
+        """Whether to weigh anew: some time after the last time, or as soon as the risk has grown."""
+        at_s, risk = self._weighed
+        return airborne.sudden or airborne.time_s >= at_s + WEIGHED_AGAIN_S or now.p_reserve > WEIGHED_AGAIN * risk
+
+    @property
+    def _floors(self) -> Floors:
+        reserve = self.ground.request.reserve_soc
+        return Floors(reserve, reserve * self.ground.settings.divert_share)
+
+    def _outlook(self, airborne: Airborne, reach: Reach) -> tuple[Option, dict[str, Any]]:
         """Work out time, charge at landing and wanted ground speed under the newest forecast."""
         way = reach.way(airborne.here, airborne.via, airborne.destination)
-        ends = reach.along(way, airborne.time_s)
-        flight = ends[:, -1] - airborne.time_s + reach.rules.descent_s
-        cost = reach.energy(flight)
-        p_below = float(reach.p_below(airborne.soc, cost[:, None], self.ground.request.reserve_soc)[0])
-        half = self.ground.request.reserve_soc * self.ground.settings.divert_share
+        now, _ = going_on(reach, way, airborne.destination, airborne.time_s, airborne.soc, self._floors)
         length, bearing = geodesy.inverse(*way[0], *way[1])
-        ends_of_piece = np.maximum(ends[:, 0] - airborne.time_s, 1e-3)
-        wanted = float(reach.expected(np.asarray(length) / ends_of_piece))
+        piece_s = reach.along(way[:2], airborne.time_s).time_s[:, 0]
+        wanted = float(reach.expected(np.asarray(length) / np.maximum(piece_s, 1e-3)))
         north, east = reach.winds(np.array([way[0][0]]), np.array([way[0][1]]), np.array([airborne.time_s]))
-        return {
+        figures = {
             "destination": airborne.destination,
             "soc": airborne.soc,
-            "left_s": float(reach.expected(flight)),
-            "left_m": sum(geodesy.distance_m(*a, *b) for a, b in pairwise(way)),
-            "soc_land": airborne.soc - float(reach.expected(cost)) * reach.belief.factor,
-            "p_below_reserve": p_below,
-            "p_below_half": float(reach.p_below(airborne.soc, cost[:, None], half)[0]),
+            "left_s": now.lands_s - airborne.time_s,
+            "left_m": now.distance_m,
+            "soc_land": now.soc,
+            "p_below_reserve": now.p_reserve,
+            "p_below_half": now.p_half,
+            "p_empty": now.p_empty,
             "wanted_mps": min(max(wanted, 1.0), reach.drone.max_ground_speed_mps),
             "wind_north_mps": float(reach.expected(north)[0]),
             "wind_east_mps": float(reach.expected(east)[0]),
@@ -142,6 +165,7 @@ class FlightReplanner:
             "energy_factor": reach.belief.factor,
             "energy_sigma": reach.belief.sigma,
         }
+        return now, figures
 
     def _speed(self, airborne: Airborne, figures: dict[str, Any]) -> Decision | None:
         """Send the planned ground speed again where the wind estimate has moved it."""
@@ -157,104 +181,101 @@ class FlightReplanner:
         )
         return Decision("speed", reason, figures, speed_mps=round(wanted, 1))
 
-    def _divert(self, airborne: Airborne, reach: Reach, figures: dict[str, Any], p_below: float) -> Decision | None:
-        """Find the nearest station that is safe to reach; None where flying on is as good as anything."""
-        index, reserve = reach.network.index, self.ground.request.reserve_soc
-        names = [s for s in airborne.diverts if s in index and s != airborne.destination]
-        nodes = np.array([index[name] for name in names], dtype=np.int64)
-        clear = reach.clear(airborne.here, nodes) if len(nodes) else np.zeros(0, dtype=bool)
-        nodes = nodes[clear]
-        p_on_empty = self._p_empty(airborne, reach)
-        if len(nodes):
-            cost = reach.energy(reach.to_stations(airborne.here, airborne.time_s, nodes))
-            mean = reach.expected(cost) * reach.belief.factor
-            p_reserve = reach.p_below(airborne.soc, cost, reserve)
-            safe = np.flatnonzero((p_reserve <= self.ground.settings.epsilon_flight) & (p_reserve < 0.5 * p_below))
-            if len(safe):
-                best = int(safe[np.argmin(mean[safe])])
-                return self._to(
-                    airborne, reach, nodes, best, float(mean[best]), figures, p_below, float(p_reserve[best])
-                )
-            best = int(np.argmin(mean))
-            p_empty = float(reach.p_below(airborne.soc, cost[:, best : best + 1], EMPTY_SOC)[0])
-            lands_higher = airborne.soc - float(mean[best]) > figures["soc_land"] + 0.03
-            if lands_higher and (p_below > 0.5 or p_empty < 0.5 * p_on_empty) and p_empty < 0.5:
-                p = float(p_reserve[best])
-                return self._to(airborne, reach, nodes, best, float(mean[best]), figures, p_below, p)
-            if min(p_empty, p_on_empty) > 0.5:
-                return self._land(airborne, figures, min(p_empty, p_on_empty))
-        elif p_on_empty > 0.5:
-            return self._land(airborne, figures, p_on_empty)
-        return None
+    # Weighing
 
-    def _p_empty(self, airborne: Airborne, reach: Reach) -> float:
+    def _others(self, airborne: Airborne, reach: Reach) -> list[Option]:
+        """Stations inside the fence, those ahead and those behind."""
+        index = reach.network.index
+        names = [s for s in dict.fromkeys(airborne.diverts) if s in index and s != airborne.destination]
+        return other_stations(reach, airborne.here, names, airborne.time_s, airborne.soc, self._floors)
+
+    def _looked_on(self, airborne: Airborne, reach: Reach) -> Onward:
+        """Look at what follows landings under the newest forecast; energy as for the next flights."""
+        ground = self.ground
+        if self._onward is None:
+            self._onward = Onward(ground.scenario, ground.request, ground.drone)
+        later = reach.belief.next_flight()
+        way = reach.way(airborne.here, (), ground.request.destination)
+        load = reach.mean_load(way, airborne.time_s)
+        factors = tuple(load * later.cautious(sigmas) for sigmas in (DEPART_SIGMAS, PLAN_SIGMAS))
+        self._onward.look(airborne.time_s, reach.wind, factors)
+        return self._onward
+
+    def _turn(self, airborne: Airborne, reach: Reach, now: Option, figures: dict[str, Any]) -> Decision | None:
+        """Find what keeps the reserve and delivers earliest, else the least risk; None where that is flying on."""
+        epsilon = self.ground.settings.epsilon_flight
         way = reach.way(airborne.here, airborne.via, airborne.destination)
-        flight = reach.along(way, airborne.time_s)[:, -1] - airborne.time_s + reach.rules.descent_s
-        return float(reach.p_below(airborne.soc, reach.energy(flight)[:, None], EMPTY_SOC)[0])
+        given = (reach, way, airborne.destination, airborne.time_s, airborne.soc, self._floors)
+        options = [*other_airspeeds(*given), *self._others(airborne, reach)]
+        safe = [one for one in options if one.p_reserve <= min(epsilon, CLEARLY * now.p_reserve)]
+        if safe:
+            onward = self._looked_on(airborne, reach)
+            weighed = [replace(one, arrival_s=arriving(one, onward)) for one in safe]
+            best = min(weighed, key=lambda one: one.arrival_s)
+            figures |= {"options": [one.as_data() for one in sorted(weighed, key=lambda one: one.arrival_s)[:6]]}
+            return self._answer(airborne, now, best, figures)
+        best = min([now, *options], key=lambda one: one.risk)
+        if best.p_empty > MOST_PROBABLE:
+            return _land(airborne, figures, best.p_empty)
+        pairs = ((best.p_empty, now.p_empty), (best.p_half, now.p_half), (best.p_reserve, now.p_reserve))
+        if best is now or not any(there < CLEARLY * here and here > epsilon for there, here in pairs):
+            return None
+        return self._answer(airborne, now, best, figures)
 
-    def _to(
-        self, airborne: Airborne, reach: Reach, nodes: NDArray[np.int64], best: int, cost: float,
-        figures: dict[str, Any], p_below: float, p_there: float,
-    ) -> Decision:  # fmt: skip
-        station = reach.network.stations[int(nodes[best])].id
-        lat, lon = reach.network.lat[nodes[best]], reach.network.lon[nodes[best]]
-        distance = geodesy.distance_m(*airborne.here, float(lat), float(lon))
-        lands = airborne.soc - cost
-        reason = (
-            f"landing at {airborne.destination} would be below the reserve with probability {p_below:.2f} (about "
-            f"{100 * float(str(figures['soc_land'])):.0f} %); {station}, {distance / 1000:.1f} km away, is reached with "
-            f"about {100 * lands:.0f} % (below the reserve with probability {p_there:.2f})"
+    def _answer(self, airborne: Airborne, now: Option, best: Option, figures: dict[str, Any]) -> Decision:
+        """Tell the option that was chosen."""
+        why = (
+            f"landing at {now.station} would be below the reserve with probability {now.p_reserve:.2f} (about "
+            f"{100 * now.soc:.0f} %)"
         )
-        more = {"divert": station, "divert_m": distance, "divert_soc": lands, "p_divert_below_reserve": p_there}
-        self._turned = True
-        return Decision("divert", reason, figures | more, station=station)
+        there = f"about {100 * best.soc:.0f} % (below the reserve with probability {best.p_reserve:.2f})"
+        if math.isfinite(best.arrival_s):
+            there += f", and the delivery comes in {(best.arrival_s - airborne.time_s) / S_PER_MIN:.0f} min"
+        if best.station == airborne.destination:
+            self._airspeed_mps, self._speed_s = best.airspeed_mps, airborne.time_s
+            speed = best.distance_m / max(best.lands_s - airborne.time_s, 1.0)
+            reason = f"{why}; at {best.airspeed_mps:.1f} m/s through the air it is reached with {there}"
+            return Decision("speed", reason, figures | {"airspeed_mps": best.airspeed_mps}, speed_mps=round(speed, 1))
+        more = {
+            "divert": best.station, "divert_m": best.distance_m, "divert_soc": best.soc,
+            "p_divert_below_reserve": best.p_reserve,
+        }  # fmt: skip
+        self.turned = True
+        reason = f"{why}; {best.station}, {best.distance_m / 1000:.1f} km away, is reached with {there}"
+        return Decision("divert", reason, figures | more, station=best.station)
 
-    def _land(self, airborne: Airborne, figures: dict[str, Any], p_empty: float) -> Decision:
-        reason = (
-            f"no station can be reached any more: with {100 * airborne.soc:.0f} % the battery would be empty before any "
-            f"with probability {p_empty:.2f} or more; landing here"
-        )
-        return Decision("land", reason, figures | {"p_empty": p_empty})
-
-    def _better(
-        self, airborne: Airborne, forecast: WindEnsemble, belief: EnergyBelief, figures: dict[str, Any]
-    ) -> Decision | None:
-        """Look from time to time for a plan that is better by the margin; turned once, it stays."""
+    def _better(self, airborne: Airborne, reach: Reach, now: Option, figures: dict[str, Any]) -> Decision | None:
+        """Look from time to time for a station by which the delivery comes earlier by the margin; turned once, it stays."""
         settings = self.ground.settings
-        late = figures["left_s"] < COMMITTED_S
-        if self._turned or late or airborne.rest is None or airborne.time_s < self._better_s + settings.better_every_s:
+        late = figures["left_s"] < COMMITTED_S or airborne.destination == self.ground.request.destination
+        if self.turned or late or airborne.time_s < self._better_s + settings.better_every_s:
             return None
         self._better_s = airborne.time_s
-        ground = self.ground
-        factor = belief.cautious(settings.plan_sigmas)
-        drone = cautious_drone(ground.drone, factor)
-        scenario = replace(
-            ground.scenario, drones=tuple(drone if d.id == drone.id else d for d in ground.scenario.drones)
-        )
-        state = State(
-            from_posix(airborne.time_s), None, airborne.here, min(max(airborne.soc, 0.0), 1.0), {}, airborne.visited
-        )
-        request = replace(ground.request, state=state)
-        try:
-            problem = Problem(scenario, request, drone, forecast)
-            kept = itinerary_of(problem, airborne.rest)
-            fresh = plan(scenario, request, planner=settings.flight_planner, forecast=forecast)
-        except (InfeasibleError, InputError):
+        safe = [one for one in self._others(airborne, reach) if one.p_reserve <= settings.epsilon_flight]
+        if not safe:
             return None
-        first = fresh.composition.services[0]
-        if kept is None or first.destination == airborne.destination or first.destination not in airborne.diverts:
+        onward = self._looked_on(airborne, reach)
+        kept_s = arriving(now, onward)
+        margin_s = max(settings.margin_s, settings.margin_share * (kept_s - airborne.time_s))
+        goal = self.ground.request.destination
+        chance = [one for one in safe if earliest_s(reach, one, goal) < kept_s - margin_s]
+        found = [replace(one, arrival_s=arriving(one, onward)) for one in chance]
+        best = min(found, key=lambda one: one.arrival_s, default=None)
+        if best is None or not best.arrival_s < kept_s - margin_s:
             return None
-        if first.via:
-            return None  # a turn inside the fence is a straight one
-        now = outcome(problem, *fly_sampled(problem, kept))
-        gain_s = now.mean_s - fresh.outcome.mean_s
-        margin_s = max(settings.margin_s, settings.margin_share * (now.mean_s - airborne.time_s))
-        if not gain_s > margin_s or fresh.outcome.p_success < now.p_success - settings.epsilon_flight:
-            return None
-        self._turned = True
+        self.turned = True
+        gain_s = kept_s - best.arrival_s
         reason = (
-            f"by way of {first.destination} the delivery comes {gain_s / S_PER_MIN:.1f} min earlier than by "
+            f"by way of {best.station} the delivery comes {gain_s / S_PER_MIN:.1f} min earlier than by "
             f"{airborne.destination} (margin {margin_s / S_PER_MIN:.1f} min)"
         )
-        more = {"gain_s": gain_s, "margin_s": margin_s, "from": IN_FLIGHT}
-        return Decision("station", reason, figures | more, fresh.composition, first.destination)
+        more = {"gain_s": gain_s, "margin_s": margin_s, "options": [one.as_data() for one in found]}
+        return Decision("station", reason, figures | more, station=best.station)
+
+
+def _land(airborne: Airborne, figures: dict[str, Any], p_empty: float) -> Decision:
+    reason = (
+        f"no station can be reached any more: with {100 * airborne.soc:.0f} % the battery would be empty before any "
+        f"with probability {p_empty:.2f} or more; landing here"
+    )
+    return Decision("land", reason, figures | {"p_empty": p_empty})

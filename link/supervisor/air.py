@@ -11,7 +11,6 @@ from link.supervisor.foreign import landed, refuse_foreign
 from link.supervisor.legs import cross_track_m, turn_leg, with_places
 from link.supervisor.states import State
 from models.errors import InputError, LinkError
-from planner.replan import GroundReplanner
 from planner.replan_flight import Airborne, FlightReplanner
 
 if TYPE_CHECKING:
@@ -21,6 +20,8 @@ if TYPE_CHECKING:
     from planner.replan import Decision
 
 DECIDE_EVERY_S = 10.0
+SUDDEN_S = 15.0
+"""So long a loss of charge counts as sudden."""
 LEARN_SOC = 0.04
 """From so much charge used on, the energy of this very flight is counted in."""
 PLACE_S = 60.0
@@ -61,11 +62,7 @@ def _free_pad(ctx: Context, station: str) -> None:
 
 
 def _replanner(ctx: Context) -> FlightReplanner | None:
-    mandate = ctx.mandate
-    if mandate.replanning is None:
-        return None
-    ground = GroundReplanner(mandate.scenario, mandate.request, mandate.planner, mandate.replanning)
-    return FlightReplanner(ground)
+    return None if ctx.mandate.replanning is None else FlightReplanner(ctx.replanner())
 
 
 def _climbed(ctx: Context) -> bool:
@@ -97,8 +94,7 @@ def airborne(ctx: Context) -> Airborne | None:
         destination=leg.destination,
         commanded_mps=leg.commanded_mps,
         diverts=tuple(dict.fromkeys((*leg.diverts, leg.origin, *leg.via))),
-        visited=frozenset(ctx.visited),
-        rest=ctx.plan,
+        sudden=ctx.now_s < ctx.lost_s + SUDDEN_S,
     )
 
 
@@ -118,8 +114,10 @@ def belief_now(ctx: Context) -> EnergyBelief:
     leg = ctx.leg
     if leg is None or not math.isfinite(leg.soc_start):
         return ctx.belief.next_flight()
-    used, expected = leg.soc_start - ctx.soc, leg.modelled_fixed + leg.modelled_per_s * (ctx.now_s - leg.start_s)
-    return ctx.belief.in_flight(used, expected) if used > LEARN_SOC else ctx.belief.next_flight()
+    used = leg.soc_start - ctx.soc
+    if leg.modelled is None or not used > LEARN_SOC:
+        return ctx.belief.next_flight()
+    return ctx.belief.in_flight(used, leg.modelled.total)
 
 
 def _decide(ctx: Context, replanner: FlightReplanner | None) -> Decision | None:
@@ -129,11 +127,15 @@ def _decide(ctx: Context, replanner: FlightReplanner | None) -> Decision | None:
     decision = replanner.decide(known, ctx.wind.forecast(ctx.now_s), belief_now(ctx))
     _outlook(ctx, decision.figures)
     if decision.action != "continue":
-        estimate = ctx.wind.estimate
-        wind = {} if estimate is None else {"wind_sigma_mps": estimate.sigma_mps, "wind_source": estimate.source}
-        ctx.note("decision", decision.reason, action=decision.action, where="flight", **dict(decision.figures), **wind)
-        ctx.tell(f"{decision.action}: {decision.reason}")
+        _tell(ctx, decision)
     return decision
+
+
+def _tell(ctx: Context, decision: Decision) -> None:
+    estimate = ctx.wind.estimate
+    wind = {} if estimate is None else {"wind_sigma_mps": estimate.sigma_mps, "wind_source": estimate.source}
+    ctx.note("decision", decision.reason, action=decision.action, where="flight", **dict(decision.figures), **wind)
+    ctx.tell(f"{decision.action}: {decision.reason}")
 
 
 def _outlook(ctx: Context, figures: Any) -> None:
@@ -171,15 +173,13 @@ def _act(ctx: Context, decision: Decision) -> After | None:
             leg.commanded_mps = decision.speed_mps
         return None
     if decision.action == "station" and decision.station is not None:
-        if decision.composition is not None:
-            ctx.plan = with_places(decision.composition, ctx.mandate.scenario, [decision.station])
-            ctx.note_plan(decision.reason)
         after = _turn(ctx, decision.station, State.FLYING)
         return None if after[0] is State.FLYING else after
     if decision.action == "divert" and decision.station is not None:
         ctx.divert_to, ctx.turned = decision.station, False
-        ctx.belief = belief_now(ctx)  # what this way takes; the way back would tell another wind
-        leg.learns = False
+        if leg.modelled is None or leg.modelled.load is None:
+            ctx.belief = belief_now(ctx)  # what this way takes; the way back would tell another wind
+            leg.learns = False
         return State.DIVERTING, f"to {decision.station}: {decision.reason}"
     if decision.action == "land":
         ctx.divert_to, ctx.turned = None, False
@@ -208,24 +208,38 @@ def diverting(ctx: Context) -> After:
         after = _turn(ctx, ctx.divert_to, State.DIVERTING)
         if after[0] is not State.DIVERTING:
             return after
+    replanner, decided_s = FlightReplanner(ctx.replanner(), turned=True), ctx.now_s
     while True:
         refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
-        _watch(ctx)
         if landed(ctx):
             return State.LANDED, "landed and disarmed after a divert"
+        if ctx.now_s < decided_s + DECIDE_EVERY_S or not _climbed(ctx):
+            continue
+        decided_s = ctx.now_s
+        end = _watch(ctx, replanner)
+        if end is not None:
+            return end
 
 
-def _watch(ctx: Context) -> None:
-    """Keep expected against actual up to date, deciding nothing any more."""
+def _watch(ctx: Context, replanner: FlightReplanner) -> After | None:
+    """Keep expected against actual up to date; turn again only where the battery would be empty before."""
     known = airborne(ctx)
-    if known is None or not _climbed(ctx) or ctx.leg is None or ctx.leg.destination == "here":
-        return
-    ground = GroundReplanner(ctx.mandate.scenario, ctx.mandate.request, ctx.mandate.planner)
-    reach = ground.reach(ctx.wind.forecast(ctx.now_s), belief_now(ctx))
-    way = reach.way(known.here, known.via, known.destination)
-    flight = reach.along(way, known.time_s)[:, -1] - known.time_s + reach.rules.descent_s
-    soc_land = known.soc - float(reach.expected(reach.energy(flight))) * reach.belief.factor
-    _outlook(ctx, {"left_s": float(reach.expected(flight)), "soc_land": soc_land})
+    if known is None or ctx.leg is None or ctx.leg.destination == "here":
+        return None
+    decision = replanner.watch(known, ctx.wind.forecast(ctx.now_s), belief_now(ctx))
+    _outlook(ctx, decision.figures)
+    if decision.action == "continue" or ctx.mandate.replanning is None:
+        return None
+    _tell(ctx, decision)
+    if decision.action == "speed":
+        return _act(ctx, decision)
+    if decision.action == "divert" and decision.station is not None:
+        ctx.divert_to, ctx.turned = decision.station, False
+        turned = _turn(ctx, decision.station, State.DIVERTING)
+        return None if turned[0] is State.DIVERTING else turned
+    ctx.divert_to, ctx.turned = None, False
+    _intend(ctx, None)
+    return _land_here(ctx)
 
 
 def _turn(ctx: Context, station: str, state: State) -> After:
@@ -336,10 +350,10 @@ def _learn(ctx: Context) -> None:
     leg = ctx.leg
     if leg is None:
         return
-    used, expected = leg.soc_start - ctx.soc, leg.modelled_fixed + leg.modelled_per_s * (ctx.now_s - leg.start_s)
-    if used > LEARN_SOC:
+    used, expected = leg.soc_start - ctx.soc, 0.0 if leg.modelled is None else leg.modelled.total
+    if used > LEARN_SOC and expected > 0.0:
         ctx.belief = ctx.belief.learnt(used, expected)
-        reason = f"the flight took {100 * used:.0f} %, the model says {100 * expected:.0f} % for its time"
+        reason = f"the flight took {100 * used:.0f} %, the model says {100 * expected:.0f} %"
         ctx.note(
             "energy", reason, used_soc=used, modelled_soc=expected, factor=ctx.belief.factor, sigma=ctx.belief.sigma
         )

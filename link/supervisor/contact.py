@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from link.supervisor.context import Leg, Turn
 from link.supervisor.ground import make_leg
+from link.supervisor.modelled_use import ModelledUse
 from link.supervisor.states import IN_AIR, State
 from link.supervisor.wind_book import observations_of
 from models.composition_file import from_json
 from models.errors import InputError, LinkError
 from planner.energy_belief import EnergyBelief
-from planner.replan import GroundReplanner
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -87,6 +87,9 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
             _restore_standing(ctx, data)
         if record.event == "leg":
             ctx.leg, ctx.divert_to, ctx.turned = _restore_leg(ctx, data, record.time_s), None, False
+        elif record.event == "track" and ctx.leg is not None and ctx.leg.modelled is not None:
+            if data.get("modelled_soc") is not None:
+                ctx.leg.modelled.soc, ctx.leg.modelled.heard_s = float(data["modelled_soc"]), record.time_s
         elif record.event == "turn" and ctx.leg is not None and data.get("destination"):
             ctx.divert_to, ctx.turned = str(data["destination"]), not data.get("begun")
         elif record.event == "landed":
@@ -99,7 +102,7 @@ def _restore_standing(ctx: Context, data: dict[str, Any]) -> None:
     ctx.visited = set(data.get("visited", ()))
     belief = data.get("belief")
     if belief:
-        ctx.belief = EnergyBelief(float(belief["factor"]), float(belief["sigma"]))
+        ctx.belief = EnergyBelief(**{key: float(value) for key, value in belief.items()})
     ctx.diverts = tuple(data.get("diverts", ()))
     ctx.charge_to = data.get("charge_to")
     ctx.asked_once = bool(data.get("asked_once"))
@@ -125,8 +128,9 @@ def _restore_leg(ctx: Context, data: dict[str, Any], time_s: float) -> Leg | Non
         _, mission = make_leg(ctx, _number(data.get("ground_speed_mps")))
     except (InputError, Turn):
         return None
-    mandate = ctx.mandate
-    reach = GroundReplanner(mandate.scenario, mandate.request, mandate.planner).reach(mandate.forecast, ctx.belief)
+    reach = ctx.replanner().reach(ctx.mandate.forecast, ctx.belief)
+    use = ModelledUse(reach.soc_per_s, reach.soc_climb - reach.soc_per_s * reach.rules.climb_s, reach.load)
+    use.begin(time_s)
     soc, planned_s, planned_soc = (_number(data.get(key)) for key in ("soc", "planned_s", "planned_soc"))
     return Leg(
         origin=str(data["origin"]),
@@ -140,8 +144,7 @@ def _restore_leg(ctx: Context, data: dict[str, Any], time_s: float) -> Leg | Non
         told_start=_number(data.get("told_soc")),
         planned_s=planned_s,
         planned_soc=planned_soc,
-        modelled_per_s=reach.soc_per_s,
-        modelled_fixed=reach.soc_climb - reach.soc_per_s * reach.rules.climb_s,
+        modelled=use,
         last=bool(data.get("last")),
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from link.supervisor.legs import station_at
@@ -11,6 +11,7 @@ from link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State
 from models.composition_file import to_json
 from models.services import Place
 from planner.energy_belief import EnergyBelief
+from planner.replan import GroundReplanner
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from link.supervisor.journal import Journal, Record
     from link.supervisor.legs import LegMission
     from link.supervisor.mandate import Mandate
+    from link.supervisor.modelled_use import ModelledUse
     from link.supervisor.operators import Operator
     from link.supervisor.wind_book import WindBook
     from link.vehicle import Vehicle
@@ -71,8 +73,8 @@ class Leg:
         Ground speed it was last told.
     start_s, soc_start, told_start, planned_s, planned_soc : float
         Take-off, charge then, and as the vehicle said it; planned flight time and charge at the landing.
-    modelled_per_s, modelled_fixed : float
-        Charge by the model: a second of cruise, and climb and descent.
+    modelled : ModelledUse or None
+        Charge that it should have taken so far.
     last, learns : bool
         It ends at the destination; the energy of the whole flight is to be learnt.
     """
@@ -88,8 +90,7 @@ class Leg:
     told_start: float = math.nan
     planned_s: float = math.nan
     planned_soc: float = math.nan
-    modelled_per_s: float = math.nan
-    modelled_fixed: float = 0.0
+    modelled: ModelledUse | None = None
     last: bool = False
     learns: bool = True
 
@@ -118,6 +119,8 @@ class Context:
         Charge really used, for what the vehicle says it used: learnt at pads, which measure.
     flown_from : (float, float)
         Charge at the first take-off after charging: as the vehicle said, and believed.
+    lost_s : float
+        When charge was last lost at once, POSIX seconds.
     entered_s : float
         When the present state began.
     before : State
@@ -158,6 +161,7 @@ class Context:
     told_soc: float = math.nan
     gauge: float = 1.0
     flown_from: tuple[float, float] = (math.nan, math.nan)
+    lost_s: float = -math.inf
     soc_source: str = "unknown"
     uid: int = 0
     asked_once: bool = False
@@ -170,6 +174,11 @@ class Context:
     words: list[str] = field(default_factory=list)
     tracked_s: float = -math.inf
     samples: int = 0
+
+    def replanner(self) -> GroundReplanner:
+        """Make what decides at a landing, and what tells what can be reached."""
+        m = self.mandate
+        return GroundReplanner(m.scenario, m.request, m.planner, m.replanning, drag=m.drag)
 
     # Time
 
@@ -200,6 +209,7 @@ class Context:
             )
         self._after_reboot()
         self._listen()
+        self._count_use()
         self._track()
         if self.on_tick is not None:
             self.on_tick(self)
@@ -222,12 +232,23 @@ class Context:
         self.told_soc = soc
         if leg is not None and self.state in IN_AIR and fell > JUMP_SOC:
             leg.soc_start, leg.told_start = leg.soc_start - fell, leg.told_start - fell
-            self.flown_from = (math.nan, math.nan)
+            self.flown_from, self.lost_s = (math.nan, math.nan), self.now_s
             self.note("gauge", f"the charge fell by {100 * fell:.0f} % at once: lost, not used", fell_soc=fell)
         flown = leg is not None and math.isfinite(leg.soc_start) and self.gauge != 1.0
         if leg is not None and flown:
             soc = max(leg.soc_start - self.gauge * (leg.told_start - soc), 0.0)
         self.soc, self.soc_source = soc, "the vehicle" if not flown else "the vehicle, corrected"
+
+    def _count_use(self) -> None:
+        """Count what the flight should have taken by the model, at the airspeed that wind and ground speed give."""
+        s, use = self.sample, None if self.leg is None else self.leg.modelled
+        if use is None or s is None or not self.in_air:
+            return
+        estimate = self.wind.estimate
+        wind = self.wind.expected(s.time_s, s.lat_deg, s.lon_deg)
+        if estimate is not None:
+            wind = estimate.north_mps, estimate.east_mps
+        use.hear(self.now_s, (s.vel_north_mps, s.vel_east_mps), wind)
 
     def learn_gauge(self, told_before: float, pad_soc: float) -> None:
         """Compare what the vehicle said it used in a flight with what the pad finds missing."""
@@ -360,7 +381,7 @@ class Context:
         return {
             "station": self.station,
             "visited": sorted(self.visited),
-            "belief": {"factor": self.belief.factor, "sigma": self.belief.sigma},
+            "belief": asdict(self.belief),
             "diverts": list(self.diverts),
             "charge_to": self.charge_to,
             "asked_once": self.asked_once,
@@ -389,5 +410,5 @@ class Context:
                 "wind_sigma_mps": estimate.sigma_mps, "wind_source": estimate.source,
             }  # fmt: skip
         if self.leg is not None and self.in_air:
-            data |= self.outlook
+            data |= self.outlook | {"modelled_soc": None if self.leg.modelled is None else self.leg.modelled.soc}
         self.journal.write(self.state, "track", None, flight=self.flight, data=data)

@@ -11,12 +11,13 @@ from link.pads import ManualPads
 from link.supervisor.context import Leg, Turn
 from link.supervisor.foreign import refuse_foreign
 from link.supervisor.legs import plan_leg, with_places
+from link.supervisor.modelled_use import ModelledUse
 from link.supervisor.preflight import run_checks
 from link.supervisor.states import State
 from link.verified import UploadState
 from models.errors import CommandRefusedError, InputError, LinkError
 from models.pad_service import PadServiceError
-from planner.replan import Decision, Grounded, GroundReplanner
+from planner.replan import Decision, Grounded
 
 if TYPE_CHECKING:
     from link.supervisor.context import After, Context
@@ -43,7 +44,7 @@ def replanning(ctx: Context) -> After:
     if ctx.stop_after_leg:
         return State.STOPPED, f"the operator asked to stay at {ctx.station}"
     standing = _standing(ctx)
-    planner = GroundReplanner(ctx.mandate.scenario, ctx.mandate.request, ctx.mandate.planner, ctx.mandate.replanning)
+    planner = ctx.replanner()
     forecast = ctx.wind.forecast(ctx.now_s, now=True)
     if ctx.mandate.replanning is None:
         decision = _as_planned(ctx, standing)
@@ -227,10 +228,9 @@ def next_service(ctx: Context, speed_mps: float | None = None) -> DroneService:
     service = ctx.plan.services[0]
     if speed_mps is not None:
         return replace(service, diverts=ctx.diverts, ground_speed_mps=speed_mps)
-    planner = GroundReplanner(ctx.mandate.scenario, ctx.mandate.request, ctx.mandate.planner)
-    reach = planner.reach(ctx.wind.forecast(ctx.now_s), ctx.belief)
+    reach = ctx.replanner().reach(ctx.wind.forecast(ctx.now_s), ctx.belief)
     way = reach.way(service.origin, service.via, service.destination)
-    cruise_s = float(reach.expected(reach.along(way, ctx.now_s)[:, -1])) - ctx.now_s
+    cruise_s = float(reach.expected(reach.along(way, ctx.now_s).time_s[:, -1]))
     speed = min(service.distance_m / max(cruise_s, 1.0), reach.drone.max_ground_speed_mps)
     return replace(service, diverts=ctx.diverts, ground_speed_mps=round(speed, 2))
 
@@ -314,11 +314,8 @@ def uploading(ctx: Context) -> After:
 
 
 def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
-    planner = GroundReplanner(ctx.mandate.scenario, ctx.mandate.request, ctx.mandate.planner)
-    reach = planner.reach(ctx.wind.forecast(ctx.now_s), ctx.belief.next_flight())
-    way = reach.way(service.origin, service.via, service.destination)
-    cost = float(reach.expected(reach.leg_cost(way, ctx.now_s, climbs=True))) * ctx.belief.factor
-    cruise = float(reach.expected(reach.along(way, ctx.now_s)[:, -1])) - ctx.now_s
+    reach = ctx.replanner().reach(ctx.wind.forecast(ctx.now_s), ctx.belief.next_flight())
+    flown = reach.to_the_end(reach.way(service.origin, service.via, service.destination), ctx.now_s, climbs=True)
     return Leg(
         origin=service.origin,
         destination=service.destination,
@@ -326,10 +323,9 @@ def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
         diverts=service.diverts,
         mission=mission,
         commanded_mps=service.ground_speed_mps,
-        planned_s=cruise + reach.rules.climb_s + reach.rules.descent_s,
-        planned_soc=ctx.soc - cost,
-        modelled_per_s=reach.soc_per_s,
-        modelled_fixed=reach.soc_climb - reach.soc_per_s * reach.rules.climb_s,
+        planned_s=float(reach.expected(flown.time_s)),
+        planned_soc=ctx.soc - float(reach.expected(flown.soc)) * ctx.belief.factor,
+        modelled=ModelledUse(reach.soc_per_s, reach.soc_climb - reach.soc_per_s * reach.rules.climb_s, reach.load),
         last=service.destination == ctx.mandate.request.destination,
     )
 
@@ -380,6 +376,8 @@ def arming(ctx: Context) -> After:
     ctx.wait(FRESH_S)
     ctx.flight += 1
     leg.start_s, leg.soc_start, leg.told_start = ctx.now_s, ctx.soc, ctx.told_soc
+    if leg.modelled is not None:
+        leg.modelled.begin(ctx.now_s)
     if ctx.charged or not math.isfinite(ctx.flown_from[0]):
         ctx.flown_from = (ctx.told_soc, ctx.soc)
     ctx.note(

@@ -13,6 +13,7 @@ from link.supervisor.states import ENDS, IN_AIR, State, check
 from link.supervisor.wind_book import WindBook
 from models.composition_file import to_json
 from models.errors import LinkError, StationConflictError
+from planner.energy_belief import EnergyBelief
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -80,7 +81,8 @@ class Supervisor:
     ) -> None:
         rules = mandate.scenario.rules
         wind = WindBook(mandate.forecast, rules.cruise_height_m, rules.wind_profile_exponent, drag=mandate.drag)
-        self.context = Context(vehicle, clock, journal, pads, operator, mandate, wind, on_tick=on_tick)
+        belief = EnergyBelief.first(loaded=mandate.drag is not None)
+        self.context = Context(vehicle, clock, journal, pads, operator, mandate, wind, on_tick=on_tick, belief=belief)
         self.context.entered_s = clock.now_s()
         self.resume = resume
         if resume:

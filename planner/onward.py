@@ -1,0 +1,106 @@
+"""When a delivery arrives that lands at some station at some time with some charge: what a turn in the air is weighed by.
+
+The exact planner composes what follows in the world of the mean flight times and waits (`planner.equivalent`). A later leg takes the
+energy with which it will be begun: its charge must keep the reserve in all but a hundredth, so a later leg is planned with that
+quantile of what is believed, and where that gives no way with the mean and a standard deviation.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.energy import ScaledEnergy
+from models.errors import InfeasibleError
+from models.services import State
+from models.units import from_posix
+from planner.equivalent import expected_queues, mean_speeds
+from planner.exact import ExactSearch
+from planner.problem import ExpectedWaits, Problem
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from models.drone import Drone
+    from models.queue_paths import QueuePath
+    from models.scenario import Scenario
+    from models.wind_forecast import WindEnsemble
+    from planner.request import Request
+
+DEPART_SIGMAS = 2.33
+"""A leg is begun with the charge for this many standard deviations: 1 % take more."""
+PLAN_SIGMAS = 1.0
+HOURS = 16.0
+"""How far ahead speeds are worked out; beyond, the last hour holds on."""
+WAITS_S = 1800.0
+"""Waits at pads that were worked out so long ago still count."""
+LEAST_SOC = 0.01
+
+
+@dataclass(slots=True)
+class Onward:
+    """What follows a landing; one for a flight.
+
+    Parameters
+    ----------
+    scenario, request, drone
+        The delivery.
+    """
+
+    scenario: Scenario
+    request: Request
+    drone: Drone
+    _waits: ExpectedWaits | None = None
+    _worlds: list[_World] = field(default_factory=list)
+
+    def look(self, time_s: float, forecast: WindEnsemble, factors: tuple[float, ...]) -> None:
+        """Take a new forecast, and factors of energy to compose with, the most cautious first."""
+        if self._waits is not None and time_s > self._waits.start_s + WAITS_S:
+            self._waits = None
+        self._worlds = []
+        for factor in factors:
+            drone = replace(self.drone, energy=ScaledEnergy(self.drone.energy_model, factor))
+            state = State(from_posix(time_s), self.request.destination, None, 1.0)
+            request = replace(self.request, state=state)
+            try:
+                problem = Problem(self.scenario, request, drone, forecast, waits=self._waits)
+            except InfeasibleError:
+                continue
+            self._waits = problem.waits
+            self._worlds.append(_World(problem))
+
+    def arrival_s(self, station: str, time_s: float, soc: float) -> float:
+        """Expected arrival at the destination, POSIX seconds; infinite where no way is known.
+
+        Parameters
+        ----------
+        station : str
+            Where it lands.
+        time_s, soc : float
+            When, and with which charge.
+        """
+        if station == self.request.destination:
+            return time_s
+        return next((s for world in self._worlds if np.isfinite(s := world.arrival_s(station, time_s, soc))), np.inf)
+
+
+class _World:
+    """The world of the mean for one factor of energy."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._speeds: NDArray[np.float64] | None = None
+        self._queues: dict[int, QueuePath] = {}
+
+    def arrival_s(self, station: str, time_s: float, soc: float) -> float:
+        if self._speeds is None:
+            self._speeds = mean_speeds(self.problem.air, self.problem.probability, HOURS)
+            self._queues = expected_queues(self.problem)
+        problem = copy(self.problem)
+        problem.origin = problem.network.index[station]
+        problem.depart_s, problem.soc = time_s, min(max(soc, LEAST_SOC), 1.0)
+        search = ExactSearch(problem, self._queues, speeds=self._speeds)
+        return search.best_s if search.find() is not None else np.inf
