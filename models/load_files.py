@@ -88,9 +88,10 @@ def read_load(
     known = {name: number for number, name in enumerate(station_ids)}
     default = len(known)
     values = np.full((2, default + 1, WEEK_H), np.nan)
-    seen: dict[tuple[int, int], int] = {}
-    for line, row in table.rows(faults):
-        _read_load_row(dict(zip(table.header, row, strict=True)), known, values, seen, (table.file, line, faults))
+    if not _read_sound_rows(table, known, values):
+        seen: dict[tuple[int, int], int] = {}
+        for line, row in table.rows(faults):
+            _read_load_row(dict(zip(table.header, row, strict=True)), known, values, seen, (table.file, line, faults))
     arrivals, charging = np.where(np.isnan(values[:, :default]), values[:, default:], values[:, :default])
     count = None if pads is None else np.broadcast_to(np.asarray(pads, dtype=np.int64), (default,))
     if count is not None:
@@ -207,6 +208,14 @@ class _Table:
         if not found and not faults:
             faults.append(Fault("has a header but no rows", self.file))
 
+    def sound_rows(self) -> list[list[str]]:
+        """Cells of each row after the header as they are written; none where a line does not fit."""
+        try:
+            rows = [row for row in csv.reader(io.StringIO(self._text, newline="")) if row][1:]
+        except csv.Error:
+            return []
+        return rows if set(map(len, rows)) == {len(self.header)} else []
+
 
 def _number(text: str) -> float:
     """Return a float, NaN where the text is no plain number."""
@@ -214,6 +223,36 @@ def _number(text: str) -> float:
         return math.nan if "_" in text else float(text)
     except ValueError:
         return math.nan
+
+
+def _read_sound_rows(table: _Table, known: dict[str, int], values: NDArray[np.float64]) -> bool:
+    """Put all rows into `values` at once; false, and nothing is put there, where one looks as if it had a fault.
+
+    Whether it has one, and which, is `_read_load_row`'s to say.
+    """
+    rows = table.sound_rows()
+    if not rows:
+        return False
+    cells = dict(zip(table.header, zip(*rows, strict=True), strict=True))
+    stations = {EVERY_STATION: len(known)} | known
+    hours = {str(hour): hour for hour in range(WEEK_H)}
+    try:
+        station = np.array([stations[name] for name in cells["station"]])
+        hour = np.array([hours[text] for text in cells["hour_of_week"]])
+    except KeyError:
+        return False
+    arrivals = np.array(list(map(_number, cells["arrivals_per_h"]))) / S_PER_H
+    charging = np.array(list(map(_number, cells["mean_charging_min"]))) * S_PER_MIN
+    sound = (
+        (arrivals >= 0.0)
+        & (arrivals <= MAX_ARRIVALS_PER_S)
+        & (charging >= MIN_CHARGING_S)
+        & (charging <= MAX_CHARGING_S)
+    )
+    if not sound.all() or len(np.unique(station * WEEK_H + hour)) < len(rows):
+        return False
+    values[:, station, hour] = arrivals, charging
+    return True
 
 
 def _read_load_row(

@@ -173,6 +173,7 @@ class _RowReader:
         self._sites = {site: float(number) for number, site in enumerate(site_ids)}
         self._missing = {text.strip().casefold() for text in columns.missing}
         self._no_direction = self._missing | {text.strip().casefold() for text in columns.variable}
+        self._times: dict[str, float] = {}
         self._first_absurd = ""
         self._zero_with_speed = 0
         self._repeated: dict[str, float] = {}
@@ -187,7 +188,7 @@ class _RowReader:
             site = np.full(len(chunk.lines), self._sites[columns.default_site or next(iter(self._sites))])
         else:
             site = chunk.decode(columns.site, self._parse_site, self.faults, each_text_once=True)
-        time_s = chunk.decode(columns.time, self._parse_time, self.faults)
+        time_s = chunk.decode(columns.time, self._parse_time, self.faults, known=self._times)
         if self._repeated or self._skipped:
             self._settle_clock_changes(chunk.columns[columns.time], site, time_s)
         speed = chunk.decode(columns.speed, self._parse_speed, self.faults)
@@ -263,7 +264,9 @@ class _RowReader:
             self._skipped.add(text)
         return first.timestamp()
 
-    def _settle_clock_changes(self, texts: list[str], site: NDArray[np.float64], time_s: NDArray[np.float64]) -> None:
+    def _settle_clock_changes(
+        self, texts: Sequence[str], site: NDArray[np.float64], time_s: NDArray[np.float64]
+    ) -> None:
         for row, raw in enumerate(texts):
             text = raw.strip()
             if text in self._repeated:

@@ -137,9 +137,10 @@ class _Reader:
         faults = self.faults
         speed = chunk.decode("speed_mps", _parse_speed, faults)
         if np.any(speed == 0.0):  # calm needs no direction
-            texts = chunk.columns["from_deg"]
+            texts = list(chunk.columns["from_deg"])
             for row in np.flatnonzero(speed == 0.0):
                 texts[row] = texts[row].strip() or "0"
+            chunk.columns["from_deg"] = tuple(texts)
         if "probability" in chunk.columns:
             probability = chunk.decode("probability", _parse_probability, faults)
         else:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 MAX_BYTES = 64_000_000
 MAX_ROWS = 5_000_000
 _CHUNK_ROWS = 5_000
+_KNOWN_TEXTS = 100_000
 LISTED_FAULTS = 20
 HOPELESS_FAULTS = 100_000
 FIRST_YEAR, LAST_YEAR = 1800, 2200
@@ -95,7 +96,7 @@ class Chunk:
     """
 
     lines: list[int]
-    columns: dict[str, list[str]]
+    columns: dict[str, tuple[str, ...]]
 
     def decode(
         self,
@@ -104,19 +105,25 @@ class Chunk:
         faults: FaultCollector,
         *,
         each_text_once: bool = False,
+        known: dict[str, float] | None = None,
     ) -> NDArray[np.float64]:
-        """Read a column of numbers, shape (rows,); a fault is noted and NaN stands for it."""
+        """Read a column of numbers, shape (rows,); a fault is noted and NaN stands for it.
+
+        Texts in `known` are not read again; those without a fault join them.
+        """
         texts = self.columns[name]
-        values: dict[str, float] = {}
+        values: dict[str, float] = {} if known is None else known
+        if len(values) > _KNOWN_TEXTS:
+            values.clear()
         problems: dict[str, Problem] = {}
-        for text in set(texts):
+        for text in set(texts).difference(values):
             value = parse(text.strip())
             if isinstance(value, Problem):
                 problems[text] = value
-                values[text] = math.nan
             else:
                 values[text] = value
         if problems:
+            values = {**values, **dict.fromkeys(problems, math.nan)}
             rows = [row for row, text in enumerate(texts) if text in problems]
             if each_text_once:
                 rows = sorted({texts[row]: row for row in reversed(rows)}.values())
@@ -142,22 +149,38 @@ def read_table(
         header = next((row for row in reader if any(cell.strip() for cell in row)), None)
         places = _places(header, required, optional, faults)
         count = 0
-        while numbered := [(reader.line_num, row) for row in islice(reader, _CHUNK_ROWS)]:
-            whole = [entry for entry in numbered if len(entry[1]) == len(header or ())]
-            for line, row in numbered if len(whole) < len(numbered) else ():
-                if row and len(row) != len(header or ()):
-                    problem = f"has {len(row)} cells where the header has {len(header or ())}"
-                    faults.add(problem, "one cell for each column", line=line, field=None, value=None)
-            count += len(whole)
-            if whole:
-                columns = {name: [row[place] for _, row in whole] for name, place in places.items()}
-                yield Chunk([line for line, _ in whole], columns)
+        while True:
+            lines: list[int] = []
+            rows: list[list[str]] = []
+            for row in islice(reader, _CHUNK_ROWS):
+                lines.append(reader.line_num)
+                rows.append(row)
+            if not rows:
+                break
+            if set(map(len, rows)) != {len(header or ())}:
+                lines, rows = _whole(lines, rows, len(header or ()), faults)
+            count += len(rows)
+            if rows:
+                columns = list(zip(*rows, strict=True))
+                yield Chunk(lines, {name: columns[place] for name, place in places.items()})
             faults.raise_if_hopeless()
     except csv.Error as error:
         raise InputError(Fault(f"is not CSV: {error}", faults.file, reader.line_num)) from None
     if not count:
         faults.raise_if_any()
         raise InputError(Fault("has a header but no rows", faults.file))
+
+
+def _whole(
+    lines: list[int], rows: list[list[str]], width: int, faults: FaultCollector
+) -> tuple[list[int], list[list[str]]]:
+    """Leave out rows of another width; but for empty ones they are faults."""
+    kept = [number for number, row in enumerate(rows) if len(row) == width]
+    for line, row in zip(lines, rows, strict=True):
+        if row and len(row) != width:
+            problem = f"has {len(row)} cells where the header has {width}"
+            faults.add(problem, "one cell for each column", line=line, field=None, value=None)
+    return [lines[number] for number in kept], [rows[number] for number in kept]
 
 
 def _text(path: Path) -> str:
