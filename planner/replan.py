@@ -7,11 +7,8 @@ to and fro. In the air see `planner.replan_flight`.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
-
-import numpy as np
 
 from models.airspeed_load import AirspeedLoad
 from models.energy import ScaledEnergy
@@ -23,6 +20,7 @@ from planner.itinerary import compose, typical_member
 from planner.plan import plan
 from planner.problem import Problem
 from planner.replan_candidates import Candidate, best_charges, itinerary_of
+from planner.replan_departure import charge_needed, held_by_wind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,12 +28,14 @@ if TYPE_CHECKING:
     from models.drag import DragModel
     from models.drone import Drone
     from models.scenario import Scenario
-    from models.services import Composition, DroneService
+    from models.services import Composition
     from models.wind_forecast import WindEnsemble
     from planner.energy_belief import EnergyBelief
     from planner.request import Request
 
 Action = Literal["continue", "speed", "charge", "wait", "station", "divert", "land", "stop"]
+CLOSED = 4
+"""So many first flights that cannot be begun are left out one after the other before it is given up."""
 DEFAULT_PLANNER = "robust"
 """Planner of replanning where none is named."""
 
@@ -242,18 +242,26 @@ class GroundReplanner:
         """Say what to do with what can be flown now."""
         reach = self.reach(forecast, belief.next_flight())
         load = reach.mean_load(reach.way(standing.station, (), self.request.destination), standing.time_s)
+        most = load if reach.load is None else max(load, float(reach.load.factor(reach.airspeed_mps)))
+        strict = self.settings.strict_sigmas
+        attempts = [(load, self.settings.plan_sigmas), (load, strict), *[(most, strict)] * CLOSED]
         reason = ""
-        for sigmas in (self.settings.plan_sigmas, self.settings.strict_sigmas):
-            problem = self._problem(standing, forecast, load * reach.belief.cautious(sigmas))
+        for load_factor, sigmas in attempts:
+            problem = self._problem(standing, forecast, load_factor * reach.belief.cautious(sigmas))
             kept = None if current is None else self._kept(problem, current, standing)
             fresh, why_not = self._fresh(standing, problem, forecast)
             reason = reason or why_not
+            barred = ""
             for action, candidate, why in self._choose(standing, kept, fresh, why_not):
                 decision = self._with_charge(standing, problem, action, candidate, why, reach)
                 if decision.action != "stop":
                     new = candidate is not kept
                     return replace(decision, figures={**decision.figures, "new_plan": new})
-                reason = decision.reason
+                reason, barred = decision.reason, decision.station or "" if candidate is fresh else barred
+            if load_factor == most and sigmas == strict:  # a way that begins with another flight, while there is one
+                if barred in ("", self.request.destination):
+                    break
+                standing = replace(standing, unusable=standing.unusable | {barred})
         return Decision("stop", reason, {"station": standing.station, "soc": standing.soc})
 
     # The candidates
@@ -261,7 +269,11 @@ class GroundReplanner:
     def _problem(self, standing: Grounded, forecast: WindEnsemble, factor: float) -> Problem:
         drone = cautious_drone(self.drone, factor)
         drones = tuple(drone if d.id == drone.id else d for d in self.scenario.drones)
-        scenario = replace(self.scenario, drones=drones)
+        network = self.scenario.network
+        if standing.unusable:
+            stations = [replace(one, pads=0) if one.id in standing.unusable else one for one in network.stations]
+            network = replace(network, stations=tuple(stations))
+        scenario = replace(self.scenario, drones=drones, network=network)
         soc = min(max(standing.soc, 0.0), 1.0)
         visited = standing.visited | standing.unusable
         state = State(from_posix(standing.time_s), standing.station, None, soc, standing.busy_pads, visited)
@@ -272,9 +284,8 @@ class GroundReplanner:
             answer = plan(problem.scenario, problem.request, planner=self.planner, forecast=forecast)
         except InfeasibleError as error:
             return None, str(error)
-        unusable = [s.destination for s in answer.composition.services if s.destination in standing.unusable]
-        if unusable:
-            return None, f"the plan from here needs {unusable[0]}, which cannot be used now"
+        if answer.composition.services[-1].destination in standing.unusable:
+            return None, f"{self.request.destination} cannot be used now"
         found = best_charges(problem, answer.itinerary, self.settings.epsilon_later)
         return found or Candidate(answer.itinerary, answer.outcome), ""
 
@@ -316,13 +327,14 @@ class GroundReplanner:
         self, standing: Grounded, problem: Problem, action: Action, chosen: Candidate, why: str, reach: Reach
     ) -> Decision:
         """Complete a candidate: enough charge for the next leg and its diverts, and wind that lets it leave."""
+        settings = self.settings
         member, course = typical_member(problem, chosen.itinerary)
         told = compose(
             problem, chosen.itinerary, course, member, chosen.outcome, planner=self.planner, planning_time_s=0.0
         )
         service = told.services[0]
         planned = chosen.itinerary[0].charge_to or 0.0
-        need = self.charge_needed(service, standing, reach)
+        need = charge_needed(service, standing, reach, settings, self.request.reserve_soc)
         figures: dict[str, Any] = {
             "next": service.destination,
             "via": list(service.via),
@@ -335,79 +347,28 @@ class GroundReplanner:
             "energy_sigma": reach.belief.sigma,
         }
         if need.soc is None:
-            return Decision("stop", f"the leg to {service.destination} is not flown: {need.why}", figures)
+            reason = f"the leg to {service.destination} is not flown: {need.why}"
+            return Decision("stop", reason, figures, station=service.destination)
         here = self.scenario.network.stations[self.scenario.network.index[standing.station]]
         target = max(planned, need.soc)
-        wanted = target if target > standing.soc + 0.5 * self.settings.charge_step else None
+        wanted = target if target > standing.soc + 0.5 * settings.charge_step else None
         if wanted is not None and here.pads == 0:
             reason = f"the leg to {service.destination} needs {100 * need.soc:.0f} %, and there is no pad here"
             return Decision("stop", reason, figures)
-        held = self._held(service, standing, reach) if wanted is None else None
+        held = held_by_wind(service, standing, reach, settings.wait_s) if wanted is None else None
         if held is not None:
-            return replace(held, composition=told, diverts=need.diverts, figures=figures | dict(held.figures))
+            until_s = standing.time_s + settings.wait_s
+            return Decision(
+                "wait", held.reason, figures | held.figures, told, service.destination, None, None, need.diverts, until_s
+            )
         minutes = (chosen.outcome.mean_s - standing.time_s) / S_PER_MIN
         reason = f"next {service.destination}, {minutes:.0f} min to the delivery: {why}"
         if wanted is not None:
             reason += f"; charge from {100 * standing.soc:.0f} to {100 * wanted:.0f} %"
         before = standing.planned_soc
-        if before is not None and abs((wanted or standing.soc) - max(before, standing.soc)) > self.settings.charge_step:
+        if before is not None and abs((wanted or standing.soc) - max(before, standing.soc)) > settings.charge_step:
             action = "charge" if action == "continue" else action
             reason += (
                 f" instead of {100 * before:.0f} %" if wanted is not None else f"; no charging to {100 * before:.0f} %"
             )
         return Decision(action, reason, figures, told, service.destination, None, wanted, need.diverts)
-
-    def charge_needed(self, service: DroneService, standing: Grounded, reach: Reach) -> _Need:
-        """Find the least charge with which a leg keeps the reserve and always has a divert station."""
-        way = reach.way(service.origin, service.via, service.destination)
-        reach = reach.where_flown(way, standing.time_s)
-        cost = reach.to_the_end(way, standing.time_s, climbs=True).soc
-        settings, reserve = self.settings, self.request.reserve_soc
-        floor = reserve * settings.divert_share
-        least: float | None = None
-        cover = None
-        for step in range(101):
-            soc = 1.0 - 0.01 * step
-            if float(reach.p_below(soc, cost[:, None], reserve)[0]) > settings.epsilon_depart:
-                break
-            least = soc
-        if least is None:
-            p = float(reach.p_below(1.0, cost[:, None], reserve)[0])
-            return _Need(None, (), f"even fully charged it lands below {100 * reserve:.0f} % with probability {p:.2f}")
-        soc = least
-        while soc <= 1.0 + 1e-9:
-            cover = reach.cover(
-                way, standing.time_s, soc, floor_soc=floor, epsilon=settings.epsilon_depart,
-                destination=service.destination, not_at=standing.unusable,
-            )  # fmt: skip
-            if cover.gap_m is None:
-                return _Need(min(soc, 1.0), cover.stations, "")
-            soc = soc + 0.05 if soc + 0.05 < 1.0 or soc >= 1.0 else 1.0
-        gap = math.nan if cover is None or cover.gap_m is None else cover.gap_m
-        return _Need(None, (), f"from {gap / 1000:.1f} km on no divert station stays in reach, even fully charged")
-
-    def _held(self, service: DroneService, standing: Grounded, reach: Reach) -> Decision | None:
-        """Wait where the wind most probably forbids to leave now."""
-        way = np.array(reach.way(service.origin, service.via, service.destination))
-        now = np.full(len(way), standing.time_s)
-        north, east = reach.winds(way[:, 0], way[:, 1], now)
-        speed = np.hypot(north, east).max(axis=1)
-        p_over = float(reach.wind.probability @ (speed > self.drone.wind_limit_mps))
-        if p_over <= 0.5:
-            return None
-        mean = float(reach.wind.probability @ speed)
-        reason = (
-            f"wait {self.settings.wait_s / S_PER_MIN:.0f} min for the wind: {mean:.1f} m/s expected on the way to "
-            f"{service.destination}, above {self.drone.wind_limit_mps:g} m/s with probability {p_over:.2f}"
-        )
-        figures = {"p_wind_over_limit": p_over, "wind_mps": mean}
-        return Decision(
-            "wait", reason, figures, station=service.destination, until_s=standing.time_s + self.settings.wait_s
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class _Need:
-    soc: float | None
-    diverts: tuple[str, ...]
-    why: str
