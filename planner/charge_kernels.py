@@ -25,9 +25,9 @@ from planner.course_kernels import (
     sampled_spot,
 )
 from planner.evaluation_kernels import gusty_land
-from planner.need_kernels import energy_about
+from planner.need_kernels import energy_about, next_change
 from planner.profile_kernels import interpolate
-from planner.room_kernels import Room, is_room
+from planner.room_kernels import Room, is_room, next_look
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 
 LEARNED = 0.005
 """What is left of the energy error once a flight has shown it."""
-LOOK_S = 120.0
-"""A drone that finds no room at the next station looks again after so long."""
 _CHANGES = 500  # times a stay is looked at again
 
 
@@ -115,7 +113,7 @@ def _leave(
             if opening > at + 1e-6:
                 at = opening
             elif looks.most < 1.0 and not stop.at_once and not is_room(looks, hop, queues, there, entry, at, flight):
-                at += LOOK_S
+                at = next_look(looks, hop, queues, there, entry, at, flight, next_change(truth, at))
             else:
                 return stop.pad_s if charging else stop.now_s, min(ready, at), at, level, base
             continue

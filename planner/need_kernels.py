@@ -276,6 +276,13 @@ def energy_about(
 
 
 @compiled
+def next_change(truth: Air, time_s: float) -> float:
+    """First time after one from which on `energy_about` may say something else."""
+    over = truth.start_s + (int((time_s - truth.start_s) // GRID_S) + 1) * GRID_S
+    return min(over, slot_end(truth, slot_of(truth, time_s)))
+
+
+@compiled
 def _energy_at(
     known: Known,
     row: int,

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from planner.course_kernels import Queues
 
+LOOK_S = 120.0
+"""A drone that finds no room at the next station looks again after so long."""
 _NEGLIGIBLE = 1e-12
 _MOST = 60  # departures that are looked at
 
@@ -79,30 +81,60 @@ def chance_full(pads: int, spots: int, arrivals: float, services: float, present
     gone = math.exp(-leaving)  # probability of `count` departures
     count = 0
     total = 0.0
+    below, term = 0.0, math.exp(-arrivals)  # probability of fewer arrivals than there is room for, and of just so many
+    for k in range(room):
+        below += term
+        term *= arrivals / (k + 1)
     while True:
-        below, term = 0.0, math.exp(-arrivals)
-        for k in range(room + count):
-            below += term
-            term *= arrivals / (k + 1)
         late = max(1.0 - below, 0.0)
         total += gone * late
         count += 1
         gone *= leaving / count
         if late < _NEGLIGIBLE or count > _MOST:
             return total
+        below += term
+        term *= arrivals / (room + count)
 
 
 @compiled
-def is_room(room: Room, hop: int, queues: Queues, there: Present, entry: int, time_s: float, flight_s: float) -> bool:
-    """Tell whether the station at the end of a hop has room, likely enough, after a flight that begins at a time."""
+def _others(queues: Queues, there: Present, entry: int, time_s: float) -> int:
+    """Others at the station of an entry at a time."""
     low, high = queues.offset[entry], queues.offset[entry + 1]
     came = max(np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, 0)
     left = np.searchsorted(there.left_s[there.offset[entry] : there.offset[entry + 1]], time_s, side="right")
+    return there.at_start[entry] + came - left
+
+
+@compiled
+def _enough(room: Room, hop: int, present: int, flight_s: float) -> bool:
+    """Tell whether the station at the end of a hop has room, likely enough, after a flight, with so many there now."""
     full = chance_full(
         room.pads[hop],
         room.spots[hop],
         room.arrivals_per_s[hop] * flight_s,
         room.services_per_s[hop] * flight_s,
-        there.at_start[entry] + came - left,
+        present,
     )
     return full <= room.most
+
+
+@compiled
+def is_room(room: Room, hop: int, queues: Queues, there: Present, entry: int, time_s: float, flight_s: float) -> bool:
+    """Tell whether the station at the end of a hop has room, likely enough, after a flight that begins at a time."""
+    return _enough(room, hop, _others(queues, there, entry, time_s), flight_s)
+
+
+@compiled
+def next_look(
+    room: Room, hop: int, queues: Queues, there: Present, entry: int, time_s: float, flight_s: float, until_s: float
+) -> float:
+    """Find the first time after one without room, in steps of `LOOK_S`, at which there is room or `until_s` is over."""
+    seen = _others(queues, there, entry, time_s)
+    while True:
+        time_s += LOOK_S
+        if time_s >= until_s:
+            return time_s
+        present = _others(queues, there, entry, time_s)
+        if present != seen and _enough(room, hop, present, flight_s):
+            return time_s
+        seen = present
