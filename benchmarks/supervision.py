@@ -1,7 +1,8 @@
 """Supervised deliveries through faults, and the same plans flown blindly: ``python -m benchmarks.supervision --seeds 300``.
 
 Every seed is another delivery: autopilot, day, hour, way, package, and what goes wrong. The days are those of the record whose
-ordinal leaves 3 when divided by 7; nothing else in the project uses them as a set.
+ordinal leaves 5 when divided by 7; nothing else in the project uses them as a set (while supervision was made, those that leave 3
+were looked at). The planner is the one that people get who name none.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from sim_stub.transports.channel import Impairment
 LOCAL = ZoneInfo("America/New_York")
 NEAR_M, FAR_M = 9_000.0, 22_000.0
 GO_AFTER_S = 45.0
+REMAINDER = 5
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ class Told:
 def days() -> list[date]:
     """Days of 2013 that nothing else uses as a set."""
     first = date(2013, 1, 6)
-    return [day for day in (first + timedelta(days=n) for n in range(350)) if day.toordinal() % 7 == 3]
+    return [day for day in (first + timedelta(days=n) for n in range(350)) if day.toordinal() % 7 == REMAINDER]
 
 
 def story_of(seed: int) -> tuple[Story, tuple[str, ...]]:

@@ -319,6 +319,9 @@ class GroundReplanner:
         if not same:
             gained = f"{abs(gain_s) / S_PER_MIN:.1f} min {'earlier' if gain_s > 0 else 'later'}"
             reason = f"the best other plan arrives {gained}, a margin of {margin_s / S_PER_MIN:.1f} min is asked for"
+            if gain_s > margin_s:
+                sure, surest = 100 * fresh.outcome.p_success, 100 * kept.outcome.p_success
+                reason = f"the best other plan arrives {gained}, but keeps the reserve in {sure:.0f} % only, not {surest:.0f} %"
         return [("continue", kept, reason), (turn, fresh, "the present plan will not do")]
 
     # The charge
@@ -359,7 +362,15 @@ class GroundReplanner:
         if held is not None:
             until_s = standing.time_s + settings.wait_s
             return Decision(
-                "wait", held.reason, figures | held.figures, told, service.destination, None, None, need.diverts, until_s
+                "wait",
+                held.reason,
+                figures | held.figures,
+                told,
+                service.destination,
+                None,
+                None,
+                need.diverts,
+                until_s,
             )
         minutes = (chosen.outcome.mean_s - standing.time_s) / S_PER_MIN
         reason = f"next {service.destination}, {minutes:.0f} min to the delivery: {why}"

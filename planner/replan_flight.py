@@ -54,6 +54,8 @@ class Airborne:
         Ground speed it was last told.
     diverts : tuple of str
         Stations that it may go to instead: inside its fence.
+    behind : frozenset of str
+        Stations that it has stood at and left: gone back to for the reserve alone, never because that seems better.
     sudden : bool
         Charge was lost at once: there is no time to look twice.
     """
@@ -65,6 +67,7 @@ class Airborne:
     destination: str
     commanded_mps: float
     diverts: tuple[str, ...]
+    behind: frozenset[str] = frozenset()
     sudden: bool = False
 
 
@@ -251,7 +254,8 @@ class FlightReplanner:
         if self.turned or late or airborne.time_s < self._better_s + settings.better_every_s:
             return None
         self._better_s = airborne.time_s
-        safe = [one for one in self._others(airborne, reach) if one.p_reserve <= settings.epsilon_flight]
+        ahead = [one for one in self._others(airborne, reach) if one.station not in airborne.behind]
+        safe = [one for one in ahead if one.p_reserve <= settings.epsilon_flight]
         if not safe:
             return None
         onward = self._looked_on(airborne, reach)

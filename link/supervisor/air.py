@@ -94,6 +94,7 @@ def airborne(ctx: Context) -> Airborne | None:
         destination=leg.destination,
         commanded_mps=leg.commanded_mps,
         diverts=tuple(dict.fromkeys((*leg.diverts, leg.origin, *leg.via))),
+        behind=frozenset((leg.origin, *ctx.visited)),
         sudden=ctx.now_s < ctx.lost_s + SUDDEN_S,
     )
 
