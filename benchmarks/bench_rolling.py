@@ -102,6 +102,9 @@ def figures_of(rows: Sequence[Row]) -> list[Figure]:
     both = np.isfinite(times[BEST]) & np.isfinite(times[ours])
     whole = np.all([np.isfinite(one) for one in times.values()], axis=0)
     found = [_above(times, ours, BEST, both, day, ABOVE_BEST, "delivered by both")]
+    each = 100.0 * (times[ours] / times[BEST] - 1.0)[both]
+    found.append(Figure(f"{ours} above {BEST}, mean of each delivery's", float(each.mean()), "%"))
+    found.append(Figure(f"{ours} above {BEST}, median of each delivery's", float(np.median(each)), "%"))
     found += [_above(times, name, BEST, whole, day, None, "delivered by all") for name in names[1:]]
     for rival in RIVALS:
         if rival.planner not in BELOW:
@@ -150,11 +153,11 @@ def main() -> int:
         "--out", type=Path, default=Path("out/bench/rolling.jsonl"), help="results; what is in it is kept"
     )
     parser.add_argument("--part", default="0/1", help="k/n: every n-th delivery from the k-th on, for n processes")
-    parser.add_argument("--deliveries", type=int, help="the first so many only")
-    parser.add_argument("--runs", type=int, help="of each delivery, at most")
+    parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")
+    parser.add_argument("--runs", type=int, default=10**6, help="of each delivery, at most")
     options = parser.parse_args()
     instance = read_instance(options.instance)
-    instance = instance.cut(options.deliveries or len(instance.deliveries), options.runs or instance.runs)
+    instance = instance.cut(options.deliveries, options.runs)
     options.out.parent.mkdir(parents=True, exist_ok=True)
     first, _, parts = options.part.partition("/")
     run(instance, options.out, part=(int(first), int(parts)))
