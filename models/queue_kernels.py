@@ -33,7 +33,7 @@ def _poisson_weights(jumps: float, weight: Floats) -> int:
     weight[0] = term
     total = term
     count = 1
-    while count < _MAX_TERMS and (count <= jumps or term > 1e-17):
+    while count < _MAX_TERMS and (count <= jumps or term > 1e-14):
         term *= jumps / count
         weight[count] = term
         total += term

@@ -17,7 +17,7 @@ import numpy as np
 
 from models.compiled import compiled
 from models.errors import Fault, InputError
-from models.queues import TAIL_H, WARM_UP_H, PadQueue
+from models.queues import TAIL_H, PadQueue, station_queue
 from models.units import S_PER_H
 
 if TYPE_CHECKING:
@@ -202,8 +202,8 @@ def sample_paths(
     """Sample one path for each of several stations.
 
     Each station draws from a stream of its own, made from the seed and its index, so that it gets the same
-    path whichever other stations are asked for. Where the pads were not seen, the path begins with an empty
-    station `models.queues.WARM_UP_H` hours before the hour of the start.
+    path whichever other stations are asked for. Where the pads were not seen, the path begins with a number of drones
+    drawn as `models.queues.settled` says.
 
     Parameters
     ----------
@@ -235,13 +235,14 @@ def sample_paths(
     seen, times = busy or {}, remaining_s or {}
     counts = np.broadcast_to(np.asarray(pads, dtype=np.int64), (len(load),))
     spots = np.broadcast_to(np.asarray(holding_spots, dtype=np.int64), (len(load),))
-    hour_s = math.floor(start_s / S_PER_H) * S_PER_H
+    first_s = math.floor(start_s / S_PER_H) * S_PER_H
     result = {}
     for station in stations:
-        stream = np.random.SeedSequence(seed, spawn_key=(station,))
-        warm_up = 0 if station in seen or station in times else WARM_UP_H
-        first_s = hour_s - warm_up * S_PER_H
-        arrivals, charging = load.hourly(station, first_s, warm_up + math.ceil(hours) + 1 + TAIL_H)
+        rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
+        arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
+        present = seen.get(station)
+        if present is None and station not in times and counts[station] > 0:
+            present = _drawn(rng, station_queue(load, station, int(counts[station]), start_s, hours), start_s)
         result[station] = sample_path(
             int(counts[station]),
             int(spots[station]),
@@ -250,11 +251,17 @@ def sample_paths(
             first_s=first_s,
             start_s=start_s,
             hours=hours,
-            rng=np.random.Generator(np.random.PCG64(stream)),
-            busy=seen.get(station),
+            rng=rng,
+            busy=present,
             remaining_s=times.get(station),
         )
     return result
+
+
+def _drawn(rng: np.random.Generator, queue: PadQueue, start_s: float) -> int:
+    """Draw how many drones are at a station that nobody has seen."""
+    share = np.cumsum(queue.distribution([start_s]).distribution[0])
+    return int(np.searchsorted(share, rng.random() * share[-1], side="right"))
 
 
 def pack(

@@ -12,6 +12,7 @@ the mass lost over a whole run is below `LOST_MASS`.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -36,7 +37,16 @@ if TYPE_CHECKING:
 LOST_MASS = 1e-9
 """Probability that a whole run may lose by cutting the line."""
 WARM_UP_H = 168
-"""Hours lived through from an empty station where nobody has seen the pads."""
+"""Hours lived through from an empty station where nobody has seen the pads and the load of the week is too high for a
+long run."""
+SETTLED = 0.98
+"""Mean utilisation of the week from which on there is no long run to begin with, or it is too far away."""
+FORGOTTEN = 7.0
+"""Else a station that nobody has seen begins with the long run of the week's mean load and lives through so many of its
+relaxation times under the load of the hours: exp(-7) of the difference is left. A relaxation time is
+1 / (sqrt(pads) - sqrt(offered load))^2 charging times, but no less than one."""
+LEAST_SETTLING_H, MOST_SETTLING_H = 12, 672
+_NOBODY = 1e-12  # probability of still more drones, where the long run is cut off
 TAIL_H = 24
 """Hours after a horizon whose charging times still matter to those who wait at its end."""
 STEP_S = 600.0
@@ -179,8 +189,10 @@ class PadQueue:
         Rates of other drones, hour after hour; after the last hour its rates go on.
     busy : int or None
         Drones seen at `start_s`: that many pads are busy, nobody is in the line unless it exceeds the pads.
-        None: nobody looked, so the station is empty at `first_s` and lives through the hours until
+        None: nobody looked, so the station begins as `unseen` at `first_s` and lives through the hours until
         `start_s`.
+    unseen : ndarray, shape (any,)
+        Probabilities of 0, 1, 2, … drones at `first_s` where nobody looked; an empty station by default.
     """
 
     pads: int
@@ -189,6 +201,7 @@ class PadQueue:
     arrivals_per_s: NDArray[np.float64]
     mean_charging_s: NDArray[np.float64]
     busy: int | None = None
+    unseen: NDArray[np.float64] = field(default_factory=lambda: np.ones(1), repr=False)
 
     def __post_init__(self) -> None:
         _check_pads(self.pads)
@@ -216,7 +229,7 @@ class PadQueue:
             raise InputError(Fault("not instants from the start on, in order", field="times_s"))
         begin = 0.0 if self.busy is None else self.start_s - self.first_s
         rates = _rates(self.arrivals_per_s, self.mean_charging_s)
-        return _run(self.pads, rates, S_PER_H, _initial(self.busy or 0), begin, times)
+        return _run(self.pads, rates, S_PER_H, _initial(self.unseen if self.busy is None else self.busy), begin, times)
 
     def forecast(self, hours: float, step_s: float = STEP_S) -> WaitForecast:
         """Forecast the waits over a horizon from `start_s` on, at points `step_s` apart."""
@@ -343,10 +356,8 @@ def forecast_waits(
 ) -> dict[int, WaitForecast]:
     """Forecast the waits at several stations; those with the same load, pads and start share one forecast.
 
-    The start state matters: at utilisation 0.9 for some 76 charging times. Where the pads were not seen,
-    the station is taken as empty `WARM_UP_H` hours before the hour of the start and lives through the load
-    of these hours. At utilisation near 1 a week is not enough to forget the empty start, and waits come out
-    too short.
+    The start state matters: at utilisation 0.9 for some 76 charging times. Where the pads were not seen, it is what a
+    load that repeats every week leads to (see `settled`).
 
     Parameters
     ----------
@@ -401,13 +412,60 @@ def station_queue(
 ) -> PadQueue:
     """Take the queue of one station from a load.
 
-    The rates are those of the horizon and `TAIL_H` hours after it; where `busy` is None, the pads were not
-    seen, also those of the `WARM_UP_H` hours before it.
+    The rates are those of the horizon and `TAIL_H` hours after it; where `busy` is None, the pads were not seen.
     """
-    warm_up = WARM_UP_H if busy is None else 0
-    first_s = math.floor(start_s / S_PER_H) * S_PER_H - warm_up * S_PER_H
-    arrivals, charging = load.hourly(station, first_s, warm_up + math.ceil(hours) + 1 + TAIL_H)
-    return PadQueue(pads, start_s, first_s, arrivals, charging, busy)
+    first_s = math.floor(start_s / S_PER_H) * S_PER_H
+    arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
+    if busy is not None:
+        return PadQueue(pads, start_s, first_s, arrivals, charging, busy)
+    return PadQueue(pads, start_s, first_s, arrivals, charging, unseen=settled(load, station, pads, first_s))
+
+
+def settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[np.float64]:
+    """Probabilities of 0, 1, 2, … drones at a station that nobody has seen, at the beginning of an hour of UTC.
+
+    They are worked out once for each hour, load and number of pads. The station begins with the long run of the week's
+    mean load and lives through the load of the hours before, until it has forgotten that (`FORGOTTEN`). With more load
+    in the mean than `SETTLED`, it begins empty, `WARM_UP_H` before: such a line grows from week to week.
+
+    Source of the relaxation time: E. A. van Doorn, "Conditions for exponential ergodicity and bounds for the decay
+    parameter of a birth-death process", Advances in Applied Probability 17 (1985).
+
+    Returns
+    -------
+    ndarray, shape (states,)
+        Read-only.
+    """
+    arrivals, charging = load.arrivals_per_s[station], load.mean_charging_s[station]
+    digest = hashlib.blake2b(arrivals.tobytes() + charging.tobytes(), digest_size=16).digest()
+    key = (digest, load.timezone, pads, round(first_s / S_PER_H))
+    found = _SETTLED.get(key)
+    if found is None:
+        if len(_SETTLED) >= _MOST_SETTLED:
+            _SETTLED.clear()
+        found = _SETTLED[key] = _settled(load, station, pads, first_s)
+    return found
+
+
+_SETTLED: dict[tuple[bytes, str, int, int], NDArray[np.float64]] = {}
+_MOST_SETTLED = 50_000  # half a kilobyte each
+
+
+def _settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[np.float64]:
+    arrivals, charging = load.arrivals_per_s[station], load.mean_charging_s[station]
+    offered = float(np.mean(arrivals * charging))
+    begin, warm_up = np.ones(1), WARM_UP_H
+    if offered < SETTLED * pads:
+        relaxation_s = float(charging.max()) / min((math.sqrt(pads) - math.sqrt(offered)) ** 2, 1.0)
+        warm_up = min(max(math.ceil(FORGOTTEN * relaxation_s / S_PER_H), LEAST_SETTLING_H), MOST_SETTLING_H)
+        ratio = max(offered / pads, 1e-3)
+        begin = stationary(pads, offered, pads + math.ceil(math.log(_NOBODY) / math.log(ratio)) + 1)
+        begin /= begin.sum()
+    rates = load.hourly(station, first_s - warm_up * S_PER_H, warm_up)
+    found = _run(pads, _rates(*rates), S_PER_H, begin, 0.0, np.array([warm_up * S_PER_H])).distribution[0]
+    found = found[: np.flatnonzero(found)[-1] + 1] / found.sum()
+    found.flags.writeable = False
+    return np.asarray(found)
 
 
 def _check_pads(pads: int) -> None:

@@ -102,7 +102,7 @@ def _others(queues: Queues, there: Present, entry: int, time_s: float) -> int:
     low, high = queues.offset[entry], queues.offset[entry + 1]
     came = max(np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, 0)
     left = np.searchsorted(there.left_s[there.offset[entry] : there.offset[entry + 1]], time_s, side="right")
-    return there.at_start[entry] + came - left
+    return int(there.at_start[entry] + came - left)
 
 
 @compiled

@@ -195,6 +195,20 @@ def test_in_the_long_run_the_forecast_is_erlangs():
     assert forecast.wait_quantile_s(START, 0.95) == pytest.approx(1200.0 * math.log(waits / 0.05), rel=1e-3)
 
 
+@pytest.mark.parametrize("utilisation", [0.3, 0.7, 0.9])
+def test_a_station_that_nobody_has_seen_is_as_a_load_that_repeats_for_weeks_leaves_it(utilisation):
+    hours = np.arange(168)
+    shape = 1.0 + 0.4 * np.sin(hours / 24 * 2 * np.pi) - 0.2 * (hours > 119)
+    load = PadLoad(shape[None] / shape.mean() * utilisation * 5 / HOUR, np.full((1, 168), HOUR), "UTC")
+    weeks = 10 * 168
+    first_s = START // HOUR * HOUR - weeks * HOUR
+    arrivals, charging = load.hourly(0, first_s, weeks + 73)
+    long_ago = PadQueue(5, START, first_s, arrivals, charging).forecast(48)
+    found = forecast_waits(load, 5, [0], START, 48)[0]
+    assert found.wait_s == pytest.approx(long_ago.wait_s, rel=1e-3, abs=0.1)
+    assert found.p_free == pytest.approx(long_ago.p_free, abs=1e-4)
+
+
 def test_at_high_load_the_start_matters_for_days():
     load = steady_load(0.9)
     empty, full, unseen = (forecast_waits(load, 5, [0], START, 48, busy)[0] for busy in ({0: 0}, {0: 15}, None))
