@@ -7,10 +7,10 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from link.supervisor.context import Leg, Turn
-from link.supervisor.ground import make_leg
+from link.supervisor.departure import make_leg
+from link.supervisor.legs import Leg
 from link.supervisor.modelled_use import ModelledUse
-from link.supervisor.states import IN_AIR, State
+from link.supervisor.states import IN_AIR, State, Turn
 from link.supervisor.wind_book import observations_of
 from models.composition_file import from_json
 from models.errors import InputError, LinkError

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from link.supervisor.foreign import follows_a_landing, refuse_on_ground
 from link.supervisor.legs import station_at
-from link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State
+from link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State, Turn
+from link.supervisor.track import write_track
 from models.composition_file import to_json
 from models.services import Place
 from planner.energy_belief import EnergyBelief
@@ -18,9 +20,8 @@ if TYPE_CHECKING:
 
     from link.seen import Change
     from link.supervisor.journal import Journal, Record
-    from link.supervisor.legs import LegMission
+    from link.supervisor.legs import Leg
     from link.supervisor.mandate import Mandate
-    from link.supervisor.modelled_use import ModelledUse
     from link.supervisor.operators import Operator
     from link.supervisor.wind_book import WindBook
     from link.vehicle import Vehicle
@@ -41,58 +42,9 @@ JUMP_SOC = 0.05
 """A charge that falls by so much from one report to the next was not used by flying."""
 MIN_GAUGE_SOC = 0.08
 """A flight that used less tells nothing of the gauge."""
-TRACK_EVERY_S, GROUND_TRACK_EVERY_S = 5.0, 120.0
 FLYING_RATES: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 1.0, 2: 1.0, 168: 1.0}
 GROUND_RATES: Mapping[int, float] = {30: 1.0, 33: 2.0, 74: 0.5, 1: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 0.2}
 """Messages a second on the ground, where nothing moves for hours."""
-
-
-class Turn(Exception):  # noqa: N818  not an error: the next state, from wherever in a state it is found out
-    """The delivery goes to another state, from the midst of what it is doing."""
-
-    def __init__(self, state: State, reason: str, **data: Any) -> None:
-        super().__init__(reason)
-        self.state, self.reason, self.data = state, reason, data
-
-
-@dataclass(slots=True)
-class Leg:
-    """The leg under way.
-
-    Attributes
-    ----------
-    origin, destination : str
-        Station ids; the origin is None for one begun in the air.
-    via : tuple of str
-        Stations overflown.
-    diverts : tuple of str
-        Stations inside its fence that it may go to instead.
-    mission : LegMission
-        What the vehicle flies.
-    commanded_mps : float
-        Ground speed it was last told.
-    start_s, soc_start, told_start, planned_s, planned_soc : float
-        Take-off, charge then, and as the vehicle said it; planned flight time and charge at the landing.
-    modelled : ModelledUse or None
-        Charge that it should have taken so far.
-    last, learns : bool
-        It ends at the destination; the energy of the whole flight is to be learnt.
-    """
-
-    origin: str
-    destination: str
-    via: tuple[str, ...]
-    diverts: tuple[str, ...]
-    mission: LegMission
-    commanded_mps: float
-    start_s: float = math.nan
-    soc_start: float = math.nan
-    told_start: float = math.nan
-    planned_s: float = math.nan
-    planned_soc: float = math.nan
-    modelled: ModelledUse | None = None
-    last: bool = False
-    learns: bool = True
 
 
 @dataclass(slots=True)
@@ -204,20 +156,18 @@ class Context:
             self.wind.hear(sample)
         changes = self.vehicle.changes()
         for change in changes:
-            self.note(
-                "change", str(change), what=change.what, before=change.before, after=change.after, ours=change.ours
-            )
+            own = change.ours or follows_a_landing(self, change)
+            said = str(replace(change, ours=own)) + ("" if own == change.ours else ": it has landed")
+            self.note("change", said, what=change.what, before=change.before, after=change.after, ours=own)
         self._after_reboot()
         self._listen()
         self._count_use()
-        self._track()
+        write_track(self)
         if self.on_tick is not None:
             self.on_tick(self)
         if self.state is not State.LOST_LINK and self.vehicle.silent_s > SILENT_S:
             raise Turn(State.LOST_LINK, f"nothing was heard of the vehicle for {self.vehicle.silent_s:.0f} s")
         if self.state in ON_GROUND:
-            from link.supervisor.foreign import refuse_on_ground
-
             refuse_on_ground(self, changes)
         rule = TABLE[self.state]
         if rule.overdue is not None and self.clock.now_s() - self.entered_s > rule.longest_s:
@@ -388,27 +338,3 @@ class Context:
             "gauge": self.gauge,
             "observations": self.wind.as_data(),
         }
-
-    def _track(self) -> None:
-        """Write where it is, from time to time."""
-        every_s = TRACK_EVERY_S if self.in_air else GROUND_TRACK_EVERY_S
-        s = self.sample
-        if s is None or self.now_s < self.tracked_s + every_s:
-            return
-        self.tracked_s = self.now_s
-        estimate = self.wind.estimate if self.in_air else None
-        expected = self.wind.expected(s.time_s, s.lat_deg, s.lon_deg)
-        data: dict[str, Any] = {
-            "lat": s.lat_deg, "lon": s.lon_deg, "height_m": s.height_m, "alt_msl_m": s.alt_msl_m, "soc": s.soc,
-            "ground_speed_mps": s.ground_speed_mps, "power_w": s.power_w, "mode": self.vehicle.mode,
-            "armed": s.armed == 1.0, "landed": s.landed == 1.0,
-            "forecast_north_mps": expected[0], "forecast_east_mps": expected[1],
-        }  # fmt: skip
-        if estimate is not None:
-            data |= {
-                "wind_north_mps": estimate.north_mps, "wind_east_mps": estimate.east_mps,
-                "wind_sigma_mps": estimate.sigma_mps, "wind_source": estimate.source,
-            }  # fmt: skip
-        if self.leg is not None and self.in_air:
-            data |= self.outlook | {"modelled_soc": None if self.leg.modelled is None else self.leg.modelled.soc}
-        self.journal.write(self.state, "track", None, flight=self.flight, data=data)

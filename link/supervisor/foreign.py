@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from link.supervisor.context import Turn
-from link.supervisor.states import State
+from link.supervisor.states import IN_AIR, State, Turn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from link.seen import Change
     from link.supervisor.context import Context
+
+
+def follows_a_landing(ctx: Context, change: Change) -> bool:
+    """Whether a change is what an autopilot does by itself at the end of a flight: it disarms, and leaves the mission's mode."""
+    s = ctx.sample
+    down = s is not None and s.landed == 1.0
+    ends = (change.what == "armed" and change.after == "disarmed") or (change.what == "mode" and not ctx.vehicle.armed)
+    return down and ends and ctx.state in (*IN_AIR, State.LANDED)
 
 
 def landed(ctx: Context) -> bool:

@@ -1,7 +1,8 @@
-"""Missions of single legs: as planned, and from wherever the vehicle is in the air."""
+"""Single legs: the one under way, and their missions, as planned and from wherever the vehicle is in the air."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from models.services import Place
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from link.supervisor.modelled_use import ModelledUse
     from missions.mission import Home
     from missions.mission_options import MissionOptions
     from missions.parameters import Parameter
@@ -44,6 +46,46 @@ class LegMission:
     document: MissionDocument
     parameters: tuple[Parameter, ...]
     way: tuple[tuple[float, float], ...]
+
+
+@dataclass(slots=True)
+class Leg:
+    """The leg under way.
+
+    Attributes
+    ----------
+    origin, destination : str
+        Station ids; the origin is None for one begun in the air.
+    via : tuple of str
+        Stations overflown.
+    diverts : tuple of str
+        Stations inside its fence that it may go to instead.
+    mission : LegMission
+        What the vehicle flies.
+    commanded_mps : float
+        Ground speed it was last told.
+    start_s, soc_start, told_start, planned_s, planned_soc : float
+        Take-off, charge then, and as the vehicle said it; planned flight time and charge at the landing.
+    modelled : ModelledUse or None
+        Charge that it should have taken so far.
+    last, learns : bool
+        It ends at the destination; the energy of the whole flight is to be learnt.
+    """
+
+    origin: str
+    destination: str
+    via: tuple[str, ...]
+    diverts: tuple[str, ...]
+    mission: LegMission
+    commanded_mps: float
+    start_s: float = math.nan
+    soc_start: float = math.nan
+    told_start: float = math.nan
+    planned_s: float = math.nan
+    planned_soc: float = math.nan
+    modelled: ModelledUse | None = None
+    last: bool = False
+    learns: bool = True
 
 
 def with_places(composition: Composition, scenario: Scenario, stations: Sequence[str]) -> Composition:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from link.supervisor import air, contact, ground
-from link.supervisor.context import Context, Turn
+from link.supervisor import air, charging, contact, departure, ground, landing
+from link.supervisor.context import Context
 from link.supervisor.journal import SCHEMA, read_journal
 from link.supervisor.mandate import Outcome
-from link.supervisor.states import ENDS, IN_AIR, State, check
+from link.supervisor.states import ENDS, IN_AIR, State, Turn, check
 from link.supervisor.wind_book import WindBook
 from models.composition_file import to_json
 from models.errors import LinkError, StationConflictError
@@ -29,15 +29,15 @@ if TYPE_CHECKING:
 STEPS: Mapping[State, Callable[[Context], After]] = {
     State.CONNECTING: contact.connecting,
     State.REPLANNING: ground.replanning,
-    State.WAITING: ground.waiting,
-    State.CHARGING: ground.charging,
-    State.PREFLIGHT: ground.preflight,
-    State.UPLOADING: ground.uploading,
-    State.READY: ground.ready,
-    State.ARMING: ground.arming,
+    State.WAITING: charging.waiting,
+    State.CHARGING: charging.charging,
+    State.PREFLIGHT: departure.preflight,
+    State.UPLOADING: departure.uploading,
+    State.READY: departure.ready,
+    State.ARMING: departure.arming,
     State.FLYING: air.flying,
     State.DIVERTING: air.diverting,
-    State.LANDED: air.after_landing,
+    State.LANDED: landing.after_landing,
     State.LOST_LINK: contact.lost_link,
     State.HOLDING: contact.holding,
 }

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from models.errors import SkywayError
 
@@ -149,6 +149,14 @@ class OffTableError(SkywayError):
     """The supervisor was about to do something that the table of states does not have."""
 
     exit_code = 3
+
+
+class Turn(Exception):  # noqa: N818  not an error: the next state, from wherever in a state it is found out
+    """The delivery goes to another state, from the midst of what it is doing."""
+
+    def __init__(self, state: State, reason: str, **data: Any) -> None:
+        super().__init__(reason)
+        self.state, self.reason, self.data = state, reason, data
 
 
 def check(before: State, after: State) -> None:

@@ -51,6 +51,8 @@ def test_a_package_is_delivered_with_a_recharge_on_the_way(autopilot, tmp_path):
     legs = events(stage, "leg")
     assert all(leg.data["diverts"] for leg in legs)
     assert len(events(stage, "landed")) == len(legs) == outcome.flights
+    strange = [change.reason for change in events(stage, "change") if not change.data["ours"]]
+    assert not strange  # an autopilot that disarms itself after its landing is nobody's intervention
 
 
 def test_the_table_of_states_is_never_left_and_is_what_the_page_shows():

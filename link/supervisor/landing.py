@@ -1,0 +1,91 @@
+"""What is done after a landing: find out where it stands, learn what the flight took, hand the package over."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from link.supervisor.air import LEARN_SOC
+from link.supervisor.departure import ctx_answer
+from link.supervisor.states import State
+from models.errors import LinkError
+
+if TYPE_CHECKING:
+    from link.supervisor.context import After, Context
+
+PLACE_S = 60.0
+"""So long we wait for a position after a landing."""
+
+
+def after_landing(ctx: Context) -> After:
+    """Find out where it stands, learn what the flight took, and go on from there."""
+    leg = ctx.leg
+    ctx.wait(3.0)
+    if ctx.in_air:
+        return State.HOLDING, "it is in the air again"
+    ctx.request_telemetry()
+    end = ctx.clock.now_s() + PLACE_S
+    while ctx.place is None and ctx.clock.now_s() < end:
+        ctx.tick()
+    if ctx.place is None:
+        return State.HOLDING, "it has landed, and does not tell where"
+    station = ctx.here_station()
+    ctx.station = station
+    if leg is not None and math.isfinite(leg.soc_start) and leg.learns:
+        _learn(ctx)
+    where = station or f"{ctx.place[0]:.5f}, {ctx.place[1]:.5f}"
+    planned = leg is not None and station == leg.destination
+    ctx.note(
+        "landed", f"at {where} with {100 * ctx.soc:.0f} %", soc=ctx.soc, planned=planned,
+        planned_soc=math.nan if leg is None else leg.planned_soc,
+        planned_s=math.nan if leg is None else leg.planned_s,
+        flight_s=math.nan if leg is None else ctx.now_s - leg.start_s, **ctx.standing(),
+    )  # fmt: skip
+    ctx.tell(f"landed at {where} with {100 * ctx.soc:.0f} %")
+    if station is None:
+        return State.ENDED_ELSEWHERE, f"it stands disarmed at {where}, away from any station"
+    ctx.visited.add(station)
+    if station == ctx.mandate.request.destination:
+        return _deliver(ctx)
+    if ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].destination == station:
+        rest = ctx.plan.services[1:]
+        ctx.plan = replace(ctx.plan, services=rest, origin=station) if rest else None
+    elif not (ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].origin == station):
+        ctx.plan = None
+    ctx.leg, ctx.outlook = None, {}
+    if ctx.stop_after_leg:
+        return State.STOPPED, f"the operator asked to stay; it stands disarmed at {station}"
+    return State.REPLANNING, f"at {station}"
+
+
+def _learn(ctx: Context) -> None:
+    """Learn the energy factor from the whole flight."""
+    leg = ctx.leg
+    if leg is None:
+        return
+    used, expected = leg.soc_start - ctx.soc, 0.0 if leg.modelled is None else leg.modelled.total
+    if used > LEARN_SOC and expected > 0.0:
+        ctx.belief = ctx.belief.learnt(used, expected)
+        reason = f"the flight took {100 * used:.0f} %, the model says {100 * expected:.0f} %"
+        ctx.note(
+            "energy", reason, used_soc=used, modelled_soc=expected, factor=ctx.belief.factor, sigma=ctx.belief.sigma
+        )
+
+
+def _deliver(ctx: Context) -> After:
+    """The package is released, by the gripper or by a person who says so."""
+    destination = ctx.mandate.request.destination
+    if ctx.mandate.options.release == "gripper":
+        try:
+            ctx.vehicle.release()
+        except LinkError as error:
+            ctx.note("release", f"the gripper was not opened: {error}")
+            return State.STOPPED, f"at {destination}, but the package is not released: {error}"
+        ctx.note("release", "the gripper is open")
+        return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.soc:.0f} %"
+    if ctx.operator.present:
+        ctx.operator.ask(f"is the package taken off at {destination}? done")
+        ctx_answer(ctx, ("done",))
+    ctx.note("release", "by a person")
+    return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.soc:.0f} %"
