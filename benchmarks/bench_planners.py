@@ -20,7 +20,7 @@ from models.errors import Fault, InputError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from benchmarks.paper import PaperRow
+    from benchmarks.paper import PaperRow, PaperRun
     from benchmarks.trials import Row
 
 
@@ -58,7 +58,7 @@ def _files(networks: tuple[str, ...], utilisations: tuple[float, ...]) -> tuple[
 
 
 FULL = Size(_files(NETWORKS, UTILISATIONS), 100, 20, NODES, 1000, 3.0)
-QUICK = Size(_files(("new-york", "geometric-100"), (0.7,)), 2, 10, (5, 10, 15, 20), 3, 0.5)
+QUICK = Size(_files(("new-york", "geometric-100"), (0.5,)), 2, 10, (5, 10, 15, 20), 3, 0.5, compared=1)
 
 
 def say(text: str) -> None:
@@ -66,8 +66,21 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def run(size: Size, out: Path, *, progress: Callable[[str], None] = say) -> list[Path]:
+def run(size: Size, out: Path, *, keep: bool = False, progress: Callable[[str], None] = say) -> list[Path]:
     """Run the benchmark and write table, figures and results into a folder; returns the files.
+
+    After each instance the results so far are written, so that a run that was broken off can go on.
+
+    Parameters
+    ----------
+    size : Size
+        How much.
+    out : Path
+        Folder.
+    keep : bool
+        Instances that the folder's results hold are not run again.
+    progress : callable
+        Told in words how far it is.
 
     Raises
     ------
@@ -78,34 +91,85 @@ def run(size: Size, out: Path, *, progress: Callable[[str], None] = say) -> list
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(Fault(f"cannot be made: {error.strerror}", str(out))) from None
-    started = time.perf_counter()
-    found: list[Row] = []
-    skipped: list[str] = []
-    facts = {"commit": commit()} | machine()
-    runs = run_experiment(
-        size.nodes,
-        time_limit_s=size.time_limit_s,
-        runs=lambda nodes: min(nodes // 2, size.paper_runs),
-        progress=progress,
-    )
-    paper = rows(runs)
+    results = Results(out, {"commit": commit()} | machine())
+    if keep:
+        results.read()
+    if not results.runs and size.nodes:
+        results.runs = run_experiment(
+            size.nodes,
+            time_limit_s=size.time_limit_s,
+            runs=lambda nodes: min(nodes // 2, size.paper_runs),
+            progress=progress,
+        )
+        results.write()
     for file in size.instances:
         instance = read_instance(file).cut(size.deliveries, size.runs)
+        if instance.name in {row.instance for row in results.rows}:
+            continue
         try:
             instance.scenario()
         except InputError as error:
-            skipped.append(f"{instance.name}: {error}")
-            progress(f"left out: {skipped[-1]}")
+            results.skipped.append(f"{instance.name}: {error}")
+            progress(f"left out: {results.skipped[-1]}")
             continue
-        found += try_instance(instance, compared=size.compared, time_limit_s=size.time_limit_s, progress=progress)
-    facts["seconds"] = f"{time.perf_counter() - started:.0f}"
-    pictures = _draw(out, found, paper, progress)
-    written = [out / "planners.md", out / "planners.json"]
+        results.rows += try_instance(
+            instance, compared=size.compared, time_limit_s=size.time_limit_s, progress=progress
+        )
+        results.write()
+    results.write()
+    pictures = _draw(out, results.rows, results.paper, progress)
+    table = out / "planners.md"
     names = [path.name for path in pictures]
-    written[0].write_text(report.markdown(found, paper, facts, skipped, names), encoding="utf-8")
-    text = json.dumps(report.document(found, paper, runs, facts, skipped), indent=1, allow_nan=False)
-    written[1].write_text(text + "\n", encoding="utf-8")
-    return written + pictures
+    text = report.markdown(results.rows, results.paper, results.facts, results.skipped, names)
+    table.write_text(text, encoding="utf-8")
+    return [table, results.path, *pictures]
+
+
+class Results:
+    """What has been measured so far, in a folder's ``planners.json``.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    facts : dict of str to str
+        Commit and machine.
+    """
+
+    def __init__(self, out: Path, facts: dict[str, str]) -> None:
+        self.path = out / "planners.json"
+        self.facts = facts
+        self.rows: list[Row] = []
+        self.runs: list[PaperRun] = []
+        self.skipped: list[str] = []
+        self._begun = time.perf_counter()
+
+    @property
+    def paper(self) -> list[PaperRow]:
+        """Means of the paper's experiment."""
+        return rows(self.runs)
+
+    def read(self) -> None:
+        """Take over what the file holds, if there is one; another commit is told beside this one."""
+        try:
+            document = json.loads(self.path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return
+        except (OSError, ValueError) as error:
+            raise InputError(Fault(f"cannot be read: {error}", str(self.path))) from None
+        self.rows, self.runs = report.read_rows(document), report.read_paper(document)
+        before = document["machine"]["commit"]
+        if self.facts["commit"] not in before:
+            self.facts["commit"] = f"{before}, then {self.facts['commit']}"
+        else:
+            self.facts["commit"] = before
+        self._begun -= float(document["machine"].get("seconds", 0.0))
+
+    def write(self) -> None:
+        """Write all."""
+        self.facts["seconds"] = f"{time.perf_counter() - self._begun:.0f}"
+        found = report.document(self.rows, self.paper, self.runs, self.facts, self.skipped)
+        self.path.write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _draw(out: Path, found: list[Row], paper: list[PaperRow], progress: Callable[[str], None]) -> list[Path]:
@@ -126,8 +190,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a minute instead of a quarter of an hour")
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
+    parser.add_argument("--keep", action="store_true", help="do not run again what the folder's results hold")
     options = parser.parse_args()
-    for path in run(QUICK if options.quick else FULL, options.out):
+    for path in run(QUICK if options.quick else FULL, options.out, keep=options.keep):
         print(path)
     return 0
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.paper import PaperRun
+from benchmarks.trials import Row
+from models.errors import Fault, InputError
 from models.units import S_PER_MIN
+from planner.evaluate import Estimate, Evaluation
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from benchmarks.paper import PaperRow, PaperRun
-    from benchmarks.trials import Row
-    from planner.evaluate import Estimate
+    from benchmarks.paper import PaperRow
 
 SCHEMA = "skyway.benchmark-results/1"
 INTRODUCTION = """# Planners measured
@@ -126,6 +130,45 @@ def document(
         "paper": [vars(row) for row in paper],
         "paper_runs": [run.document() for run in runs],
     }
+
+
+def read_rows(document: Mapping[str, Any]) -> list[Row]:
+    """Rows of a JSON file of results.
+
+    Raises
+    ------
+    InputError
+        It is of another schema.
+    """
+    if document.get("schema") != SCHEMA:
+        raise InputError(Fault("is of another schema", field="schema", value=document.get("schema"), remedy=SCHEMA))
+    return [
+        Row(**one | {"whole": _evaluation(one["whole"]), "common": _evaluation(one["common"])})
+        for one in document["rows"]
+    ]
+
+
+def read_paper(document: Mapping[str, Any]) -> list[PaperRun]:
+    """Runs of the paper's experiment of a JSON file of results."""
+    return [PaperRun(**one) for one in document["paper_runs"]]
+
+
+def _evaluation(document: Mapping[str, Any] | None) -> Evaluation | None:
+    if document is None:
+        return None
+    values: dict[str, Any] = {}
+    for field in fields(Evaluation):
+        value = document[field.name]
+        if field.name == "calibration":
+            value = tuple((one["promised"], _estimate(one)) for one in value)
+        elif isinstance(value, dict) and "low" in value:
+            value = _estimate(value)
+        values[field.name] = tuple(value) if isinstance(value, list) else value
+    return Evaluation(**values)
+
+
+def _estimate(document: Mapping[str, Any]) -> Estimate:
+    return Estimate(*(math.nan if document[name] is None else document[name] for name in ("value", "low", "high")))
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

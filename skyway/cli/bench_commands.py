@@ -14,13 +14,13 @@ from models.errors import Fault, InputError
 
 PLANNERS_HELP = """Measure all planners: the paper's experiment, and days of wind that no forecast contained.
 
-Writes a table (planners.md), all figures (planners.json) and pictures (SVG) into a folder. The whole takes about a
-quarter of an hour, --quick about a minute. What is measured: docs/explanation/evaluation.md.
+Writes a table (planners.md), all figures (planners.json) and pictures (SVG) into a folder. The whole takes about three
+quarters of an hour, --quick half a minute. What is measured: docs/explanation/evaluation.md.
 
 \b
 Examples:
   skyway bench planners --quick
-  skyway bench planners --out results
+  skyway bench planners --out results --keep
 """
 
 
@@ -37,12 +37,13 @@ def _group() -> None:
 
 
 def planners(
-    quick: Annotated[bool, typer.Option("--quick", help="A small part, about a minute.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="A small part, half a minute.")] = False,
     out: Annotated[Path, typer.Option("--out", help="Folder for table and figures.")] = Path("out/bench"),
+    keep: Annotated[bool, typer.Option("--keep", help="Go on: do not run again what the folder holds.")] = False,
 ) -> None:
     """Run the benchmark of planners."""
     module = _benchmark()
-    for path in module.run(module.QUICK if quick else module.FULL, out):
+    for path in module.run(module.QUICK if quick else module.FULL, out, keep=keep):
         typer.echo(str(path))
 
 

@@ -106,6 +106,10 @@ def test_a_small_benchmark_writes_table_results_and_figures(tmp_path, monkeypatc
     assert "![delivery time](delivery-time.svg)" in text
     assert any("new-york-0.5" in line for line in told)
     assert len(written) == 7
+    told.clear()
+    bench_planners.run(size, tmp_path / "out", keep=True, progress=told.append)
+    assert not any("new-york-0.5" in line for line in told)
+    assert json.loads((tmp_path / "out" / "planners.json").read_text())["rows"] == document["rows"]
 
 
 def test_figures_are_left_out_where_there_is_nothing_to_draw(tmp_path):
