@@ -84,7 +84,8 @@ def plan_within(
         No departure has a route; the error of the first.
     """
     if not 0.0 < window_s <= 86_400.0:
-        raise InputError(Fault("out of range", field="depart-window", value=window_s, remedy="above 0, up to 24 h"))
+        value = f"{window_s / 3600.0:g} h"
+        raise InputError(Fault("out of range", field="depart-window", value=value, remedy="above 0, up to 24 h"))
     if request.state.position is not None:
         raise InputError(Fault("a drone in the air cannot wait for its departure", field="depart-window"))
     count = min(math.floor(window_s / STEP_S + 1e-9) + 1, MOST_TRIED)

@@ -58,14 +58,19 @@ class StopReason:
         Stops of the best route without this one, None where there is none.
     later_s : float
         How much later that one arrives in the mean.
-    expected, margin, reserve : float
-        Charge with which it leaves on the nominal course: what the next flight takes there; what is left for worse winds,
-        gusts and the vehicle's own error; and what must be left on landing (with the way on, at a target without pads).
+    idle : float
+        Share of the rehearsed runs that leave again without charging.
+    leaves, expected, margin, reserve : float
+        Charge with which those that charge leave, in the mean, and what it is for: what the next flight takes; what is kept
+        for worse winds, gusts and the vehicle's own error; what must be left on landing (with the way on, at a target
+        without pads). All runs count where none charges.
     """
 
     station: str
     runner_up: tuple[str, ...] | None
     later_s: float
+    idle: float
+    leaves: float
     expected: float
     margin: float
     reserve: float
@@ -135,12 +140,22 @@ def stop_reasons(result: PlanResult) -> list[StopReason]:
             pass
         else:
             runner_up, later = stop_names(other), other.outcome.mean_s - best
-        off, down = float(answer.course[number, SOC_OFF]), float(answer.course[number, SOC_DOWN])
-        landing = float(policy.landing[number])
-        expected, margin = off - down, max(down - landing, 0.0)
         station = problem.network.stations[node].id
-        found.append(StopReason(station, runner_up, later, expected, margin, landing))
+        found.append(StopReason(station, runner_up, later, *_charge_at(answer, number)))
     return found
+
+
+def _charge_at(answer: RobustAnswer, number: int) -> tuple[float, float, float, float, float]:
+    """Share of runs that do not charge before a flight, and of those that do: charge, what it takes, margin, reserve."""
+    course, weight = answer.rehearsal.course, answer.rehearsal.weight
+    flown = np.isfinite(course[:, number, TOUCH_DOWN])
+    before, off, down = course[:, number - 1, SOC_DOWN], course[:, number, SOC_OFF], course[:, number, SOC_DOWN]
+    charging = flown & (off > before + 1e-9)
+    idle = 1.0 - float(weight[charging].sum()) / max(float(weight[flown].sum()), 1e-300)
+    counted = charging if charging.any() else flown
+    leaves, lands = (float(np.average(soc[counted], weights=weight[counted])) for soc in (off, down))
+    landing = float(answer.policy.landing[number])
+    return idle, leaves, leaves - lands, lands - landing, landing
 
 
 def stop_names(candidate: Candidate) -> tuple[str, ...]:
@@ -200,8 +215,10 @@ class Bought:
     ----------
     planner : str
         The other one.
-    sooner_s : float
-        How much earlier the robust plan arrives in the mean; negative: later.
+    drone, drone_there : str
+        Drones that the robust plan and the other one take.
+    mean_s, mean_there_s : float
+        Mean delivery times of both.
     broken, broken_there : float
         Share of deliveries that break the reserve by the robust plan and by the other.
     stops, stops_there : int
@@ -211,13 +228,21 @@ class Bought:
     """
 
     planner: str
-    sooner_s: float
+    drone: str
+    drone_there: str
+    mean_s: float
+    mean_there_s: float
     broken: float
     broken_there: float
     stops: int
     stops_there: int
     recharge_s: float
     recharge_there_s: float
+
+    @property
+    def sooner_s(self) -> float:
+        """How much earlier the robust plan arrives in the mean; negative: later."""
+        return self.mean_there_s - self.mean_s
 
 
 def bought(robust: PlanResult, other: PlanResult) -> Bought:
@@ -226,7 +251,10 @@ def bought(robust: PlanResult, other: PlanResult) -> Bought:
     mine, theirs = robust.composition, other.composition
     return Bought(
         planner=theirs.planner,
-        sooner_s=there.mean_s - robust.outcome.mean_s,
+        drone=mine.drone,
+        drone_there=theirs.drone,
+        mean_s=robust.outcome.mean_s - robust.problem.depart_s,
+        mean_there_s=there.mean_s - robust.problem.depart_s,
         broken=1.0 - robust.outcome.p_success,
         broken_there=1.0 - there.p_success,
         stops=len(mine.stops),

@@ -40,6 +40,8 @@ TYPED = {
     "destination": "--to",
     "truth": "--truth",
     "depart": "--depart",
+    "depart-window": "--depart-window",
+    "objective": "--objective",
 }
 """Option behind each field that a fault may name."""
 

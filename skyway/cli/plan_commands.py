@@ -276,6 +276,10 @@ def _ask(
             seed=seed,
             objective=options.parse_objective(objective),
         )
+    due = request.objective.deadline
+    if due is not None and due <= state.time:
+        remedy = f"the departure is at {state.time.isoformat()}"
+        raise InputError(Fault("the deadline is before the departure", None, None, "--objective", objective, remedy))
     return scenario, request
 
 

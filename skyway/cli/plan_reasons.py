@@ -79,7 +79,10 @@ def _print_alternatives(result: PlanResult, count: int) -> None:
     plans = alternative_plans(result, count)
     say(out, "")
     if len(plans) == 1:
-        say(out, "No alternative: every other route that was found is later, riskier and takes more energy")
+        if result.robust is None:
+            say(out, f"The planner {result.composition.planner} has one answer; robust compares routes")
+        else:
+            say(out, "No alternative: no other route that was found is better in anything (mean, p95, reserve, energy)")
         return
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1))
     for name in ("", "stops at", "mean", "p95", "reserve kept", "Wh"):
@@ -116,19 +119,15 @@ def _print_reasons(result: PlanResult) -> None:
         return
     for one in stop_reasons(result):
         say(out, f"{one.station}: {_why_here(one)}")
-        say(
-            out,
-            f"  of the charge it leaves with, {percent(one.expected, 1)} are for the flight, {percent(one.margin, 1)} for worse wind, gusts "
-            f"and the vehicle's own error, {percent(one.reserve, 1)} must be left on landing",
-        )
+        say(out, f"  {_why_so_much(one)}")
     if not result.composition.stops:
         say(out, "No stop is needed: the charge is enough for the whole way")
     bound = wait_and_see(result.robust)
     if bound is not None:
         say(
             out,
-            f"Who knew wind and queues beforehand would take {duration(bound.bound_s)} in the mean ({bound.worlds} courses of the "
-            f"wind, no gusts): this plan takes {duration(bound.plan_s)}, {percent(bound.gap, 1)} more at most than any could",
+            f"Nobody can take less than {duration(bound.bound_s)} in the mean: told the wind and the queues beforehand, without gusts "
+            f"({bound.worlds} courses of the wind). This plan takes {duration(bound.plan_s)}, {percent(bound.gap, 1)} more",
         )
 
 
@@ -139,3 +138,16 @@ def _why_here(one: StopReason) -> str:
     if one.later_s >= 0.0:
         return f"without it the best way stops at {way} and arrives {one.later_s / 60.0:.1f} min later in the mean"
     return f"without it a way by {way} arrives {-one.later_s / 60.0:.1f} min earlier in the mean, but is less safe"
+
+
+def _why_so_much(one: StopReason) -> str:
+    """What the charge at a stop is for."""
+    parts = (
+        f"{percent(one.leaves)} in the mean: {percent(one.expected)} for the flight, {percent(one.margin)} in case of worse wind, "
+        f"gusts or a hungry vehicle, {percent(one.reserve)} that must be left on landing"
+    )
+    if one.idle >= 1.0 - 1e-9:
+        return f"it never charges there in the rehearsed runs, and leaves with {parts}"
+    if one.idle > 0.5:
+        return f"{percent(one.idle)} of runs leave at once; the others, in worse wind, charge to {parts}"
+    return f"it charges to {parts}"

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from models.services import Composition, DroneService, Stop
+    from planner.explain import Bought
     from planner.result import Comparison, PlanResult
     from planner.robust import RobustAnswer
 
@@ -154,7 +155,11 @@ def _print_totals(out: Console, result: PlanResult, zone: ZoneInfo) -> None:
         kept = percent(c.success_probability, 1)
         say(out, f"Every landing keeps the reserve with probability {kept} ({known}, {sampled})")
     if result.robust is not None:
-        _print_rehearsal(out, result, result.robust)
+        _print_rehearsal(out, result.robust)
+    objective = result.problem.request.objective
+    if objective.deadline is not None:
+        due, on_time = _clock(objective.deadline, zone, c.depart), percent(objective.on_time(result.outcome), 1)
+        say(out, f"On time, by {due}, with probability {on_time}")
     if result.outcome.p_arrive < 1.0 - 1e-9:
         never = percent(1.0 - result.outcome.p_arrive, 1)
         say(out, f"With probability {never} the wind does not open every leg within the forecast")
@@ -165,16 +170,10 @@ def _print_totals(out: Console, result: PlanResult, zone: ZoneInfo) -> None:
     say(out, f"Planned in {spent(result.planning_time_s)}, {result.looked_at} evaluated")
 
 
-def _print_rehearsal(out: Console, result: PlanResult, answer: RobustAnswer) -> None:
+def _print_rehearsal(out: Console, answer: RobustAnswer) -> None:
     """What the plan would do otherwise, and how far it may be from the best."""
     from planner.explain import charge_ranges, stop_names
 
-    objective = result.problem.request.objective
-    if objective.deadline is not None:
-        say(
-            out,
-            f"On time ({objective.deadline.isoformat()}) with probability {percent(objective.on_time(answer.outcome), 1)}",
-        )
     for one in charge_ranges(answer):
         often = f"; {percent(one.idle)} leave without" if one.idle >= 0.005 else ""
         say(
@@ -184,8 +183,8 @@ def _print_rehearsal(out: Console, result: PlanResult, answer: RobustAnswer) -> 
     others = [one for one in answer.candidates[1:] if stop_names(one) != stop_names(answer.candidates[0])]
     if others:
         later = (others[0].outcome.mean_s - answer.candidates[0].outcome.mean_s) / 60.0
-        way = " > ".join(stop_names(others[0])) or "without a stop"
-        say(out, f"Else by {way}: {later:+.1f} min in the mean")
+        way = "by " + " > ".join(stop_names(others[0])) if stop_names(others[0]) else "without a stop"
+        say(out, f"Else {way}: {later:+.1f} min in the mean")
 
 
 def _clock(instant: datetime, zone: ZoneInfo, depart: datetime) -> str:
@@ -241,7 +240,10 @@ def print_comparison(answers: list[Comparison]) -> None:
             out,
             "delivery = flight + wait + recharge of the nominal course; mean, p95: delivery time over the forecast;",
         )
-        say(out, "kept: probability that every landing keeps the reserve")
+        say(
+            out,
+            "kept: probability that every landing keeps the reserve (gusts and vehicles: in the figures of robust alone)",
+        )
         if any(answer.planner == "ies" and answer.result is not None for answer in answers):
             say(
                 out,
@@ -268,13 +270,41 @@ def _print_bought(out: Console, answers: list[Comparison]) -> None:
         if answer.result is None or answer.result is robust or answer.planner in CLAIRVOYANT_PLANNERS:
             continue
         one = bought(robust, answer.result)
-        minutes = abs(one.sooner_s) / 60.0
-        text = f"robust against {one.planner}: {minutes:.0f} min {'sooner' if one.sooner_s >= 0 else 'later'} in the mean; "
-        text += (
-            f"breaks the reserve in {percent(one.broken, 1)} of deliveries instead of {percent(one.broken_there, 1)}"
-        )
-        less = (one.recharge_there_s - one.recharge_s) / 60.0
-        why = f"{abs(less):.0f} min {'less' if less >= 0 else 'more'} on pads, {one.stops} stops instead of {one.stops_there}"
-        say(out, f"{text}: {why}, and the charge is decided anew at each stop")
+        say(out, f"robust against {one.planner}: {_saved(one)}; {_safer(one)}")
+        say(out, f"  why: {_bought_by(one)}")
     say(out, "(both flown in the same rehearsed worlds: winds, queues, gusts and vehicles that the plan did not know)")
     say(out, "")
+
+
+def _saved(one: Bought) -> str:
+    """Minutes."""
+    minutes = abs(one.sooner_s) / 60.0
+    if minutes < 0.5:
+        return f"as fast in the mean ({duration(one.mean_s)})"
+    what = "saved" if one.sooner_s > 0.0 else "lost"
+    return f"{minutes:.0f} min {what} in the mean ({duration(one.mean_s)} instead of {duration(one.mean_there_s)})"
+
+
+def _safer(one: Bought) -> str:
+    """Risk."""
+    here, there = percent(one.broken, 1), percent(one.broken_there, 1)
+    if one.broken_there <= 0.0 and one.broken <= 0.0:
+        return "neither breaks the reserve"
+    if here == there:
+        return f"both break the reserve in {here} of deliveries"
+    return f"{here} of deliveries break the reserve instead of {there}"
+
+
+def _bought_by(one: Bought) -> str:
+    """What the difference comes from."""
+    reasons = []
+    if one.drone != one.drone_there:
+        reasons.append(f"{one.drone} instead of {one.drone_there}")
+    less = round((one.recharge_there_s - one.recharge_s) / 60.0)
+    if less:
+        reasons.append(f"{abs(less)} min {'less' if less > 0 else 'more'} on pads")
+    if one.stops != one.stops_there:
+        reasons.append(f"{one.stops} {'stop' if one.stops == 1 else 'stops'} instead of {one.stops_there}")
+    if one.stops:
+        reasons.append("each charge decided at its stop, by the wind and the queues then")
+    return ", ".join(reasons) or "the same way without a stop; robust leaves when the wind allows"

@@ -291,10 +291,12 @@ def test_alternatives_are_different_and_none_is_beaten(planned):
 def test_reasons_name_the_runner_up_and_add_up(planned):
     reasons = stop_reasons(planned)
     assert [one.station for one in reasons] == list(stop_names(planned.robust.candidates[0]))
-    for number, one in enumerate(reasons, start=1):
+    for one in reasons:
         assert one.runner_up is None or one.station not in one.runner_up
-        leaves = planned.robust.course[number, SOC_OFF]
-        assert one.expected + one.margin + one.reserve == pytest.approx(leaves, abs=1e-6)
+        assert one.expected + one.margin + one.reserve == pytest.approx(one.leaves, abs=1e-6)
+        assert one.leaves <= 1.0
+        assert min(one.expected, one.margin) > 0.0
+        assert 0.0 <= one.idle <= 1.0
     for one in charge_ranges(planned.robust):
         assert one.low <= one.high
         assert 0.0 <= one.idle <= 1.0
