@@ -61,7 +61,8 @@ class QueuePath:
     left_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "delay_s", np.broadcast_to(self.delay_s, self.pad_s.shape))
+        if self.delay_s.shape != self.pad_s.shape:
+            object.__setattr__(self, "delay_s", np.broadcast_to(self.delay_s, self.pad_s.shape))
 
     def pad_time(self, arrival_s: ArrayLike) -> NDArray[np.float64]:
         """When our drone gets a pad if it arrives at POSIX seconds `arrival_s`; nondecreasing in it.
@@ -115,16 +116,38 @@ def expected_path(start_s: float, step_s: float, wait_s: ArrayLike) -> QueuePath
         The grid has no times or no length, or a wait is negative or not a number.
     """
     wait = np.asarray(wait_s, dtype=np.float64)
-    if wait.ndim != 1 or not len(wait) or not (step_s > 0.0 and math.isfinite(step_s)):
+    if wait.ndim != 1:
+        raise InputError(Fault("waits are one for each time", field="wait_s", value=wait.shape))
+    return expected_paths(start_s, step_s, wait[None])[0]
+
+
+def expected_paths(start_s: float, step_s: float, wait_s: NDArray[np.float64]) -> list[QueuePath]:
+    """Make the paths of drones that wait as long as is expected at several stations; see `expected_path`.
+
+    Parameters
+    ----------
+    start_s, step_s : float
+        The grid, POSIX seconds and seconds.
+    wait_s : ndarray, shape (stations, times)
+        Expected waits.
+
+    Raises
+    ------
+    InputError
+        As `expected_path`.
+    """
+    stations, times = wait_s.shape
+    if not times or not (step_s > 0.0 and math.isfinite(step_s)):
         raise InputError(Fault("a grid has at least one time, and steps of some length", field="step_s", value=step_s))
-    if not np.all((wait >= 0.0) & np.isfinite(wait)):
+    if not np.all((wait_s >= 0.0) & np.isfinite(wait_s)):
         raise InputError(Fault("not all waits are seconds from 0 up", field="wait_s"))
-    arrival = start_s + step_s * np.arange(len(wait))
-    delay = np.empty(len(wait) + 1)
-    delay[0], delay[1:-1], delay[-1] = wait[0], 0.5 * (wait[1:] + wait[:-1]), wait[-1]
-    pad = np.full(len(delay), -math.inf)
-    pad[1:] = np.maximum.accumulate(arrival + delay[:-1])
-    return QueuePath(np.asarray(arrival, dtype=np.float64), pad, np.full(len(pad), -math.inf), delay)
+    arrival = np.asarray(start_s + step_s * np.arange(times), dtype=np.float64)
+    delay = np.empty((stations, times + 1))
+    delay[:, 0], delay[:, 1:-1], delay[:, -1] = wait_s[:, 0], 0.5 * (wait_s[:, 1:] + wait_s[:, :-1]), wait_s[:, -1]
+    pad = np.full(delay.shape, -math.inf)
+    pad[:, 1:] = np.maximum.accumulate(arrival + delay[:, :-1], axis=1)
+    always = np.full(times + 1, -math.inf)
+    return [QueuePath(arrival, pad[number], always, delay[number]) for number in range(stations)]
 
 
 def sample_path(

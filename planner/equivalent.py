@@ -7,38 +7,21 @@ are first in, first out is one again, so that the exact planner's proofs hold in
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.compiled import compiled
-from models.flight_kernels import segment_speed
-from models.queue_paths import QueuePath, expected_path, no_queue
+from models.queue_paths import QueuePath, expected_paths, no_queue
+from planner.speeds import MeanSpeeds
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from models.flight import Air
     from planner.problem import Problem
-
-LEAST_OPEN = 0.5
-"""A segment is open in a slot where members of at least this probability can fly it."""
-
-
-@compiled
-def _mean_speeds(air: Air, probability: NDArray[np.float64], slots: int) -> NDArray[np.float64]:
-    out = np.zeros((slots, len(air.distance_m)))
-    for slot in range(slots):
-        for segment in range(len(air.distance_m)):
-            share, pace = 0.0, 0.0
-            for member in range(len(probability)):
-                speed = segment_speed(air, member, slot, segment)
-                if speed > 0.0:
-                    share += probability[member]
-                    pace += probability[member] / speed
-            if share >= LEAST_OPEN:
-                out[slot, segment] = share / pace
-    return out
 
 
 def mean_speeds(air: Air, probability: NDArray[np.float64], hours: float) -> NDArray[np.float64]:
@@ -54,19 +37,41 @@ def mean_speeds(air: Air, probability: NDArray[np.float64], hours: float) -> NDA
     Returns
     -------
     ndarray, shape (slots, segments)
-        m/s; 0 where members of less than `LEAST_OPEN` can fly.
+        m/s; 0 where members of less than `planner.speeds.LEAST_OPEN` can fly.
     """
-    slots = air.north.shape[1]
-    count = min(int(np.ceil(hours * 3600.0 / air.slot_s)) + 1, slots)
-    found = _mean_speeds(air, probability, count)
-    return np.concatenate((found, np.repeat(found[-1:], slots - count, axis=0)))
+    speeds = MeanSpeeds(air, probability, hours)
+    return speeds.over(0, speeds.slots - 1, np.arange(len(air.distance_m)))
 
 
-def expected_queues(problem: Problem) -> dict[int, QueuePath]:
+class ExpectedQueues(Mapping[int, QueuePath]):
+    """Expected wait at every station as a queue path, worked out for those that a search asks for."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self._found: dict[int, QueuePath] = {}
+
+    def __getitem__(self, node: int) -> QueuePath:
+        return self.at([node])[0]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(range(len(self)))
+
+    def __len__(self) -> int:
+        return len(self._problem.network)
+
+    def at(self, nodes: Iterable[int]) -> list[QueuePath]:
+        """Those of some nodes."""
+        wanted = list(nodes)
+        missing = [node for node in dict.fromkeys(wanted) if node not in self._found]
+        if missing:
+            waits, has_pads = self._problem.waits, self._problem.has_pads
+            padded = [node for node in missing if has_pads(node)]
+            waits.need(padded)
+            self._found |= zip(padded, expected_paths(waits.start_s, waits.step_s, waits.wait_s[padded]), strict=True)
+            self._found |= {node: no_queue() for node in missing if not has_pads(node)}
+        return [self._found[node] for node in wanted]
+
+
+def expected_queues(problem: Problem) -> ExpectedQueues:
     """Expected wait at every station as a queue path."""
-    waits = problem.waits
-    waits.need(np.arange(len(problem.network)))
-    return {
-        node: expected_path(waits.start_s, waits.step_s, waits.wait_s[node]) if problem.has_pads(node) else no_queue()
-        for node in range(len(problem.network))
-    }
+    return ExpectedQueues(problem)

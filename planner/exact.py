@@ -25,16 +25,20 @@ from planner.label_search import GAIN_S, Round
 from planner.no_route import no_route
 from planner.outlook import Outlook
 from planner.relaxation import Start, cells_for, longest_cell_s, only_nodes, run_backward, run_forward
+from planner.speeds import GivenSpeeds, TrueSpeeds
 from planner.stays import Stays, costs_of, needed_at_destination
 from planner.terrain import narrowed, places, terrain
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from models.queue_paths import QueuePath
     from planner.itinerary import Itinerary
     from planner.problem import Problem
     from planner.relaxation import Forward, Guide
+    from planner.speeds import Speeds
     from planner.terrain import Terrain
 
 FIRST_GUESS = 2.2
@@ -61,7 +65,7 @@ class ExactSearch:
         Flights are in the wind of the first member of its ensemble, the truth.
     queues : mapping of int to QueuePath
         The true queue at each station with pads.
-    speeds : ndarray, shape (slots, segments), optional
+    speeds : Speeds or ndarray, shape (slots, segments), optional
         Ground speeds to fly with instead, m/s, 0 where a segment is closed.
     margin_soc_per_s : float
         A landing after T seconds in the air keeps the reserve and this much times T; so does the flight on from a
@@ -87,9 +91,9 @@ class ExactSearch:
     def __init__(
         self,
         problem: Problem,
-        queues: dict[int, QueuePath],
+        queues: Mapping[int, QueuePath],
         *,
-        speeds: NDArray[np.float64] | None = None,
+        speeds: Speeds | NDArray[np.float64] | None = None,
         margin_soc_per_s: float = 0.0,
         stops: NDArray[np.bool_] | None = None,
         time_limit_s: float = math.inf,
@@ -100,7 +104,11 @@ class ExactSearch:
         self.complete = True
         self.best_s = math.inf
         self.lower_bound_s = problem.depart_s
-        self._speeds = speeds
+        self._speeds: Speeds
+        if speeds is None:
+            self._speeds = TrueSpeeds(problem.air)
+        else:
+            self._speeds = GivenSpeeds(speeds) if isinstance(speeds, np.ndarray) else speeds
         self._margin = margin_soc_per_s
         self._stops = problem.network.pads > 0
         if stops is not None:
@@ -144,29 +152,17 @@ class ExactSearch:
         return self._answer
 
     @property
-    def _slots(self) -> int:
-        return self.problem.air.north.shape[1] if self._speeds is None else len(self._speeds)
-
-    @property
     def _latest_s(self) -> float:
         """No flight that takes off within the horizon lands after this."""
         p = self.problem
         longest = (max(1.0, p.soc) - p.reserve - p.soc_fixed) / p.soc_per_s
-        return p.air.start_s + self._slots * p.air.slot_s + longest
-
-    def _fastest_mps(self, slots: tuple[int, int]) -> float:
-        """Ground speed that no flight exceeds in some slots."""
-        air = self.problem.air
-        if self._speeds is not None:
-            return max(float(self._speeds[slots[0] : slots[1] + 1].max()), 1.0)
-        wind = np.hypot(air.north[0, slots[0] : slots[1] + 1], air.east[0, slots[0] : slots[1] + 1])
-        return min(air.max_ground_speed_mps, air.airspeed_mps + min(float(wind.max()), air.wind_limit_mps))
+        return p.air.start_s + self._speeds.slots * p.air.slot_s + longest
 
     def _straight_s(self) -> float:
         """Arrival that nothing beats: straight at the greatest speed, charged as fast as can be."""
         p, costs = self.problem, self._costs
         way = float(np.linalg.norm(self._place_m[p.origin] - self._place_m[p.destination])) * 0.995
-        flight = way / self._fastest_mps((0, min(12, self._slots) - 1)) + costs.landing_s
+        flight = way / self._speeds.fastest_mps(0, min(12, self._speeds.slots) - 1) + costs.landing_s
         charge = flight * costs.soc_per_s + min(costs.soc_fixed, 0.0)
         charged = (costs.reserve + charge - p.soc) / costs.rate_per_s
         return p.depart_s + flight + max(charged, 0.0)
@@ -175,12 +171,13 @@ class ExactSearch:
         """Lay out all nodes that can lie on a way with an arrival until some time."""
         p, air, costs = self.problem, self.problem.air, self._costs
         first, last = (
-            min(max(int((t + 1e-6 - air.start_s) // air.slot_s), 0), self._slots - 1) for t in (p.depart_s, until_s)
+            min(max(int((t + 1e-6 - air.start_s) // air.slot_s), 0), self._speeds.slots - 1)
+            for t in (p.depart_s, until_s)
         )
-        last = min(last + 1, self._slots - 1)
+        last = min(last + 1, self._speeds.slots - 1)
         place = self._place_m
         way = sum(np.sqrt(((place - place[end]) ** 2).sum(axis=1)) for end in (p.origin, p.destination))
-        flight = way * 0.995 / self._fastest_mps((first, last)) + costs.landing_s
+        flight = way * 0.995 / self._speeds.fastest_mps(first, last) + costs.landing_s
         span = until_s - p.depart_s
         charged = (costs.reserve + flight * costs.soc_per_s + min(costs.soc_fixed, 0.0) - p.soc) / costs.rate_per_s
         keep = (flight <= span) & (flight + charged <= span)

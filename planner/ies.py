@@ -16,6 +16,7 @@ import numpy as np
 
 from planner.no_route import no_route
 from planner.outlook import Outlook
+from planner.speeds import TrueSpeeds
 from planner.stays import Stay, Stays, needed_at_destination
 from planner.terrain import whole_terrain
 
@@ -70,7 +71,7 @@ class ExhaustiveSearch:
         self.progress = progress
         self.complete = True
         self.looked_at = 0
-        needed = needed_at_destination(problem, None, 0.0, math.inf)
+        needed = needed_at_destination(problem, TrueSpeeds(problem.air), 0.0, math.inf)
         self._stays = Stays(problem, queues, whole_terrain(problem, queues), needed, single_segments=single_segments)
         self._best: tuple[list[Stay], float] | None = None
         self._deadline = math.inf

@@ -22,6 +22,8 @@ from planner.exact import ExactSearch
 from planner.problem import ExpectedWaits, Problem
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from models.drone import Drone
@@ -93,7 +95,7 @@ class _World:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self._speeds: NDArray[np.float64] | None = None
-        self._queues: dict[int, QueuePath] = {}
+        self._queues: Mapping[int, QueuePath] = {}
 
     def arrival_s(self, station: str, time_s: float, soc: float) -> float:
         if self._speeds is None:

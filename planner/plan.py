@@ -288,7 +288,6 @@ def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: di
     errors: dict[str, InfeasibleError] = {}
     spent = 0.0
     for problem in problems:
-        problem.waits.need(np.arange(len(problem.network)))
         started = time.perf_counter()
         search = RobustSearch(problem)
         try:

@@ -19,15 +19,16 @@ import numpy as np
 
 from models.wind_ensemble import evenly
 from planner.charge_policy import ChargePolicy, Rehearsal, known_at, margin_for
-from planner.equivalent import expected_queues, mean_speeds
+from planner.equivalent import expected_queues
 from planner.evaluation_truths import USUAL_ERRORS, Errors
 from planner.exact import ExactSearch
 from planner.no_route import no_route
 from planner.outlook import Outlook
 from planner.room import chances_full
+from planner.speeds import MeanSpeeds
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -288,11 +289,11 @@ class RobustSearch:
                 yield itinerary
 
     @cached_property
-    def _mean_world(self) -> tuple[NDArray[np.float64], dict[int, QueuePath]]:
+    def _mean_world(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:
         """Speeds and queues that stand for the forecast."""
         return self._speeds(self.problem.probability), expected_queues(self.problem)
 
-    def _speeds(self, probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _speeds(self, probability: NDArray[np.float64]) -> MeanSpeeds:
         count = np.count_nonzero(probability)
         if self._large and count > SPEED_MEMBERS:
             kept = evenly(len(probability), SPEED_MEMBERS)
@@ -300,10 +301,10 @@ class RobustSearch:
             mask[kept] = probability[kept]
             if mask.sum() > 0.0:
                 probability = mask / mask.sum()
-        return mean_speeds(self.problem.air, probability, HOURS)
+        return MeanSpeeds(self.problem.air, probability, HOURS)
 
     def _compose(
-        self, speeds: NDArray[np.float64], queues: dict[int, QueuePath], margin: float, allowed: NDArray[np.bool_]
+        self, speeds: MeanSpeeds, queues: Mapping[int, QueuePath], margin: float, allowed: NDArray[np.bool_]
     ) -> Itinerary | None:
         p = self.problem
         limit_s = COMPOSE_S if self._large else math.inf

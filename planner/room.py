@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.load import hours_of_week
-from planner.room_kernels import Present, Room, chance_full
+from planner.room_kernels import Present, Room, chance_full, chances
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,9 +55,22 @@ def present_in(paths: Sequence[QueuePath]) -> Present:
 def chances_full(problem: Problem, flight_s: float = USUAL_FLIGHT_S) -> NDArray[np.float64]:
     """Chance that each station is full after a flight that begins with one pad free there, shape (nodes,)."""
     arrivals, services = (rate * flight_s for rate in _rates(problem))
-    return np.array(
-        [
-            chance_full(one.pads, one.holding_spots, arrivals[node], services[node], one.pads - 1) if one.pads else 0.0
-            for node, one in enumerate(problem.network.stations)
-        ]
-    )
+    pads = problem.network.pads.astype(np.int64)
+    spots = np.array([station.holding_spots for station in problem.network.stations], dtype=np.int64)
+    return np.where(pads > 0, chances(pads, spots, arrivals, services, pads - 1), 0.0)
+
+
+def likely_room(problem: Problem, most: float, flight_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell where a drone finds room to land in all but a share of what may come, shape (nodes,).
+
+    From who is seen at each station now and the time of the flight there, `flight_s`, shape (nodes,); where nobody was
+    seen, from one free pad.
+    """
+    arrivals, services = (rate * flight_s for rate in _rates(problem))
+    found = np.zeros(len(problem.network), dtype=bool)
+    for node, one in enumerate(problem.network.stations):
+        if one.pads:
+            seen = problem.busy.get(node, one.pads - 1)
+            found[node] = chance_full(one.pads, one.holding_spots, arrivals[node], services[node], seen) <= most
+    found[problem.destination] = True
+    return found

@@ -97,6 +97,21 @@ def chance_full(pads: int, spots: int, arrivals: float, services: float, present
 
 
 @compiled
+def chances(
+    pads: NDArray[np.int64],
+    spots: NDArray[np.int64],
+    arrivals: NDArray[np.float64],
+    services: NDArray[np.float64],
+    present: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """`chance_full` of several stations."""
+    out = np.empty(len(pads))
+    for i in range(len(pads)):
+        out[i] = chance_full(pads[i], spots[i], arrivals[i], services[i], present[i])
+    return out
+
+
+@compiled
 def _others(queues: Queues, there: Present, entry: int, time_s: float) -> int:
     """Others at the station of an entry at a time."""
     low, high = queues.offset[entry], queues.offset[entry + 1]

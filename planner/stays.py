@@ -16,19 +16,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.flight_functions import arrival_functions
-from planner.flight_table import FlightTable, escape_costs, ground_speeds, table_land, table_slot
+from planner.flight_table import FlightTable, escape_costs, table_land, table_slot
 from planner.itinerary import Hop
 from planner.profile_kernels import departure_profile, fly_profile, profile_at
 from planner.stay_kernels import Costs, land_everywhere
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from models.queue_paths import QueuePath
     from planner.itinerary import Itinerary
     from planner.problem import Problem
+    from planner.speeds import Speeds
     from planner.terrain import Terrain
 
 
@@ -67,7 +68,7 @@ def costs_of(problem: Problem, margin_soc_per_s: float) -> Costs:
 
 
 def needed_at_destination(
-    problem: Problem, speeds: NDArray[np.float64] | None, margin_soc_per_s: float, until_s: float
+    problem: Problem, speeds: Speeds, margin_soc_per_s: float, until_s: float
 ) -> NDArray[np.float64]:
     """Least charge on touch-down at the destination, by time: the reserve, and the way on where it has no pads.
 
@@ -86,8 +87,7 @@ def needed_at_destination(
     p, out = problem, problem.escapes
     if not p.needs_escape:
         return np.array([[p.depart_s, p.reserve]])
-    rows = np.arange(p.air.north.shape[1]) if speeds is None else np.arange(len(speeds))
-    speed = ground_speeds(p.air, 0, rows, out) if speeds is None else speeds[:, out]
+    speed = speeds.over(0, speeds.slots - 1, out)
     none = np.zeros(1, dtype=np.int64)
     table = FlightTable(
         p.air.start_s, p.air.slot_s, p.air.climb_s, p.air.descent_s, none, none, p.air.distance_m[out], speed
@@ -132,7 +132,7 @@ class Stays:
     def __init__(
         self,
         problem: Problem,
-        queues: dict[int, QueuePath],
+        queues: Mapping[int, QueuePath],
         terrain: Terrain,
         needed: NDArray[np.float64],
         *,

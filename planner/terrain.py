@@ -9,15 +9,20 @@ import numpy as np
 
 from models.compiled import compiled
 from models.queue_paths import no_queue, pack
-from planner.flight_table import FlightTable, ground_speeds
+from planner.equivalent import ExpectedQueues
+from planner.flight_table import FlightTable
+from planner.speeds import TrueSpeeds
 from planner.stay_kernels import Grounds
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from models.network import Network
     from models.queue_paths import QueuePath
     from planner.problem import Problem
+    from planner.speeds import Speeds
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +93,8 @@ def _cut(
 
 def terrain(
     problem: Problem,
-    queues: dict[int, QueuePath],
-    speeds: NDArray[np.float64] | None,
+    queues: Mapping[int, QueuePath],
+    speeds: Speeds,
     place_m: NDArray[np.float64],
     nodes: NDArray[np.int64],
     slots: tuple[int, int],
@@ -100,8 +105,8 @@ def terrain(
     ----------
     problem, queues
         The delivery; `queues` by node.
-    speeds : ndarray, shape (slots, segments), optional
-        Ground speeds; those in the wind of the first member by default.
+    speeds : Speeds
+        Ground speeds.
     place_m : ndarray, shape (all nodes, 3)
         Of `places`.
     nodes : ndarray of int
@@ -111,8 +116,6 @@ def terrain(
     """
     air, network = problem.air, problem.network
     first, head, segments = _cut(network.first, network.head, nodes)
-    rows = np.arange(slots[0], slots[1] + 1)
-    speed = ground_speeds(air, 0, rows, segments) if speeds is None else speeds[slots[0] : slots[1] + 1][:, segments]
     table = FlightTable(
         air.start_s + slots[0] * air.slot_s,
         air.slot_s,
@@ -121,7 +124,7 @@ def terrain(
         first,
         head,
         air.distance_m[segments],
-        np.ascontiguousarray(speed, dtype=np.float64),
+        np.ascontiguousarray(speeds.over(*slots, segments), dtype=np.float64),
     )
     return Terrain(
         nodes,
@@ -132,15 +135,14 @@ def terrain(
         place_m[nodes],
         int(np.searchsorted(nodes, problem.origin)),
         int(np.searchsorted(nodes, problem.destination)),
-        air.start_s + air.slot_s * (air.north.shape[1] if speeds is None else len(speeds)) - 1.0,
+        air.start_s + air.slot_s * speeds.slots - 1.0,
     )
 
 
-def whole_terrain(problem: Problem, queues: dict[int, QueuePath]) -> Terrain:
-    """Lay out all nodes and slots."""
-    network = problem.network
-    slots = problem.air.north.shape[1]
-    return terrain(problem, queues, None, places(network), np.arange(len(network)), (0, slots - 1))
+def whole_terrain(problem: Problem, queues: Mapping[int, QueuePath]) -> Terrain:
+    """Lay out all nodes and slots of the true wind."""
+    network, speeds = problem.network, TrueSpeeds(problem.air)
+    return terrain(problem, queues, speeds, places(network), np.arange(len(network)), (0, speeds.slots - 1))
 
 
 def narrowed(all_of_it: Terrain, keep: NDArray[np.bool_]) -> Terrain:
@@ -182,11 +184,16 @@ def _narrowed_grounds(grounds: Grounds, nodes: NDArray[np.int64]) -> Grounds:
     )
 
 
-def _grounds(problem: Problem, queues: dict[int, QueuePath], nodes: NDArray[np.int64]) -> Grounds:
+def _grounds(problem: Problem, queues: Mapping[int, QueuePath], nodes: NDArray[np.int64]) -> Grounds:
+    wanted = nodes.tolist()
+    if isinstance(queues, ExpectedQueues):
+        paths = queues.at(wanted)
+    else:
+        paths = [queues.get(node) or no_queue() for node in wanted]
     most = max(len(time) for time, _ in problem.curves)
     times, levels = zip(*problem.curves, strict=True)
     return Grounds(
-        *pack([queues.get(node) or no_queue() for node in nodes.tolist()]),
+        *pack(paths),
         curve_of=problem.curve_of[nodes],
         curve_s=np.array([np.pad(time, (0, most - len(time)), mode="edge") for time in times]),
         curve_soc=np.array([np.pad(soc, (0, most - len(soc)), mode="edge") for soc in levels]),
