@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from link.pads import ManualPads
+from link.supervisor.gauge import learn_gauge
 from link.supervisor.states import State
 from models.errors import CommandRefusedError
 from models.pad_service import PadServiceError
@@ -61,7 +62,7 @@ def charging(ctx: Context) -> After:
         if told.soc is not None:
             if not compared:
                 compared = True
-                ctx.learn_gauge(ctx.told_soc, told.soc)
+                learn_gauge(ctx, ctx.told_soc, told.soc)
             ctx.soc, ctx.soc_source = told.soc, "the pad"
         if told.state == "done" or (told.soc is not None and told.soc >= target - 1e-6):
             break
@@ -91,6 +92,7 @@ def _reset_counter(ctx: Context, soc: float | None) -> None:
     """Tell an autopilot that counts charge what the battery holds; one that estimates it refuses, and that is right."""
     if soc is None:
         return
+    ctx.voltage.forget()
     try:
         reported = ctx.vehicle.reset_battery(soc)
     except CommandRefusedError:

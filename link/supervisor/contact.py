@@ -107,6 +107,7 @@ def _restore_standing(ctx: Context, data: dict[str, Any]) -> None:
     ctx.charge_to = data.get("charge_to")
     ctx.asked_once = bool(data.get("asked_once"))
     ctx.gauge = float(data.get("gauge", 1.0))
+    ctx.voltage.lost = float(data.get("lost_soc", 0.0))
     ctx.wind.earlier = observations_of(data.get("observations", ()))
 
 

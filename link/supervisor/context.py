@@ -7,9 +7,11 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from link.supervisor.foreign import follows_a_landing, refuse_on_ground
+from link.supervisor.gauge import read_gauge
 from link.supervisor.legs import station_at
 from link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State, Turn
 from link.supervisor.track import write_track
+from link.supervisor.voltage import VoltageWatch
 from models.composition_file import to_json
 from models.services import Place
 from planner.energy_belief import EnergyBelief
@@ -38,10 +40,6 @@ SILENT_S = 5.0
 AT_STATION_M = 60.0
 PLACE_FRESH_S = 10.0
 """A position told so long ago still counts: over bad radios many are lost."""
-JUMP_SOC = 0.05
-"""A charge that falls by so much from one report to the next was not used by flying."""
-MIN_GAUGE_SOC = 0.08
-"""A flight that used less tells nothing of the gauge."""
 FLYING_RATES: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 1.0, 2: 1.0, 168: 1.0}
 GROUND_RATES: Mapping[int, float] = {30: 1.0, 33: 2.0, 74: 0.5, 1: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 0.2}
 """Messages a second on the ground, where nothing moves for hours."""
@@ -69,6 +67,8 @@ class Context:
         State of charge: believed, and as the vehicle says.
     gauge : float
         Charge really used, for what the vehicle says it used: learnt at pads, which measure.
+    voltage : VoltageWatch
+        Notices charge that is lost without being counted.
     flown_from : (float, float)
         Charge at the first take-off after charging: as the vehicle said, and believed.
     lost_s : float
@@ -112,6 +112,7 @@ class Context:
     soc: float = math.nan
     told_soc: float = math.nan
     gauge: float = 1.0
+    voltage: VoltageWatch = field(default_factory=VoltageWatch)
     flown_from: tuple[float, float] = (math.nan, math.nan)
     lost_s: float = -math.inf
     soc_source: str = "unknown"
@@ -152,7 +153,7 @@ class Context:
             self.sample = sample
             if math.isfinite(sample.lat_deg) and math.isfinite(sample.lon_deg):
                 self.seen_at = (sample.lat_deg, sample.lon_deg, sample.time_s)
-            self._read_gauge(sample.soc)
+            read_gauge(self, sample)
             self.wind.hear(sample)
         changes = self.vehicle.changes()
         for change in changes:
@@ -174,21 +175,6 @@ class Context:
             raise Turn(rule.overdue, f"{self.state} has lasted longer than {rule.longest_s / 60:.0f} min")
         return changes
 
-    def _read_gauge(self, soc: float) -> None:
-        """Take a state of charge that the vehicle tells; what pads have found its gauge to miss is counted in."""
-        if not math.isfinite(soc):
-            return
-        leg, fell = self.leg, self.told_soc - soc
-        self.told_soc = soc
-        if leg is not None and self.state in IN_AIR and fell > JUMP_SOC:
-            leg.soc_start, leg.told_start = leg.soc_start - fell, leg.told_start - fell
-            self.flown_from, self.lost_s = (math.nan, math.nan), self.now_s
-            self.note("gauge", f"the charge fell by {100 * fell:.0f} % at once: lost, not used", fell_soc=fell)
-        flown = leg is not None and math.isfinite(leg.soc_start) and self.gauge != 1.0
-        if leg is not None and flown:
-            soc = max(leg.soc_start - self.gauge * (leg.told_start - soc), 0.0)
-        self.soc, self.soc_source = soc, "the vehicle" if not flown else "the vehicle, corrected"
-
     def _count_use(self) -> None:
         """Count what the flight should have taken by the model, at the airspeed that wind and ground speed give."""
         s, use = self.sample, None if self.leg is None else self.leg.modelled
@@ -199,16 +185,6 @@ class Context:
         if estimate is not None:
             wind = estimate.north_mps, estimate.east_mps
         use.hear(self.now_s, (s.vel_north_mps, s.vel_east_mps), wind)
-
-    def learn_gauge(self, told_before: float, pad_soc: float) -> None:
-        """Compare what the vehicle said it used in a flight with what the pad finds missing."""
-        said, used = self.flown_from[0] - told_before, self.flown_from[1] - pad_soc
-        if not (said > MIN_GAUGE_SOC and math.isfinite(used)):
-            return
-        ratio = min(max(used / said, 0.7), 1.5)
-        self.gauge += 0.5 * (ratio - self.gauge)
-        reason = f"the pad finds {100 * pad_soc:.0f} %, the vehicle says {100 * told_before:.0f} %"
-        self.note("gauge", reason, used_soc=used, said_soc=said, factor=self.gauge)
 
     def wait(self, duration_s: float) -> None:
         """Let some time pass."""
@@ -226,6 +202,7 @@ class Context:
         if self.vehicle.reboots == self.reboots:
             return
         self.reboots = self.vehicle.reboots
+        self.voltage.forget()
         self.note("reboot", "the vehicle has restarted: identified, checked and uploaded anew before it flies again")
         self.request_telemetry()
 
@@ -336,5 +313,6 @@ class Context:
             "charge_to": self.charge_to,
             "asked_once": self.asked_once,
             "gauge": self.gauge,
+            "lost_soc": self.voltage.lost,
             "observations": self.wind.as_data(),
         }

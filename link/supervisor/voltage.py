@@ -1,0 +1,108 @@
+"""Charge that is lost without being counted: an autopilot that counts what flows out does not see a pack that fails.
+
+The voltage does. What the current lets it sag is taken off, the step at the take-off tells how much that is; when the rest falls by
+more in half a minute than any flight takes out of a battery, the charge is read from a discharge curve of lithium-polymer cells that
+is laid through what was known before the fall. Such a curve is flat in its middle: what it says is good to a tenth or two, and
+is meant to be used for one thing, to land while there is charge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from statistics import median
+
+_SOC = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+_CELL_V = (3.20, 3.56, 3.655, 3.71, 3.75, 3.785, 3.83, 3.87, 3.94, 4.02, 4.12, 4.25)
+"""Open voltage of a cell: midway between charts of common (4.20 V) and high-voltage (4.35 V) lithium-polymer cells."""
+FALL = 0.025
+"""A voltage that falls by this share within `BACK_S`, and stays there for `NOW_S`, has lost charge."""
+NOW_S, BACK_S = 4.0, 30.0
+"""What is compared: medians of the last seconds, and of as many from so long ago at most."""
+LEAST_LOST_SOC = 0.1
+"""Less is not told apart from a gust, or from a cold battery."""
+NOTICED_SOC = 0.05
+REST_A, FLIGHT_A = 5.0, 10.0
+REST_S = 180.0
+"""A voltage at rest so long ago still tells what the current lets it sag."""
+
+
+def open_voltage(soc: float) -> float:
+    """Voltage of a cell without load at a state of charge."""
+    return _between(soc, _SOC, _CELL_V)
+
+
+def soc_of(cell_v: float) -> float:
+    """State of charge of a cell with some voltage without load."""
+    return _between(cell_v, _CELL_V, _SOC)
+
+
+def _between(value: float, given: tuple[float, ...], wanted: tuple[float, ...]) -> float:
+    for k in range(1, len(given)):
+        if value <= given[k] or k == len(given) - 1:
+            share = min(max((value - given[k - 1]) / (given[k] - given[k - 1]), 0.0), 1.0)
+            return wanted[k - 1] + share * (wanted[k] - wanted[k - 1])
+    return wanted[-1]
+
+
+@dataclass(slots=True)
+class VoltageWatch:
+    """Watches one vehicle's voltage.
+
+    Attributes
+    ----------
+    lost : float
+        Charge that was lost and that the vehicle does not count.
+    ohm : float
+        Resistance of the battery, as the last take-off showed it; 0 until then.
+    """
+
+    lost: float = 0.0
+    ohm: float = 0.0
+    _rest: tuple[float, float, float] = (-math.inf, 0.0, 0.0)
+    _seen: deque[tuple[float, float, float]] = field(default_factory=deque)
+    _heard_s: float = -math.inf
+
+    def hear(self, time_s: float, volts: float, amperes: float, told_soc: float) -> float:
+        """Take what the vehicle tells; returns charge found lost just now, usually 0."""
+        if not all(map(math.isfinite, (volts, amperes, told_soc))) or time_s < self._heard_s + 0.5:
+            return 0.0
+        self._heard_s = time_s
+        if amperes < FLIGHT_A:
+            self._seen.clear()  # on the ground, or landing: nothing that is compared with flight
+            if amperes < REST_A:
+                self._rest = (time_s, volts, amperes)
+            return 0.0
+        rest_s, rest_v, rest_a = self._rest
+        if not self._seen and time_s < rest_s + REST_S:
+            self.ohm = max(rest_v - volts, 0.0) / (amperes - rest_a)
+            self._rest = (-math.inf, 0.0, 0.0)
+        if self._seen and told_soc < self._seen[-1][2] - NOTICED_SOC:
+            self._seen.clear()  # the vehicle has noticed it itself
+        self._seen.append((time_s, volts + amperes * self.ohm, told_soc))
+        while self._seen[0][0] < time_s - BACK_S:
+            self._seen.popleft()
+        return self._fallen(time_s)
+
+    def _fallen(self, time_s: float) -> float:
+        new = [one for one in self._seen if one[0] > time_s - NOW_S]
+        old = [one for one in self._seen if one[0] <= self._seen[0][0] + NOW_S]
+        if len(new) < 3 or len(old) < 3 or new[0][0] <= old[-1][0]:
+            return 0.0
+        before, now = median(one[1] for one in old), median(one[1] for one in new)
+        if max(one[1] for one in new) > before * (1.0 - FALL):
+            return 0.0
+        believed = max(old[-1][2] - self.lost, 0.02)
+        found = soc_of(now * open_voltage(believed) / before)
+        lost = new[-1][2] - self.lost - found
+        if lost < LEAST_LOST_SOC:
+            return 0.0
+        self.lost += lost
+        self._seen.clear()
+        return lost
+
+    def forget(self) -> None:
+        """Begin anew: the battery was measured, or another one put in."""
+        self.lost = 0.0
+        self._seen.clear()
