@@ -28,18 +28,12 @@ def read_gauge(ctx: Context, sample: TelemetrySample) -> None:
     if leg is not None and flies and fell > JUMP_SOC:
         leg.told_start -= fell
         _lost(ctx, fell, f"the charge fell by {100 * fell:.0f} % at once: lost, not used")
-        ctx.voltage.forget_course()
-    elif flies:
-        fell = ctx.voltage.hear(sample.time_s, sample.voltage_v, sample.current_a, told)
-        if fell > 0.0:
-            told_now = f"the vehicle says {100 * told:.0f} %"
-            _lost(
-                ctx,
-                fell,
-                f"the voltage fell as if {100 * fell:.0f} % were lost at once; {told_now}, that is not believed",
-            )
-    else:
-        ctx.voltage.hear(sample.time_s, sample.voltage_v, sample.current_a, told)
+    fell = ctx.voltage.hear(sample.time_s, sample.voltage_v, sample.current_a, told)
+    if flies and fell > 0.0:
+        told_now = f"the vehicle says {100 * told:.0f} %"
+        _lost(
+            ctx, fell, f"the voltage fell as if {100 * fell:.0f} % were lost at once; {told_now}, that is not believed"
+        )
     soc, source = told - ctx.voltage.lost, "the vehicle"
     if leg is not None and math.isfinite(leg.soc_start) and (ctx.gauge != 1.0 or ctx.voltage.lost > 0.0):
         soc, source = leg.soc_start - ctx.gauge * (leg.told_start - told), "the vehicle, corrected"
