@@ -17,7 +17,7 @@ import numpy as np
 
 from models.compiled import compiled
 from models.errors import Fault, InputError
-from models.queues import TAIL_H, PadQueue, station_queue
+from models.queues import TAIL_H, PadQueue, present_at
 from models.units import S_PER_H
 
 if TYPE_CHECKING:
@@ -259,32 +259,32 @@ def sample_paths(
     counts = np.broadcast_to(np.asarray(pads, dtype=np.int64), (len(load),))
     spots = np.broadcast_to(np.asarray(holding_spots, dtype=np.int64), (len(load),))
     first_s = math.floor(start_s / S_PER_H) * S_PER_H
+    _check(0, hours, np.empty(0), 0)
     result = {}
     for station in stations:
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
         arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
-        present = seen.get(station)
-        if present is None and station not in times and counts[station] > 0:
-            present = _drawn(rng, station_queue(load, station, int(counts[station]), start_s, hours), start_s)
-        result[station] = sample_path(
-            int(counts[station]),
-            int(spots[station]),
-            arrivals,
-            charging,
-            first_s=first_s,
-            start_s=start_s,
-            hours=hours,
-            rng=rng,
-            busy=present,
-            remaining_s=times.get(station),
+        if station in seen or station in times or counts[station] <= 0 or spots[station] < 0:
+            result[station] = sample_path(
+                int(counts[station]),
+                int(spots[station]),
+                arrivals,
+                charging,
+                first_s=first_s,
+                start_s=start_s,
+                hours=hours,
+                rng=rng,
+                busy=seen.get(station),
+                remaining_s=times.get(station),
+            )
+            continue
+        share = present_at(load, station, int(counts[station]), start_s)
+        present = int(np.searchsorted(share, rng.random() * share[-1], side="right"))
+        ends = (first_s, start_s, start_s + hours * S_PER_H)
+        result[station] = _path(
+            rng, int(counts[station]), int(spots[station]), (arrivals, 1.0 / charging), ends, present, np.empty(0)
         )
     return result
-
-
-def _drawn(rng: np.random.Generator, queue: PadQueue, start_s: float) -> int:
-    """Draw how many drones are at a station that nobody has seen."""
-    share = np.cumsum(queue.distribution([start_s]).distribution[0])
-    return int(np.searchsorted(share, rng.random() * share[-1], side="right"))
 
 
 def pack(

@@ -26,7 +26,7 @@ from models.queue_kernels import MAX_JUMPS, MAX_STATES, expected_waits, time_for
 from models.units import S_PER_H
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -436,19 +436,37 @@ def settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[n
     ndarray, shape (states,)
         Read-only.
     """
-    arrivals, charging = load.arrivals_per_s[station], load.mean_charging_s[station]
-    digest = hashlib.blake2b(arrivals.tobytes() + charging.tobytes(), digest_size=16).digest()
-    key = (digest, load.timezone, pads, round(first_s / S_PER_H))
-    found = _SETTLED.get(key)
+    return _kept(("settled", first_s), load, station, pads, lambda: _settled(load, station, pads, first_s))
+
+
+def present_at(load: PadLoad, station: int, pads: int, start_s: float) -> NDArray[np.float64]:
+    """Probabilities of no more than 0, 1, 2, … drones at a station that nobody has seen, at any time; see `settled`."""
+
+    def found() -> NDArray[np.float64]:
+        queue = station_queue(load, station, pads, start_s, 1)
+        return np.cumsum(queue.distribution([start_s]).distribution[0])
+
+    return _kept(("present", start_s), load, station, pads, found)
+
+
+_KEPT: dict[tuple[bytes, str, int, tuple[str, float]], NDArray[np.float64]] = {}
+_MOST_KEPT = 50_000  # half a kilobyte each
+
+
+def _kept(
+    what: tuple[str, float], load: PadLoad, station: int, pads: int, work_out: Callable[[], NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Keep what was worked out for a time, a load and a number of pads."""
+    rates = load.arrivals_per_s[station].tobytes() + load.mean_charging_s[station].tobytes()
+    key = (hashlib.blake2b(rates, digest_size=16).digest(), load.timezone, pads, what)
+    found = _KEPT.get(key)
     if found is None:
-        if len(_SETTLED) >= _MOST_SETTLED:
-            _SETTLED.clear()
-        found = _SETTLED[key] = _settled(load, station, pads, first_s)
+        if len(_KEPT) >= _MOST_KEPT:
+            _KEPT.clear()
+        found = work_out()
+        found.flags.writeable = False
+        _KEPT[key] = found
     return found
-
-
-_SETTLED: dict[tuple[bytes, str, int, int], NDArray[np.float64]] = {}
-_MOST_SETTLED = 50_000  # half a kilobyte each
 
 
 def _settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[np.float64]:
@@ -463,9 +481,7 @@ def _settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[
         begin /= begin.sum()
     rates = load.hourly(station, first_s - warm_up * S_PER_H, warm_up)
     found = _run(pads, _rates(*rates), S_PER_H, begin, 0.0, np.array([warm_up * S_PER_H])).distribution[0]
-    found = found[: np.flatnonzero(found)[-1] + 1] / found.sum()
-    found.flags.writeable = False
-    return np.asarray(found)
+    return np.asarray(found[: np.flatnonzero(found)[-1] + 1] / found.sum())
 
 
 def _check_pads(pads: int) -> None:

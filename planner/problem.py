@@ -149,6 +149,10 @@ class Problem:
         return {self.network.index[key]: count for key, count in seen.items() if key in self.network.index}
 
     @cached_property
+    def _spots(self) -> NDArray[np.int64]:
+        return np.array([station.holding_spots for station in self.network.stations], dtype=np.int64)
+
+    @cached_property
     def _paths(self) -> dict[tuple[int, int], dict[int, QueuePath]]:
         """Sampled queues so far, by seed, sample and node."""
         return {}
@@ -165,10 +169,11 @@ class Problem:
         missing = [node for node in wanted if node not in kept]
         if missing:
             with_pads = [node for node in missing if self.has_pads(node)]
-            spots = [station.holding_spots for station in self.network.stations]
             hours = float(HORIZON_H)
             seed = (self.request.seed, sample)
-            paths = sample_paths(self.load, self.network.pads, spots, with_pads, self.depart_s, hours, seed, self.busy)
+            paths = sample_paths(
+                self.load, self.network.pads, self._spots, with_pads, self.depart_s, hours, seed, self.busy
+            )
             kept.update({node: paths.get(node) or no_queue() for node in missing})
         return {node: kept[node] for node in wanted}
 
