@@ -72,6 +72,8 @@ LEAST_ARRIVE = 0.5
 """A route that does not arrive within the horizon this often is the last resort."""
 CALIBRATIONS = 2
 """Times the margin is calibrated: the second time with the first one's margin in place."""
+CLOSE = 0.003
+"""A margin that is greater by no more than this changes nothing that is worth flying all deliveries again for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,10 +194,12 @@ class RobustSearch:
         policy = candidates[0].policy
         rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=candidates[0].rehearsal)
         for _ in range(CALIBRATIONS):
-            extra = margin_for([rehearsal], self.problem.epsilon)
-            if extra <= policy.known.margin + 1e-6:
+            extra, margin = margin_for([rehearsal], self.problem.epsilon), policy.known.margin
+            if extra <= margin + 1e-6:
                 break
             policy = replace(policy, known=policy.known._replace(margin=extra))
+            if extra <= margin + CLOSE:
+                break
             rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=rehearsal)
         member, course = policy.nominal()
         outcome = rehearsal.outcome(self.problem)
