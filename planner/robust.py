@@ -62,6 +62,8 @@ SCREEN_TRUTHS, SCREEN_RUNS = 12, 120
 """Members that are the truth, and simulated deliveries, by which routes are compared first."""
 FINALISTS, FINALIST_RUNS = 3, 600
 """The best of them are compared again with every member as the truth and so many deliveries."""
+BOLD = 2
+"""And so many that would be better than the best of them, but break the reserve before they are calibrated."""
 FINAL_RUNS = 1500
 """Deliveries behind the figures of the answer."""
 IDLE = 0.5
@@ -183,11 +185,23 @@ class RobustSearch:
         return self.finish(self.finalists(self.candidates()))
 
     def finalists(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Order candidates anew after more runs of the first few."""
+        """Order candidates anew after more runs of the first few, and of those that beat them but for the reserve."""
         if len(candidates) == 1 or self._large:
             return candidates
-        again = [self._judged(one.policy.itinerary, FINALIST_RUNS, None)[0] for one in candidates[:FINALISTS]]
-        return sorted(self._with_switches(again), key=_order) + candidates[FINALISTS:]
+        first, others = candidates[:FINALISTS], candidates[FINALISTS:]
+        bold = [one for one in others if one.unsafe and one.loss < first[0].loss][:BOLD]
+        again = [self._careful(self._judged(one.policy.itinerary, FINALIST_RUNS, None)[0]) for one in first + bold]
+        return sorted(self._with_switches(again), key=_order) + [one for one in others if one not in bold]
+
+    def _careful(self, one: Candidate) -> Candidate:
+        """Calibrate one that breaks the reserve: with a margin it may still be the best."""
+        if not one.unsafe:
+            return one
+        margin = margin_for([one.rehearsal], self.problem.epsilon)
+        policy = replace(one.policy, known=one.policy.known._replace(margin=margin))
+        rehearsal = policy.rehearse(self.errors, FINALIST_RUNS, before=one.rehearsal)
+        self.looked_at += len(rehearsal.weight)
+        return self._candidate(policy, rehearsal)
 
     def finish(self, candidates: list[Candidate]) -> RobustAnswer:
         """Calibrate the first of the candidates and tell what becomes of it."""
@@ -329,10 +343,13 @@ class RobustSearch:
         policy = ChargePolicy(p, itinerary, known, MOST_FULL * p.epsilon)
         rehearsal = policy.rehearse(self.errors, runs, most_truths=truths)
         self.looked_at += len(rehearsal.weight)
+        return self._candidate(policy, rehearsal), rehearsal.charging
+
+    def _candidate(self, policy: ChargePolicy, rehearsal: Rehearsal) -> Candidate:
+        p = self.problem
         outcome = rehearsal.outcome(p)
         unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(rehearsal.weight)
-        loss = p.request.objective.loss(outcome)
-        return Candidate(policy, outcome, unsafe, loss, rehearsal), rehearsal.charging
+        return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome), rehearsal)
 
 
 def _order(one: Candidate) -> tuple[float, ...]:

@@ -297,6 +297,8 @@ def _safer(one: Bought) -> str:
 
 def _bought_by(one: Bought) -> str:
     """What the difference comes from."""
+    if one.sooner_s < -30.0 and one.broken < one.broken_there:
+        return "it charges, or waits for the wind, where the other takes off with less than the flight may need"
     reasons = []
     if one.drone != one.drone_there:
         reasons.append(f"{one.drone} instead of {one.drone_there}")
