@@ -9,10 +9,15 @@ if TYPE_CHECKING:
     from models.clock import Clock
 
 
+_CATCHING_UP = 0.5
+
+
 class VehicleTime:
     """A clock that follows the times a vehicle's telemetry has.
 
-    Between samples it goes on with the wall; while nothing is heard too. It never goes back. Time-outs stay the wall's.
+    Between samples it goes on with the wall; while nothing is heard too. It never goes back, and never stands still: where it
+    was ahead of the vehicle, as after a change of the simulation's speed, it goes on at half speed until it is not. So what waits
+    for an instant never waits for ever. Time-outs stay the wall's.
 
     Parameters
     ----------
@@ -27,6 +32,7 @@ class VehicleTime:
         self._at = (clock.posix_s(), clock.now_s())
         self._sample_s = -1.0
         self._latest_s = clock.posix_s()
+        self._asked_s = clock.now_s()
         self._known = False
 
     def posix_s(self) -> float:
@@ -38,7 +44,8 @@ class VehicleTime:
             self._at = (sample.time_s, wall)
             if not self._known:
                 self._known, self._latest_s = True, sample.time_s
-        self._latest_s = max(self._latest_s, self._at[0] + wall - self._at[1])
+        slowly = self._latest_s + _CATCHING_UP * (wall - self._asked_s)
+        self._latest_s, self._asked_s = max(slowly, self._at[0] + wall - self._at[1]), wall
         return self._latest_s
 
     def now_s(self) -> float:
