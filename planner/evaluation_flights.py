@@ -17,7 +17,6 @@ from planner.course_kernels import PAD, SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN,
 from planner.evaluation_kernels import gusty_land
 from planner.itinerary import Hop, hops_of, no_waits, stop_nodes
 from planner.plan import plan
-from planner.problem import HORIZON_H
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -199,7 +198,9 @@ class Standing:
     wind : tuple of ndarray, shape (sites,)
         (north, east) m/s TOWARDS measured at the sites in this hour, at the height of measurement.
     busy : dict of str to int
-        Others on the pads and in line at each station, as the pad services tell.
+        Others on the pads and in line at each station, as the pad services tell; where it stands, those before it.
+    energy : float
+        Energy that its flights have taken as a multiple of the model's; NaN before the first has shown it.
     """
 
     node: int
@@ -209,6 +210,7 @@ class Standing:
     visited: tuple[str, ...]
     wind: tuple[NDArray[np.float64], NDArray[np.float64]]
     busy: dict[str, int]
+    energy: float
 
     def state(self) -> State:
         """The same as the state that a request starts from."""
@@ -226,7 +228,7 @@ class Policy(Protocol):
 
 @dataclass(frozen=True)
 class Departure:
-    """How to leave a stop, until the wind is measured anew.
+    """How to leave a stop, until the wind is measured anew or it is time to look again.
 
     Attributes
     ----------
@@ -236,11 +238,14 @@ class Departure:
         Take-off with at least this charge.
     need : callable
         Charge without which the flight is not begun at a time, POSIX seconds.
+    look_s : float
+        Decide anew then, POSIX seconds.
     """
 
     segments: tuple[int, ...]
     charge: float
     need: Callable[[float], float]
+    look_s: float = math.inf
 
 
 @runtime_checkable
@@ -371,9 +376,12 @@ def _standing(truths: Truths, problem: Problem, stay: _Stay, time_s: float, soc:
     busy = {problem.network.stations[node].id: paths[node].present_at(time_s) for node in nodes}
     if stay.station in busy and time_s > stay.landed_s:  # who came after it does not stand before it in the line
         path = paths[stay.node]
-        left = np.searchsorted(path.left_s, time_s, side="right") - np.searchsorted(path.left_s, stay.landed_s, side="right")
+        left = np.searchsorted(path.left_s, time_s, side="right") - np.searchsorted(
+            path.left_s, stay.landed_s, side="right"
+        )
         busy[stay.station] = max(path.present_at(stay.landed_s) - int(left), 0)
-    return Standing(stay.node, stay.station, time_s, soc, stay.visited, wind, busy)
+    energy = float(truths.energy[stay.run]) if stay.visited else math.nan
+    return Standing(stay.node, stay.station, time_s, soc, stay.visited, wind, busy, energy)
 
 
 def _fly_adaptive(
@@ -389,13 +397,13 @@ def _fly_adaptive(
     def charge_at(time_s: float) -> float:
         return float(np.interp(begun + time_s - pad_s, curve_s, curve_soc)) if time_s > pad_s else stay.soc
 
-    for _ in range(HORIZON_H):
+    wind = truths.wind
+    end_s = wind.start_s + wind.slots * wind.slot_s
+    while now < end_s:
         way = policy.leave(_standing(truths, problem, stay, now, soc))
         if way is None:
             return None
-        wind = truths.wind
-        new_wind_s = wind.start_s + (wind.slot_at(now) + 1) * wind.slot_s
-        until = new_wind_s if wind.slot_at(now) < wind.slots - 1 else math.inf
+        until = min(wind.start_s + (wind.slot_at(now) + 1) * wind.slot_s, max(way.look_s, now + _AGAIN_S))
         segments = np.array(way.segments, dtype=np.int64)
         at = now
         while at < until:
@@ -410,9 +418,7 @@ def _fly_adaptive(
                 at = max(reached, at + _AGAIN_S)
             else:
                 break
-        if not until < math.inf:
-            return None
-        now, soc = new_wind_s, charge_at(new_wind_s)
+        now, soc = until, charge_at(until)
     return None
 
 

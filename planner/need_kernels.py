@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled
+from models.compiled import compiled, compiled_lean
 from models.flight import Air
-from models.flight_kernels import NEVER, land, slot_end, slot_of, wind_on
+from models.flight_kernels import NEVER, land, segment_speed, slot_end, slot_of, wind_on
 from models.wind import MIN_GROUND_SPEED_MPS
 from planner.evaluation_kernels import LATERAL
 
@@ -29,6 +29,8 @@ WORST = 12
 what the mildest of these does, which is no less than they need."""
 STEADY = 3.0
 """Standard deviations of what is unsure at which the time that it costs is worked out; it is taken as linear in them."""
+SURE = 6.5
+"""Standard deviations beyond which nothing is expected: 4e-11."""
 _ROUNDS = 14  # of bisection: the charge is found to 1e-4 of the spread
 
 
@@ -75,36 +77,41 @@ class Known(NamedTuple):
 
 
 @compiled
-def expected_winds(
-    known: Known, first: int, wind_north: NDArray[np.float64], wind_east: NDArray[np.float64], count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Members from slot `first` on as seen with the wind measured in it, or as they are where nobody measures.
+def residuals(
+    known: Known, first: int, wind_north: NDArray[np.float64], wind_east: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How much the wind measured in slot `first` is more than each member says, towards north and east, shape (members, sites).
 
-    Returns
-    -------
-    north, east : ndarray, shape (members, count, sites)
-        Shifted members.
-    miss : ndarray, shape (members,)
-        Mean square of the residual of one component, m2/s2.
+    Nothing where nobody measures.
     """
     air = known.air
-    members, slots, sites = air.north.shape
-    north, east = np.empty((members, count, sites)), np.empty((members, count, sites))
-    miss = np.zeros(members)
-    fade = np.exp(-np.arange(count) * air.slot_s / known.tau_s)
-    for m in range(members):
-        for site in range(sites):
-            dn = wind_north[site] - air.north[m, first, site] if known.measured else 0.0
-            de = wind_east[site] - air.east[m, first, site] if known.measured else 0.0
-            miss[m] += (dn * dn + de * de) / (2.0 * sites)
-            for k in range(count):
-                slot = min(first + k, slots - 1)
-                north[m, k, site] = air.north[m, slot, site] + dn * fade[k]
-                east[m, k, site] = air.east[m, slot, site] + de * fade[k]
-    return north, east, miss
+    members, _, sites = air.north.shape
+    north, east = np.zeros((members, sites)), np.zeros((members, sites))
+    if known.measured:
+        for m in range(members):
+            for site in range(sites):
+                north[m, site] = wind_north[site] - air.north[m, first, site]
+                east[m, site] = wind_east[site] - air.east[m, first, site]
+    return north, east
 
 
 @compiled
+def chances(known: Known, row: int, north: NDArray[np.float64], east: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Probability of each member, but for a factor, given its residuals; shape (members,)."""
+    members, sites = north.shape
+    miss, out = np.zeros(members), np.zeros(members)
+    least = NEVER
+    for m in range(members):
+        for site in range(sites):
+            miss[m] += (north[m, site] * north[m, site] + east[m, site] * east[m, site]) / (2.0 * sites)
+        if known.share[row, m] > 0.0:
+            least = min(least, miss[m])
+    for m in range(members):
+        out[m] = known.share[row, m] * math.exp(-0.5 * (miss[m] - least) / (known.sigma_mps * known.sigma_mps))
+    return out
+
+
+@compiled_lean
 def gust_mean(known: Known, flight_s: float) -> float:
     """Standard deviation of the mean of a flight's gusts, as a share of the wind.
 
@@ -115,7 +122,7 @@ def gust_mean(known: Known, flight_s: float) -> float:
     return known.gust_sd * math.sqrt(2.0 * x * (1.0 - x * (1.0 - math.exp(-1.0 / x))))
 
 
-@compiled
+@compiled_lean
 def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], depart_s: float, gust: float) -> float:
     """Touch-down of a flight through wind that is worse all the way than the member says, by `STEADY` deviations.
 
@@ -132,9 +139,11 @@ def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], 
             along = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
             across = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
             speed = along + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
-            unsure = known.sigma_mps * known.smoothing
-            unsure *= math.sqrt(1.0 - math.exp(-2.0 * (slot - first) * air.slot_s / known.tau_s))
-            speed -= STEADY * math.hypot(gust * math.hypot(along, LATERAL * across), unsure)
+            square = gust * gust * (along * along + LATERAL * LATERAL * across * across)
+            if slot > first:
+                unsure = known.sigma_mps * known.smoothing
+                square += unsure * unsure * (1.0 - math.exp(-2.0 * (slot - first) * air.slot_s / known.tau_s))
+            speed -= STEADY * math.sqrt(square)
             speed = min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
             end = slot_end(air, slot)
             if now + left / speed <= end:
@@ -147,31 +156,54 @@ def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], 
 
 
 @compiled
+def careful_speeds(
+    air: Air, member: int, slots: NDArray[np.int64], segments: NDArray[np.int64], gust: float
+) -> NDArray[np.float64]:
+    """Ground speeds with a gust against every flight, `gust` as a share of the wind, shape (slots, segments); 0 where closed."""
+    out = np.zeros((len(slots), len(segments)))
+    for row in range(len(slots)):
+        for column in range(len(segments)):
+            speed = segment_speed(air, member, slots[row], segments[column])
+            if speed > 0.0:
+                north, east = wind_on(air, member, slots[row], segments[column])
+                along = north * air.cos_bearing[segments[column]] + east * air.sin_bearing[segments[column]]
+                across = east * air.cos_bearing[segments[column]] - north * air.sin_bearing[segments[column]]
+                true = along + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
+                speed = true - gust * math.hypot(along, LATERAL * across)
+                out[row, column] = min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
+    return out
+
+
+@compiled
 def _worst_first(
     air: Air,
     segments: NDArray[np.int64],
+    first: int,
     north: NDArray[np.float64],
     east: NDArray[np.float64],
+    fade: NDArray[np.float64],
     chance: NDArray[np.float64],
 ) -> NDArray[np.int64]:
-    """Members that count, those with the strongest wind against the way as a whole first."""
+    """Members that count, those with the strongest wind against the way as a whole first.
+
+    `north` and `east` are their residuals, shape (members, sites), which fade by `fade` from slot to slot.
+    """
     to_north, to_east = 0.0, 0.0
     for segment in segments:
         to_north += air.distance_m[segment] * air.cos_bearing[segment]
         to_east += air.distance_m[segment] * air.sin_bearing[segment]
-    score = np.empty(len(chance))
-    for m in range(len(chance)):
-        score[m] = NEVER
-        if chance[m] > LEAST_CHANCE:
-            score[m] = 0.0
-            for k in range(min(2, north.shape[1])):
-                for site in range(north.shape[2]):
-                    score[m] += to_north * north[m, k, site] + to_east * east[m, k, site]
-    order = np.argsort(score)
+    which, score = np.empty(len(chance), dtype=np.int64), np.empty(len(chance))
     count = 0
-    while count < len(order) and score[order[count]] < NEVER:
-        count += 1
-    return order[:count]
+    for m in range(len(chance)):
+        if chance[m] > LEAST_CHANCE:
+            which[count], score[count] = m, 0.0
+            for k in range(min(2, len(fade))):
+                slot = min(first + k, air.north.shape[1] - 1)
+                for site in range(north.shape[1]):
+                    score[count] += to_north * (air.north[m, slot, site] + north[m, site] * fade[k])
+                    score[count] += to_east * (air.east[m, slot, site] + east[m, site] * fade[k])
+            count += 1
+    return which[:count][np.argsort(score[:count])]
 
 
 @compiled
@@ -192,8 +224,10 @@ def flight_energy(
     air = known.air
     first = slot_of(air, time_s)
     count = int(math.ceil(2.0 * 3600.0 / air.slot_s)) + 1
-    members = air.north.shape[0]
-    north, east, miss = expected_winds(known, first, wind_north, wind_east, count)
+    members, slots, sites = air.north.shape
+    fade = np.exp(-np.arange(count) * air.slot_s / known.tau_s)
+    residual_north, residual_east = residuals(known, first, wind_north, wind_east)
+    north, east = np.empty((1, count, sites)), np.empty((1, count, sites))
     seen = Air(
         air.start_s + first * air.slot_s,
         air.slot_s,
@@ -209,14 +243,8 @@ def flight_energy(
         air.climb_s,
         air.descent_s,
     )
-    least = NEVER
-    for m in range(members):
-        if known.share[row, m] > 0.0:
-            least = min(least, miss[m])
-    chance = np.zeros(members)
-    for m in range(members):
-        chance[m] = known.share[row, m] * math.exp(-0.5 * (miss[m] - least) / (known.sigma_mps * known.sigma_mps))
-    order = _worst_first(air, segments, north, east, chance)
+    chance = chances(known, row, residual_north, residual_east)
+    order = _worst_first(air, segments, first, residual_north, residual_east, fade, chance)
     energy, spread, share = np.empty(members + 1), np.empty(members + 1), np.empty(members + 1)
     flying, total, low, high, mildest = 0, 0.0, NEVER, 0.0, 0
     seen_enough = 0
@@ -224,11 +252,16 @@ def flight_energy(
         if flying >= WORST:
             break
         seen_enough += 1
-        down = land(seen, m, segments, time_s)
+        for k in range(count):
+            slot = min(first + k, slots - 1)
+            for site in range(sites):
+                north[0, k, site] = air.north[m, slot, site] + residual_north[m, site] * fade[k]
+                east[0, k, site] = air.east[m, slot, site] + residual_east[m, site] * fade[k]
+        down = land(seen, 0, segments, time_s)
         if down == NEVER:
             continue
         flight = down - time_s
-        slow = slow_land(known, seen, m, segments, time_s, gust_mean(known, flight)) - down
+        slow = slow_land(known, seen, 0, segments, time_s, gust_mean(known, flight)) - down
         energy[flying] = cost[1] + cost[0] * flight
         spread[flying] = max(cost[0] * slow / STEADY, 1e-9)
         share[flying] = chance[m]
@@ -249,7 +282,9 @@ def flight_energy(
         middle = 0.5 * (low + high)
         beyond = 0.0
         for m in range(flying):
-            beyond += share[m] * 0.5 * math.erfc((middle - energy[m]) / spread[m] * math.sqrt(0.5))
+            off = (middle - energy[m]) / spread[m]
+            if off < SURE:
+                beyond += share[m] * 0.5 * math.erfc(off * math.sqrt(0.5))
         if beyond > known.epsilon * total:
             low = middle
         else:
@@ -275,7 +310,7 @@ def energy_about(
     return max(need, _energy_at(known, row, truth, member, segments, cost, table, slot, 2 * k + 2))
 
 
-@compiled
+@compiled_lean
 def next_change(truth: Air, time_s: float) -> float:
     """First time after one from which on `energy_about` may say something else."""
     over = truth.start_s + (int((time_s - truth.start_s) // GRID_S) + 1) * GRID_S

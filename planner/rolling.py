@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from models.errors import InfeasibleError
 from models.forecast_update import update_forecast
 from models.wind_field import WindObservation
+from planner.evaluation_flights import Departure
 from planner.evaluation_truths import USUAL_ERRORS, Errors
+from planner.hindsight import Hindsight, standing_at
 from planner.problem import Problem
-from planner.robust import RobustSearch
 
 if TYPE_CHECKING:
     from models.wind_forecast import WindEnsemble
-    from planner.charge_policy import ChargePolicy
     from planner.evaluation_flights import Standing
 
 SITE_VARIANCE = 0.05
 """Of a component of the hourly wind measured at a site, m2/s2."""
-
-SWITCH_S = 900.0
-"""What it costs to give up a route for another, about: a landing more, and the wait for a pad."""
+LOOK_S = 300.0
+"""A drone that waits for a pad, or for room elsewhere, looks again after so long."""
 
 
 def with_measured(forecast: WindEnsemble, standing: Standing) -> WindEnsemble:
@@ -36,7 +35,7 @@ def with_measured(forecast: WindEnsemble, standing: Standing) -> WindEnsemble:
 
 @dataclass(frozen=True)
 class RollingRobust:
-    """A policy for `planner.evaluate.fly_policy`: plans anew at every stop, and charges by what is known until it leaves.
+    """A policy for `planner.evaluate.fly_policy`: decides anew at every stop and over the stations on its way.
 
     Attributes
     ----------
@@ -49,13 +48,31 @@ class RollingRobust:
     start: Problem
     errors: Errors = USUAL_ERRORS
 
-    def rule(self, standing: Standing) -> ChargePolicy | None:
-        """The best policy from here; its first flight is flown."""
+    def leave(self, standing: Standing) -> Departure | None:
+        """The step with the least expected arrival."""
+        seen = self._seen(standing, in_flight=False)
+        step = seen.choose()
+        p = seen.problem
+        waits = p.has_pads(p.origin) and standing.busy.get(standing.station, 0) >= p.network.pads[p.origin]
+        look_s = standing.time_s + LOOK_S if waits or not seen.roomy_way else math.inf
+        if not step.segments:
+            return Departure((), 1.0, lambda _: math.inf, look_s)
+        sure = step.segments[: step.sure]
+        return Departure(step.segments, step.charge, lambda time_s: seen.need(sure, time_s), look_s)
+
+    def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
+        """On to the end while that is safe; else what is best from here."""
+        seen = self._seen(flying, in_flight=True)
+        p = seen.problem
+        end = int(p.network.head[rest[-1]])
+        if seen.roomy[end] and seen.need(rest, p.depart_s) <= p.soc:
+            return rest
+        return seen.choose().segments
+
+    def _seen(self, standing: Standing, *, in_flight: bool) -> Hindsight:
         p = self.start
         request = replace(p.request, state=standing.state())
-        forecast = with_measured(p.ensemble, standing)
-        problem = Problem(p.scenario, request, p.drone, forecast)
-        try:
-            return RobustSearch(problem, errors=self.errors, switch_s=SWITCH_S).candidates()[0].policy
-        except InfeasibleError:
-            return None
+        now = Problem(p.scenario, request, p.drone, with_measured(p.ensemble, standing))
+        if in_flight:
+            now = standing_at(now, now.origin, standing.time_s, standing.soc, in_flight=True)
+        return Hindsight(now, self.errors, energy=standing.energy)
