@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from models.compiled import compiled
+from models.compiled import compiled_lean
 from models.wind import MIN_GROUND_SPEED_MPS
 
 if TYPE_CHECKING:
@@ -18,14 +18,14 @@ NEVER = math.inf
 SLOT_EDGE_S = 1e-6  # a time this close below a boundary counts as beyond it, so that no step has length zero
 
 
-@compiled
+@compiled_lean
 def slot_of(air: Air, time_s: float) -> int:
     """Slot that holds a time; times outside the series use its first or last slot."""
     slot = int(math.floor((time_s + SLOT_EDGE_S - air.start_s) / air.slot_s))
     return min(max(slot, 0), air.north.shape[1] - 1)
 
 
-@compiled
+@compiled_lean
 def slot_end(air: Air, slot: int) -> float:
     """POSIX seconds at which a slot ends; the last one never does."""
     if slot >= air.north.shape[1] - 1:
@@ -33,7 +33,7 @@ def slot_end(air: Air, slot: int) -> float:
     return air.start_s + (slot + 1) * air.slot_s
 
 
-@compiled
+@compiled_lean
 def wind_on(air: Air, member: int, slot: int, segment: int) -> tuple[float, float]:
     """Wind (north, east) over a segment in one slot of one member."""
     north = 0.0
@@ -44,7 +44,7 @@ def wind_on(air: Air, member: int, slot: int, segment: int) -> tuple[float, floa
     return north, east
 
 
-@compiled
+@compiled_lean
 def segment_speed(air: Air, member: int, slot: int, segment: int) -> float:
     """Ground speed over a segment in one slot (equations 1-5); 0 where it cannot be flown."""
     north, east = wind_on(air, member, slot, segment)
@@ -59,7 +59,7 @@ def segment_speed(air: Air, member: int, slot: int, segment: int) -> float:
     return min(speed, air.max_ground_speed_mps)
 
 
-@compiled
+@compiled_lean
 def cruise(air: Air, member: int, segment: int, time_s: float) -> float:
     """Time at which a segment entered at `time_s` is left again; never where a slot on the way forbids it."""
     left = air.distance_m[segment]
@@ -77,7 +77,7 @@ def cruise(air: Air, member: int, segment: int, time_s: float) -> float:
         slot += 1
 
 
-@compiled
+@compiled_lean
 def land(air: Air, member: int, segments: NDArray[np.int64], depart_s: float) -> float:
     """Touch-down of a flight over segments that takes off at `depart_s`; never where it is not flyable."""
     now = depart_s + air.climb_s
@@ -97,7 +97,7 @@ def land(air: Air, member: int, segments: NDArray[np.int64], depart_s: float) ->
     return now
 
 
-@compiled
+@compiled_lean
 def next_opening(air: Air, member: int, segments: NDArray[np.int64], time_s: float) -> float:
     """First time from `time_s` on at which a take-off makes a flyable flight; never where the wind stays over limits."""
     now = time_s
@@ -110,7 +110,7 @@ def next_opening(air: Air, member: int, segments: NDArray[np.int64], time_s: flo
         now = end
 
 
-@compiled
+@compiled_lean
 def leg(air: Air, member: int, segment: int, time_s: float) -> tuple[float, float]:
     """Take-off and touch-down of a one-segment flight that leaves at `time_s` or, held by the wind, when it first can."""
     off = time_s

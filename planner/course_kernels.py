@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled
+from models.compiled import compiled, compiled_lean
 from models.flight_kernels import NEVER, next_opening, segment_speed, slot_end, slot_of
 from planner.evaluation_kernels import gusty_land
 from planner.profile_kernels import interpolate
@@ -67,7 +67,7 @@ class Waits(NamedTuple):
     wait_s: NDArray[np.float64]
 
 
-@compiled
+@compiled_lean
 def expected_pad(waits: Waits, hop: int, time_s: float) -> float:
     """When a drone that arrives at a time can expect a pad."""
     x = (time_s - waits.start_s) / waits.step_s
@@ -80,19 +80,19 @@ def expected_pad(waits: Waits, hop: int, time_s: float) -> float:
     return time_s + waits.wait_s[hop, k] + (x - k) * (waits.wait_s[hop, k + 1] - waits.wait_s[hop, k])
 
 
-@compiled
+@compiled_lean
 def _interval(queues: Queues, entry: int, time_s: float) -> int:
     low, high = queues.offset[entry], queues.offset[entry + 1]
     return max(low + np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, low)
 
 
-@compiled
+@compiled_lean
 def sampled_spot(queues: Queues, entry: int, time_s: float) -> float:
     """When a drone that arrives at a time can touch down."""
     return max(time_s, queues.land_s[_interval(queues, entry, time_s)])
 
 
-@compiled
+@compiled_lean
 def sampled_pad(queues: Queues, entry: int, time_s: float) -> float:
     """When a drone that arrives at a time gets a pad."""
     k = _interval(queues, entry, time_s)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled
+from models.compiled import compiled_lean
 from models.flight_kernels import NEVER, land, slot_end, slot_of, wind_on
 from models.wind import MIN_GROUND_SPEED_MPS
 
@@ -65,7 +65,7 @@ def plain_sky(runs: int) -> Sky:
     return Sky(np.arange(runs), np.ones(runs), np.zeros(runs, dtype=np.uint64), 0.0, 1.0)
 
 
-@compiled
+@compiled_lean
 def mixed(z: np.uint64) -> np.uint64:
     """Scramble 64 bits (the finaliser of SplitMix64)."""
     z = (z ^ (z >> _S30)) * _MIX_1
@@ -73,7 +73,7 @@ def mixed(z: np.uint64) -> np.uint64:
     return z ^ (z >> _S31)
 
 
-@compiled
+@compiled_lean
 def deviates(key: np.uint64, step: int) -> tuple[float, float]:
     """Two independent standard normal deviates of a step of time."""
     counter = np.uint64(step) * _TWO
@@ -84,7 +84,7 @@ def deviates(key: np.uint64, step: int) -> tuple[float, float]:
     return radius * math.cos(angle), radius * math.sin(angle)
 
 
-@compiled
+@compiled_lean
 def gust_at(key: np.uint64, step: int, phi: float) -> tuple[float, float]:
     """Gust along and across the wind in a step of time, in standard deviations, from its past."""
     scale = math.sqrt(1.0 - phi * phi)
@@ -97,7 +97,7 @@ def gust_at(key: np.uint64, step: int, phi: float) -> tuple[float, float]:
     return along, across
 
 
-@compiled
+@compiled_lean
 def gusty_speed(air: Air, member: int, slot: int, segment: int, gust: tuple[float, float], gust_sd: float) -> float:
     """Ground speed over a segment in a gust (equations 1-5); a gust slows a flight, but does not end it."""
     north, east = wind_on(air, member, slot, segment)
@@ -111,7 +111,7 @@ def gusty_speed(air: Air, member: int, slot: int, segment: int, gust: tuple[floa
     return float(min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps))
 
 
-@compiled
+@compiled_lean
 def gusty_land(
     air: Air, member: int, segments: NDArray[np.int64], depart_s: float, key: np.uint64, gust_sd: float, time_s: float
 ) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled
+from models.compiled import compiled, compiled_lean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,7 +56,7 @@ class Present(NamedTuple):
     left_s: NDArray[np.float64]
 
 
-@compiled
+@compiled_lean
 def chance_full(pads: int, spots: int, arrivals: float, services: float, present: int) -> float:
     """Chance that all pads and spots are taken after a while in which `arrivals` others are expected.
 
@@ -111,7 +111,7 @@ def chances(
     return out
 
 
-@compiled
+@compiled_lean
 def _others(queues: Queues, there: Present, entry: int, time_s: float) -> int:
     """Others at the station of an entry at a time."""
     low, high = queues.offset[entry], queues.offset[entry + 1]
@@ -120,7 +120,7 @@ def _others(queues: Queues, there: Present, entry: int, time_s: float) -> int:
     return int(there.at_start[entry] + came - left)
 
 
-@compiled
+@compiled_lean
 def _enough(room: Room, hop: int, present: int, flight_s: float) -> bool:
     """Tell whether the station at the end of a hop has room, likely enough, after a flight, with so many there now."""
     full = chance_full(
@@ -133,13 +133,13 @@ def _enough(room: Room, hop: int, present: int, flight_s: float) -> bool:
     return full <= room.most
 
 
-@compiled
+@compiled_lean
 def is_room(room: Room, hop: int, queues: Queues, there: Present, entry: int, time_s: float, flight_s: float) -> bool:
     """Tell whether the station at the end of a hop has room, likely enough, after a flight that begins at a time."""
     return _enough(room, hop, _others(queues, there, entry, time_s), flight_s)
 
 
-@compiled
+@compiled_lean
 def next_look(
     room: Room, hop: int, queues: Queues, there: Present, entry: int, time_s: float, flight_s: float, until_s: float
 ) -> float:
