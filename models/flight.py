@@ -104,14 +104,13 @@ def air_over(
         Planned airspeed; the drone's cruise airspeed by default.
     """
     wind = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
-    lat, lon = network.midpoints
     bearing = np.radians(network.bearing_deg)
     return Air(
         start_s=float(wind.start_s),
         slot_s=float(wind.slot_s),
         north=np.ascontiguousarray(wind.north),
         east=np.ascontiguousarray(wind.east),
-        weight=np.ascontiguousarray(wind.idw_weights(lat, lon, wind.site_lat, wind.site_lon)),
+        weight=network.site_weights(wind.site_lat, wind.site_lon),
         cos_bearing=np.cos(bearing),
         sin_bearing=np.sin(bearing),
         distance_m=np.ascontiguousarray(network.distance_m),

@@ -12,6 +12,7 @@ import numpy as np
 
 from models import geodesy
 from models.errors import Fault, InputError
+from models.wind_ensemble import WindEnsemble
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -171,6 +172,22 @@ class Network:
         """(lat, lon) half-way along each segment, degrees, shape (segments,) each."""
         return geodesy.midpoint(self.lat[self.tail], self.lon[self.tail], self.bearing_deg, self.distance_m)
 
+    def site_weights(self, site_lat: NDArray[np.float64], site_lon: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Weights of wind sites half-way along each segment, shape (segments, sites), worked out once for these sites.
+
+        See `models.wind_ensemble.WindEnsemble.idw_weights`.
+        """
+        sites = np.array((site_lat, site_lon), dtype=np.float64)
+        found = self._site_weights.get(sites.tobytes())
+        if found is None:
+            found = np.ascontiguousarray(WindEnsemble.idw_weights(*self.midpoints, *sites))
+            self._site_weights[sites.tobytes()] = found
+        return found
+
+    @cached_property
+    def _site_weights(self) -> dict[bytes, NDArray[np.float64]]:
+        return {}
+
     @cached_property
     def graph(self) -> nx.DiGraph:
         """The same as a networkx graph: station ids with their attributes, edges with distance and bearing."""
@@ -281,7 +298,7 @@ class Network:
         tail = np.concatenate((self.tail, star.tail))
         head = np.concatenate((self.head, star.head))
         order = np.lexsort((head, tail))
-        return Network(
+        joined = Network(
             stations=star.stations,
             tail=tail[order],
             head=head[order],
@@ -290,19 +307,24 @@ class Network:
             rule=self.rule,
             zones=self.zones,
         )
+        for key, weights in self._site_weights.items():  # what is known of the old segments need not be found again
+            sites = np.frombuffer(key).reshape(2, -1)
+            joined._site_weights[key] = np.concatenate((weights, star.site_weights(*sites)))[order]
+        return joined
 
     def _near(self, lat: float, lon: float) -> NDArray[np.int64]:
         """Stations that the network's rule joins to a position."""
-        north, east = geodesy.local_offsets_m(self.lat, self.lon, lat, lon)
-        reach = np.hypot(north, east)
         limit = float(self.distance_m.max(initial=0.0)) if self.rule is None else self.rule.max_length_m
-        near = np.flatnonzero(reach <= limit)
-        near = near[np.argsort(reach[near], kind="stable")]
+        near = np.flatnonzero(geodesy.coarse_distance_m(lat, lon, self.lat, self.lon) <= 1.01 * limit)
+        north, east = geodesy.local_offsets_m(self.lat[near], self.lon[near], lat, lon)
+        reach = np.hypot(north, east)
+        order = np.argsort(reach, kind="stable")
+        order = order[reach[order] <= limit]
         if self.rule is not None and self.rule.kind == "nearest":
-            near = near[: self.rule.nearest]
+            order = order[: self.rule.nearest]
         if self.rule is not None and self.rule.kind == "gabriel":
-            near = near[_free_circles(np.column_stack((north, east))[near])]
-        return np.sort(near)
+            order = order[_free_circles(np.column_stack((north, east))[order])]
+        return np.sort(near[order])
 
     def with_pads(self, pads: int) -> Network:
         """Return the same network with that many pads at every station that has any."""
