@@ -15,6 +15,7 @@ import time
 from dataclasses import asdict, dataclass, replace
 from datetime import date, datetime, timedelta
 from datetime import time as daytime
+from functools import cache
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
@@ -23,7 +24,8 @@ import numpy as np
 from benchmarks.deliveries import Stage, Story, newyork
 from link.supervisor import Scripted, read_journal
 from models import geodesy
-from models.errors import InfeasibleError
+from models.errors import InfeasibleError, InputError
+from planner.problem import HORIZON_H
 from planner.replan import DEFAULT_PLANNER
 from sim_stub.faults import parse_fault
 from sim_stub.transports.channel import Impairment
@@ -60,10 +62,22 @@ class Told:
         return self.crashed or self.true_station is None or self.state not in ("delivered", "stopped-safe")
 
 
+@cache
 def days() -> list[date]:
     """Days of 2013 that nothing else uses as a set."""
     first = date(2013, 1, 6)
-    return [day for day in (first + timedelta(days=n) for n in range(350)) if day.toordinal() % 7 == REMAINDER]
+    found = [day for day in (first + timedelta(days=n) for n in range(350)) if day.toordinal() % 7 == REMAINDER]
+    return [day for day in found if _is_whole(day)]
+
+
+def _is_whole(day: date) -> bool:
+    """Whether the record has all of a day and the next one."""
+    begins = datetime.combine(day, daytime(0), LOCAL)
+    try:
+        newyork().truth(day, begins, HORIZON_H)
+    except InputError:
+        return False
+    return True
 
 
 def story_of(seed: int) -> tuple[Story, tuple[str, ...]]:

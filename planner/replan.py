@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from planner.request import Request
 
 Action = Literal["continue", "speed", "charge", "wait", "station", "divert", "land", "stop"]
-CLOSED = 4
-"""So many first flights that cannot be begun are left out one after the other before it is given up."""
+MORE = (1.15, 1.3, 1.5)
+"""Where the first flight of a plan cannot be begun, it is left out, and more energy is planned with, before it is given up."""
 DEFAULT_PLANNER = "robust"
 """Planner of replanning where none is named."""
 
@@ -243,11 +243,10 @@ class GroundReplanner:
         reach = self.reach(forecast, belief.next_flight())
         load = reach.mean_load(reach.way(standing.station, (), self.request.destination), standing.time_s)
         most = load if reach.load is None else max(load, float(reach.load.factor(reach.airspeed_mps)))
-        strict = self.settings.strict_sigmas
-        attempts = [(load, self.settings.plan_sigmas), (load, strict), *[(most, strict)] * CLOSED]
+        usual, strict = (reach.belief.cautious(s) for s in (self.settings.plan_sigmas, self.settings.strict_sigmas))
         reason = ""
-        for load_factor, sigmas in attempts:
-            problem = self._problem(standing, forecast, load_factor * reach.belief.cautious(sigmas))
+        for factor in (load * usual, most * usual, most * strict, *(more * most * strict for more in MORE)):
+            problem = self._problem(standing, forecast, factor)
             kept = None if current is None else self._kept(problem, current, standing)
             fresh, why_not = self._fresh(standing, problem, forecast)
             reason = reason or why_not
@@ -258,10 +257,10 @@ class GroundReplanner:
                     new = candidate is not kept
                     return replace(decision, figures={**decision.figures, "new_plan": new})
                 reason, barred = decision.reason, decision.station or "" if candidate is fresh else barred
-            if load_factor == most and sigmas == strict:  # a way that begins with another flight, while there is one
-                if barred in ("", self.request.destination):
-                    break
-                standing = replace(standing, unusable=standing.unusable | {barred})
+            if factor >= most * usual and barred not in ("", self.request.destination):
+                standing = replace(
+                    standing, unusable=standing.unusable | {barred}
+                )  # a way that begins with another flight
         return Decision("stop", reason, {"station": standing.station, "soc": standing.soc})
 
     # The candidates
