@@ -44,6 +44,8 @@ BANDWIDTH = 1.5
 the wind's changes from hour to hour have heavier tails. Chosen on held-out days: the reserve is kept in 999 of 1,000."""
 QUEUES = 32
 """Sampled sets of queues in a rehearsal."""
+CHOOSING, PROMISING = range(2)
+"""Sets of worlds: those in which routes are compared, and others in which is counted what the chosen one promises."""
 _GUSTS = 0x47
 
 
@@ -85,7 +87,12 @@ def left_out(ensemble: WindEnsemble) -> NDArray[np.float64]:
 
 
 def rehearsed_worlds(
-    problem: Problem, itinerary: Itinerary, errors: Errors, runs: int, most_truths: int | None = None
+    problem: Problem,
+    itinerary: Itinerary,
+    errors: Errors,
+    runs: int,
+    most_truths: int | None = None,
+    worlds: int = CHOOSING,
 ) -> tuple[NDArray[np.int64], Sky, list[QueuePath]]:
     """Worlds in which routes are tried, the same for all of one request: (member of each run, its sky, queue paths).
 
@@ -96,8 +103,8 @@ def rehearsed_worlds(
     members = np.repeat(chosen, max(1, round(runs / len(chosen))))
     sample = np.arange(len(members)) % QUEUES
     nodes = stop_nodes(problem, itinerary)
-    sets = [problem.queue_paths(dict.fromkeys(nodes), number) for number in range(QUEUES)]
-    rng = np.random.default_rng((problem.request.seed, _GUSTS))
+    sets = [problem.queue_paths(dict.fromkeys(nodes), worlds * QUEUES + number) for number in range(QUEUES)]
+    rng = np.random.default_rng((problem.request.seed, _GUSTS, worlds))
     table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
     energy = np.asarray(1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0), dtype=np.float64)
     sky = Sky(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s)
@@ -105,8 +112,8 @@ def rehearsed_worlds(
 
 
 def rehearse_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Outcome:
-    """What becomes of an itinerary flown as it stands in the worlds in which a `ChargePolicy` is rehearsed."""
-    members, sky, paths = rehearsed_worlds(problem, itinerary, errors, runs)
+    """What becomes of an itinerary flown as it stands in the worlds in which is counted what a `ChargePolicy` promises."""
+    members, sky, paths = rehearsed_worlds(problem, itinerary, errors, runs, worlds=PROMISING)
     start = (float(problem.depart_s), float(problem.soc))
     cost = (float(problem.soc_per_s), float(problem.soc_fixed))
     hops, queues = hops_of(problem, itinerary), Queues(*pack(paths))
@@ -227,7 +234,13 @@ class ChargePolicy:
         return flown[0], flown[1]
 
     def rehearse(
-        self, errors: Errors, runs: int, *, most_truths: int | None = None, before: Rehearsal | None = None
+        self,
+        errors: Errors,
+        runs: int,
+        *,
+        most_truths: int | None = None,
+        before: Rehearsal | None = None,
+        worlds: int = CHOOSING,
     ) -> Rehearsal:
         """Fly it out of sample: each member as the truth, forecast by the others, through `QUEUES` sets of queues.
 
@@ -241,9 +254,12 @@ class ChargePolicy:
             At most so many members are the truth.
         before : Rehearsal, optional
             Of the same flights, whose tables are used again.
+        worlds : int
+            ``CHOOSING`` or ``PROMISING``: other queues, gusts and vehicles in the same winds. The best of several routes
+            in some worlds is not as good in others.
         """
         p = self.problem
-        members, sky, paths = rehearsed_worlds(p, self.itinerary, errors, runs, most_truths)
+        members, sky, paths = rehearsed_worlds(p, self.itinerary, errors, runs, most_truths, worlds)
         tables = before.tables if before is not None else need_tables(p.air, len(self))
         course, strain = self.fly(p, sky, members, paths, share=left_out(p.ensemble), tables=tables)
         weight = p.probability[members]

@@ -3,9 +3,9 @@
 Routes are composed by the exact planner in worlds that stand for the forecast (`planner.equivalent`): that of the mean
 flight time at several margins, and some of its members with sampled queues. Each route is flown with charges decided at
 each stop (`planner.charge_policy`), every member being the truth once for a drone whose forecast lacks it. The best by
-the objective among those that keep the reserve is the answer; its margin is calibrated in the same way, and what is
-promised of it is what was counted there. Stations that may be full to the last holding spot are left out where
-another way exists: a drone that hovers lives on its reserve.
+the objective among those that keep the reserve is the answer; its margin is calibrated in the same way, among other queues
+and gusts than those it was chosen in, and what is promised of it is what was counted there. Stations that may be full to
+the last holding spot are left out where another way exists: a drone that hovers lives on its reserve.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.wind_ensemble import evenly
-from planner.charge_policy import ChargePolicy, Rehearsal, known_at, margin_for
+from planner.charge_policy import PROMISING, ChargePolicy, Rehearsal, known_at, margin_for
 from planner.equivalent import expected_queues
 from planner.evaluation_truths import USUAL_ERRORS, Errors
 from planner.exact import ExactSearch
@@ -206,7 +206,7 @@ class RobustSearch:
     def finish(self, candidates: list[Candidate]) -> RobustAnswer:
         """Calibrate the first of the candidates and tell what becomes of it."""
         policy = candidates[0].policy
-        rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=candidates[0].rehearsal)
+        rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=candidates[0].rehearsal, worlds=PROMISING)
         for _ in range(CALIBRATIONS):
             extra, margin = margin_for([rehearsal], self.problem.epsilon), policy.known.margin
             if extra <= margin + 1e-6:
@@ -214,7 +214,7 @@ class RobustSearch:
             policy = replace(policy, known=policy.known._replace(margin=extra))
             if extra <= margin + CLOSE:
                 break
-            rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=rehearsal)
+            rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=rehearsal, worlds=PROMISING)
         member, course = policy.nominal()
         outcome = rehearsal.outcome(self.problem)
         return RobustAnswer(policy.with_charges(course), member, course, rehearsal, outcome, tuple(candidates))
