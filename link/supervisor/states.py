@@ -1,6 +1,6 @@
 """The states of a supervised delivery, what may follow what, and how long each may last: one table.
 
-The pictures in the documentation are drawn from it (`mermaid`), and the supervisor refuses to leave it.
+Picture and table in the documentation are made from it, and the supervisor refuses to leave it.
 """
 
 from __future__ import annotations
@@ -163,19 +163,6 @@ def check(before: State, after: State) -> None:
     """Raise `OffTableError` for a step that the table does not allow."""
     if after not in TABLE[before].following:
         raise OffTableError(f"no way from the state {before} to {after}: a defect in skyway, please report it")
-
-
-def mermaid() -> str:
-    """Draw the table as a Mermaid diagram."""
-    name = {state: state.name.lower().replace("_", "") for state in State}
-    lines = ["stateDiagram-v2", "    direction LR"]
-    lines += [f'    state "{state}" as {name[state]}' for state in State]
-    lines.append(f"    [*] --> {name[State.CONNECTING]}")
-    for state, rule in TABLE.items():
-        lines += [f"    {name[state]} --> {name[following]}" for following in rule.following]
-        if not rule.following:
-            lines.append(f"    {name[state]} --> [*]")
-    return "\n".join(lines) + "\n"
 
 
 def markdown() -> str:

@@ -1,18 +1,23 @@
-"""Writes the table of states into its page: ``python tests/link/supervision_page.py``."""
+"""Writes the table of states into its page, and draws it: ``python tests/link/supervision_page.py``."""
 
 from pathlib import Path
 
-from link.supervisor.states import markdown, mermaid
+from states_picture import picture
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "explanation" / "supervision.md"
+from link.supervisor.states import markdown
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE, PICTURE = DOCS / "explanation" / "supervision.md", DOCS / "assets" / "supervision-states.svg"
 BEGIN, END = "<!-- states -->\n", "<!-- /states -->"
+LINK = "![States of a supervised delivery, and what may follow what](../assets/supervision-states.svg)"
 
 
 def drawn(text):
     """The page with the table as it is now."""
     before, rest = text.split(BEGIN)
-    return f"{before}{BEGIN}```mermaid\n{mermaid()}```\n\n{markdown()}{END}{rest.split(END)[1]}"
+    return f"{before}{BEGIN}{LINK}\n\n{markdown()}{END}{rest.split(END)[1]}"
 
 
 if __name__ == "__main__":
     PAGE.write_text(drawn(PAGE.read_text()))
+    PICTURE.write_text(picture())

@@ -3,7 +3,8 @@
 import json
 
 import pytest
-from supervision_page import PAGE, drawn
+from states_picture import drawn_edges, picture
+from supervision_page import PAGE, PICTURE, drawn
 
 from benchmarks.deliveries import Stage, Story
 from link.supervisor import Scripted, State, read_journal
@@ -71,6 +72,8 @@ def test_the_table_of_states_is_never_left_and_is_what_the_page_shows():
         reached |= wave
     assert reached == set(State)
     assert drawn(PAGE.read_text()) == PAGE.read_text(), "run: python tests/link/supervision_page.py"
+    assert picture() == PICTURE.read_text(), "run: python tests/link/supervision_page.py"
+    assert drawn_edges() == {(state, after) for state, rule in TABLE.items() for after in rule.following}
 
 
 def test_a_pilot_who_takes_over_is_not_commanded_until_the_operator_says_go(tmp_path):
