@@ -69,17 +69,16 @@ def drawn_edges():
 
 def picture():
     """Return the SVG."""
+    arrow = '<path d="M0,0 L8,4 L0,8 z" style="fill:#34495e;stroke:none"/>'
+    marker = '<marker id="a" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="8" markerHeight="8" orient="auto">'
     lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1165 560" role="img"><title>States of a supervised '
-        f"delivery</title><style>{STYLE}</style>",
-        '<defs><marker id="a" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="8" markerHeight="8" orient="auto">'
-        '<path d="M0,0 L8,4 L0,8 z" style="fill:#34495e;stroke:none"/></marker></defs>',
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1165 560" role="img">',
+        f"<title>States of a supervised delivery</title><style>{STYLE}</style>",
+        f"<defs>{marker}{arrow}</marker></defs>",
         '<rect x="0" y="0" width="1165" height="560" style="fill:#fff;stroke:none"/>',
     ]
-    for state in PLACES:
-        for other in TABLE[state].following:
-            if other in PLACES and other is not state:
-                lines.append(_arrow(state, other, back=state in TABLE[other].following and str(state) > str(other)))
+    pairs = [(s, o) for s in PLACES for o in TABLE[s].following if o in PLACES and o is not s]
+    lines += [_arrow(s, o, back=s in TABLE[o].following and str(s) > str(o)) for s, o in pairs]
     for state in PLACES:
         lines += _box(state)
     lines.append('<text x="20" y="420">A dot in a state: it may go on to the state of that colour.</text>')
