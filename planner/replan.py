@@ -17,10 +17,11 @@ from models.services import State
 from models.units import S_PER_H, S_PER_MIN, from_posix
 from planner.diverts import Reach
 from planner.itinerary import compose, typical_member
-from planner.plan import plan
+from planner.plan import ROBUST, plan
 from planner.problem import Problem
 from planner.replan_candidates import Candidate, best_charges, itinerary_of
 from planner.replan_departure import charge_needed, held_by_wind
+from planner.robust import RobustSearch
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,12 +32,13 @@ if TYPE_CHECKING:
     from models.services import Composition
     from models.wind_forecast import WindEnsemble
     from planner.energy_belief import EnergyBelief
+    from planner.itinerary import Itinerary, Outcome
     from planner.request import Request
 
 Action = Literal["continue", "speed", "charge", "wait", "station", "divert", "land", "stop"]
 MORE = (1.15, 1.3, 1.5)
 """Where the first flight of a plan cannot be begun, it is left out, and more energy is planned with, before it is given up."""
-DEFAULT_PLANNER = "robust"
+DEFAULT_PLANNER = ROBUST
 """Planner of replanning where none is named."""
 
 
@@ -279,14 +281,22 @@ class GroundReplanner:
         return Problem(scenario, replace(self.request, state=state), drone, forecast)
 
     def _fresh(self, standing: Grounded, problem: Problem, forecast: WindEnsemble) -> tuple[Candidate | None, str]:
+        if self.request.destination in standing.unusable:
+            return None, f"{self.request.destination} cannot be used now"
         try:
-            answer = plan(problem.scenario, problem.request, planner=self.planner, forecast=forecast)
+            itinerary, outcome = self._composed(problem, forecast)
         except InfeasibleError as error:
             return None, str(error)
-        if answer.composition.services[-1].destination in standing.unusable:
-            return None, f"{self.request.destination} cannot be used now"
-        found = best_charges(problem, answer.itinerary, self.settings.epsilon_later)
-        return found or Candidate(answer.itinerary, answer.outcome), ""
+        found = best_charges(problem, itinerary, self.settings.epsilon_later)
+        return found or Candidate(itinerary, outcome), ""
+
+    def _composed(self, problem: Problem, forecast: WindEnsemble) -> tuple[Itinerary, Outcome]:
+        """Compose; of ``robust`` the way is taken, for its charges and its promise are worked out anew here."""
+        if self.planner == ROBUST:
+            best = RobustSearch(problem).candidates()[0]
+            return best.policy.itinerary, best.outcome
+        answer = plan(problem.scenario, problem.request, planner=self.planner, forecast=forecast)
+        return answer.itinerary, answer.outcome
 
     def _kept(self, problem: Problem, current: Composition, standing: Grounded) -> Candidate | None:
         """Return the rest of the present plan, with charges that fit, flown through the newest forecast."""

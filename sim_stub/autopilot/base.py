@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from sim_stub.physics import Body
     from sim_stub.vehicle import Vehicle
 
+LOOK_S = 0.1
+"""Failsafes and parameters are looked at ten times a second, as the autopilots do."""
 _LANDED_AFTER_S = 1.0
 _CRASH_MPS = 4.0
 _BRAKING_MPS2 = 1.6
@@ -70,6 +72,7 @@ class Autopilot(Family):
         self.yaw_override_deg: float | None = None
         self.home: Home | None = None
         self.speeds = self.read_speeds()
+        self._look_s = -math.inf
 
     # What the behaviours ask
 
@@ -136,8 +139,10 @@ class Autopilot(Family):
 
     def step(self) -> Demand:
         """Decide what to ask of the airframe in this step of physics."""
-        self.speeds = self.read_speeds()
-        self.failsafes.check(self)
+        if self.sim_s >= self._look_s:
+            self._look_s = self.sim_s + LOOK_S - 1e-6
+            self.speeds = self.read_speeds()
+            self.failsafes.check(self)
         if self.terminated or not self.armed:
             return Demand(motors=False)
         if self.vehicle.battery.empty:
