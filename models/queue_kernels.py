@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from models.compiled import compiled
+from models.compiled import compiled, compiled_lean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,7 +26,7 @@ MAX_JUMPS = 100.0
 _MAX_TERMS = 256
 
 
-@compiled
+@compiled_lean
 def _poisson_weights(jumps: float, weight: Floats) -> int:
     """Fill `weight` with Poisson probabilities that sum to 1; return how many."""
     term = math.exp(-jumps)
@@ -43,7 +43,7 @@ def _poisson_weights(jumps: float, weight: Floats) -> int:
     return count
 
 
-@compiled
+@compiled_lean
 def _jump(
     current: Floats,
     after: Floats,

@@ -73,7 +73,7 @@ CHANCE_RUNS = 1.5
 LEAST_ARRIVE = 0.5
 """A route that does not arrive within the horizon this often is the last resort."""
 CALIBRATIONS = 2
-"""Times the margin is calibrated: the second time with the first one's margin in place."""
+"""Times the margin is calibrated: the second time with the first one's margin in place; once on large networks."""
 CLOSE = 0.003
 """A margin that is greater by no more than this changes nothing that is worth flying all deliveries again for."""
 
@@ -207,7 +207,7 @@ class RobustSearch:
         """Calibrate the first of the candidates and tell what becomes of it."""
         policy = candidates[0].policy
         rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=candidates[0].rehearsal, worlds=PROMISING)
-        for _ in range(CALIBRATIONS):
+        for _ in range(1 if self._large else CALIBRATIONS):
             extra, margin = margin_for([rehearsal], self.problem.epsilon), policy.known.margin
             if extra <= margin + 1e-6:
                 break
