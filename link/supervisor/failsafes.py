@@ -70,7 +70,7 @@ def _ardupilot(values: Mapping[str, float]) -> str:
     enabled = int(values.get("FS_GCS_ENABLE", 0))
     battery = _ARDUPILOT_BATTERY.get(int(values.get("BATT_FS_LOW_ACT", 0)), "does what BATT_FS_LOW_ACT says")
     share = values.get("BATT_LOW_MAH", 0.0) / max(values.get("BATT_CAPACITY", 1.0), 1.0)
-    low = f"at low battery ({100 * share:.0f} %) it {battery}"
+    low = f"at low battery ({100 * share:.0f} %) it {battery}" if share > 0.0 else "it has no threshold of low battery"
     if enabled == 0 or options & _CONTINUES_IN_AUTO:
         why = "FS_GCS_ENABLE 0" if enabled == 0 else "FS_OPTIONS"
         return f"it finishes its mission, lands and disarms there ({why}); {low}"
