@@ -7,7 +7,10 @@ from datetime import datetime
 import numpy as np
 import pytest
 
+from missions.examples import NEW_YORK
 from models import geodesy
+from models.drag import DragModel
+from models.scenario_file import read_scenario
 from models.services import State
 from models.wind_forecast import constant_wind
 from planner.diverts import Reach
@@ -198,6 +201,84 @@ def test_where_nothing_can_be_reached_it_lands_here(planner):
     assert diverted is not None
     assert diverted.action == "land"
     assert "no station can be reached" in diverted.reason
+
+
+def known_at(share, soc, **more):
+    """On the way from Bellevue to Yankee Stadium."""
+    network, (a, b) = NETWORK(), ("bellevue", "yankee-stadium")
+    places = [(float(network.lat[network.index[name]]), float(network.lon[network.index[name]])) for name in (a, b)]
+    here = tuple(s + share * (e - s) for s, e in zip(*places, strict=True))
+    given = {
+        "via": (),
+        "destination": b,
+        "commanded_mps": 20.0,
+        "diverts": ("bellevue", "belvedere", "columbia"),
+    } | more
+    return Airborne(here=here, time_s=DEPART.timestamp(), soc=soc, **given)
+
+
+def NETWORK():  # noqa: N802  read once
+    return read_scenario(NEW_YORK).network
+
+
+def test_what_keeps_the_reserve_and_delivers_first_is_taken(planner):
+    sure = EnergyBelief(1.0, 0.02, 0.02)
+    head = wind(8.0, 20.0)
+    decision = FlightReplanner(planner).decide(known_at(0.35, 0.40, sudden=True), head, sure)
+    assert decision.action == "divert", decision
+    options = decision.figures["options"]
+    assert len(options) > 1
+    assert all(one["p_below_reserve"] <= 0.05 for one in options)
+    arrivals = [one["arrival_s"] for one in options]
+    assert arrivals == sorted(arrivals)
+    assert decision.station == options[0]["station"]
+    assert decision.figures["p_below_reserve"] > 0.05
+    assert "the delivery comes in" in decision.reason
+
+
+def test_one_look_is_not_enough_unless_charge_was_lost_at_once(planner):
+    replanner = FlightReplanner(planner)
+    head = wind(8.0, 20.0)
+    looks = [replanner.decide(known_at(0.35, 0.40, commanded_mps=12.0), head, SURE).action for _ in range(3)]
+    assert looks == ["continue", "continue", "divert"]
+
+
+def test_a_divert_under_way_is_turned_only_where_the_battery_would_be_empty(planner):
+    to = {"destination": "columbia", "diverts": ("belvedere", "bellevue", "yankee-stadium")}
+    assert FlightReplanner(planner).watch(known_at(0.3, 0.2, **to), wind(), SURE).action in ("continue", "speed")
+    nearly = FlightReplanner(planner).watch(known_at(0.45, 0.035, sudden=True, **to), wind(8.0, 20.0), SURE)
+    assert nearly.action in ("divert", "land")
+
+
+def test_where_its_cost_is_known_another_airspeed_saves_what_is_lacking(newyork, request_):
+    loaded = GroundReplanner(newyork, request_, QUICK, drag=DragModel(linear_per_s=0.037, quadratic_per_m=0.005))
+    head, sure = wind(9.0, 20.0), EnergyBelief(1.0, 0.01, 0.01)
+    alone = known_at(0.3, 1.0, sudden=True, diverts=())
+    reach = loaded.reach(head, sure)
+    way = reach.way(alone.here, (), "yankee-stadium")
+    slow, fast = (float(reach.at_airspeed(v).to_the_end(way, alone.time_s).soc[0]) for v in (20.0, 22.0))
+    assert fast < slow - 0.01  # against the wind the faster drone is sooner there than it takes more
+    decision = FlightReplanner(loaded).decide(replace(alone, soc=0.2 + fast + 0.014), head, sure)
+    assert decision.action == "speed", decision
+    assert decision.figures["airspeed_mps"] == pytest.approx(22.0)
+    assert decision.speed_mps > 11.5
+    assert "through the air" in decision.reason
+    without = GroundReplanner(newyork, request_, QUICK)
+    assert FlightReplanner(without).decide(replace(alone, soc=0.2 + fast + 0.014), head, sure).action != "land"
+
+
+def test_a_first_flight_that_cannot_be_begun_is_planned_around(planner, composition):
+    heavy = EnergyBelief(1.9, 0.05, 0.05)
+    decision = planner.decide(standing(), composition, wind(6.0, 30.0), heavy)
+    if decision.action in ("wait", "stop"):
+        assert decision.reason
+        return
+    service = decision.composition.services[0]
+    reach = planner.reach(wind(6.0, 30.0), heavy.next_flight())
+    cost = reach.to_the_end(
+        reach.way(service.origin, service.via, service.destination), DEPART.timestamp(), climbs=True
+    )
+    assert float(reach.p_below(1.0, cost.soc[:, None], 0.2)[0]) <= 0.01
 
 
 def _without_flip_flop(planner, flights):
