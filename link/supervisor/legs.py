@@ -120,6 +120,8 @@ def plan_leg(
 
 def _leg(build: LegBuilder, service: DroneService, document: MissionDocument) -> LegMission:
     needs = replace(build.needs((service,), document), ground_speed_mps=build.max_speed_mps)
+    if build.options.release == "gripper":
+        needs = replace(needs, uses_gripper=True)  # a leg may be turned to the destination in flight
     places = [build.place(name) for name in (service.origin, *service.via, service.destination)]
     way = tuple((place.lat, place.lon) for place in places)
     return LegMission(document, build.dialect.parameters(needs), way)
