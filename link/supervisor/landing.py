@@ -14,6 +14,7 @@ from models.errors import LinkError
 if TYPE_CHECKING:
     from link.supervisor.context import After, Context
 
+RELEASES = 3
 PLACE_S = 60.0
 """So long we wait for a position after a landing."""
 
@@ -77,11 +78,16 @@ def _deliver(ctx: Context) -> After:
     """The package is released, by the gripper or by a person who says so."""
     destination = ctx.mandate.request.destination
     if ctx.mandate.options.release == "gripper":
-        try:
-            ctx.vehicle.release()
-        except LinkError as error:
-            ctx.note("release", f"the gripper was not opened: {error}")
-            return State.STOPPED, f"at {destination}, but the package is not released: {error}"
+        for attempt in range(RELEASES):
+            try:
+                ctx.vehicle.release()
+            except LinkError as error:
+                ctx.note("release", f"the gripper was not opened: {error}")
+                if attempt == RELEASES - 1:
+                    return State.STOPPED, f"at {destination}, but the package is not released: {error}"
+                ctx.wait(2.0)
+            else:
+                break
         ctx.note("release", "the gripper is open")
         return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.soc:.0f} %"
     if ctx.operator.present:
