@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -13,6 +14,7 @@ from skyway.cli import options
 from skyway.cli.aboard import AsJson, Link, linked
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from datetime import datetime
 
     from link.mavlink_vehicle import MavlinkVehicle
@@ -146,8 +148,7 @@ def fly(
         book.listeners.append(take)
         console.tell(f"journal: {path}")
         try:
-            with console.counting_interrupts(), view.shown():
-                service = _pads(pads, mandate, console, clock)
+            with console.counting_interrupts(), view.shown(), _pads(pads, mandate, console, clock) as service:
                 outcome = Supervisor(mandate, vehicle, clock, service, console, book, resume=resume is not None).run()
         finally:
             book.close()
@@ -191,13 +192,17 @@ def _journal_path(folder: Path, name: str) -> Path:
     return folder / name
 
 
-def _pads(text: str, mandate: Mandate, console: Console, clock: Clock) -> PadService:
+@contextmanager
+def _pads(text: str, mandate: Mandate, console: Console, clock: Clock) -> Iterator[PadService]:
+    """Serve the pads that were asked for, and hang up at the end."""
     from link.pads import ManualPads, TcpPads
 
     if text != "manual":
-        return TcpPads(text)
+        with closing(TcpPads(text)) as service:
+            yield service
+        return
     known = {station.id: station.pads for station in mandate.scenario.network.stations}
-    return ManualPads(console.ask, known, clock.posix_s)
+    yield ManualPads(console.ask, known, clock.posix_s)
 
 
 def _end(outcome: Outcome, journal: Path, report: Path | None, *, as_json: bool) -> None:
