@@ -13,7 +13,8 @@ $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
-	@echo "compiling the kernels, once"
+	@echo "compiling the modules and the kernels, once"
+	@$(BIN)/python -m compileall -q link missions models planner sim_stub skyway
 	@$(BIN)/skyway demo --plan-only > /dev/null
 	@touch $(STAMP)
 
