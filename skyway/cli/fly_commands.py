@@ -117,6 +117,7 @@ def fly(
     if resume is not None and journal is not None:
         raise InputError(Fault("--journal and --resume exclude each other", remedy="a resumed journal goes on"))
     options.refuse_overwriting(journal, report, force=False)
+    begun = None if resume is None else _begun(resume)
     composition = load(plan)
     region = flying.scenario_of(composition, scenario)
     request = flying.request_of(composition, region)
@@ -127,12 +128,11 @@ def fly(
     with link.aboard() as vehicle:
         clock = _clock(vehicle, console)
         now = from_posix(clock.posix_s())
-        begins = now if resume is None else _begun(resume)
         mandate = Mandate(
             composition=composition,
             scenario=region,
             request=request,
-            forecast=options.wind_forecast(region, begins, wind, forecast, None, None),
+            forecast=options.wind_forecast(region, begun or now, wind, forecast, None, None),
             options=MissionOptions(release=release, elevation_m=heights),
             drag=drag_model,
             planner=planner or DEFAULT_PLANNER,

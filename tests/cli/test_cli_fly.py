@@ -48,6 +48,7 @@ def test_what_is_typed_wrongly_is_refused_before_anything_is_opened(planned, tmp
     assert "no such station" in told("--elevation", "nowhere=12")
     assert "not a height" in told("--elevation", "bellevue=high")
     assert "no such file" in told("--drag", "drag.toml")
+    assert "no such file" in told("--resume", "nowhere.jsonl")
     (tmp_path / "there.jsonl").write_text("")
     assert "exists already" in told("--journal", "there.jsonl")
     assert not (tmp_path / "recordings").exists()
