@@ -62,6 +62,8 @@ FAR_S = 1200.0
 """Who is seen at a station that is further away says little about who will be there."""
 LEAST_GAIN_S = 120.0
 """To land or to stay must gain so much: in a future everything is known that is not known yet when it has landed."""
+PHASE_S = 600.0
+"""What is needed depends on how soon the wind changes, looked at in steps of this."""
 STOP_S = 60.0
 """The same for a stop more."""
 HOLD_SLOTS = 12
@@ -82,14 +84,17 @@ class Step:
         Take-off with at least this charge.
     sure : int
         Segments up to the first station at which it can land if need be: its charge must be enough for these.
+    last : int
+        Segments up to the last such station before the end.
     arrival_s : float
         Expected arrival of the delivery, POSIX seconds.
     """
 
     segments: tuple[int, ...]
     charge: float
-    sure: int
-    arrival_s: float
+    sure: int = 0
+    last: int = 0
+    arrival_s: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +143,7 @@ class Hindsight:
         self.unsure = errors.energy if math.isnan(energy) else LEARNED
         self.problem = problem if math.isnan(energy) else _heavier(problem, energy)
         self.roomy_way = True
+        self._margins: dict[tuple[tuple[int, ...], int], float] = {}
         self._count = futures
         # The forecast of the moment is shifted and weighted by what was measured already.
         known = known_at(problem, errors, measured=True, epsilon=problem.epsilon / COMMITMENTS)
@@ -204,13 +210,13 @@ class Hindsight:
         p = self.problem
         steps = self._candidates()
         if not p.in_flight or p.has_pads(p.origin):
-            steps.append(Step((), p.soc, 0, math.inf))
+            steps.append(Step((), p.soc))
         best: Step | None = None
         for step in steps:
             arrival = float(np.mean([self._follow(step, future) for future in self.futures]))
             if best is None or arrival < best.arrival_s - (0.0 if step.segments else LEAST_GAIN_S):
-                best = Step(step.segments, step.charge, step.sure, arrival)
-        return best if best is not None else Step((), p.soc, 0, math.inf)
+                best = replace(step, arrival_s=arrival)
+        return best if best is not None else Step((), p.soc)
 
     def _candidates(self) -> list[Step]:
         """What the exact planner does first in each future, with charges that are enough for what must be sure."""
@@ -228,13 +234,41 @@ class Hindsight:
             full = float(p.curve(p.origin)[1][-1]) if p.has_pads(p.origin) and not p.in_flight else p.soc
             if least > full:
                 continue
-            levels = np.clip(np.quantile(charges[segments], (0.0, 0.25, 0.5, 0.75, 1.0)), max(least, p.soc), full)
-            last = -1.0
+            quantiles = np.quantile(charges[segments], (0.0, 0.25, 0.5, 0.75, 1.0)).tolist()
+            levels = np.clip(sorted([*quantiles, self.need(segments, p.depart_s)]), max(least, p.soc), full)
+            last = self._last_sure(segments)
+            before = -1.0
             for level in levels.tolist():
-                if level - last > ALIKE:
-                    steps.append(Step(segments, level, sure, math.inf))
-                    last = level
+                if level - before > ALIKE:
+                    steps.append(Step(segments, level, sure, last))
+                    before = level
         return steps
+
+    def _last_sure(self, segments: tuple[int, ...]) -> int:
+        """How many segments it is to the last station with room before the end; 0: there is none."""
+        head = self.problem.network.head
+        return max((count for count in range(1, len(segments)) if self.roomy[head[segments[count - 1]]]), default=0)
+
+    def _margin(self, rest: tuple[int, ...], time_s: float) -> float:
+        """Charge beyond what a flight takes, as a share, with which it will be begun at a time.
+
+        As if the wind of that hour were known as that of this one is now.
+        """
+        air = self.problem.air
+        now = slot_of(air, self.problem.depart_s)
+        into = (time_s - air.start_s) % air.slot_s // PHASE_S
+        key = rest, int(into)
+        if key not in self._margins:
+            at = air.start_s + now * air.slot_s + into * PHASE_S
+            need = self.need(rest, at) - self.problem.reserve
+            flights = [_flight(future.table, rest, at, 0) for future in self.futures]
+            taken = [self._taken(down - off) for off, down in flights if down < NEVER]
+            known = taken and need < NEVER
+            self._margins[key] = max(need / float(np.mean(taken)) - 1.0, 0.0) if known else math.inf
+        return self._margins[key]
+
+    def _taken(self, flight_s: float) -> float:
+        return float(self.problem.soc_fixed + self.problem.soc_per_s * flight_s)
 
     def _first(self, future: Future) -> Hop | None:
         """First flight of the best way in a future that leads to or over a station with room."""
@@ -271,10 +305,21 @@ class Hindsight:
             if count < len(step.segments) and not self.roomy[node]:
                 continue
             off, down = _flight(future.table, step.segments[:count], off, 0 if p.in_flight else HOLD_SLOTS)
-            soc = step.charge - future.energy * (p.soc_fixed + p.soc_per_s * (down - off))
+            soc = step.charge - future.energy * self._taken(down - off)
+            if count == len(step.segments) and step.last and not self._goes_on(step, future, off, soc, down):
+                continue
             if soc >= p.reserve:
                 return down if node == p.destination else self._arrival(future, node, down, soc) + STOP_S
         return p.depart_s + STUCK_S
+
+    def _goes_on(self, step: Step, future: Future, off_s: float, soc: float, down_s: float) -> bool:
+        """Whether it will fly on over the last station on its way, if that would end at a time with a charge."""
+        p = self.problem
+        way, rest = step.segments[: step.last], step.segments[step.last :]
+        as_off = (
+            float(table_land(future.table, np.asarray(way, dtype=np.int64), off_s)) - p.air.climb_s - p.air.descent_s
+        )
+        return soc >= p.reserve + self._margin(rest, as_off) * future.energy * self._taken(down_s - as_off)
 
     @cached_property
     def _new_wind_s(self) -> float:
@@ -293,7 +338,7 @@ class Hindsight:
         p = self.problem
         if p.in_flight:
             landing = p.air.climb_s + p.air.descent_s
-            soc = p.soc - future.energy * (p.soc_fixed + p.soc_per_s * landing)
+            soc = p.soc - future.energy * self._taken(landing)
             return self._arrival(future, p.origin, p.depart_s + landing, soc)
         until = self._new_wind_s
         if until == NEVER:
