@@ -18,6 +18,7 @@ from models.errors import LinkError
 if TYPE_CHECKING:
     from link.supervisor.context import After, Context
     from link.supervisor.legs import LegMission
+    from link.supervisor.preflight import Check
     from models.services import DroneService
 
 CHECK_AGAIN_S, CHECK_PATIENCE_S = 5.0, 120.0
@@ -77,14 +78,17 @@ def preflight(ctx: Context) -> After:
         return State.UPLOADING, "preflight in order"
     for check in wrong:
         ctx.tell(str(check))
-    return _after_preflight(ctx, wrong[0].name, "; ".join(map(str, wrong)), service)
+    return _after_preflight(ctx, wrong[0], "; ".join(map(str, wrong)), service)
 
 
-def _after_preflight(ctx: Context, name: str, reason: str, service: DroneService) -> After:
-    if name == "pads":
+def _after_preflight(ctx: Context, first: Check, reason: str, service: DroneService) -> After:
+    """Plan anew where another station, more charge or another hour helps; else stop: what is not known is no reason to fly."""
+    if first.verdict == "unknown":
+        return State.STOPPED, f"preflight: {reason}"
+    if first.name == "pads":
         ctx.unusable[service.destination] = ctx.now_s
         return State.REPLANNING, reason
-    if name in ("battery", "wind"):
+    if first.name in ("battery", "wind"):
         ctx.wait(REPLAN_AGAIN_S)
         return State.REPLANNING, reason
     return State.STOPPED, f"preflight: {reason}"

@@ -12,6 +12,7 @@ from link.supervisor.failsafes import finishes_alone, when_left
 from link.supervisor.journal import Journal
 from link.supervisor.states import ENDS, TABLE, OffTableError, check
 from models.errors import InputError
+from models.pad_service import PadServiceError
 from sim_stub.faults import parse_fault
 
 SHORT = {"start": "bellevue", "to": "city-hall"}
@@ -74,6 +75,26 @@ def test_the_table_of_states_is_never_left_and_is_what_the_page_shows():
     assert drawn(PAGE.read_text()) == PAGE.read_text(), "run: python tests/link/supervision_page.py"
     assert picture() == PICTURE.read_text(), "run: python tests/link/supervision_page.py"
     assert drawn_edges() == {(state, after) for state, rule in TABLE.items() for after in rule.following}
+
+
+class NoAnswer:
+    """Pads that nobody hears of."""
+
+    def status(self, station):
+        raise PadServiceError(f"the pad service of {station} does not answer")
+
+    charge = release = lambda self, station, *_: self.status(station)
+
+
+def test_pads_that_could_be_known_and_are_not_stop_it_with_the_reason(tmp_path):
+    stage = Stage(Story(autopilot="px4", **SHORT), tmp_path)
+    stage.pads = NoAnswer()
+    outcome = stage.fly()
+    assert outcome.state == "stopped-safe"
+    assert "pads: NOT KNOWN" in outcome.reason
+    assert "does not answer" in outcome.reason
+    assert outcome.flights == 0
+    assert stage.lockstep.now_s < 300.0
 
 
 def test_a_pilot_who_takes_over_is_not_commanded_until_the_operator_says_go(tmp_path):
