@@ -40,7 +40,7 @@ def flying(ctx: Context) -> After:
         refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
         if landed(ctx):
             return State.LANDED, "landed and disarmed"
-        if ctx.now_s < decided_s + DECIDE_EVERY_S or not _climbed(ctx):
+        if not (_due(ctx, decided_s) and _climbed(ctx)):
             continue
         decided_s = ctx.now_s
         decision = _decide(ctx, replanner)
@@ -61,6 +61,11 @@ def _free_pad(ctx: Context, station: str) -> None:
 
 def _replanner(ctx: Context) -> FlightReplanner | None:
     return None if ctx.mandate.replanning is None else FlightReplanner(ctx.replanner())
+
+
+def _due(ctx: Context, decided_s: float) -> bool:
+    """Whether to decide again: every ten seconds, and at once where charge has been lost."""
+    return ctx.now_s >= decided_s + DECIDE_EVERY_S or ctx.lost_s > decided_s
 
 
 def _climbed(ctx: Context) -> bool:
@@ -212,7 +217,7 @@ def diverting(ctx: Context) -> After:
         refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
         if landed(ctx):
             return State.LANDED, "landed and disarmed after a divert"
-        if ctx.now_s < decided_s + DECIDE_EVERY_S or not _climbed(ctx):
+        if not (_due(ctx, decided_s) and _climbed(ctx)):
             continue
         decided_s = ctx.now_s
         end = _watch(ctx, replanner)
