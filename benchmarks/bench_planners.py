@@ -95,13 +95,14 @@ def run(size: Size, out: Path, *, keep: bool = False, progress: Callable[[str], 
     if keep:
         results.read()
     if not results.runs and size.nodes:
+        started = time.perf_counter()
         results.runs = run_experiment(
             size.nodes,
             time_limit_s=size.time_limit_s,
             runs=lambda nodes: min(nodes // 2, size.paper_runs),
             progress=progress,
         )
-        results.write()
+        results.add([], time.perf_counter() - started)
     for file in size.instances:
         instance = read_instance(file).cut(size.deliveries, size.runs)
         if instance.name in {row.instance for row in results.rows}:
@@ -112,10 +113,9 @@ def run(size: Size, out: Path, *, keep: bool = False, progress: Callable[[str], 
             results.skipped.append(f"{instance.name}: {error}")
             progress(f"left out: {results.skipped[-1]}")
             continue
-        results.rows += try_instance(
-            instance, compared=size.compared, time_limit_s=size.time_limit_s, progress=progress
-        )
-        results.write()
+        started = time.perf_counter()
+        found = try_instance(instance, compared=size.compared, time_limit_s=size.time_limit_s, progress=progress)
+        results.add(found, time.perf_counter() - started)
     results.write()
     pictures = _draw(out, results.rows, results.paper, progress)
     table = out / "planners.md"
@@ -142,7 +142,7 @@ class Results:
         self.rows: list[Row] = []
         self.runs: list[PaperRun] = []
         self.skipped: list[str] = []
-        self._begun = time.perf_counter()
+        self._kept = facts
 
     @property
     def paper(self) -> list[PaperRow]:
@@ -150,7 +150,7 @@ class Results:
         return rows(self.runs)
 
     def read(self) -> None:
-        """Take over what the file holds, if there is one; another commit is told beside this one."""
+        """Take over what the file holds, if there is one; what is measured by another commit is told beside its own."""
         try:
             document = json.loads(self.path.read_text(encoding="utf-8"))
         except FileNotFoundError:
@@ -158,16 +158,19 @@ class Results:
         except (OSError, ValueError) as error:
             raise InputError(Fault(f"cannot be read: {error}", str(self.path))) from None
         self.rows, self.runs = report.read_rows(document), report.read_paper(document)
-        before = document["machine"]["commit"]
-        if self.facts["commit"] not in before:
-            self.facts["commit"] = f"{before}, then {self.facts['commit']}"
-        else:
-            self.facts["commit"] = before
-        self._begun -= float(document["machine"].get("seconds", 0.0))
+        self._kept, self.facts = self.facts, document["machine"]
+
+    def add(self, found: list[Row], spent_s: float) -> None:
+        """Take what was measured just now, and write all."""
+        self.rows += found
+        now = self._kept["commit"]
+        if now not in self.facts["commit"]:
+            self.facts |= self._kept | {"commit": f"{self.facts['commit']}, then {now}"}
+        self.facts["seconds"] = f"{float(self.facts.get('seconds', 0.0)) + spent_s:.0f}"
+        self.write()
 
     def write(self) -> None:
         """Write all."""
-        self.facts["seconds"] = f"{time.perf_counter() - self._begun:.0f}"
         found = report.document(self.rows, self.paper, self.runs, self.facts, self.skipped)
         self.path.write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 

@@ -23,16 +23,26 @@ def draw(folder: Path, rows: Sequence[Row], paper: Sequence[PaperRow]) -> list[P
     if paper:
         written.append(_save(folder / "paper-execution-time.svg", paper_execution, paper))
         written.append(_save(folder / "paper-delivery-time.svg", paper_delivery, paper))
+    planners = list(dict.fromkeys(row.planner for row in rows))
     if any(row.common is not None for row in rows):
         title = "Delivery time on runs that all planners delivered, 95 % intervals over days"
-        written.append(_save_panels(folder / "delivery-time.svg", delivery, rows, title))
+        written.append(_save_panels(folder / "delivery-time.svg", delivery, _on_all_runs(rows), title, planners))
         title = "Planning time, forecasting the queues met included"
-        written.append(_save_panels(folder / "planning-time.svg", planning, rows, title))
+        written.append(_save_panels(folder / "planning-time.svg", planning, rows, title, planners))
     rivals = [row for row in rows if not row.clairvoyant]
     if any(row.whole is not None for row in rivals):
         title = "Deliveries with a landing below the reserve, 95 % intervals over days"
-        written.append(_save_panels(folder / "failures.svg", failures, rivals, title))
+        written.append(_save_panels(folder / "failures.svg", failures, rivals, title, planners))
     return written
+
+
+def _on_all_runs(rows: Sequence[Row]) -> list[Row]:
+    """Rows whose times are means over all the runs that are compared; of searches cut off there are fewer."""
+    runs = [0 if row.common is None else row.common.runs for row in rows]
+    most: dict[str, int] = {}
+    for row, count in zip(rows, runs, strict=True):
+        most[row.instance] = max(most.get(row.instance, 0), count)
+    return [row for row, count in zip(rows, runs, strict=True) if count == most[row.instance]]
 
 
 def _save(path: Path, paint: Any, what: Sequence[Any]) -> Path:
@@ -46,22 +56,24 @@ def _save(path: Path, paint: Any, what: Sequence[Any]) -> Path:
     return path
 
 
-def _save_panels(path: Path, paint: Any, rows: Sequence[Row], title: str) -> Path:
-    """A panel for each network, its instances from left to right, one legend for all."""
+def _save_panels(path: Path, paint: Any, rows: Sequence[Row], title: str, planners: Sequence[str]) -> Path:
+    """A panel for each network, its instances from left to right, one legend for all; a planner's colour is its place."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     networks = list(dict.fromkeys(_network(row.instance) for row in rows))
-    planners = list(dict.fromkeys(row.planner for row in rows))
+    named = {row.planner for row in rows}
     with mpl.rc_context({"svg.hashsalt": "skyway", "svg.fonttype": "none"}):
-        figure = Figure(figsize=(2.6 * max(len(networks), 2) + 1.0, 5.0), layout="constrained")
+        figure = Figure(figsize=(max(2.6 * len(networks) + 1.0, 9.5), 5.0), layout="constrained")
         axes = figure.subplots(1, len(networks), squeeze=False, sharey=True)[0]
         for one, network in zip(axes, networks, strict=True):
             paint(one, [row for row in rows if _network(row.instance) == network], planners)
             one.set_title(network, fontsize=9)
             one.grid(axis="y", alpha=0.3)
-        handles = [mpl.lines.Line2D([], [], color=_colour(k), marker="o", linestyle="") for k in range(len(planners))]
-        figure.legend(handles, planners, loc="outside lower center", ncols=4, fontsize=8)
+        shown = [number for number, name in enumerate(planners) if name in named]
+        handles = [mpl.lines.Line2D([], [], color=_colour(number), marker="o", linestyle="") for number in shown]
+        labels = [planners[number] for number in shown]
+        figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
         figure.suptitle(title, fontsize=10)
         figure.savefig(path, format="svg", metadata={"Date": None})
     return path

@@ -33,6 +33,9 @@ docs/reference/benchmark.md.
 All stations of these instances have 1,000 holding spots: as in the paper, who waits for a pad does so on the ground. With
 few spots drones hover for one at busy stations, and of the planners here only `robust` foresees that.
 
+Where fewer runs are compared in a row than in others (searches cut off, no plan), its times are means over those alone: do not
+compare them with others; the figure of delivery times leaves such rows out.
+
 `ies` is tried on networks of at most 200 stations, `pfs-strict`, which goes in circles until its step limit, of at most 50,
 `robust, anew at each stop` of at most 200.
 """
