@@ -109,13 +109,24 @@ def plan_leg(
     build = LegBuilder(composition, dialect(family), options)
     build.check_elevations((service,))
     ground = build.ground_m(service.origin)
-    items = [*build.departure(service.origin, ground), *build.way(service, ground)]
+    items = clear_of_both_ends([*build.departure(service.origin, ground), *build.way(service, ground)])
     if last:
         items += build.delivery()
     document = MissionDocument(
         build.mission(items, build.home(service.origin)), build.fence((service,)), build.rally((service,), ground)
     )
     return _leg(build, service, document)
+
+
+def clear_of_both_ends(items: Sequence[MissionItem]) -> list[MissionItem]:
+    """Fly to each waypoint no lower than the one before it: the ground does not fall where a vehicle begins to descend."""
+    found: list[MissionItem] = []
+    before = -math.inf
+    for item in items:
+        here = item.command in (Command.NAV_TAKEOFF, Command.NAV_WAYPOINT)
+        found.append(replace(item, z=max(item.z, before)) if here else item)
+        before = item.z if here else before
+    return found
 
 
 def _leg(build: LegBuilder, service: DroneService, document: MissionDocument) -> LegMission:
@@ -167,9 +178,8 @@ def turn_leg(
         NO_THROTTLE_CHANGE,
     )  # fmt: skip
     land_height = build.ground_m(station) - home_ground_m
-    items = [
-        first, speed, build.above(station, home_ground_m), build.position(Command.NAV_LAND, station, land_height)
-    ]  # fmt: skip
+    way = clear_of_both_ends([first, build.above(station, home_ground_m)])
+    items = [way[0], speed, way[1], build.position(Command.NAV_LAND, station, land_height)]
     if last:
         items += build.delivery()
     mission = build.mission(items, home or build.home(station))
