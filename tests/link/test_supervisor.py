@@ -6,11 +6,14 @@ import pytest
 from states_picture import drawn_edges, picture
 from supervision_page import PAGE, PICTURE, drawn
 
-from benchmarks.deliveries import Stage, Story
+from benchmarks.deliveries import Stage, Story, newyork
 from link.supervisor import Scripted, State, read_journal
 from link.supervisor.failsafes import finishes_alone, when_left
 from link.supervisor.journal import Journal
+from link.supervisor.legs import plan_leg
 from link.supervisor.states import ENDS, TABLE, OffTableError, check
+from missions.commands import Command
+from missions.mission_options import MissionOptions
 from models.errors import InputError
 from models.pad_service import PadServiceError
 from sim_stub.faults import parse_fault
@@ -75,6 +78,26 @@ def test_the_table_of_states_is_never_left_and_is_what_the_page_shows():
     assert drawn(PAGE.read_text()) == PAGE.read_text(), "run: python tests/link/supervision_page.py"
     assert picture() == PICTURE.read_text(), "run: python tests/link/supervision_page.py"
     assert drawn_edges() == {(state, after) for state, rule in TABLE.items() for after in rule.following}
+
+
+@pytest.mark.parametrize(
+    ("start", "to"), [("livingston", "newark"), ("newark", "livingston"), ("syosset", "valley-stream")]
+)
+def test_a_leg_is_flown_above_the_higher_of_its_ends_from_its_beginning_to_above_its_end(start, to, tmp_path):
+    stage = Stage(Story(start=start, to=to), tmp_path)
+    plan, scenario = stage.composition, newyork()
+    service = plan.services[0]
+    leg = plan_leg(plan, service, "ardupilot", MissionOptions(), last=True)
+    ground = {
+        name: scenario.network.stations[scenario.network.index[name]].elevation_m
+        for name in (start, service.destination)
+    }
+    highest = max(ground.values()) + scenario.rules.cruise_height_m
+    way = [item for item in leg.document.mission.items if item.command == Command.NAV_WAYPOINT]
+    lands = next(item for item in leg.document.mission.items if item.command == Command.NAV_LAND)
+    if not service.via:
+        assert way[-1].z + ground[start] == pytest.approx(highest, abs=0.1)
+    assert lands.z + ground[start] == pytest.approx(ground[service.destination], abs=0.1)
 
 
 class NoAnswer:
