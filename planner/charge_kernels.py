@@ -52,23 +52,19 @@ class Stop(NamedTuple):
         Landing, and charge then.
     pad_s : float
         When it can have a pad.
-    not_before_s : float
-        It stays until then.
     landing : float
         Least charge at the end of the flight.
     error : float
         Of the vehicle's energy: the flight may take this share more.
-    plugged, at_once, first : bool
-        It takes a pad whether or not it needs one; it cannot stay; it is where the delivery begins.
+    at_once, first : bool
+        It cannot stay; it is where the delivery begins.
     """
 
     now_s: float
     soc: float
     pad_s: float
-    not_before_s: float
     landing: float
     error: float
-    plugged: bool
     at_once: bool
     first: bool
 
@@ -92,9 +88,9 @@ def _leave(
     """
     curve_s, curve_soc = curve
     u = interpolate(stop.soc, curve_soc, curve_s)
-    at = max(stop.now_s, stop.not_before_s)
+    at = stop.now_s
     ready = at
-    charging = stop.plugged
+    charging = False
     for _ in range(_CHANGES):
         base = energy_about(known, row, truth, member, segments, at, cost, table)
         wanted = stop.landing + (1.0 + stop.error) * (1.0 + known.margin) * base
@@ -148,7 +144,6 @@ def fly_by_need(
     there: Present,
     tables: NDArray[np.float64],
     learned: bool,
-    plugged: bool,
     at_once: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly a sequence of hops in several runs, charging by what is known at each stop.
@@ -164,7 +159,7 @@ def fly_by_need(
     row : ndarray of int, shape (runs,)
         Row of `Known.share` of each run.
     hops, queues, waits, start, cost
-        As there; `Hops.charge_to` is not read.
+        As there; only the segments and curves of `Hops` are read.
     room, there : Room, Present
         Of the stations at the ends of the hops, and who is at those before them; looked at where queues are sampled.
     tables : ndarray, shape (members, hops, points)
@@ -172,7 +167,7 @@ def fly_by_need(
         the margin. See `need_tables`.
     learned : bool
         The vehicle's error of energy is known from the start.
-    plugged, at_once : bool
+    at_once : bool
         At the first stop, see `Stop`.
 
     Returns
@@ -202,9 +197,7 @@ def fly_by_need(
                 now = spot
             pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, hop, now)
             first = hop == 0
-            stop = Stop(
-                now, soc, pad, hops.not_before_s[hop], landing[hop], error, plugged and first, at_once and first, first
-            )
+            stop = Stop(now, soc, pad, landing[hop], error, at_once and first, first)
             curve = hops.curve_s[hop], hops.curve_soc[hop]
             looks = room if sampled and hop < count - 1 else nobody
             pad, ready, off, level, base = _leave(

@@ -177,7 +177,6 @@ class ChargePolicy:
         waits: Waits | None = None,
         start: tuple[float, float] | None = None,
         learned: bool = False,
-        looked_s: float | None = None,
         tables: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Fly it in truths: (course, strain), see `planner.charge_kernels.fly_by_need`.
@@ -198,17 +197,12 @@ class ChargePolicy:
             Where that is not the state that the truth starts from.
         learned : bool
             A flight has shown the vehicle's error of energy.
-        looked_s : float, optional
-            It has been at the first stop, on a pad if one was free, until then, and decides anew.
         tables : ndarray, optional
             What was worked out before with the same truth, flights and forecast; see `fly_by_need`.
         """
         row = np.zeros(len(member), dtype=np.int64) if share is None else member
         known = self.known if share is None else self.known._replace(share=share)
-        not_before = np.full(len(self), -math.inf)
-        if looked_s is not None:
-            not_before[0] = looked_s
-        hops = hops_of(truth, self.itinerary)._replace(not_before_s=not_before)
+        hops = hops_of(truth, self.itinerary)
         queues = Queues(*pack(paths)) if paths else no_queues()
         begin = start if start is not None else (float(truth.depart_s), float(truth.soc))
         cost = (float(truth.soc_per_s), float(truth.soc_fixed))
@@ -228,7 +222,6 @@ class ChargePolicy:
             present_in(paths),
             tables if tables is not None else need_tables(truth.air, len(self)),
             learned,
-            looked_s is not None,
             truth.in_flight,
         )
         return flown[0], flown[1]

@@ -144,11 +144,6 @@ class RobustSearch:
         With the forecast.
     errors : Errors
         What the truth has beyond the forecast.
-    measured : bool
-        The wind at the sites is measured while the drone stands at a station.
-    switch_s : float or None
-        A drone that plans anew at every stop need not hold on to a route that turns out badly: no run counts for more
-        than that of the best candidate in it and this much. None: each route is flown to its end.
     members : int
         Members of the forecast beyond that number are thinned out.
 
@@ -163,14 +158,10 @@ class RobustSearch:
         problem: Problem,
         *,
         errors: Errors = USUAL_ERRORS,
-        measured: bool = True,
-        switch_s: float | None = None,
         members: int = MEMBERS,
     ) -> None:
         self.problem = problem.thinned(members)
         self.errors = errors
-        self.measured = measured
-        self.switch_s = switch_s
         self.looked_at = 0
         self._large = len(problem.network) > LARGE
 
@@ -191,7 +182,7 @@ class RobustSearch:
         first, others = candidates[:FINALISTS], candidates[FINALISTS:]
         bold = [one for one in others if one.unsafe and one.loss < first[0].loss][:BOLD]
         again = [self._careful(self._judged(one.policy.itinerary, FINALIST_RUNS, None)[0]) for one in first + bold]
-        return sorted(self._with_switches(again), key=_order) + [one for one in others if one not in bold]
+        return sorted(again, key=_order) + [one for one in others if one not in bold]
 
     def _careful(self, one: Candidate) -> Candidate:
         """Calibrate one that breaks the reserve: with a margin it may still be the best."""
@@ -251,26 +242,7 @@ class RobustSearch:
                     break
         if not found:
             raise no_route(p, Outlook(p))
-        return sorted(self._with_switches(list(found.values())), key=_order)
-
-    def _with_switches(self, found: list[Candidate]) -> list[Candidate]:
-        """Let no run of a candidate be much later than that of the best one in it."""
-        if self.switch_s is None:
-            return found
-        least = np.min([one.rehearsal.arrival_s for one in found], axis=0) + self.switch_s
-        better = []
-        for one in found:
-            arrival = np.minimum(one.rehearsal.arrival_s, least)
-            weight = one.rehearsal.weight
-            arrives = np.isfinite(arrival)
-            outcome = replace(
-                one.outcome,
-                arrival_s=arrival[arrives],
-                weight=weight[arrives],
-                p_arrive=min(float(weight[arrives].sum()), 1.0),
-            )
-            better.append(replace(one, outcome=outcome, loss=self.problem.request.objective.loss(outcome)))
-        return better
+        return sorted(found.values(), key=_order)
 
     def _add(self, found: dict[tuple[tuple[int, ...], ...], Candidate], itinerary: Itinerary) -> None:
         """Judge a route, and the same without the stops at which it does not charge, unless they are known."""
@@ -339,7 +311,7 @@ class RobustSearch:
     ) -> tuple[Candidate, NDArray[np.float64]]:
         """How a route fares, and the share of runs that charge at each stop."""
         p = self.problem
-        known = known_at(p, self.errors, measured=self.measured, epsilon=NEEDED * p.epsilon / len(itinerary))
+        known = known_at(p, self.errors, measured=True, epsilon=NEEDED * p.epsilon / len(itinerary))
         policy = ChargePolicy(p, itinerary, known, MOST_FULL * p.epsilon)
         rehearsal = policy.rehearse(self.errors, runs, most_truths=truths)
         self.looked_at += len(rehearsal.weight)
