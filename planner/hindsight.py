@@ -304,7 +304,10 @@ class Hindsight:
             node = int(head[step.segments[count - 1]])
             if count < len(step.segments) and not self.roomy[node]:
                 continue
-            off, down = _flight(future.table, step.segments[:count], off, 0 if p.in_flight else HOLD_SLOTS)
+            begun, down = _flight(future.table, step.segments[:count], off, 0 if p.in_flight else HOLD_SLOTS)
+            if down >= NEVER:
+                continue
+            off = begun
             soc = step.charge - future.energy * self._taken(down - off)
             if count == len(step.segments) and step.last and not self._goes_on(step, future, off, soc, down):
                 continue
