@@ -215,6 +215,20 @@ class Reach:
 
     # Legs
 
+    def where_flown(self, way: Sequence[Place], time_s: float) -> Reach:
+        """Return the same for those members alone in which the wind lets the drone leave for this way now.
+
+        In the others it waits on the ground; where it waits in all of them, all count.
+        """
+        places = np.array(way)
+        north, east = self.winds(places[:, 0], places[:, 1], np.full(len(places), time_s))
+        open_now = np.hypot(north, east).max(axis=1) <= self.drone.wind_limit_mps
+        if not float(self.wind.probability @ open_now) > 0.0:
+            return self
+        same = copy(self)
+        same.wind = self.wind.weighted(open_now.astype(np.float64))
+        return same
+
     def way(self, origin: str | Place, via: Sequence[str], destination: str) -> list[Place]:
         """Return the points of a leg: where it begins, stations overflown, its end."""
         index, lat, lon = self.network.index, self.network.lat, self.network.lon

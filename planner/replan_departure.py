@@ -57,12 +57,9 @@ class Held:
 def charge_needed(
     service: DroneService, standing: Grounded, reach: Reach, settings: ReplanSettings, reserve_soc: float
 ) -> Need:
-    """Find the least charge with which a leg keeps the reserve and always has a divert station.
-
-    All members of the forecast count, those too whose wind is above the drone's limit: nobody measures the wind on the ground, so
-    the drone leaves in them as well, and would come back.
-    """
+    """Find the least charge with which a leg keeps the reserve and always has a divert station."""
     way = reach.way(service.origin, service.via, service.destination)
+    reach = reach.where_flown(way, standing.time_s)
     cost = reach.to_the_end(way, standing.time_s, climbs=True).soc[:, None]
     percent = range(100, -1, -1)
     least = None
