@@ -18,7 +18,7 @@ from planner.ies import ExhaustiveSearch
 from planner.itinerary import compose, fly_sampled, fly_true, outcome, typical_member
 from planner.pfs import ForwardSearch
 from planner.pfs_strict import StrictForwardSearch
-from planner.problem import HORIZON_H, ExpectedWaits, Problem
+from planner.problem import HORIZON_H, Problem
 from planner.result import Comparison, PlanResult
 from planner.robust import RobustSearch
 from planner.shortest import ShortestFlight
@@ -169,11 +169,10 @@ def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -
 
 
 def _problems(scenario: Scenario, request: Request, wind: WindEnsemble, rejected: dict[str, str]) -> Iterator[Problem]:
-    """One problem for each drone to compose for; they share what is known of the waits."""
-    waits: ExpectedWaits | None = None
+    """One problem for each drone to compose for; they share what is known of waits and queues."""
+    problem: Problem | None = None
     for drone in candidates(scenario, request, rejected):
-        problem = Problem(scenario, request, drone, wind, waits=waits)
-        waits = problem.waits
+        problem = Problem(scenario, request, drone, wind) if problem is None else problem.for_drone(drone)
         if problem.origin == problem.destination:
             value = problem.request.destination
             raise InputError(Fault("start and destination are the same", field="destination", value=value))

@@ -218,7 +218,16 @@ class Problem:
         """Return the same problem with so many members of the forecast at most; what is known of the waits stays."""
         if len(self.probability) <= members:
             return self
-        return Problem(self.scenario, self.request, self.drone, self.ensemble.thinned(members), waits=self.waits)
+        return self._sharing_queues(self.drone, self.ensemble.thinned(members))
+
+    def for_drone(self, drone: Drone) -> Problem:
+        """Return the same request for another drone; what is known of waits and queues stays."""
+        return self._sharing_queues(drone, self.ensemble)
+
+    def _sharing_queues(self, drone: Drone, ensemble: WindEnsemble) -> Problem:
+        other = Problem(self.scenario, self.request, drone, ensemble, waits=self.waits)
+        other.__dict__["_paths"] = self._paths
+        return other
 
     def with_ensemble(self, ensemble: WindEnsemble) -> Problem:
         """Return the same problem in another wind."""
