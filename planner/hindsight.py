@@ -62,10 +62,10 @@ FAR_S = 1200.0
 """Who is seen at a station that is further away says little about who will be there."""
 LEAST_GAIN_S = 120.0
 """To land or to stay must gain so much: in a future everything is known that is not known yet when it has landed."""
-PHASE_S = 600.0
-"""What is needed depends on how soon the wind changes, looked at in steps of this."""
 STOP_S = 60.0
 """The same for a stop more."""
+PHASE_S = 600.0
+"""What is needed depends on how soon the wind changes, looked at in steps of this."""
 HOLD_SLOTS = 12
 """Slots of wind for which a flight may be held up, as it is followed in a future."""
 ALIKE = 0.01
