@@ -24,7 +24,6 @@ from benchmarks.networks import new_york
 from models.errors import InfeasibleError
 from models.load import PadLoad
 from models.services import State
-from planner.equivalent import mean_speeds
 from planner.evaluate import (
     NO_ERRORS,
     clairvoyant_times,
@@ -35,10 +34,11 @@ from planner.evaluate import (
     season_days,
 )
 from planner.exact import ExactSearch
-from planner.problem import HORIZON_H, Problem
+from planner.problem import Problem
 from planner.request import Request
 from planner.robust import RobustSearch
 from planner.rolling import RollingRobust
+from planner.speeds import TrueSpeeds
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -128,9 +128,7 @@ def told(problem: Problem, stops: NDArray[np.bool_] | None = None) -> NDArray[np
     queues = problem.queue_paths(range(len(problem.network)), 0)
     found = np.full(len(problem.probability), math.inf)
     for member in range(len(found)):
-        alone = np.zeros(len(found))
-        alone[member] = 1.0
-        search = ExactSearch(problem, queues, speeds=mean_speeds(problem.air, alone, float(HORIZON_H)), stops=stops)
+        search = ExactSearch(problem, queues, speeds=TrueSpeeds(problem.air, member), stops=stops)
         if search.find() is not None:
             found[member] = search.best_s - problem.depart_s
     return found

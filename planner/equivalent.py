@@ -10,37 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from models.queue_paths import QueuePath, expected_paths, no_queue
-from planner.speeds import MeanSpeeds
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
-
-    from models.flight import Air
     from planner.problem import Problem
 
 
-def mean_speeds(air: Air, probability: NDArray[np.float64], hours: float) -> NDArray[np.float64]:
-    """Ground speed of each segment in each slot whose time is the mean of those members that can fly it.
-
-    Parameters
-    ----------
-    air, probability
-        The forecast.
-    hours : float
-        From here on the last slot's speeds hold on.
-
-    Returns
-    -------
-    ndarray, shape (slots, segments)
-        m/s; 0 where members of less than `planner.speeds.LEAST_OPEN` can fly.
-    """
-    speeds = MeanSpeeds(air, probability, hours)
-    return speeds.over(0, speeds.slots - 1, np.arange(len(air.distance_m)))
+HOURS = 16.0
+"""How far ahead speeds are worked out; beyond, the last hour holds on."""
 
 
 class ExpectedQueues(Mapping[int, QueuePath]):
@@ -70,8 +49,3 @@ class ExpectedQueues(Mapping[int, QueuePath]):
             self._found |= zip(padded, expected_paths(waits.start_s, waits.step_s, waits.wait_s[padded]), strict=True)
             self._found |= {node: no_queue() for node in missing if not has_pads(node)}
         return [self._found[node] for node in wanted]
-
-
-def expected_queues(problem: Problem) -> ExpectedQueues:
-    """Expected wait at every station as a queue path."""
-    return ExpectedQueues(problem)

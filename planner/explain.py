@@ -10,12 +10,11 @@ import numpy as np
 from models.errors import NoRouteError
 from planner.charge_policy import rehearse_fixed
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN
-from planner.equivalent import mean_speeds
 from planner.evaluation_truths import USUAL_ERRORS
 from planner.exact import ExactSearch
 from planner.itinerary import weighted_quantile
-from planner.problem import HORIZON_H
 from planner.robust import FINAL_RUNS, MEMBERS, RobustSearch
+from planner.speeds import TrueSpeeds
 
 if TYPE_CHECKING:
     from planner.result import PlanResult
@@ -193,10 +192,7 @@ def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
     times, weights = [], []
     nodes = range(len(problem.network))
     for member, probability in enumerate(problem.probability.tolist()):
-        alone = np.zeros(len(problem.probability))
-        alone[member] = 1.0
-        speeds = mean_speeds(problem.air, alone, float(HORIZON_H))
-        search = ExactSearch(problem, problem.queue_paths(nodes, member), speeds=speeds)
+        search = ExactSearch(problem, problem.queue_paths(nodes, member), speeds=TrueSpeeds(problem.air, member))
         if search.find() is None:
             continue
         times.append(search.best_s - problem.depart_s)

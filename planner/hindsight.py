@@ -353,7 +353,7 @@ class Hindsight:
             time, level = p.curve(p.origin)
             soc = float(np.interp(np.interp(soc, level, time) + until - pad, time, level))
             queue = no_queue()
-        after = standing_at(p, p.origin, until, soc)
+        after = p.standing_at(p.origin, until, soc)
         search = self._search(after, replace(future, queues={**future.queues, p.origin: queue}))
         return search.best_s if search.find() else p.depart_s + STUCK_S
 
@@ -361,7 +361,7 @@ class Hindsight:
         """Best arrival in a future of a drone that lands at a station."""
         p = self.problem
         landed = float(future.queues[node].land_time(time_s))
-        after = standing_at(p, node, landed, soc)
+        after = p.standing_at(node, landed, soc)
         search = self._search(after, future)
         return search.best_s if search.find() else p.depart_s + STUCK_S
 
@@ -383,11 +383,4 @@ def _heavier(problem: Problem, energy: float) -> Problem:
     """Return the same problem for a vehicle whose flights take a multiple of the energy."""
     moved = copy(problem)
     moved.soc_per_s, moved.soc_fixed = energy * problem.soc_per_s, energy * problem.soc_fixed
-    return moved
-
-
-def standing_at(problem: Problem, node: int, time_s: float, soc: float, *, in_flight: bool = False) -> Problem:
-    """Return the same problem from another node, time and charge; in flight, over the node, time and charge set back by a climb."""
-    moved = copy(problem)
-    moved.origin, moved.depart_s, moved.soc, moved.in_flight = node, time_s, soc, in_flight
     return moved

@@ -123,6 +123,16 @@ def gust_mean(known: Known, flight_s: float) -> float:
 
 
 @compiled_lean
+def _wind_felt(air: Air, member: int, slot: int, segment: int) -> tuple[float, float]:
+    """Ground speed (equations 1-5), and by how much a gust of the strength of the wind itself slows it; m/s, without limits."""
+    north, east = wind_on(air, member, slot, segment)
+    along = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
+    across = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
+    speed = along + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
+    return speed, math.hypot(along, LATERAL * across)
+
+
+@compiled_lean
 def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], depart_s: float, gust: float) -> float:
     """Touch-down of a flight through wind that is worse all the way than the member says, by `STEADY` deviations.
 
@@ -135,11 +145,8 @@ def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], 
         left = air.distance_m[segment]
         slot = slot_of(air, now)
         while True:
-            north, east = wind_on(air, member, slot, segment)
-            along = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
-            across = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
-            speed = along + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
-            square = gust * gust * (along * along + LATERAL * LATERAL * across * across)
+            speed, felt = _wind_felt(air, member, slot, segment)
+            square = gust * gust * felt * felt
             if slot > first:
                 unsure = known.sigma_mps * known.smoothing
                 square += unsure * unsure * (1.0 - math.exp(-2.0 * (slot - first) * air.slot_s / known.tau_s))
@@ -163,14 +170,9 @@ def careful_speeds(
     out = np.zeros((len(slots), len(segments)))
     for row in range(len(slots)):
         for column in range(len(segments)):
-            speed = segment_speed(air, member, slots[row], segments[column])
-            if speed > 0.0:
-                north, east = wind_on(air, member, slots[row], segments[column])
-                along = north * air.cos_bearing[segments[column]] + east * air.sin_bearing[segments[column]]
-                across = east * air.cos_bearing[segments[column]] - north * air.sin_bearing[segments[column]]
-                true = along + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
-                speed = true - gust * math.hypot(along, LATERAL * across)
-                out[row, column] = min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
+            if segment_speed(air, member, slots[row], segments[column]) > 0.0:
+                speed, felt = _wind_felt(air, member, slots[row], segments[column])
+                out[row, column] = min(max(speed - gust * felt, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
     return out
 
 

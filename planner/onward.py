@@ -7,7 +7,6 @@ quantile of what is believed, and where that gives no way with the mean and a st
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -17,17 +16,13 @@ from models.energy import ScaledEnergy
 from models.errors import InfeasibleError
 from models.services import State
 from models.units import from_posix
-from planner.equivalent import expected_queues, mean_speeds
+from planner.equivalent import HOURS, ExpectedQueues
 from planner.exact import ExactSearch
 from planner.problem import ExpectedWaits, Problem
+from planner.speeds import MeanSpeeds
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
     from models.drone import Drone
-    from models.queue_paths import QueuePath
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
     from planner.request import Request
@@ -35,8 +30,6 @@ if TYPE_CHECKING:
 DEPART_SIGMAS = 2.33
 """A leg is begun with the charge for this many standard deviations: 1 % take more."""
 PLAN_SIGMAS = 1.0
-HOURS = 16.0
-"""How far ahead speeds are worked out; beyond, the last hour holds on."""
 WAITS_S = 1800.0
 """Waits at pads that were worked out so long ago still count."""
 LEAST_SOC = 0.01
@@ -93,16 +86,12 @@ class _World:
     """The world of the mean for one factor of energy."""
 
     def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        self._speeds: NDArray[np.float64] | None = None
-        self._queues: Mapping[int, QueuePath] = {}
+        self._problem = problem
+        self._speeds = MeanSpeeds(problem.air, problem.probability, HOURS)
+        self._queues = ExpectedQueues(problem)
 
     def arrival_s(self, station: str, time_s: float, soc: float) -> float:
-        if self._speeds is None:
-            self._speeds = mean_speeds(self.problem.air, self.problem.probability, HOURS)
-            self._queues = expected_queues(self.problem)
-        problem = copy(self.problem)
-        problem.origin = problem.network.index[station]
-        problem.depart_s, problem.soc = time_s, min(max(soc, LEAST_SOC), 1.0)
+        node = self._problem.network.index[station]
+        problem = self._problem.standing_at(node, time_s, min(max(soc, LEAST_SOC), 1.0))
         search = ExactSearch(problem, self._queues, speeds=self._speeds)
         return search.best_s if search.find() is not None else np.inf

@@ -106,6 +106,15 @@ class Problem:
         extra += (model.power_w(mass, "descent") - cruise) * self.rules.descent_s
         return cruise / self.drone.battery_j, extra / self.drone.battery_j
 
+    def standing_at(self, node: int, time_s: float, soc: float, *, in_flight: bool = False) -> Problem:
+        """Return the same problem from another node, time and charge.
+
+        In flight it is over the node, with time and charge set back by a climb.
+        """
+        moved = copy(self)
+        moved.origin, moved.depart_s, moved.soc, moved.in_flight = node, time_s, soc, in_flight
+        return moved
+
     @cached_property
     def empty_cost(self) -> tuple[float, float]:
         """`soc_per_s` and `soc_fixed` once the package is delivered."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from models.wind_ensemble import evenly
 from planner.charge_policy import PROMISING, ChargePolicy, Rehearsal, known_at, margin_for
-from planner.equivalent import expected_queues
+from planner.equivalent import HOURS, ExpectedQueues
 from planner.evaluation_truths import USUAL_ERRORS, Errors
 from planner.exact import ExactSearch
 from planner.no_route import no_route
@@ -42,8 +42,6 @@ SPEED_MEMBERS = 10
 """Members whose flight times are averaged on large networks."""
 LARGE = 200
 """Stations from which on a network is large: fewer worlds are composed in."""
-HOURS = 16.0
-"""How far ahead speeds and full stations are worked out; beyond, the last hour holds on."""
 NEEDED = 0.5
 """Share of epsilon for flights that need more than was charged for; the rest is for stations without room."""
 MOST_FULL = 0.5
@@ -281,7 +279,7 @@ class RobustSearch:
     @cached_property
     def _mean_world(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:
         """Speeds and queues that stand for the forecast."""
-        return self._speeds(self.problem.probability), expected_queues(self.problem)
+        return self._speeds(self.problem.probability), ExpectedQueues(self.problem)
 
     def _speeds(self, probability: NDArray[np.float64]) -> MeanSpeeds:
         count = np.count_nonzero(probability)

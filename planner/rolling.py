@@ -10,7 +10,7 @@ from models.forecast_update import update_forecast
 from models.wind_field import WindObservation
 from planner.evaluation_flights import Departure
 from planner.evaluation_truths import USUAL_ERRORS, Errors
-from planner.hindsight import Hindsight, standing_at
+from planner.hindsight import Hindsight
 from planner.problem import Problem
 
 if TYPE_CHECKING:
@@ -74,5 +74,5 @@ class RollingRobust:
         request = replace(p.request, state=standing.state())
         now = Problem(p.scenario, request, p.drone, with_measured(p.ensemble, standing))
         if in_flight:
-            now = standing_at(now, now.origin, standing.time_s, standing.soc, in_flight=True)
+            now = now.standing_at(now.origin, standing.time_s, standing.soc, in_flight=True)
         return Hindsight(now, self.errors, energy=standing.energy)

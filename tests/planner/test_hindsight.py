@@ -10,7 +10,7 @@ from models.services import State
 from models.wind_forecast import constant_wind
 from planner.evaluation_truths import NO_ERRORS, USUAL_ERRORS
 from planner.exact import ExactSearch
-from planner.hindsight import Hindsight, standing_at
+from planner.hindsight import Hindsight
 from planner.problem import HORIZON_H, Problem
 from planner.request import Request
 
@@ -74,7 +74,7 @@ def test_over_a_station_it_lands_where_the_rest_is_too_far(nobody):
     first = ExactSearch(problem, problem.queue_paths(range(len(problem.network)), 0)).solve()[0].segments
     over = int(problem.network.head[first[0]])
     for soc, lands in ((0.9, False), (problem.reserve + problem.soc_fixed + 90.0 * problem.soc_per_s, True)):
-        above = standing_at(problem, over, problem.depart_s + 300.0, soc, in_flight=True)
+        above = problem.standing_at(over, problem.depart_s + 300.0, soc, in_flight=True)
         step = Hindsight(above, USUAL_ERRORS, energy=1.0).choose()
         assert (step.segments == ()) is lands
         assert math.isfinite(step.arrival_s)
