@@ -31,7 +31,12 @@ def print_more(result: PlanResult, tried: Sequence[Departure], count: int, *, ex
 
 def as_json(result: PlanResult, tried: Sequence[Departure], count: int, *, explain: bool) -> dict[str, object]:
     """Return the same for machines: keys that the composition does not have."""
+    from planner.explain import wait_and_see
+
     found: dict[str, object] = {}
+    bound = None if result.robust is None else wait_and_see(result.robust)
+    if bound is not None:
+        found["bound"] = vars(bound) | {"gap": bound.gap}
     if tried:
         found["departures"] = [
             {"depart": iso(one.depart), "delivery_mean_s": _finite(one.delivery_s), "p_on_time": one.p_on_time}
@@ -43,13 +48,11 @@ def as_json(result: PlanResult, tried: Sequence[Departure], count: int, *, expla
 
         found["alternatives"] = [to_json(plan.composition) for plan in alternative_plans(result, count)[1:]]
     if explain:
-        from planner.explain import charge_ranges, stop_reasons, wait_and_see
+        from planner.explain import charge_ranges, stop_reasons
 
-        bound = None if result.robust is None else wait_and_see(result.robust)
         found["explanation"] = {
             "stops": [vars(one) | {"later_s": _finite(one.later_s)} for one in stop_reasons(result)],
             "charges": [] if result.robust is None else [vars(one) for one in charge_ranges(result.robust)],
-            "bound": None if bound is None else vars(bound) | {"gap": bound.gap},
         }
     return found
 
@@ -110,7 +113,7 @@ def _energy_wh(plan: PlanResult) -> float:
 
 
 def _print_reasons(result: PlanResult) -> None:
-    from planner.explain import stop_reasons, wait_and_see
+    from planner.explain import stop_reasons
 
     out = console()
     say(out, "")
@@ -122,13 +125,6 @@ def _print_reasons(result: PlanResult) -> None:
         say(out, f"  {_why_so_much(one)}")
     if not result.composition.stops:
         say(out, "No stop is needed: the charge is enough for the whole way")
-    bound = wait_and_see(result.robust)
-    if bound is not None:
-        say(
-            out,
-            f"Nobody can take less than {duration(bound.bound_s)} in the mean: told the wind and the queues beforehand, without gusts "
-            f"({bound.worlds} courses of the wind). This plan takes {duration(bound.plan_s)}, {percent(bound.gap, 1)} more",
-        )
 
 
 def _why_here(one: StopReason) -> str:

@@ -172,7 +172,7 @@ def _print_totals(out: Console, result: PlanResult, zone: ZoneInfo) -> None:
 
 def _print_rehearsal(out: Console, answer: RobustAnswer) -> None:
     """What the plan would do otherwise, and how far it may be from the best."""
-    from planner.explain import charge_ranges, stop_names
+    from planner.explain import charge_ranges, stop_names, wait_and_see
 
     for one in charge_ranges(answer):
         often = f"; {percent(one.idle)} leave without" if one.idle >= 0.005 else ""
@@ -185,6 +185,13 @@ def _print_rehearsal(out: Console, answer: RobustAnswer) -> None:
         later = (others[0].outcome.mean_s - answer.candidates[0].outcome.mean_s) / 60.0
         way = "by " + " > ".join(stop_names(others[0])) if stop_names(others[0]) else "without a stop"
         say(out, f"Else {way}: {later:+.1f} min in the mean")
+    bound = wait_and_see(answer)
+    if bound is not None:
+        say(
+            out,
+            f"Told the wind and the queues beforehand nobody takes less than {duration(bound.bound_s)} in the mean; this plan takes "
+            f"{duration(bound.plan_s)}, {percent(bound.gap, 1)} more (wait-and-see bound, no gusts)",
+        )
 
 
 def _clock(instant: datetime, zone: ZoneInfo, depart: datetime) -> str:
