@@ -185,7 +185,7 @@ class Hindsight:
         p = self.problem
         cost = float(p.soc_per_s), float(p.soc_fixed)
         still = np.zeros(p.air.north.shape[2])
-        energy = flight_energy(self._known, 0, np.asarray(segments, dtype=np.int64), time_s, still, still, cost)
+        energy, _ = flight_energy(self._known, 0, np.asarray(segments, dtype=np.int64), time_s, still, still, cost)
         return p.reserve + (1.0 + self.unsure) * energy
 
     def sure_of(self, segments: tuple[int, ...]) -> int:

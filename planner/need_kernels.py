@@ -217,11 +217,12 @@ def flight_energy(
     wind_north: NDArray[np.float64],
     wind_east: NDArray[np.float64],
     cost: tuple[float, float],
-) -> float:
+) -> tuple[float, float]:
     """Energy, as SoC, that a flight taking off at `time_s` exceeds with the probability epsilon only.
 
     `wind_north` and `wind_east`, shape (sites,), are measured in the slot of `time_s`. Members over the limits do not
-    count (nobody would fly); without any other, never.
+    count (nobody would fly); without any other, never. Also returns how long the slowest flight lasts that it was worked
+    out from, s: as long as that ends in the same slot, the energy is the same.
     """
     air = known.air
     first = slot_of(air, time_s)
@@ -248,7 +249,7 @@ def flight_energy(
     chance = chances(known, row, residual_north, residual_east)
     order = _worst_first(air, segments, first, residual_north, residual_east, fade, chance)
     energy, spread, share = np.empty(members + 1), np.empty(members + 1), np.empty(members + 1)
-    flying, total, low, high, mildest = 0, 0.0, NEVER, 0.0, 0
+    flying, total, low, high, mildest, longest = 0, 0.0, NEVER, 0.0, 0, 0.0
     seen_enough = 0
     for m in order:
         if flying >= WORST:
@@ -261,9 +262,11 @@ def flight_energy(
                 east[0, k, site] = air.east[m, slot, site] + residual_east[m, site] * fade[k]
         down = land(seen, 0, segments, time_s)
         if down == NEVER:
+            longest = NEVER
             continue
         flight = down - time_s
         slow = slow_land(known, seen, 0, segments, time_s, gust_mean(known, flight)) - down
+        longest = max(longest, flight, flight + slow)
         energy[flying] = cost[1] + cost[0] * flight
         spread[flying] = max(cost[0] * slow / STEADY, 1e-9)
         share[flying] = chance[m]
@@ -273,7 +276,7 @@ def flight_energy(
         high = max(high, energy[flying] + 6.0 * spread[flying])
         flying += 1
     if flying == 0:
-        return NEVER
+        return NEVER, NEVER
     rest = 0.0
     for m in order[seen_enough:]:
         rest += chance[m]
@@ -291,7 +294,7 @@ def flight_energy(
             low = middle
         else:
             high = middle
-    return float(high)
+    return float(high), float(longest)
 
 
 @compiled
@@ -341,15 +344,27 @@ def _energy_at(
             key = point + 1  # the next interval begins in the same wind
         else:
             time_s -= 1.0
-    if 0 <= key < len(table) and not math.isnan(table[key]):
+    if 0 <= key < len(table) - 2 * truth.north.shape[1] and not math.isnan(table[key]):
         return float(table[key])
-    need = flight_energy(known, row, segments, time_s, truth.north[member, slot], truth.east[member, slot], cost)
-    if 0 <= key < len(table):
+    north, east = truth.north[member, slot], truth.east[member, slot]
+    begin = len(table) - 2 * (truth.north.shape[1] - slot)
+    if math.isnan(table[begin]):
+        at = truth.start_s + slot * truth.slot_s
+        table[begin], table[begin + 1] = flight_energy(known, row, segments, at, north, east, cost)
+    if time_s + table[begin + 1] <= slot_end(truth, slot):
+        need = table[begin]
+    else:
+        need, _ = flight_energy(known, row, segments, time_s, north, east, cost)
+    if 0 <= key < len(table) - 2 * truth.north.shape[1]:
         table[key] = need
-    return need
+    return float(need)
 
 
 def need_tables(truth: Air, hops: int) -> NDArray[np.float64]:
-    """Return tables for `fly_by_need` in which nothing is known yet."""
+    """Return tables for `fly_by_need` in which nothing is known yet.
+
+    For each point of `GRID_S` what a flight needs, and then for each slot what it needs at its beginning and how long it
+    may last; see `flight_energy`.
+    """
     members, slots, _ = truth.north.shape
-    return np.full((members, hops, 2 * int(slots * truth.slot_s / GRID_S) + 4), np.nan)
+    return np.full((members, hops, 2 * int(slots * truth.slot_s / GRID_S) + 4 + 2 * slots), np.nan)
