@@ -303,20 +303,30 @@ class Rolling:
 
 
 def fly_policy(
-    truths: Truths, drone: str, policy: Policy | Adaptive, runs: NDArray[np.int64] | None = None
+    truths: Truths,
+    drone: str,
+    policy: Policy | Adaptive,
+    runs: NDArray[np.int64] | None = None,
+    *,
+    watch: Callable[[Again], None] | None = None,
 ) -> tuple[Flown, list[Itinerary]]:
-    """Fly a policy in some truths (all by default), run by run; also returns what it did in each."""
+    """Fly a policy in some truths (all by default), run by run; also returns what it did in each.
+
+    `watch` is told of each flight of an adaptive policy how to fly it again in other gusts.
+    """
     problem = truths.problem(drone)
     chosen = np.arange(len(truths)) if runs is None else runs
     parts, done = [], []
     for run in chosen.tolist():
-        flown, itinerary = _fly_decisions(truths, problem, policy, run)
+        flown, itinerary = _fly_decisions(truths, problem, policy, run, watch)
         parts.append(flown)
         done.append(itinerary)
     return pooled(parts), done
 
 
-def _fly_decisions(truths: Truths, problem: Problem, policy: Policy | Adaptive, run: int) -> tuple[Flown, Itinerary]:
+def _fly_decisions(
+    truths: Truths, problem: Problem, policy: Policy | Adaptive, run: int, watch: Callable[[Again], None] | None
+) -> tuple[Flown, Itinerary]:
     """Fly decision by decision. Each time the whole way is flown again: that it is a pure function keeps one set of rules."""
     network = problem.network
     one = np.array([run])
@@ -330,7 +340,7 @@ def _fly_decisions(truths: Truths, problem: Problem, policy: Policy | Adaptive, 
         station = network.stations[node].id
         stay = _Stay(run, node, station, time_s, soc, visited)
         if isinstance(policy, Adaptive):
-            found = _fly_adaptive(truths, problem, policy, stay)
+            found = _fly_adaptive(truths, problem, policy, stay, watch)
             if found is None:
                 break
             hop, flight = found
@@ -367,6 +377,27 @@ class _Stay:
     visited: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class Again:
+    """A flight of an adaptive policy, to be flown again by the same policy in other gusts."""
+
+    _truths: Truths
+    _problem: Problem
+    _policy: Adaptive
+    _stay: _Stay
+    _segments: tuple[int, ...]
+    _begun: tuple[float, float, float]
+
+    def charge_left(self, gust_key: int) -> float:
+        """Charge on touch-down in the gusts of a key."""
+        keys = self._truths.gust_key.copy()
+        keys[self._stay.run] = gust_key
+        other = replace(self._truths, gust_key=keys)
+        return float(
+            _flight(other, self._problem, self._policy, self._stay, self._segments, self._begun)[1][0, 0, SOC_DOWN]
+        )
+
+
 def _standing(truths: Truths, problem: Problem, stay: _Stay, time_s: float, soc: float) -> Standing:
     """What is known at a stay at a time."""
     day, slot = truths.day[stay.run], truths.wind.slot_at(time_s)
@@ -385,17 +416,17 @@ def _standing(truths: Truths, problem: Problem, stay: _Stay, time_s: float, soc:
 
 
 def _fly_adaptive(
-    truths: Truths, problem: Problem, policy: Adaptive, stay: _Stay
+    truths: Truths, problem: Problem, policy: Adaptive, stay: _Stay, watch: Callable[[Again], None] | None
 ) -> tuple[Hop, NDArray[np.float64]] | None:
     """Take off as the policy says, decided anew whenever the wind is: (hop, its course, shape (1, 1, 6))."""
     now, soc = stay.landed_s, stay.soc
     queue = truths.queues(problem, [stay.node], int(truths.queue[stay.run]))[stay.node]
     pad_s = float(queue.pad_time(stay.landed_s)) if problem.has_pads(stay.node) else math.inf
     curve_s, curve_soc = problem.curve(stay.node)
-    begun = float(np.interp(stay.soc, curve_soc, curve_s))
+    charged_s = float(np.interp(stay.soc, curve_soc, curve_s))
 
     def charge_at(time_s: float) -> float:
-        return float(np.interp(begun + time_s - pad_s, curve_s, curve_soc)) if time_s > pad_s else stay.soc
+        return float(np.interp(charged_s + time_s - pad_s, curve_s, curve_soc)) if time_s > pad_s else stay.soc
 
     wind = truths.wind
     end_s = wind.start_s + wind.slots * wind.slot_s
@@ -411,10 +442,13 @@ def _fly_adaptive(
             if charge_at(at) >= wanted - 1e-9:
                 opening = next_opening(problem.air, int(truths.day[stay.run]), segments, at)
                 if opening <= at + 1e-6:
-                    return _flight(truths, problem, policy, stay, way.segments, (pad_s, at, charge_at(at)))
+                    begun = pad_s, at, charge_at(at)
+                    if watch is not None:
+                        watch(Again(truths, problem, policy, stay, way.segments, begun))
+                    return _flight(truths, problem, policy, stay, way.segments, begun)
                 at = opening
             elif wanted <= curve_soc[-1] and pad_s < math.inf:
-                reached = pad_s + float(np.interp(wanted, curve_soc, curve_s)) - begun
+                reached = pad_s + float(np.interp(wanted, curve_soc, curve_s)) - charged_s
                 at = max(reached, at + _AGAIN_S)
             else:
                 break

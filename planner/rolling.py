@@ -69,10 +69,14 @@ class RollingRobust:
             return rest
         return seen.choose().segments
 
-    def _seen(self, standing: Standing, *, in_flight: bool) -> Hindsight:
+    def problem_at(self, standing: Standing) -> Problem:
+        """The rest of the delivery, with the forecast of that moment."""
         p = self.start
         request = replace(p.request, state=standing.state())
-        now = Problem(p.scenario, request, p.drone, with_measured(p.ensemble, standing))
+        return Problem(p.scenario, request, p.drone, with_measured(p.ensemble, standing))
+
+    def _seen(self, standing: Standing, *, in_flight: bool) -> Hindsight:
+        now = self.problem_at(standing)
         if in_flight:
             now = now.standing_at(now.origin, standing.time_s, standing.soc, in_flight=True)
         return Hindsight(now, self.errors, energy=standing.energy)

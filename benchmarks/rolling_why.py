@@ -1,0 +1,177 @@
+"""What planning anew at every stop loses to the clairvoyant, and to what it does not know.
+
+The same deliveries are flown again by the same rules, told more than anybody knows: the wind, the queues, or both; and in
+truths without gusts and errors of the vehicle's energy, which the clairvoyant `exact` does not count with either. Beside it stands
+a bound: what `exact` needs, told wind and queues, that lands with the least charge that anybody must keep for gusts which nobody foresees.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.figure import Figure
+from benchmarks.instances import FOLDER, LONG, read_instance
+from benchmarks.trials import Case, case_of
+from planner.charge_policy import known_at
+from planner.evaluate import NO_ERRORS, fly_policy
+from planner.evaluation_kernels import LATERAL
+from planner.evaluation_statistics import DayBootstrap
+from planner.exact import ExactSearch
+from planner.need_kernels import gust_mean
+from planner.problem import Problem
+from planner.rolling import RollingRobust, with_measured
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from benchmarks.instances import Instance
+    from models.queue_paths import QueuePath
+    from planner.evaluation_flights import Standing
+
+NOTHING, QUEUES, WIND, BOTH = "nothing", "queues", "wind", "both"
+TOLD = (NOTHING, QUEUES, WIND, BOTH)
+BOUND = "exact, least reserve for gusts"
+"""Name of the bound in the file of results."""
+Row = dict[str, Any]
+
+
+class ToldProblem(Problem):
+    """A problem whose queues are those of the truth, but for the line in which the drone stands."""
+
+    told: dict[int, QueuePath]
+
+    def queue_paths(self, nodes: Iterable[int], sample: int) -> dict[int, QueuePath]:
+        """Give the true ones."""
+        sampled = super().queue_paths(nodes, sample)
+        mine = None if self.in_flight else self.origin
+        return {node: path if node == mine else self.told.get(node, path) for node, path in sampled.items()}
+
+
+@dataclass(frozen=True)
+class ToldRolling(RollingRobust):
+    """`RollingRobust` that is told the queues."""
+
+    queues: dict[int, QueuePath] = field(default_factory=dict)
+
+    def problem_at(self, standing: Standing) -> Problem:
+        """The rest of the delivery, with the true queues."""
+        p = self.start
+        request = replace(p.request, state=standing.state())
+        now = ToldProblem(p.scenario, request, p.drone, with_measured(p.ensemble, standing))
+        now.told = self.queues
+        return now
+
+
+def fly_told(case: Case, told: str) -> float:
+    """Delivery time of the first run, s, of who plans anew at every stop and is told something; NaN where not delivered."""
+    truths, drone = case.truths, case.instance.drone
+    forecast = truths.wind.member(int(truths.day[0])) if told in (WIND, BOTH) else case.forecast
+    start = Problem(case.scenario, truths.request, case.scenario.drone(drone), forecast)
+    policy = RollingRobust(start, truths.errors)
+    if told in (QUEUES, BOTH):
+        problem = truths.problem(drone)
+        nodes = np.flatnonzero(problem.network.pads > 0).tolist()
+        policy = ToldRolling(start, truths.errors, truths.queues(problem, nodes, int(truths.queue[0])))
+    return float(fly_policy(truths, drone, policy, np.array([0]))[0].delivery_s[0])
+
+
+def clairvoyant_and_bound(case: Case) -> tuple[float, float]:
+    """Delivery times, s: of `exact` told wind and queues, and of the same with the least reserve for gusts.
+
+    A flight that begins by what is known then must land with the reserve in all but epsilon of its gusts. To first order a gust of the
+    mean g slows a flight by at least `LATERAL` times g, whatever its course; the mean varies least over the longest flight
+    that the battery allows, and a share of the ground speed is least with the wind behind. The least wind of any site in
+    any slot until the arrival makes it a bound for each flight.
+    """
+    request, wind = case.truths.told(0)
+    p = Problem(case.scenario, request, case.scenario.drone(case.instance.drone), wind)
+    queues = p.queue_paths(range(len(p.network)), 0)
+    plain = ExactSearch(p, queues)
+    if plain.find() is None:
+        return math.nan, math.nan
+    known = known_at(p, case.truths.errors, measured=True, epsilon=p.epsilon)
+    share = NormalDist().inv_cdf(1.0 - p.epsilon) * LATERAL * float(gust_mean(known, p.longest_flight_s))
+    calmest = np.hypot(p.air.north[0], p.air.east[0]).min(axis=1)
+    until = p.depart_s + 2.0 * (plain.best_s - p.depart_s)
+    wind_mps = float(calmest[: 2 + int((until - p.air.start_s) // p.air.slot_s)].min())
+    margin = p.soc_per_s * share * wind_mps / (p.air.airspeed_mps + wind_mps)
+    careful = ExactSearch(p, queues, margin_soc_per_s=margin)
+    arrival = careful.best_s if careful.find() is not None else math.inf
+    return plain.best_s - p.depart_s, min(arrival, until) - p.depart_s
+
+
+def run(instance: Instance, path: Path, part: tuple[int, int] = (0, 1)) -> None:
+    """Fly what a file of results does not hold yet: one line a delivery."""
+    scenario = instance.scenario()
+    known = {row["number"] for row in read(path)}
+    for number in range(len(instance.deliveries)):
+        if number % part[1] != part[0] or number in known:
+            continue
+        gusty = case_of(scenario, instance, number, instance.runs)
+        still = case_of(scenario, replace(instance, errors=NO_ERRORS), number, instance.runs)
+        best, bound = clairvoyant_and_bound(gusty)
+        row: Row = {"number": number, "day": instance.deliveries[number].truth, "exact": best, BOUND: bound}
+        row |= {f"told {told}, {name}": fly_told(case, told) for name, case in _truths(gusty, still) for told in TOLD}
+        plain = {key: None if isinstance(one, float) and not math.isfinite(one) else one for key, one in row.items()}
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(plain) + "\n")
+
+
+def _truths(gusty: Case, still: Case) -> tuple[tuple[str, Case], ...]:
+    return ("gusts", gusty), ("no gusts", still)
+
+
+def read(path: Path) -> list[Row]:
+    """Lines of a file of results, each delivery once, in order; none where there is no file."""
+    if not path.exists():
+        return []
+    rows = {row["number"]: row for row in map(json.loads, path.read_text(encoding="utf-8").splitlines())}
+    return [rows[number] for number in sorted(rows)]
+
+
+def figures_of(rows: Sequence[Row]) -> list[Figure]:
+    """How far each is above the clairvoyant in the mean, percent, over deliveries that arrive in all."""
+    names = [name for name in rows[0] if name not in ("number", "day", "exact")]
+    whole = [row for row in rows if all(row[name] is not None for name in (*names, "exact"))]
+    day = np.array([int(row["day"].replace("-", "")) for row in whole])
+    best = np.array([row["exact"] for row in whole])
+    found = []
+    for name in names:
+        times = np.array([row[name] for row in whole])
+        ratio = DayBootstrap(day).ratio(times, best).scaled(100.0)
+        each = 100.0 * (np.median(times / best) - 1.0)
+        note = f"95 %: {ratio.low - 100.0:.1f} to {ratio.high - 100.0:.1f}, median {each:.1f}, {len(whole)} deliveries"
+        found.append(Figure(f"{name}: above exact", ratio.value - 100.0, "%", None, note))
+    return found
+
+
+def main() -> int:
+    """Measure from a command line."""
+    network, utilisation, deliveries, _ = LONG
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--instance", type=Path, default=FOLDER / f"{network}-{utilisation:g}-{deliveries}.json")
+    parser.add_argument("--out", type=Path, default=Path("out/bench/rolling-why.jsonl"), help="what is in it is kept")
+    parser.add_argument("--part", default="0/1", help="k/n: every n-th delivery from the k-th on, for n processes")
+    parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")
+    options = parser.parse_args()
+    instance = read_instance(options.instance)
+    instance = instance.cut(options.deliveries, instance.runs)
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    first, _, parts = options.part.partition("/")
+    run(instance, options.out, (int(first), int(parts)))
+    for figure in figures_of(read(options.out)):
+        print(figure.line())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
