@@ -53,7 +53,10 @@ CAREFUL = 2.0
 USUAL_FLIGHT_S = 500.0
 """Gusts average out over a flight; over this one about so much."""
 COMMITMENTS = 4.0
-"""A delivery shares epsilon out among about so many times that it must be sure of the next landing."""
+"""A delivery shares epsilon out among about so many landings that must find room."""
+ENERGY_SHARES = 16.0
+"""And among so many flights that may need more than they were charged for. About three are begun with what they need and no
+more; what is calibrated is that `benchmarks.rolling_risk` finds half of epsilon."""
 LEARNED = 0.005
 """What is left of the error of a vehicle's energy once a flight has shown it."""
 STUCK_S = 6 * 3600.0
@@ -146,7 +149,7 @@ class Hindsight:
         self._margins: dict[tuple[tuple[int, ...], int], float] = {}
         self._count = futures
         # The forecast of the moment is shifted and weighted by what was measured already.
-        known = known_at(problem, errors, measured=True, epsilon=problem.epsilon / COMMITMENTS)
+        known = known_at(problem, errors, measured=True, epsilon=problem.epsilon / ENERGY_SHARES)
         self._known = known._replace(measured=False)
 
     @cached_property
