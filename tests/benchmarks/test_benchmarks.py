@@ -5,20 +5,33 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT))
 
-from benchmarks import bench_gap, bench_planners, bench_promises, bench_rolling, pictures, report  # noqa: E402
+from benchmarks import (  # noqa: E402
+    bench_gap,
+    bench_planners,
+    bench_promises,
+    bench_rolling,
+    pictures,
+    report,
+    rolling_risk,
+    rolling_why,
+)
 from benchmarks.figure import Figure, machine  # noqa: E402
 from benchmarks.instances import FOLDER, make_instance, make_long, read_instance  # noqa: E402
 from benchmarks.melbourne import melbourne  # noqa: E402
 from benchmarks.networks import geometric, random_pairs  # noqa: E402
 from benchmarks.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows  # noqa: E402
-from benchmarks.trials import ROLLING, contenders  # noqa: E402
+from benchmarks.trials import ROLLING, case_of, contenders  # noqa: E402
 from models.errors import InputError  # noqa: E402
+from planner.evaluate import NO_ERRORS, fly_policy  # noqa: E402
 from planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS  # noqa: E402
+from planner.problem import Problem  # noqa: E402
+from planner.rolling import RollingRobust  # noqa: E402
 
 
 def quiet(_):
@@ -153,6 +166,11 @@ def test_promises_are_counted_on_days_that_no_forecast_held():
     assert "0.95" in bench_promises.table(found)
 
 
+@pytest.fixture
+def long_instance():
+    return read_instance(FOLDER / "new-york-0.5-125.json").cut(3, 1)
+
+
 def test_a_long_measurement_goes_on_where_it_was_broken_off(tmp_path, monkeypatch):
     few = tuple(one for one in bench_rolling.RIVALS if one.label in {"robust, anew at each stop", "pfs, full"})
     monkeypatch.setattr("benchmarks.bench_rolling.RIVALS", few)
@@ -165,3 +183,35 @@ def test_a_long_measurement_goes_on_where_it_was_broken_off(tmp_path, monkeypatc
     above = bench_rolling.figures_of(bench_rolling.read(tmp_path / "rows.jsonl"))[0]
     assert above.target == 4.0
     assert above.value > -1.0
+
+
+def test_a_reserve_for_gusts_makes_the_clairvoyant_no_faster(long_instance):
+    scenario = long_instance.scenario()
+    for number in range(3):
+        best, bound = rolling_why.clairvoyant_and_bound(case_of(scenario, long_instance, number, 1))
+        assert 0.0 < best <= bound * (1.0 + 1e-9)
+
+
+def test_who_is_told_the_wind_and_the_queues_is_told_those_of_the_run(long_instance):
+    still = replace(long_instance, errors=NO_ERRORS)
+    case = case_of(still.scenario(), still, 1, 1)
+    best, _ = rolling_why.clairvoyant_and_bound(case)
+    assert rolling_why.fly_told(case, rolling_why.BOTH) == pytest.approx(best, rel=0.05)
+    assert rolling_why.fly_told(case, rolling_why.NOTHING) >= best * (1.0 - 1e-6)
+
+
+def test_a_flight_is_flown_again_as_it_was_in_the_same_gusts(long_instance):
+    case = case_of(long_instance.scenario(), long_instance, 1, 1)
+    start = Problem(case.scenario, case.truths.request, case.scenario.drone(long_instance.drone), case.forecast)
+    policy = RollingRobust(start, case.truths.errors)
+    seen = []
+    flown, _ = fly_policy(case.truths, long_instance.drone, policy, np.array([0]), watch=seen.append)
+    same = [again.charge_left(int(case.truths.gust_key[0])) for again in seen]
+    assert min(same) == pytest.approx(float(flown.lowest_soc[0]))
+    assert seen[0].charge_left(1) != same[0]
+    watch = rolling_risk.Watch(start.reserve, 30, np.random.default_rng(0))
+    watch(seen[0])
+    assert (watch.flights, 0.0 <= watch.broken <= 1.0) == (1, True)
+    watch = rolling_risk.Watch(1.0, 30, np.random.default_rng(0))
+    watch(seen[0])
+    assert watch.broken == 1.0
