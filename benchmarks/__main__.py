@@ -19,6 +19,8 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "many": ("bench_many", []),
     "logs": ("bench_logs", []),
     "rolling": ("bench_rolling", ["--deliveries", "12"]),
+    "why": ("rolling_why", ["--deliveries", "6"]),
+    "risk": ("rolling_risk", ["--deliveries", "6", "--gusts", "200"]),
 }
 """Benchmarks that print their own figures, each run as a process of its own."""
 MEASURED = ("speed", "ies", "exact", "robust", "evaluate", "promises", "gap")

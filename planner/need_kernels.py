@@ -124,20 +124,40 @@ def gust_mean(known: Known, flight_s: float) -> float:
 
 @compiled_lean
 def _wind_felt(air: Air, member: int, slot: int, segment: int) -> tuple[float, float]:
-    """Ground speed (equations 1-5), and by how much a gust of the strength of the wind itself slows it; m/s, without limits."""
+    """Ground speed (equations 1-5), and by how much a gust of the strength of the wind itself slows it; m/s, without limits.
+
+    With the wind (a, c) along and across the way, a gust of the shares x along the wind and y across it makes it
+    (a + a x - c y, c + c x + a y); the ground speed a + sqrt(S^2 - c^2) then changes by (a - c t) x - (c + a t) y to first
+    order, t = c / sqrt(S^2 - c^2) being the tangent of the crab angle.
+    """
     north, east = wind_on(air, member, slot, segment)
     along = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
     across = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
-    speed = along + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
-    return speed, math.hypot(along, LATERAL * across)
+    forward = math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
+    crab = across / max(forward, MIN_GROUND_SPEED_MPS)
+    return along + forward, math.hypot(along - across * crab, LATERAL * (across + along * crab))
+
+
+@compiled_lean
+def _capped(mean: float, deviation: float, most: float) -> float:
+    """Mean of what is normally distributed but never above a limit: of min(most, X)."""
+    if mean + SURE * deviation <= most:
+        return mean
+    if deviation <= 0.0:
+        return most
+    off = (most - mean) / deviation
+    below = 0.5 * math.erfc(-off * math.sqrt(0.5))
+    density = math.exp(-0.5 * off * off) / math.sqrt(2.0 * math.pi)
+    return mean * below + most * (1.0 - below) - deviation * density
 
 
 @compiled_lean
 def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], depart_s: float, gust: float) -> float:
     """Touch-down of a flight through wind that is worse all the way than the member says, by `STEADY` deviations.
 
-    Of the wind itself after the hour of the take-off, and of the mean of gusts, `gust` as a share of the wind. Whether the
-    flight is flyable is `land`'s to say.
+    Of the wind itself after the hour of the take-off, and of the mean of gusts, `gust` as a share of the wind. About their mean
+    gusts come and go: where the ground speed is capped, lulls slow a flight and squalls from behind give nothing back. Whether
+    the flight is flyable is `land`'s to say.
     """
     now = depart_s + air.climb_s
     first = slot_of(air, depart_s)
@@ -150,8 +170,9 @@ def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], 
             if slot > first:
                 unsure = known.sigma_mps * known.smoothing
                 square += unsure * unsure * (1.0 - math.exp(-2.0 * (slot - first) * air.slot_s / known.tau_s))
-            speed -= STEADY * math.sqrt(square)
-            speed = min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
+            about = felt * math.sqrt(max(known.gust_sd * known.gust_sd - gust * gust, 0.0))
+            speed = _capped(speed - STEADY * math.sqrt(square), about, air.max_ground_speed_mps)
+            speed = max(speed, MIN_GROUND_SPEED_MPS)
             end = slot_end(air, slot)
             if now + left / speed <= end:
                 now += left / speed

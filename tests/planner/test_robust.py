@@ -27,7 +27,7 @@ from planner.evaluate import (
     sample_truths,
     season_days,
 )
-from planner.evaluation_kernels import plain_sky
+from planner.evaluation_kernels import gusty_land, plain_sky
 from planner.explain import alternatives, charge_ranges, stop_names, stop_reasons, wait_and_see
 from planner.need_kernels import flight_energy, gust_mean
 from planner.objective import Objective
@@ -100,6 +100,26 @@ def test_a_flight_needs_more_the_gustier_it_is_and_the_surer_one_wants_to_be(new
     wilder = known_at(problem, Errors(gust_sd=gust * 1.3, energy=0.0), measured=True, epsilon=low)
     bolder = known_at(problem, Errors(gust_sd=gust, energy=0.0), measured=True, epsilon=low * 4.0)
     assert energy(bolder, problem, segments) < energy(calm, problem, segments) < energy(wilder, problem, segments)
+
+
+@pytest.mark.parametrize("wind_mps", [5.0, 10.0])
+@pytest.mark.parametrize("angle_deg", [0.0, 45.0, 90.0, 120.0, 180.0])
+def test_as_many_flights_through_gusts_need_more_as_was_said_whatever_the_course(newyork, wind_mps, angle_deg):
+    segment = int(np.argmax(newyork.network.distance_m))
+    from_deg = (float(newyork.network.bearing_deg[segment]) + angle_deg) % 360.0
+    height = newyork.rules.cruise_height_m
+    wind = constant_wind(wind_mps, from_deg, DEPART, HORIZON_H, 40.7, -74.0, height)
+    problem = Problem(newyork, ask(), newyork.drone("m200"), wind)
+    errors = Errors(energy=0.0)
+    epsilon = 0.01
+    charged = energy(known_at(problem, errors, measured=True, epsilon=epsilon), problem, np.array([segment]))
+    keys = np.random.default_rng(7).integers(0, 2**63, 4000).astype(np.uint64)
+    air, off = problem.air, problem.depart_s
+    down = [gusty_land(air, 0, np.array([segment]), off, key, errors.gust_sd, errors.gust_time_s) for key in keys]
+    taken = problem.soc_fixed + problem.soc_per_s * (np.array(down) - off)
+    assert np.mean(taken > charged * 1.005) <= 1.4 * epsilon  # half a percent is kept of an error that is known
+    if angle_deg <= 90.0:
+        assert np.mean(taken > charged) >= 0.2 * epsilon  # and no more is charged than that takes
 
 
 def test_the_mean_of_gusts_over_a_flight_varies_as_that_of_the_simulated_process(newyork):
