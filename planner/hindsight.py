@@ -54,9 +54,9 @@ USUAL_FLIGHT_S = 500.0
 """Gusts average out over a flight; over this one about so much."""
 COMMITMENTS = 4.0
 """A delivery shares epsilon out among about so many landings that must find room."""
-ENERGY_SHARES = 16.0
-"""And among so many flights that may need more than they were charged for. About three are begun with what they need and no
-more; what is calibrated is that `benchmarks.rolling_risk` finds half of epsilon."""
+ENERGY_SHARES = 2.0
+"""And among so many flights that may need more than they were charged for: not many are begun with what they need and no more. How
+often a landing is below the reserve `benchmarks.rolling_risk` measures."""
 LEARNED = 0.005
 """What is left of the error of a vehicle's energy once a flight has shown it."""
 STUCK_S = 6 * 3600.0
