@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN
 from planner.evaluation_truths import USUAL_ERRORS
 from planner.exact import ExactSearch
 from planner.itinerary import weighted_quantile
-from planner.robust import FINAL_RUNS, MEMBERS, RobustSearch
+from planner.robust import FINAL_RUNS, LARGE, MEMBERS, RobustSearch
 from planner.speeds import TrueSpeeds
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ LOW, HIGH = 0.1, 0.9
 """Quantiles that say how far a charge may be from the nominal one."""
 
 LOOK_S = 0.05
-"""For each world that the wait-and-see bound is the mean of."""
+"""On large networks, for each world that the wait-and-see bound is the mean of."""
 
 
 @dataclass(frozen=True)
@@ -192,14 +193,15 @@ def alternatives(answer: RobustAnswer, count: int) -> list[Candidate]:
 def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
     """Bound from below how long a delivery takes: the exact planner told each member and a queue; None without a route.
 
-    A search that takes long gives its own lower bound (`LOOK_S`).
+    On large networks a search that takes long gives its own lower bound (`LOOK_S`).
     """
     problem = answer.policy.problem
     times, weights = [], []
     nodes = range(len(problem.network))
+    limit_s = LOOK_S if len(nodes) > LARGE else math.inf
     for member, probability in enumerate(problem.probability.tolist()):
         queues, speeds = problem.queue_paths(nodes, member), TrueSpeeds(problem.air, member)
-        search = ExactSearch(problem, queues, speeds=speeds, time_limit_s=LOOK_S)
+        search = ExactSearch(problem, queues, speeds=speeds, time_limit_s=limit_s)
         if search.find() is None:
             continue
         times.append((search.best_s if search.complete else search.lower_bound_s) - problem.depart_s)
