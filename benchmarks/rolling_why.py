@@ -89,24 +89,30 @@ def clairvoyant_and_bound(case: Case) -> tuple[float, float]:
 
     A flight that begins by what is known then must land with the reserve in all but epsilon of its gusts. To first order a gust of the
     mean g slows a flight by at least `LATERAL` times g, whatever its course; the mean varies least over the longest flight
-    that the battery allows, and a share of the ground speed is least with the wind behind. The least wind of any site in
-    any slot until the arrival makes it a bound for each flight.
+    that the battery allows, and a share of the ground speed is least with the wind behind. With the least wind of any site
+    in any slot up to some time that is a bound for all that arrive by then, and who arrives later does not arrive earlier.
     """
     request, wind = case.truths.told(0)
     p = Problem(case.scenario, request, case.scenario.drone(case.instance.drone), wind)
     queues = p.queue_paths(range(len(p.network)), 0)
-    plain = ExactSearch(p, queues)
-    if plain.find() is None:
-        return math.nan, math.nan
     known = known_at(p, case.truths.errors, measured=True, epsilon=p.epsilon)
     share = NormalDist().inv_cdf(1.0 - p.epsilon) * LATERAL * float(gust_mean(known, p.longest_flight_s))
     calmest = np.hypot(p.air.north[0], p.air.east[0]).min(axis=1)
-    until = p.depart_s + 2.0 * (plain.best_s - p.depart_s)
-    wind_mps = float(calmest[: 2 + int((until - p.air.start_s) // p.air.slot_s)].min())
-    margin = p.soc_per_s * share * wind_mps / (p.air.airspeed_mps + wind_mps)
-    careful = ExactSearch(p, queues, margin_soc_per_s=margin)
-    arrival = careful.best_s if careful.find() is not None else math.inf
-    return plain.best_s - p.depart_s, min(arrival, until) - p.depart_s
+
+    def arrival_s(margin_soc_per_s: float) -> float:
+        search = ExactSearch(p, queues, margin_soc_per_s=margin_soc_per_s)
+        return search.best_s if search.find() is not None else math.inf
+
+    def with_reserve_s(until_s: float) -> float:
+        slots = 1 + int(min((until_s - p.air.start_s) / p.air.slot_s, len(calmest)))
+        wind_mps = float(calmest[:slots].min())
+        return arrival_s(p.soc_per_s * share * wind_mps / (p.air.airspeed_mps + wind_mps))
+
+    best = arrival_s(0.0)
+    if best == math.inf:
+        return math.nan, math.nan
+    until = with_reserve_s(best)
+    return best - p.depart_s, min(with_reserve_s(until), until) - p.depart_s
 
 
 def run(instance: Instance, path: Path, part: tuple[int, int] = (0, 1)) -> None:
