@@ -49,7 +49,9 @@ MOST_FULL = 0.5
 MARGINS = (0.12, 0.25, 0.06)
 """Margins of the energy of each flight that routes are composed with; large networks begin with the first alone."""
 MUCH = 0.45
-"""Margin tried beside none where those give no route."""
+"""Margin tried beside none where those give no route, and where the best of theirs waits long in some winds."""
+LONG = 1.3
+"""So many times the median is a mean delivery time long: the wind closes a flight for hours that less of it would not."""
 COMPOSE_S = 0.05
 """On large networks a composition that was found in this time is good enough, proved the best or not."""
 FEW = 0.1
@@ -238,9 +240,24 @@ class RobustSearch:
                 self._add(found, itinerary)
                 if quick:
                     break
+            if found and not quick and self._is_long(min(found.values(), key=_order).outcome):
+                self._add_short_flights(found, allowed)
         if not found:
             raise no_route(p, Outlook(p))
         return sorted(found.values(), key=_order)
+
+    def _is_long(self, outcome: Outcome) -> bool:
+        begin = self.problem.depart_s
+        return outcome.mean_s - begin > LONG * (outcome.quantile_s(0.5) - begin)
+
+    def _add_short_flights(
+        self, found: dict[tuple[tuple[int, ...], ...], Candidate], allowed: NDArray[np.bool_]
+    ) -> None:
+        """Add a route of flights so short that hardly any wind makes them too long for the battery."""
+        speeds, queues = self._mean_world
+        itinerary = self._compose(speeds, queues, MUCH, allowed)
+        if itinerary is not None:
+            self._add(found, itinerary)
 
     def _add(self, found: dict[tuple[tuple[int, ...], ...], Candidate], itinerary: Itinerary) -> None:
         """Judge a route, and the same without the stops at which it does not charge, unless they are known."""
