@@ -29,7 +29,7 @@ from benchmarks.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows  # noqa: 
 from benchmarks.trials import ROLLING, case_of, contenders  # noqa: E402
 from models.errors import InputError  # noqa: E402
 from planner.evaluate import NO_ERRORS, fly_policy  # noqa: E402
-from planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS  # noqa: E402
+from planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST, plan  # noqa: E402
 from planner.problem import Problem  # noqa: E402
 from planner.rolling import RollingRobust  # noqa: E402
 
@@ -215,3 +215,15 @@ def test_a_flight_is_flown_again_as_it_was_in_the_same_gusts(long_instance):
     watch = rolling_risk.Watch(1.0, 30, np.random.default_rng(0))
     watch(seen[0])
     assert watch.broken == 1.0
+
+
+def test_where_the_wind_closes_a_flight_for_hours_a_route_of_shorter_ones_is_better(monkeypatch):
+    instance = read_instance(FOLDER / "geometric-1000-0.5.json")
+    case = case_of(instance.scenario(), instance, 3, 1)
+    short = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast)
+    monkeypatch.setattr("planner.robust.LONG", np.inf)
+    long = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast)
+    begin = short.problem.depart_s
+    assert len(short.robust.candidates) > len(long.robust.candidates)
+    assert short.outcome.mean_s - begin < 0.8 * (long.outcome.mean_s - begin)
+    assert short.outcome.p_success >= 1.0 - 0.005
