@@ -25,7 +25,7 @@ from planner.rolling import RollingRobust
 
 if TYPE_CHECKING:
     from benchmarks.instances import Instance
-    from planner.evaluation_flights import Again
+    from planner.evaluation_decisions import Again
 
 OF = 20_000
 """Deliveries that the figure is told for."""

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from benchmarks.instances import Instance
     from models.queue_paths import QueuePath
-    from planner.evaluation_flights import Standing
+    from planner.evaluation_policies import Standing
 
 NOTHING, QUEUES, WIND, BOTH = "nothing", "queues", "wind", "both"
 TOLD = (NOTHING, QUEUES, WIND, BOTH)

@@ -12,21 +12,18 @@ import numpy as np
 
 from models.errors import InfeasibleError
 from models.units import S_PER_MIN
+from planner.evaluation_decisions import fly_policy
 from planner.evaluation_flights import (
     DELIVERED,
     GAVE_UP,
     STRANDED,
     UNFLYABLE,
     Flown,
-    OpenLoop,
-    Policy,
-    Rolling,
-    Standing,
     fly_charging,
     fly_itinerary,
-    fly_policy,
     pooled,
 )
+from planner.evaluation_policies import OpenLoop, Policy, Rolling, Standing
 from planner.evaluation_statistics import DayBootstrap, Estimate
 from planner.evaluation_truths import (
     NO_ERRORS,
