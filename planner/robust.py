@@ -51,7 +51,7 @@ MARGINS = (0.12, 0.25, 0.06)
 MUCH = 0.45
 """Margin tried beside none where those give no route, and where the best of theirs waits long in some winds."""
 LONG = 1.3
-"""So many times the median is a mean delivery time long: the wind closes a flight for hours that less of it would not."""
+"""Where a mean delivery takes more than so many times the median, the wind closes one of its flights for hours on some days."""
 COMPOSE_S = 0.05
 """On large networks a composition that was found in this time is good enough, proved the best or not."""
 FEW = 0.1
@@ -248,7 +248,7 @@ class RobustSearch:
 
     def _is_long(self, outcome: Outcome) -> bool:
         begin = self.problem.depart_s
-        return outcome.mean_s - begin > LONG * (outcome.quantile_s(0.5) - begin)
+        return outcome.p_arrive < 1.0 - 1e-9 or outcome.mean_s - begin > LONG * (outcome.quantile_s(0.5) - begin)
 
     def _add_short_flights(
         self, found: dict[tuple[tuple[int, ...], ...], Candidate], allowed: NDArray[np.bool_]
