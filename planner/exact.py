@@ -72,6 +72,8 @@ class ExactSearch:
         destination without pads.
     stops : ndarray of bool, shape (nodes,), optional
         Where the drone may land on its way; all stations with pads by default.
+    give_up_s : float
+        After this time it ends without an answer; then `find` says nothing of whether there is a way.
     time_limit_s : float
         As soon as there is an answer after this time, it is given, with `lower_bound_s`; `complete` is False then unless
         it is proved the best.
@@ -97,6 +99,7 @@ class ExactSearch:
         margin_soc_per_s: float = 0.0,
         stops: NDArray[np.bool_] | None = None,
         time_limit_s: float = math.inf,
+        give_up_s: float = math.inf,
     ) -> None:
         self.problem = problem
         self.queues = queues
@@ -115,6 +118,8 @@ class ExactSearch:
             self._stops &= stops
         self._costs = costs_of(problem, margin_soc_per_s)
         self._time_limit_s = time_limit_s
+        self._give_up_s = give_up_s
+        self._give_up_at = math.inf
         self._stop_at = math.inf
         self._answer: Itinerary | None = None
 
@@ -141,15 +146,20 @@ class ExactSearch:
         """Search without a word on why there is no route: that takes longer than some searches."""
         p = self.problem
         self._stop_at = time.perf_counter() + self._time_limit_s
+        self._give_up_at = time.perf_counter() + self._give_up_s
         self._place_m = places(p.network)
         until = p.depart_s + FIRST_GUESS * (self._straight_s() - p.depart_s) + 600.0
         while self._answer is None:
             until = min(until, self._latest_s)
             self._search_until(until)
-            if self._answer is None and until >= self._latest_s:
+            if self._answer is None and (until >= self._latest_s or self._given_up):
                 return None
             until = p.depart_s + 1.6 * (until - p.depart_s)
         return self._answer
+
+    @property
+    def _given_up(self) -> bool:
+        return time.perf_counter() > self._give_up_at
 
     @property
     def _latest_s(self) -> float:
@@ -212,9 +222,9 @@ class ExactSearch:
             guide, forward = only_nodes(guide, forward, keep)
             if math.isinf(self._time_limit_s):
                 self._refine(part, guide, needed, deadline)
-            elif self._run(part, guide, forward, needed, deadline, 0.0) and time.perf_counter() < self._stop_at:
+            elif self._run(part, guide, forward, needed, deadline, 0.0) and (time.perf_counter() < self._stop_at):
                 self._refine(part, guide, needed, min(deadline, self.best_s))
-            if self._answer is not None or deadline >= until_s:
+            if self._answer is not None or deadline >= until_s or self._given_up:
                 return
         self.lower_bound_s = max(self.lower_bound_s, until_s)
 
@@ -250,7 +260,9 @@ class ExactSearch:
         """Search labels for arrivals until some time; tells whether that is the end, by an answer or by the clock."""
         stays = Stays(self.problem, self.queues, part, needed, margin_soc_per_s=self._margin)
         stays.best_s = until_s
-        one = Round(stays, guide, forward, needed, stop_at, answered=self._answer is not None)
+        one = Round(
+            stays, guide, forward, needed, stop_at, answered=self._answer is not None, give_up_at=self._give_up_at
+        )
         one.run()
         self.looked_at += one.looked_at
         if one.best is not None:

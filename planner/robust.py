@@ -54,6 +54,8 @@ LONG = 1.3
 """Where a mean delivery takes more than so many times the median, the wind closes one of its flights for hours on some days."""
 COMPOSE_S = 0.05
 """On large networks a composition that was found in this time is good enough, proved the best or not."""
+GIVE_UP_S = 0.15
+"""Nor is a route of short flights looked for longer than this there."""
 FEW = 0.1
 """Where a smaller share of the stations has room likely enough, no way is looked for that keeps to them."""
 WORLDS = 3
@@ -240,22 +242,21 @@ class RobustSearch:
                 self._add(found, itinerary)
                 if quick:
                     break
-            if found and not quick and self._is_long(min(found.values(), key=_order).outcome):
+            if found and not quick:
                 self._add_short_flights(found, allowed)
         if not found:
             raise no_route(p, Outlook(p))
         return sorted(found.values(), key=_order)
 
-    def _is_long(self, outcome: Outcome) -> bool:
-        begin = self.problem.depart_s
-        return outcome.p_arrive < 1.0 - 1e-9 or outcome.mean_s - begin > LONG * (outcome.quantile_s(0.5) - begin)
-
     def _add_short_flights(
         self, found: dict[tuple[tuple[int, ...], ...], Candidate], allowed: NDArray[np.bool_]
     ) -> None:
-        """Add a route of flights so short that hardly any wind makes them too long for the battery."""
+        """Add, where the best route waits long, one of flights so short that hardly any wind makes them too long for the battery."""
+        best, begin = min(found.values(), key=_order).outcome, self.problem.depart_s
+        if best.p_arrive > 1.0 - 1e-9 and best.mean_s - begin <= LONG * (best.quantile_s(0.5) - begin):
+            return
         speeds, queues = self._mean_world
-        itinerary = self._compose(speeds, queues, MUCH, allowed)
+        itinerary = self._compose(speeds, queues, MUCH, allowed, give_up_s=GIVE_UP_S if self._large else math.inf)
         if itinerary is not None:
             self._add(found, itinerary)
 
@@ -309,13 +310,25 @@ class RobustSearch:
         return MeanSpeeds(self.problem.air, probability, HOURS)
 
     def _compose(
-        self, speeds: MeanSpeeds, queues: Mapping[int, QueuePath], margin: float, allowed: NDArray[np.bool_]
+        self,
+        speeds: MeanSpeeds,
+        queues: Mapping[int, QueuePath],
+        margin: float,
+        allowed: NDArray[np.bool_],
+        *,
+        give_up_s: float = math.inf,
     ) -> Itinerary | None:
         p = self.problem
         limit_s = COMPOSE_S if self._large else math.inf
         margin_per_s = margin * p.soc_per_s
         search = ExactSearch(
-            p, queues, speeds=speeds, margin_soc_per_s=margin_per_s, stops=allowed, time_limit_s=limit_s
+            p,
+            queues,
+            speeds=speeds,
+            margin_soc_per_s=margin_per_s,
+            stops=allowed,
+            time_limit_s=limit_s,
+            give_up_s=give_up_s,
         )
         found = search.find()
         self.looked_at += search.looked_at
