@@ -9,16 +9,16 @@ that 500 deliveries take a quarter of an hour to an hour on one core.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.figure import Figure
-from benchmarks.instances import FOLDER, LONG, read_instance
+from benchmarks.instances import LONG_FILE, read_instance
+from benchmarks.results import Row, append, missing, read
 from benchmarks.trials import ROLLING, Case, Contender, case_of, try_case
 from planner.evaluate import clairvoyant_times
 from planner.evaluation_statistics import DayBootstrap
@@ -45,7 +45,6 @@ ABOVE_BEST = 4.0
 """Percent above the clairvoyant that are allowed in the mean."""
 BELOW = {"pfs-charge-aware": 15.0, "pfs": 60.0}
 """Percent below other planners that are wanted in the mean, on requests that all solve."""
-Row = dict[str, Any]
 
 
 def try_delivery(case: Case) -> Row:
@@ -74,23 +73,11 @@ def run(
 ) -> None:
     """Fly the deliveries of an instance that a file of results does not hold yet, every n-th from the k-th on."""
     scenario = instance.scenario()
-    known = {row["number"] for row in read(path)}
-    for number in range(len(instance.deliveries)):
-        if number % part[1] != part[0] or number in known:
-            continue
+    for number in missing(path, len(instance.deliveries), part):
         row = try_delivery(case_of(scenario, instance, number, instance.runs))
-        with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
+        append(path, row)
         spent = sum(one["seconds"] for one in row.values() if isinstance(one, dict))
         progress(f"{instance.name}: delivery {number + 1} of {len(instance.deliveries)}, {spent:.1f} s")
-
-
-def read(path: Path) -> list[Row]:
-    """Lines of a file of results, each delivery once, in order; none where there is no file."""
-    if not path.exists():
-        return []
-    rows = {row["number"]: row for row in map(json.loads, path.read_text(encoding="utf-8").splitlines())}
-    return [rows[number] for number in sorted(rows)]
 
 
 def figures_of(rows: Sequence[Row]) -> list[Figure]:
@@ -146,9 +133,8 @@ def _above(
 
 def main() -> int:
     """Measure from a command line."""
-    network, utilisation, deliveries, _ = LONG
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--instance", type=Path, default=FOLDER / f"{network}-{utilisation:g}-{deliveries}.json")
+    parser.add_argument("--instance", type=Path, default=LONG_FILE)
     parser.add_argument(
         "--out", type=Path, default=Path("out/bench/rolling.jsonl"), help="results; what is in it is kept"
     )

@@ -36,6 +36,7 @@ SEED = 1
 RUNS = 20
 LONG = ("new-york", 0.5, 125, 4)
 """Network, utilisation, deliveries and runs of the long instance: 500 deliveries on many days, for `benchmarks.bench_rolling`."""
+LONG_FILE = FOLDER / f"{LONG[0]}-{LONG[1]:g}-{LONG[2]}.json"
 HOLDING_SPOTS = 1000
 
 

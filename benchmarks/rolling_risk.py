@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.figure import Figure
-from benchmarks.instances import FOLDER, LONG, read_instance
+from benchmarks.instances import LONG_FILE, read_instance
 from benchmarks.trials import case_of
 from planner.evaluate import fly_policy
 from planner.evaluation_statistics import DayBootstrap
@@ -77,9 +77,8 @@ def measure(instance: Instance, gusts: int) -> list[Figure]:
 
 def main() -> int:
     """Measure from a command line."""
-    network, utilisation, deliveries, _ = LONG
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--instance", type=Path, default=FOLDER / f"{network}-{utilisation:g}-{deliveries}.json")
+    parser.add_argument("--instance", type=Path, default=LONG_FILE)
     parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")
     parser.add_argument("--gusts", type=int, default=600, help="that each flight is flown in")
     options = parser.parse_args()

@@ -8,18 +8,18 @@ a bound: what `exact` needs, told wind and queues, that lands with the least cha
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.figure import Figure
-from benchmarks.instances import FOLDER, LONG, read_instance
+from benchmarks.instances import LONG_FILE, read_instance
+from benchmarks.results import Row, append, missing, read
 from benchmarks.trials import Case, case_of
 from planner.charge_policy import known_at
 from planner.evaluate import NO_ERRORS, fly_policy
@@ -41,7 +41,6 @@ NOTHING, QUEUES, WIND, BOTH = "nothing", "queues", "wind", "both"
 TOLD = (NOTHING, QUEUES, WIND, BOTH)
 BOUND = "exact, least reserve for gusts"
 """Name of the bound in the file of results."""
-Row = dict[str, Any]
 
 
 class ToldProblem(Problem):
@@ -118,30 +117,15 @@ def clairvoyant_and_bound(case: Case) -> tuple[float, float]:
 def run(instance: Instance, path: Path, part: tuple[int, int] = (0, 1)) -> None:
     """Fly what a file of results does not hold yet: one line a delivery."""
     scenario = instance.scenario()
-    known = {row["number"] for row in read(path)}
-    for number in range(len(instance.deliveries)):
-        if number % part[1] != part[0] or number in known:
-            continue
+    for number in missing(path, len(instance.deliveries), part):
         gusty = case_of(scenario, instance, number, instance.runs)
         still = case_of(scenario, replace(instance, errors=NO_ERRORS), number, instance.runs)
         best, bound = clairvoyant_and_bound(gusty)
         row: Row = {"number": number, "day": instance.deliveries[number].truth, "exact": best, BOUND: bound}
-        row |= {f"told {told}, {name}": fly_told(case, told) for name, case in _truths(gusty, still) for told in TOLD}
+        truths = {"gusts": gusty, "no gusts": still}
+        row |= {f"told {told}, {name}": fly_told(case, told) for name, case in truths.items() for told in TOLD}
         plain = {key: None if isinstance(one, float) and not math.isfinite(one) else one for key, one in row.items()}
-        with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(plain) + "\n")
-
-
-def _truths(gusty: Case, still: Case) -> tuple[tuple[str, Case], ...]:
-    return ("gusts", gusty), ("no gusts", still)
-
-
-def read(path: Path) -> list[Row]:
-    """Lines of a file of results, each delivery once, in order; none where there is no file."""
-    if not path.exists():
-        return []
-    rows = {row["number"]: row for row in map(json.loads, path.read_text(encoding="utf-8").splitlines())}
-    return [rows[number] for number in sorted(rows)]
+        append(path, plain)
 
 
 def figures_of(rows: Sequence[Row]) -> list[Figure]:
@@ -162,9 +146,8 @@ def figures_of(rows: Sequence[Row]) -> list[Figure]:
 
 def main() -> int:
     """Measure from a command line."""
-    network, utilisation, deliveries, _ = LONG
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--instance", type=Path, default=FOLDER / f"{network}-{utilisation:g}-{deliveries}.json")
+    parser.add_argument("--instance", type=Path, default=LONG_FILE)
     parser.add_argument("--out", type=Path, default=Path("out/bench/rolling-why.jsonl"), help="what is in it is kept")
     parser.add_argument("--part", default="0/1", help="k/n: every n-th delivery from the k-th on, for n processes")
     parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")

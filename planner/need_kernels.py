@@ -365,10 +365,11 @@ def _energy_at(
             key = point + 1  # the next interval begins in the same wind
         else:
             time_s -= 1.0
-    if 0 <= key < len(table) - 2 * truth.north.shape[1] and not math.isnan(table[key]):
+    points = len(table) - 2 * truth.north.shape[1]  # behind them two values of each slot
+    if 0 <= key < points and not math.isnan(table[key]):
         return float(table[key])
     north, east = truth.north[member, slot], truth.east[member, slot]
-    begin = len(table) - 2 * (truth.north.shape[1] - slot)
+    begin = points + 2 * slot
     if math.isnan(table[begin]):
         at = truth.start_s + slot * truth.slot_s
         table[begin], table[begin + 1] = flight_energy(known, row, segments, at, north, east, cost)
@@ -376,7 +377,7 @@ def _energy_at(
         need = table[begin]
     else:
         need, _ = flight_energy(known, row, segments, time_s, north, east, cost)
-    if 0 <= key < len(table) - 2 * truth.north.shape[1]:
+    if 0 <= key < points:
         table[key] = need
     return float(need)
 
