@@ -24,13 +24,16 @@ FEW = 150
 SEMI_MAJOR_M = 6_378_137.0
 ECCENTRICITY_SQUARED = 0.006_694_379_990_141_317
 """Of the WGS-84 ellipsoid."""
+DECIMALS = 9
+"""Places are told apart by so many decimals of a degree, 0.1 mm."""
 
 
 def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: NoFlyZones | None = None) -> Network:
     """Join stations by a rule; every segment is flown both ways, none is longer than ``rule.max_length_m``.
 
     ``max-length`` joins all pairs, ``nearest`` each station to its ``rule.nearest`` nearest, ``gabriel`` two
-    stations when the circle on the line between them holds no third (Gabriel & Sokal 1969).
+    stations when the circle on the line between them holds no third (Gabriel & Sokal 1969). Stations whose latitude
+    and longitude agree to `DECIMALS` stand at one place: they have the same neighbours, and no segment between them.
 
     Raises
     ------
@@ -47,10 +50,7 @@ def build_network(stations: Sequence[Station], rule: ConnectionRule, *, zones: N
         raise InputError(Fault("must be at least 1", field="network.nearest", value=rule.nearest))
     lat = np.array([s.lat for s in stations], dtype=np.float64)
     lon = np.array([s.lon for s in stations], dtype=np.float64)
-    # Stations at one place have the same neighbours (and no segment between them): join places.
-    rounded = np.asarray(
-        np.round(np.column_stack((lat, lon)), 9), dtype=np.float64
-    )  # 0.1 mm: nearer stations stand at one place
+    rounded = np.asarray(np.round(np.column_stack((lat, lon)), DECIMALS), dtype=np.float64)
     places, place_of = np.unique(rounded, axis=0, return_inverse=True)
     pairs = np.empty((0, 2), dtype=np.int64)
     if len(places) > 1:

@@ -41,12 +41,13 @@ def pairs_of(network: Network) -> set[tuple[int, int]]:
 def assert_joined(network: Network, wanted) -> None:
     """Compare with `wanted(i, j)`: True, False, or None where the definition is on edge.
 
-    Two stations within a thousandth of a millimetre are on edge, too: whether that is a distance at all is rounding.
+    Two stations within two units of the last decimal are on edge, too: whether they stand at one place is rounding.
     """
     found = pairs_of(network)
     for i, j in itertools.permutations(range(len(network)), 2):
-        apart = length(network.stations[i], network.stations[j])
-        verdict = None if 0.0 < apart < 1e-6 else wanted(i, j)
+        a, b = network.stations[i], network.stations[j]
+        apart = max(abs(a.lat - b.lat), abs(a.lon - b.lon))
+        verdict = None if 0.0 < apart < 2.0 * 10.0**-network_builders.DECIMALS else wanted(i, j)
         assert verdict is None or ((i, j) in found) == verdict, (i, j, verdict)
 
 
@@ -113,6 +114,14 @@ def test_gabriel_joins_two_stations_when_no_third_lies_between(few, region, offs
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(network_builders, "FEW", few)
         assert_joined(build_network(stations, ConnectionRule("gabriel", 30_000.0)), wanted)
+
+
+@pytest.mark.parametrize("kind", network_builders.RULES)
+def test_stations_that_agree_in_all_decimals_stand_at_one_place(kind):
+    network = build_network(
+        stations_at([(40.7, -74.0), (40.7, -74.0 + 1e-10), (40.71, -74.0)]), ConnectionRule(kind, 30_000.0, 1)
+    )
+    assert pairs_of(network) == {(0, 2), (2, 0), (1, 2), (2, 1)}
 
 
 @pytest.mark.parametrize("kind", network_builders.RULES)
