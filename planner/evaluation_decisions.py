@@ -12,8 +12,9 @@ from models.flight_kernels import next_opening
 from planner.course_kernels import PAD, SOC_DOWN, SOC_OFF, TOUCH_DOWN
 from planner.evaluation_flights import DELIVERED, GAVE_UP, Flown, courses, pooled, tally
 from planner.evaluation_kernels import gusty_land
-from planner.evaluation_policies import Adaptive, Policy, Standing
+from planner.evaluation_policies import Adaptive, Departure, Policy, Standing
 from planner.itinerary import Hop
+from planner.turning_kernels import out_or_back
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -112,7 +113,7 @@ class Again:
     _problem: Problem
     _policy: Adaptive
     _stay: _Stay
-    _segments: tuple[int, ...]
+    _way: Departure
     _begun: tuple[float, float, float]
 
     def charge_left(self, gust_key: int) -> float:
@@ -120,9 +121,7 @@ class Again:
         keys = self._truths.gust_key.copy()
         keys[self._stay.run] = gust_key
         other = replace(self._truths, gust_key=keys)
-        return float(
-            _flight(other, self._problem, self._policy, self._stay, self._segments, self._begun)[1][0, 0, SOC_DOWN]
-        )
+        return float(_flight(other, self._problem, self._policy, self._stay, self._way, self._begun)[1][0, 0, SOC_DOWN])
 
 
 def _standing(truths: Truths, problem: Problem, stay: _Stay, time_s: float, soc: float) -> Standing:
@@ -171,8 +170,8 @@ def _fly_adaptive(
                 if opening <= at + 1e-6:
                     begun = pad_s, at, charge_at(at)
                     if watch is not None:
-                        watch(Again(truths, problem, policy, stay, way.segments, begun))
-                    return _flight(truths, problem, policy, stay, way.segments, begun)
+                        watch(Again(truths, problem, policy, stay, way, begun))
+                    return _flight(truths, problem, policy, stay, way, begun)
                 at = opening
             elif wanted <= curve_soc[-1] and pad_s < math.inf:
                 reached = pad_s + float(np.interp(wanted, curve_soc, curve_s)) - charged_s
@@ -188,7 +187,7 @@ def _flight(
     problem: Problem,
     policy: Adaptive,
     stay: _Stay,
-    rest: tuple[int, ...],
+    way: Departure,
     begun: tuple[float, float, float],
 ) -> tuple[Hop, NDArray[np.float64]]:
     """Fly, asking the policy over each station with pads; `begun` is (pad, take-off, charge)."""
@@ -196,6 +195,12 @@ def _flight(
     sky = truths.sky()
     run, day, air = stay.run, int(truths.day[stay.run]), problem.air
     flown: tuple[int, ...] = ()
+    rest = way.segments
+    if way.turning is not None:
+        energy = float(sky.energy[run]) * problem.soc_per_s / way.turning.soc_per_s
+        down, turned = out_or_back(air, day, rest[0], off, charge, energy, sky.gust_key[run], way.turning)
+        if turned:
+            flown, rest = (rest[0], way.turning.back), ()
     while rest:
         flown, rest = (*flown, rest[0]), rest[1:]
         node = int(problem.network.head[flown[-1]])

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from models.wind_forecast import WindEnsemble
     from planner.itinerary import Hop, Itinerary
     from planner.request import Request
+    from planner.turning_kernels import Turning
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +81,15 @@ class Departure:
         Charge without which the flight is not begun at a time, POSIX seconds.
     look_s : float
         Decide anew then, POSIX seconds.
+    turning : Turning or None
+        How it may turn back on the first segment.
     """
 
     segments: tuple[int, ...]
     charge: float
     need: Callable[[float], float]
     look_s: float = math.inf
+    turning: Turning | None = None
 
 
 @runtime_checkable

@@ -29,6 +29,7 @@ from planner.exact import ExactSearch
 from planner.flight_table import FlightTable, ground_speeds, table_land, table_slot, table_slot_end
 from planner.need_kernels import careful_speeds, flight_energy, gust_mean
 from planner.room import likely_room
+from planner.turning import Turns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from planner.evaluation_truths import Errors
     from planner.itinerary import Hop
     from planner.problem import Problem
+    from planner.turning_kernels import Turning
 
 FUTURES = 10
 """Drawn for each decision."""
@@ -48,7 +50,7 @@ STEPS = 5
 """Flights that are compared, at most; those that are best in the most futures."""
 LATER_MARGIN = 0.02
 """Of the energy of later flights, which will not be begun without one."""
-CAREFUL = 2.0
+CAREFUL = 1.0
 """Later flights count on the wind with a mean gust against them of so many standard deviations: they will be charged for it."""
 USUAL_FLIGHT_S = 500.0
 """Gusts average out over a flight; over this one about so much."""
@@ -91,6 +93,8 @@ class Step:
         Segments up to the last such station before the end.
     arrival_s : float
         Expected arrival of the delivery, POSIX seconds.
+    turning : Turning or None
+        How it may turn back on the first segment, for which its charge need not be enough then.
     """
 
     segments: tuple[int, ...]
@@ -98,6 +102,7 @@ class Step:
     sure: int = 0
     last: int = 0
     arrival_s: float = math.inf
+    turning: Turning | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +156,7 @@ class Hindsight:
         # The forecast of the moment is shifted and weighted by what was measured already.
         known = known_at(problem, errors, measured=True, epsilon=problem.epsilon / ENERGY_SHARES)
         self._known = known._replace(measured=False)
+        self.turns = Turns(self.problem, self._known, self.unsure)
 
     @cached_property
     def futures(self) -> list[Future]:
@@ -235,6 +241,7 @@ class Hindsight:
             sure = self.sure_of(segments)
             least = self.need(segments[:sure], p.depart_s)
             full = float(p.curve(p.origin)[1][-1]) if p.has_pads(p.origin) and not p.in_flight else p.soc
+            steps += self._tries(segments, least, full)
             if least > full:
                 continue
             quantiles = np.quantile(charges[segments], (0.0, 0.25, 0.5, 0.75, 1.0)).tolist()
@@ -246,6 +253,27 @@ class Hindsight:
                     steps.append(Step(segments, level, sure, last))
                     before = level
         return steps
+
+    def _tries(self, segments: tuple[int, ...], least: float, full: float) -> list[Step]:
+        """The same with charges below the least that is sure, where it can turn back."""
+        p = self.problem
+        may = p.soc < least and self.sure_of(segments) == 1 and self._room_back
+        how = self.turns.over(segments[0]) if may else None
+        if how is None:
+            return []
+        flights = [_flight(future.table, segments[:1], p.depart_s, 0)[1] - p.depart_s for future in self.futures]
+        last = self._last_sure(segments)
+        charges = self.turns.charges(self._taken(float(np.median(flights))), least)
+        levels = sorted({max(one, p.soc) for one in charges if one <= full})
+        return [Step(segments, one, 1, last, turning=how) for one in levels]
+
+    @cached_property
+    def _room_back(self) -> bool:
+        """Whether it finds room where it stands if it turns back."""
+        p = self.problem
+        if p.in_flight or not p.has_pads(p.origin):
+            return False
+        return bool(likely_room(p, p.epsilon / COMMITMENTS, np.full(len(p.network), FAR_S))[p.origin])
 
     def _last_sure(self, segments: tuple[int, ...]) -> int:
         """How many segments it is to the last station with room before the end; 0: there is none."""
@@ -302,6 +330,20 @@ class Hindsight:
             off = self._charged_s(future, step.charge)
             if off >= self._new_wind_s:
                 return self._stay(future)  # by then it will have thought again
+        if step.turning is None:
+            return self._through(step, future, off)
+        trial = self.turns.trial(step.segments[0], step.turning, step.charge, off)
+        if trial is None:
+            return math.inf
+        through = self._through(step, future, off)
+        if trial.there == 1.0:
+            return through
+        back = self._arrival(future, p.origin, off + trial.back_s, trial.soc) + STOP_S
+        return trial.there * through + (1.0 - trial.there) * back
+
+    def _through(self, step: Step, future: Future, off: float) -> float:
+        """Arrival in a future after a flight that gets as far as it can, taking off at a time."""
+        p = self.problem
         head = p.network.head
         for count in range(len(step.segments), 0, -1):
             node = int(head[step.segments[count - 1]])
@@ -314,7 +356,8 @@ class Hindsight:
             soc = step.charge - future.energy * self._taken(down - off)
             if count == len(step.segments) and step.last and not self._goes_on(step, future, off, soc, down):
                 continue
-            if soc >= p.reserve:
+            if soc >= p.reserve or (step.turning is not None and count == 1):
+                soc = max(soc, p.reserve)
                 return down if node == p.destination else self._arrival(future, node, down, soc) + STOP_S
         return p.depart_s + STUCK_S
 

@@ -112,34 +112,39 @@ def chances(known: Known, row: int, north: NDArray[np.float64], east: NDArray[np
 
 
 @compiled_lean
-def gust_mean(known: Known, flight_s: float) -> float:
-    """Standard deviation of the mean of a flight's gusts, as a share of the wind.
+def gust_mean_variance(x: float) -> float:
+    """Variance of the mean of a flight's gusts as a share of that of one, for a time constant of x times the flight.
 
-    The mean of an Ornstein-Uhlenbeck process of time constant tau over T has the variance
-    2 tau / T (1 - tau / T (1 - exp(-T / tau))) of one value.
+    The mean of an Ornstein-Uhlenbeck process of time constant tau over T has 2 tau / T (1 - tau / T (1 - exp(-T / tau))).
     """
-    x = known.gust_time_s / max(flight_s, 1.0)
-    return known.gust_sd * math.sqrt(2.0 * x * (1.0 - x * (1.0 - math.exp(-1.0 / x))))
+    return 2.0 * x * (1.0 - x * (1.0 - math.exp(-1.0 / x)))
 
 
 @compiled_lean
-def _wind_felt(air: Air, member: int, slot: int, segment: int) -> tuple[float, float]:
-    """Ground speed (equations 1-5), and by how much a gust of the strength of the wind itself slows it; m/s, without limits.
+def gust_mean(known: Known, flight_s: float) -> float:
+    """Standard deviation of the mean of a flight's gusts, as a share of the wind."""
+    return known.gust_sd * math.sqrt(gust_mean_variance(known.gust_time_s / max(flight_s, 1.0)))
+
+
+@compiled_lean
+def wind_felt(air: Air, member: int, slot: int, segment: int) -> tuple[float, float, float]:
+    """Ground speed (equations 1-5), and what gusts of the strength of the wind itself change it by; m/s, without limits.
 
     With the wind (a, c) along and across the way, a gust of the shares x along the wind and y across it makes it
     (a + a x - c y, c + c x + a y); the ground speed a + sqrt(S^2 - c^2) then changes by (a - c t) x - (c + a t) y to first
-    order, t = c / sqrt(S^2 - c^2) being the tangent of the crab angle.
+    order, t = c / sqrt(S^2 - c^2) being the tangent of the crab angle. Returned are the ground speed, a - c t, and c + a t times
+    `LATERAL`.
     """
     north, east = wind_on(air, member, slot, segment)
     along = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
     across = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
     forward = math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
     crab = across / max(forward, MIN_GROUND_SPEED_MPS)
-    return along + forward, math.hypot(along - across * crab, LATERAL * (across + along * crab))
+    return along + forward, along - across * crab, LATERAL * (across + along * crab)
 
 
 @compiled_lean
-def _capped(mean: float, deviation: float, most: float) -> float:
+def capped(mean: float, deviation: float, most: float) -> float:
     """Mean of what is normally distributed but never above a limit: of min(most, X)."""
     if mean + SURE * deviation <= most:
         return mean
@@ -165,13 +170,14 @@ def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], 
         left = air.distance_m[segment]
         slot = slot_of(air, now)
         while True:
-            speed, felt = _wind_felt(air, member, slot, segment)
+            speed, with_wind, across_wind = wind_felt(air, member, slot, segment)
+            felt = math.hypot(with_wind, across_wind)
             square = gust * gust * felt * felt
             if slot > first:
                 unsure = known.sigma_mps * known.smoothing
                 square += unsure * unsure * (1.0 - math.exp(-2.0 * (slot - first) * air.slot_s / known.tau_s))
             about = felt * math.sqrt(max(known.gust_sd * known.gust_sd - gust * gust, 0.0))
-            speed = _capped(speed - STEADY * math.sqrt(square), about, air.max_ground_speed_mps)
+            speed = capped(speed - STEADY * math.sqrt(square), about, air.max_ground_speed_mps)
             speed = max(speed, MIN_GROUND_SPEED_MPS)
             end = slot_end(air, slot)
             if now + left / speed <= end:
@@ -192,7 +198,8 @@ def careful_speeds(
     for row in range(len(slots)):
         for column in range(len(segments)):
             if segment_speed(air, member, slots[row], segments[column]) > 0.0:
-                speed, felt = _wind_felt(air, member, slots[row], segments[column])
+                speed, with_wind, across_wind = wind_felt(air, member, slots[row], segments[column])
+                felt = math.hypot(with_wind, across_wind)
                 out[row, column] = min(max(speed - gust * felt, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
     return out
 

@@ -58,7 +58,13 @@ class RollingRobust:
         if not step.segments:
             return Departure((), 1.0, lambda _: math.inf, look_s)
         sure = step.segments[: step.sure]
-        return Departure(step.segments, step.charge, lambda time_s: seen.need(sure, time_s), look_s)
+
+        def need(time_s: float) -> float:
+            if step.turning is not None and seen.turns.in_time(step.turning, step.charge, time_s):
+                return step.charge
+            return seen.need(sure, time_s)
+
+        return Departure(step.segments, step.charge, need, look_s, step.turning)
 
     def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
         """On to the end while that is safe; else what is best from here."""

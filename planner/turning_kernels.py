@@ -1,0 +1,221 @@
+"""Compiled: flights that may turn back, as long as one end can be reached for sure.
+
+Into a wind the way out is slow and the way back is fast, so that a drone can look how the gusts and the wind of the next hour turn
+out for most of the way. It flies on while, whatever may come, its charge will be enough to land at the far end, or
+will still be for the way back half a minute later; else it turns.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from models.compiled import compiled, compiled_lean
+from models.flight_kernels import NEVER, slot_end, slot_of
+from models.wind import MIN_GROUND_SPEED_MPS
+from planner.evaluation_kernels import GUST_STEP_S, deviates, gust_at, gusty_speed
+from planner.need_kernels import capped, gust_mean, gust_mean_variance, wind_felt
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from models.flight import Air
+    from planner.need_kernels import Known
+
+
+class Turning(NamedTuple):
+    """How a flight over one segment may turn back.
+
+    Attributes
+    ----------
+    back : int
+        The same segment the other way.
+    deviations : float
+        Standard deviations of the mean gust against either way that it must be able to bear.
+    reserve : float
+        To land with, SoC.
+    soc_per_s, soc_fixed : float
+        What a flight is believed to take, at most.
+    gust_sd, gust_time_s : float
+        Of gusts, see `planner.evaluation_kernels.Sky`.
+    later_out_mps, later_back_mps : ndarray, shape (members,)
+        Ground speeds either way, with gusts against it, that must be expected once the wind has changed; see `later_speeds`.
+    """
+
+    back: int
+    deviations: float
+    reserve: float
+    soc_per_s: float
+    soc_fixed: float
+    gust_sd: float
+    gust_time_s: float
+    later_out_mps: NDArray[np.float64]
+    later_back_mps: NDArray[np.float64]
+
+
+@compiled
+def later_speeds(known: Known, slot: int, segment: int, deviations: float, flight_s: float) -> NDArray[np.float64]:
+    """Ground speed over a segment in each member in a slot, worse by some deviations than it says, shape (members,); m/s.
+
+    Of the mean of the gusts of a flight, and of what makes the wind less sure than the members say (see `Known`).
+    """
+    air = known.air
+    gust = gust_mean(known, flight_s)
+    unsure = known.sigma_mps * known.smoothing
+    out = np.empty(len(air.north))
+    for member in range(len(out)):
+        speed, with_wind, across_wind = wind_felt(air, member, slot, segment)
+        felt = math.hypot(with_wind, across_wind)
+        square = gust * gust * felt * felt + unsure * unsure * (1.0 - math.exp(-2.0 * air.slot_s / known.tau_s))
+        speed = min(speed - deviations * math.sqrt(square), air.max_ground_speed_mps)
+        out[member] = max(speed, MIN_GROUND_SPEED_MPS)
+    return out
+
+
+@compiled_lean
+def _takes_s(
+    air: Air,
+    member: int,
+    slot: int,
+    segment: int,
+    left_m: float,
+    gust: tuple[float, float],
+    ahead_s: float,
+    deviations: float,
+    how: Turning,
+) -> float:
+    """How long the last metres of a segment take if the mean gust is some deviations against it, s.
+
+    They are begun in `ahead_s`. The gust of now, in standard deviations, fades as exp(-t / tau); the mean over a time
+    that begins with a known gust varies the less.
+    """
+    speed, with_wind, across_wind = wind_felt(air, member, slot, segment)
+    flight_s = left_m / max(speed, MIN_GROUND_SPEED_MPS)
+    x = how.gust_time_s / max(flight_s, 1.0)
+    stays = x * (1.0 - math.exp(-1.0 / x)) * math.exp(-ahead_s / how.gust_time_s)
+    square = max(gust_mean_variance(x) - stays * stays, 0.0)
+    felt = how.gust_sd * math.hypot(with_wind, across_wind)
+    drift = how.gust_sd * stays * (gust[0] * with_wind - gust[1] * across_wind)
+    slow = speed + drift - deviations * felt * math.sqrt(square)
+    slow = capped(slow, felt * math.sqrt(max(1.0 - square, 0.0)), air.max_ground_speed_mps)
+    return left_m / max(slow, MIN_GROUND_SPEED_MPS)
+
+
+@compiled_lean
+def out_or_back(
+    air: Air, member: int, segment: int, depart_s: float, charge: float, energy: float, key: np.uint64, how: Turning
+) -> tuple[float, bool]:
+    """Touch-down of a flight over a segment, or of its return: (POSIX seconds, whether it turned back).
+
+    Parameters
+    ----------
+    depart_s, charge : float
+        Take-off, POSIX seconds, and charge then.
+    energy : float
+        What the vehicle takes, as a multiple of what it is believed to take.
+    key : uint64
+        Of its gusts. It lands before the wind has changed twice.
+    """
+    phi = math.exp(-GUST_STEP_S / how.gust_time_s)
+    scale = math.sqrt(1.0 - phi * phi)
+    now = depart_s + air.climb_s
+    step = int(math.floor(now / GUST_STEP_S))
+    gust = gust_at(key, step, phi)
+    way, left = segment, air.distance_m[segment]
+    first = slot_of(air, depart_s)
+    while True:
+        slot = slot_of(air, now)
+        if way == segment:
+            taken = energy * (how.soc_fixed + how.soc_per_s * (now - depart_s))
+            until = now + (charge - taken - how.reserve) / how.soc_per_s - air.descent_s
+            change = slot_end(air, slot) if slot == first else NEVER
+            speed = gusty_speed(air, member, slot, segment, gust, how.gust_sd)
+            if left > speed * GUST_STEP_S and _turns(
+                air, member, slot, segment, (now, left, speed), gust, until, change, how
+            ):
+                left = air.distance_m[segment] - left
+                way = how.back
+        speed = gusty_speed(air, member, slot, way, gust, how.gust_sd)
+        next_s = (step + 1) * GUST_STEP_S
+        end = min(next_s, slot_end(air, slot))
+        if now + left / speed <= end:
+            return now + left / speed + air.descent_s, way != segment
+        left -= speed * (end - now)
+        now = end
+        if now >= next_s:
+            step += 1
+            one, other = deviates(key, step)
+            gust = phi * gust[0] + scale * one, phi * gust[1] + scale * other
+
+
+@compiled_lean
+def _turns(
+    air: Air,
+    member: int,
+    slot: int,
+    segment: int,
+    at: tuple[float, float, float],
+    gust: tuple[float, float],
+    until: float,
+    change: float,
+    how: Turning,
+) -> bool:
+    """Whether a flight turns now: there is no plan that reaches one end until a time, whatever may come, but by turning.
+
+    Plans are to fly on; to turn half a minute later; and to fly on until the wind changes, and then to the end that is reached in the
+    new one. `at` is the time, the metres left and the ground speed; the wind changes at `change`.
+    """
+    now, left, speed = at
+    flown = air.distance_m[segment] - left
+    turn = now + GUST_STEP_S
+    further = flown + speed * GUST_STEP_S
+    out_s = _takes_s(air, member, slot, segment, left, gust, 0.0, how.deviations, how)
+    back_s = _takes_s(air, member, slot, how.back, further, gust, GUST_STEP_S, how.deviations, how)
+    here_s = _takes_s(air, member, slot, how.back, flown, gust, 0.0, how.deviations, how)
+    late_out, late_back, late_here, late_then = now + out_s - until, turn + back_s - until, now + here_s - until, NEVER
+    if now + out_s > change or turn + back_s > change:
+        usual_s = _takes_s(air, member, slot, segment, left, gust, 0.0, 0.0, how)
+        far = min(flown + left * (change - now) / usual_s + speed * GUST_STEP_S, air.distance_m[segment])
+        late_then = -NEVER
+        for m in range(len(how.later_out_mps)):
+            out = _changed(now, left, out_s, change, how.later_out_mps[m]) - until
+            late_out = max(late_out, out)
+            late_back = max(late_back, _changed(turn, further, back_s, change, how.later_back_mps[m]) - until)
+            late_here = max(late_here, _changed(now, flown, here_s, change, how.later_back_mps[m]) - until)
+            late_then = max(late_then, min(out, change + far / how.later_back_mps[m] - until))
+    return min(late_out, late_back, late_then) > 0.0 and late_here < late_out
+
+
+@compiled_lean
+def _changed(now: float, left_m: float, takes_s: float, change: float, later_mps: float) -> float:
+    """When a way ends whose wind changes at a time: before that it would take so long as a whole."""
+    if now + takes_s <= change:
+        return now + takes_s
+    return max(change, now) + left_m * (1.0 - max(change - now, 0.0) / takes_s) / later_mps
+
+
+@compiled
+def trials(
+    air: Air,
+    members: NDArray[np.int64],
+    segment: int,
+    depart_s: float,
+    charge: float,
+    energies: NDArray[np.float64],
+    keys: NDArray[np.uint64],
+    how: Turning,
+) -> tuple[float, float, float, float]:
+    """Of flights in many winds and gusts: share that gets there, mean time of these and of those that turn back, SoC of the latter."""
+    there, out_s, back_s, soc = 0, 0.0, 0.0, 0.0
+    for k in range(len(keys)):
+        down, turned = out_or_back(air, members[k], segment, depart_s, charge, energies[k], keys[k], how)
+        if turned:
+            back_s += down - depart_s
+            soc += charge - energies[k] * (how.soc_fixed + how.soc_per_s * (down - depart_s))
+        else:
+            there += 1
+            out_s += down - depart_s
+    away = len(keys) - there
+    return there / len(keys), out_s / max(there, 1), back_s / max(away, 1), soc / max(away, 1)
