@@ -318,7 +318,7 @@ def flight_energy(
     return float(high), float(longest)
 
 
-@compiled
+@compiled_lean
 def energy_about(
     known: Known,
     row: int,
@@ -343,7 +343,7 @@ def next_change(truth: Air, time_s: float) -> float:
     return min(over, slot_end(truth, slot_of(truth, time_s)))
 
 
-@compiled
+@compiled_lean
 def _energy_at(
     known: Known,
     row: int,
