@@ -149,21 +149,24 @@ def upper_profile(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.
     while i + 1 < len(a) or j + 1 < len(b):
         before = x
         x = min(a[i + 1, 0] if i + 1 < len(a) else math.inf, b[j + 1, 0] if j + 1 < len(b) else math.inf)
+        a0, b0, a1, b1 = _along(a, i, before), _along(b, j, before), _along(a, i, x), _along(b, j, x)
+        if (a0 - b0) * (a1 - b1) < 0.0 and a0 > _NONE and b0 > _NONE:
+            part = (a0 - b0) / ((a0 - b0) - (a1 - b1))
+            out[size, 0], out[size, 1] = before + part * (x - before), a0 + part * (a1 - a0)
+            size += 1
+        of_a, of_b = False, False
+        while i + 1 < len(a) and a[i + 1, 0] <= x:
+            i, of_a = i + 1, True
+        while j + 1 < len(b) and b[j + 1, 0] <= x:
+            j, of_b = j + 1, True
+        a2, b2 = _along(a, i, x), _along(b, j, x)
+        if (not of_a and a1 > b1 and a2 > b2) or (not of_b and b1 > a1 and b2 > a2):
+            continue  # a point of the lower one only
         if size > 0:
-            a0, b0, a1, b1 = _along(a, i, before), _along(b, j, before), _along(a, i, x), _along(b, j, x)
-            if (a0 - b0) * (a1 - b1) < 0.0 and a0 > _NONE and b0 > _NONE:
-                part = (a0 - b0) / ((a0 - b0) - (a1 - b1))
-                out[size, 0], out[size, 1] = before + part * (x - before), a0 + part * (a1 - a0)
-                size += 1
             out[size, 0], out[size, 1] = x, max(a1, b1)
             size += 1
-        while i + 1 < len(a) and a[i + 1, 0] <= x:
-            i += 1
-        while j + 1 < len(b) and b[j + 1, 0] <= x:
-            j += 1
-        value = max(_along(a, i, x), _along(b, j, x))
-        if size == 0 or value > out[size - 1, 1] or out[size - 1, 0] < x:
-            out[size, 0], out[size, 1] = x, value
+        if size == 0 or max(a2, b2) > out[size - 1, 1]:
+            out[size, 0], out[size, 1] = x, max(a2, b2)
             size += 1
     return out[:size].copy()
 
