@@ -31,7 +31,8 @@ def _compile(function: F, *, counting: bool) -> F:
 
     from models.kernel_cache import KernelCache
 
-    kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False, _nrt=counting)(function)
+    options: dict[str, Any] = {"_nrt": counting}
+    kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False, **options)(function)
     callees = [
         value for name in function.__code__.co_names if hasattr(value := function.__globals__.get(name), "py_func")
     ]

@@ -419,8 +419,8 @@ def _lived(
         at_start = later
     count = 0
     while True:
-        pad = np.argmin(free)
-        ready[count] = free[pad]
+        earliest = np.argmin(free)
+        ready[count] = free[earliest]
         if used + 2 > size:
             return came, ready, began, 0, left, False
         if count >= waiting:
@@ -430,11 +430,11 @@ def _lived(
                 break
             if now <= start_s:
                 gone = count + 1
-        came[count], began[count] = now, max(now, free[pad])
-        free[pad] = _after(began[count], draws[used], services, first_s)
+        came[count], began[count] = now, max(now, free[earliest])
+        free[earliest] = _after(began[count], draws[used], services, first_s)
         used += 1
-        if free[pad] > start_s:
-            left[later] = free[pad]
+        if free[earliest] > start_s:
+            left[later] = free[earliest]
             later += 1
             if gone > count:
                 at_start += 1

@@ -282,6 +282,16 @@ def _keep(
     return count
 
 
+@compiled_lean
+def _spared(begin: float, end: float) -> tuple[float, float]:
+    """Shares of a line from `begin` to `end`, one of which is positive, between which it is."""
+    if begin < 0.0:
+        return begin / (begin - end), 1.0
+    if end < 0.0:
+        return 0.0, begin / (begin - end)
+    return 0.0, 1.0
+
+
 @compiled
 def _clip(
     out: NDArray[np.float64],
@@ -299,11 +309,7 @@ def _clip(
     d0, d1 = s0 - n0 + SOC_TOLERANCE, s1 - n1 + SOC_TOLERANCE
     if d0 < 0.0 and d1 < 0.0:
         return count
-    p0, p1 = 0.0, 1.0
-    if d0 < 0.0:
-        p0 = d0 / (d0 - d1)
-    elif d1 < 0.0:
-        p1 = d0 / (d0 - d1)
+    p0, p1 = _spared(d0, d1)
     da, ds, dt = a1 - a0, s1 - s0, t1 - t0
     return _put(out, count, a0 + p0 * da, s0 + p0 * ds, t0 + p0 * dt, a0 + p1 * da, s0 + p1 * ds, t0 + p1 * dt)
 
@@ -360,8 +366,18 @@ def stop_profile(
         k = np.searchsorted(others_s, a0, side="right")
         at_once = land_s[np.searchsorted(others_s, a1, side="right")] <= a0  # whoever is before it, it finds a spot
         if at_once:
-            least0, least1 = reserve_soc + margin_soc_per_s * (a0 - t0), reserve_soc + margin_soc_per_s * (a1 - t1)
-            lands = _clip(landed, lands, a0, s0, t0, a1, s1, t1, least0, least1)
+            lands = _clip(
+                landed,
+                lands,
+                a0,
+                s0,
+                t0,
+                a1,
+                s1,
+                t1,
+                reserve_soc + margin_soc_per_s * (a0 - t0),
+                reserve_soc + margin_soc_per_s * (a1 - t1),
+            )
         now = a0
         while True:
             end = a1
@@ -383,11 +399,7 @@ def stop_profile(
             spare0 = e0 - reserve_soc - margin_soc_per_s * (b0 - d0) + SOC_TOLERANCE
             spare1 = e1 - reserve_soc - margin_soc_per_s * (b1 - d1) + SOC_TOLERANCE
             if spare0 >= 0.0 or spare1 >= 0.0:
-                q0, q1 = 0.0, 1.0
-                if spare0 < 0.0:
-                    q0 = spare0 / (spare0 - spare1)
-                elif spare1 < 0.0:
-                    q1 = spare0 / (spare0 - spare1)
+                q0, q1 = _spared(spare0, spare1)
                 b0, b1 = b0 + q0 * (b1 - b0), b0 + q1 * (b1 - b0)
                 w0, w1 = w0 + q0 * (w1 - w0), w0 + q1 * (w1 - w0)
                 e0, e1 = e0 + q0 * (e1 - e0), e0 + q1 * (e1 - e0)
