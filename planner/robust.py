@@ -206,7 +206,7 @@ class RobustSearch:
             if extra <= margin + CLOSE:
                 break
             rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=rehearsal, worlds=PROMISING)
-        member, course = policy.nominal()
+        member, course = policy.nominal(rehearsal)
         outcome = rehearsal.outcome(self.problem)
         return RobustAnswer(policy.with_charges(course), member, course, rehearsal, outcome, tuple(candidates))
 
