@@ -14,23 +14,24 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def compiled(function: F) -> F:
     """Compile a function on its first call, with IEEE arithmetic and without holding the interpreter's lock."""
-    return _compile(function)
+    return _compile(function, counting=True)
 
 
 def compiled_lean(function: F) -> F:
     """Compile a function that makes no arrays: it does not count references to those that it is given.
 
     Where small functions hand on many arrays, the counting takes several times as long as the work. A function that
-    makes an array all the same fails to compile.
+    makes an array all the same fails to compile. It may call one of `compiled` that makes some, but hands back none.
     """
-    return _compile(function, _nrt=False)
+    return _compile(function, counting=False)
 
 
-def _compile(function: F, **options: Any) -> F:
+def _compile(function: F, *, counting: bool) -> F:
     import numba
 
     from models.kernel_cache import KernelCache
 
+    options: dict[str, Any] = {"_nrt": counting}
     kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False, **options)(function)
     callees = [
         value for name in function.__code__.co_names if hasattr(value := function.__globals__.get(name), "py_func")

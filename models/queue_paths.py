@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from models.compiled import compiled
+from models.compiled import compiled, compiled_lean
 from models.errors import Fault, InputError
 from models.queues import TAIL_H, PadQueue, present_at
 from models.units import S_PER_H
@@ -337,29 +337,17 @@ def _path(
     present: int,
     known: NDArray[np.float64],
 ) -> QueuePath:
-    first_s, start_s, end_s = times
-    arrivals, services = rates
-    free = np.full(pads, -math.inf)
-    begin_s, waiting = first_s, 0
-    if present >= 0:
-        begin_s, waiting = start_s, max(present - pads, 0)
-        free[: len(known)] = start_s + known
-        for pad in range(len(known), min(present, pads)):
-            free[pad] = _after(start_s, rng.standard_exponential(), services, first_s)
-    there = free[free > start_s] if present >= 0 else free[:0]
-    guess = waiting + 16 + int(1.2 * arrivals.max() * (end_s - begin_s))
-    came, began, ready, left = _serve(rng, (*rates, first_s), begin_s, end_s, free, waiting, guess)
-    gone = waiting + int(np.searchsorted(came[waiting:], start_s, side="right"))
-    pad_s = ready[gone:]
-    # It may stand on a holding spot once the drone that is `spots` places ahead in the line has its pad.
-    held = np.concatenate((np.full(spots, -math.inf), began)) if spots else ready
-    land_s = np.minimum(held[gone : len(ready)], pad_s)
-    at_start = len(there) + int((left[:gone] > start_s).sum())
-    later = np.sort(np.concatenate((there, left[left > start_s])))
-    return QueuePath(came[gone:].copy(), pad_s.copy(), land_s, present=at_start, left_s=later)
+    first_s, _, end_s = times
+    expected = max(present, 0) + float(rates[0].max()) * (end_s - first_s)
+    draws = rng.standard_exponential(pads + 2 * (16 + int(1.2 * expected)))
+    while True:
+        came, pad_s, land_s, at_start, later, enough = _lived(draws, pads, spots, rates, times, present, known)
+        if enough:
+            return QueuePath(came, pad_s, land_s, present=at_start, left_s=later)
+        draws = np.concatenate((draws, rng.standard_exponential(len(draws))))
 
 
-@compiled
+@compiled_lean
 def _after(t: float, amount: float, rates: Floats, first_s: float) -> float:
     """Find when a rate, constant within hours, has added up to an amount since `t`; inf if it never does."""
     last = len(rates) - 1
@@ -379,40 +367,83 @@ def _after(t: float, amount: float, rates: Floats, first_s: float) -> float:
 
 
 @compiled
-def _serve(
-    rng: np.random.Generator,
-    rates: tuple[Floats, Floats, float],
-    begin_s: float,
-    end_s: float,
-    free: Floats,
-    waiting: int,
-    size: int,
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Serve those in the line at `begin_s` and all who arrive until `end_s`, first come, first served.
+def _lived(
+    draws: Floats,
+    pads: int,
+    spots: int,
+    rates: tuple[Floats, Floats],
+    times: tuple[float, float, float],
+    present: int,
+    known: Floats,
+) -> tuple[Floats, Floats, Floats, int, Floats, bool]:
+    """Serve those who are there at first and all who arrive until the end, first come, first served.
 
-    Returns their arrivals and starts, shape (drones,), the earliest free pad behind each number of them,
-    shape (drones + 1,), and when they leave, shape (drones,).
+    Parameters
+    ----------
+    draws : ndarray
+        Standard exponential deviates, used in order.
+    pads, spots, known
+        Of `sample_path`; `known` are its remaining times.
+    rates : (arrivals_per_s, services_per_s)
+        By the hour.
+    times : (first_s, start_s, end_s)
+        Of the rates and of the horizon, POSIX seconds.
+    present : int
+        Others at the start; negative: nobody, at `first_s`.
+
+    Returns
+    -------
+    arrival_s, pad_s, land_s, present, left_s
+        Of a `QueuePath`.
+    enough : bool
+        Whether there were as many draws as it took; without them the others say nothing.
     """
-    arrivals, services, first_s = rates
-    came, began, free_s, left = np.empty(size), np.empty(size), np.empty(size + 1), np.empty(size)
+    arrivals, services = rates
+    first_s, start_s, end_s = times
+    size = len(draws)
+    came, began, ready, left = np.empty(size), np.empty(size), np.empty(size + 1), np.empty(size + pads)
+    free = np.full(pads, -np.inf)
+    now, waiting, used = first_s, 0, 0
+    if present >= 0:
+        now, waiting = start_s, max(present - pads, 0)
+        free[: len(known)] = start_s + known
+        for pad in range(len(known), min(present, pads)):
+            free[pad] = _after(start_s, draws[used], services, first_s)
+            used += 1
+    at_start, gone, later = 0, waiting, 0
+    if present >= 0:
+        for pad in range(pads):
+            if free[pad] > start_s:
+                left[later] = free[pad]
+                later += 1
+        at_start = later
     count = 0
-    now = begin_s
     while True:
-        pad = np.argmin(free)
-        free_s[count] = free[pad]
+        earliest = np.argmin(free)
+        ready[count] = free[earliest]
+        if used + 2 > size:
+            return came, ready, began, 0, left, False
         if count >= waiting:
-            now = _after(now, rng.standard_exponential(), arrivals, first_s)
+            now = _after(now, draws[used], arrivals, first_s)
+            used += 1
             if now > end_s:
                 break
-        if count == size:
-            size *= 2
-            came = np.concatenate((came, np.empty(count)))
-            began = np.concatenate((began, np.empty(count)))
-            free_s = np.concatenate((free_s, np.empty(count)))
-            left = np.concatenate((left, np.empty(count)))
-        came[count] = now
-        began[count] = max(now, free[pad])
-        left[count] = _after(began[count], rng.standard_exponential(), services, first_s)
-        free[pad] = left[count]
+            if now <= start_s:
+                gone = count + 1
+        came[count], began[count] = now, max(now, free[earliest])
+        free[earliest] = _after(began[count], draws[used], services, first_s)
+        used += 1
+        if free[earliest] > start_s:
+            left[later] = free[earliest]
+            later += 1
+            if gone > count:
+                at_start += 1
         count += 1
-    return came[:count], began[:count], free_s[: count + 1], left[:count]
+    pad_s = ready[gone : count + 1].copy()
+    land_s = pad_s.copy()
+    # It may stand on a holding spot once the drone that is `spots` places ahead in the line has its pad.
+    for k in range(len(land_s)):
+        before = gone + k - spots
+        if spots > 0:
+            land_s[k] = min(land_s[k], began[before]) if before >= 0 else -np.inf
+    return came[gone:count].copy(), pad_s, land_s, at_start, np.sort(left[:later]), True

@@ -205,7 +205,9 @@ class PadQueue:
 
     def __post_init__(self) -> None:
         _check_pads(self.pads)
-        _rates(self.arrivals_per_s, self.mean_charging_s)
+        arrivals, charging = _rates(self.arrivals_per_s, self.mean_charging_s)
+        object.__setattr__(self, "arrivals_per_s", arrivals)
+        object.__setattr__(self, "mean_charging_s", charging)
         if self.busy is not None and self.busy < 0:
             raise InputError(Fault("a negative number of busy pads", field="busy", value=self.busy))
         if self.first_s > self.start_s:
@@ -228,8 +230,8 @@ class PadQueue:
         if not len(times) or times[0] < self.start_s - self.first_s or np.any(np.diff(times) < 0.0):
             raise InputError(Fault("not instants from the start on, in order", field="times_s"))
         begin = 0.0 if self.busy is None else self.start_s - self.first_s
-        rates = _rates(self.arrivals_per_s, self.mean_charging_s)
-        return _run(self.pads, rates, S_PER_H, _initial(self.unseen if self.busy is None else self.busy), begin, times)
+        rates, initial = (self.arrivals_per_s, self.mean_charging_s), self.unseen if self.busy is None else self.busy
+        return _run(self.pads, rates, S_PER_H, _initial(initial), begin, times)
 
     def forecast(self, hours: float, step_s: float = STEP_S) -> WaitForecast:
         """Forecast the waits over a horizon from `start_s` on, at points `step_s` apart."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled
+from models.compiled import compiled, compiled_lean
 from models.flight_kernels import NEVER, next_opening, slot_end, slot_of
 from planner.course_kernels import (
     PAD,
@@ -69,7 +69,7 @@ class Stop(NamedTuple):
     first: bool
 
 
-@compiled
+@compiled_lean
 def _leave(
     known: Known,
     row: int,

@@ -258,15 +258,18 @@ class ChargePolicy:
         weight = p.probability[members]
         return Rehearsal(course, strain, weight / weight.sum(), members, tables)
 
-    def nominal(self) -> tuple[int, NDArray[np.float64]]:
-        """Member of the median arrival and the course in it, with expected waits and without gusts, shape (hops, 6)."""
+    def nominal(self, before: Rehearsal) -> tuple[int, NDArray[np.float64]]:
+        """Member of the median arrival and the course in it, with expected waits and without gusts, shape (hops, 6).
+
+        `before` is of the same flights; its tables are used again.
+        """
         p = self.problem
         nodes = stop_nodes(p, self.itinerary)
         p.waits.need(nodes)
         waits = Waits(p.waits.start_s, p.waits.step_s, p.waits.wait_s[nodes])
         members = np.arange(len(p.probability))
         still = Sky(members, np.ones(len(members)), np.zeros(len(members), dtype=np.uint64), 0.0, 1.0)
-        course, _ = self.fly(p, still, members, (), share=left_out(p.ensemble), waits=waits)
+        course, _ = self.fly(p, still, members, (), share=left_out(p.ensemble), waits=waits, tables=before.tables)
         arrival = course[:, -1, TOUCH_DOWN]
         arrives = np.flatnonzero(np.isfinite(arrival))
         if not len(arrives):

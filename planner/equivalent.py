@@ -7,6 +7,7 @@ are first in, first out is one again, so that the exact planner's proofs hold in
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,7 @@ class ExpectedQueues(Mapping[int, QueuePath]):
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
         self._found: dict[int, QueuePath] = {}
+        self._until: dict[int, float] = {}
 
     def __getitem__(self, node: int) -> QueuePath:
         return self.at([node])[0]
@@ -38,14 +40,16 @@ class ExpectedQueues(Mapping[int, QueuePath]):
     def __len__(self) -> int:
         return len(self._problem.network)
 
-    def at(self, nodes: Iterable[int]) -> list[QueuePath]:
-        """Those of some nodes."""
+    def at(self, nodes: Iterable[int], until_s: float = math.inf) -> list[QueuePath]:
+        """Those of some nodes, for arrivals until some time; those behind it meet the last wait."""
         wanted = list(nodes)
-        missing = [node for node in dict.fromkeys(wanted) if node not in self._found]
+        missing = [node for node in dict.fromkeys(wanted) if self._until.get(node, -math.inf) < until_s]
         if missing:
             waits, has_pads = self._problem.waits, self._problem.has_pads
             padded = [node for node in missing if has_pads(node)]
-            waits.need(padded)
-            self._found |= zip(padded, expected_paths(waits.start_s, waits.step_s, waits.wait_s[padded]), strict=True)
+            points = waits.need(padded, until_s)
+            wait_s = waits.wait_s[padded, :points]
+            self._found |= zip(padded, expected_paths(waits.start_s, waits.step_s, wait_s), strict=True)
             self._found |= {node: no_queue() for node in missing if not has_pads(node)}
+            self._until |= dict.fromkeys(missing, until_s)
         return [self._found[node] for node in wanted]

@@ -72,8 +72,8 @@ class ExactSearch:
         destination without pads.
     stops : ndarray of bool, shape (nodes,), optional
         Where the drone may land on its way; all stations with pads by default.
-    give_up_s : float
-        After this time it ends without an answer; then `find` says nothing of whether there is a way.
+    most_labels : float
+        After so many labels it ends without an answer; then `find` says nothing of whether there is a way.
     time_limit_s : float
         As soon as there is an answer after this time, it is given, with `lower_bound_s`; `complete` is False then unless
         it is proved the best.
@@ -99,7 +99,7 @@ class ExactSearch:
         margin_soc_per_s: float = 0.0,
         stops: NDArray[np.bool_] | None = None,
         time_limit_s: float = math.inf,
-        give_up_s: float = math.inf,
+        most_labels: float = math.inf,
     ) -> None:
         self.problem = problem
         self.queues = queues
@@ -118,8 +118,7 @@ class ExactSearch:
             self._stops &= stops
         self._costs = costs_of(problem, margin_soc_per_s)
         self._time_limit_s = time_limit_s
-        self._give_up_s = give_up_s
-        self._give_up_at = math.inf
+        self._most_labels = most_labels
         self._stop_at = math.inf
         self._answer: Itinerary | None = None
 
@@ -146,7 +145,6 @@ class ExactSearch:
         """Search without a word on why there is no route: that takes longer than some searches."""
         p = self.problem
         self._stop_at = time.perf_counter() + self._time_limit_s
-        self._give_up_at = time.perf_counter() + self._give_up_s
         self._place_m = places(p.network)
         until = p.depart_s + FIRST_GUESS * (self._straight_s() - p.depart_s) + 600.0
         while self._answer is None:
@@ -159,7 +157,7 @@ class ExactSearch:
 
     @property
     def _given_up(self) -> bool:
-        return time.perf_counter() > self._give_up_at
+        return self.looked_at >= self._most_labels
 
     @property
     def _latest_s(self) -> float:
@@ -261,7 +259,13 @@ class ExactSearch:
         stays = Stays(self.problem, self.queues, part, needed, margin_soc_per_s=self._margin)
         stays.best_s = until_s
         one = Round(
-            stays, guide, forward, needed, stop_at, answered=self._answer is not None, give_up_at=self._give_up_at
+            stays,
+            guide,
+            forward,
+            needed,
+            stop_at,
+            answered=self._answer is not None,
+            most=self._most_labels - self.looked_at,
         )
         one.run()
         self.looked_at += one.looked_at

@@ -92,8 +92,8 @@ class Round:
         Of `time.perf_counter`: with an answer, the search ends then.
     answered : bool
         There is an answer already.
-    give_up_at : float
-        Of `time.perf_counter`: without one it ends then.
+    most : float
+        Labels after which it ends all the same.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class Round:
         stop_at: float = math.inf,
         *,
         answered: bool = False,
-        give_up_at: float = math.inf,
+        most: float = math.inf,
     ) -> None:
         self.stays = stays
         self.guide = guide
@@ -122,7 +122,7 @@ class Round:
         self.needed = needed
         self.stop_at = stop_at
         self.answered = answered
-        self.give_up_at = give_up_at
+        self.most = most
         self.complete = True
         self.looked_at = 0
         self.best: tuple[list[Stay], float] | None = None
@@ -137,8 +137,8 @@ class Round:
         label: Label | None = self._judged(Label(origin, None, self.guide, 0.0))
         while label is not None:
             after = self._expand(label)
-            now = time.perf_counter()
-            if now > self.give_up_at or ((self.answered or self.best is not None) and now > self.stop_at):
+            answered = self.answered or self.best is not None
+            if self.looked_at >= self.most or (answered and time.perf_counter() > self.stop_at):
                 self.complete = False
                 return
             # Until there is an answer the best continuation is followed at once.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from copy import copy
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from models.errors import Fault, InputError
 from models.flight import Air, air_over
 from models.queue_paths import QueuePath, no_queue, sample_paths
 from models.queues import forecast_waits
+from models.units import S_PER_H
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -255,33 +257,39 @@ class ExpectedWaits:
     wait_s, p_free : ndarray, shape (nodes, times)
         Linear between grid points. Only rows of nodes passed to `need` are filled.
     known : ndarray of bool, shape (nodes,)
-        Which rows are filled.
+        Which rows are filled to the end of the horizon.
     """
 
     def __init__(self, problem: Problem) -> None:
         self._load, self._pads, self._busy = problem.load, problem.network.pads, problem.busy
         self.start_s = problem.depart_s
         self.step_s = 600.0
-        points = round(HORIZON_H * 3600.0 / self.step_s) + 1
+        points = round(HORIZON_H * S_PER_H / self.step_s) + 1
         self.wait_s = np.zeros((len(problem.network), points))
         self.p_free = np.ones((len(problem.network), points))
         self.known = np.zeros(len(problem.network), dtype=bool)
+        self._hours = np.zeros(len(problem.network), dtype=np.int64)
 
     @classmethod
     def free(cls, problem: Problem) -> ExpectedWaits:
         """Nobody waits anywhere."""
         waits = cls(problem)
-        waits.known[:] = True
+        waits.known[:], waits._hours[:] = True, HORIZON_H
         return waits
 
-    def need(self, nodes: NDArray[np.int64] | list[int]) -> None:
-        """Fill the rows of some nodes."""
+    def need(self, nodes: NDArray[np.int64] | list[int], until_s: float = math.inf) -> int:
+        """Fill the rows of some nodes for arrivals until some time; returns for how many points they hold.
+
+        Behind these points a row goes on with its last wait.
+        """
+        hours = math.ceil(min(max((until_s - self.start_s) / S_PER_H, 1.0), HORIZON_H))
+        points = round(hours * S_PER_H / self.step_s) + 1
         wanted = np.unique(np.asarray(nodes, dtype=np.int64))
-        wanted = wanted[~self.known[wanted]]
+        wanted = wanted[self._hours[wanted] < hours]
         if not len(wanted):
-            return
+            return points
         found = forecast_waits(
-            self._load, self._pads, wanted.tolist(), self.start_s, HORIZON_H, self._busy, step_s=self.step_s
+            self._load, self._pads, wanted.tolist(), self.start_s, hours, self._busy, step_s=self.step_s
         )
         for node, forecast in found.items():
             count = min(self.wait_s.shape[1], len(forecast.wait_s))
@@ -289,7 +297,8 @@ class ExpectedWaits:
             self.wait_s[node, count:] = forecast.wait_s[-1]
             self.p_free[node, :count] = forecast.p_free[:count]
             self.p_free[node, count:] = forecast.p_free[-1]
-        self.known[wanted] = True
+        self.known[wanted], self._hours[wanted] = hours == HORIZON_H, hours
+        return points
 
     def at(self, node: int, time_s: float) -> tuple[float, float]:
         """(expected wait, P(pad free)) of an arrival."""

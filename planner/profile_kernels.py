@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.compiled import compiled
+from models.compiled import compiled, compiled_lean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -125,51 +125,48 @@ def departure_profile(
                 size += 1
     if len(h) == 0:
         return out[:size].copy()
-    return _upper(out[:size], h)
+    return upper_profile(out[:size], h)
 
 
-@compiled
-def _value(profile: NDArray[np.float64], x: float, after: bool) -> float:
-    """Value of a profile at x, or just after / just before a jump there."""
-    points = len(profile)
-    k = -1
-    for i in range(points):
-        if profile[i, 0] < x or (after and profile[i, 0] <= x):
-            k = i
-        else:
-            break
+@compiled_lean
+def _along(profile: NDArray[np.float64], k: int, x: float) -> float:
+    """Value at x of the piece that begins at point k; before the first point there is none."""
     if k < 0:
         return _NONE
-    if k == points - 1:
-        return profile[k, 1]
-    if profile[k + 1, 0] <= profile[k, 0]:
+    if k + 1 == len(profile) or profile[k + 1, 0] <= profile[k, 0]:
         return profile[k, 1]
     part = (x - profile[k, 0]) / (profile[k + 1, 0] - profile[k, 0])
     return profile[k, 1] + part * (profile[k + 1, 1] - profile[k, 1])
 
 
 @compiled
-def _upper(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def upper_profile(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Upper envelope of two never-decreasing profiles, shape (points, 2)."""
-    xs = np.unique(np.concatenate((a[:, 0], b[:, 0])))
-    out = np.empty((4 * len(xs) + 4, 2))
+    out = np.empty((4 * (len(a) + len(b)) + 4, 2))
     size = 0
-    for i in range(len(xs)):
-        x = xs[i]
-        if i > 0:
-            before = xs[i - 1]
-            a0, b0 = _value(a, before, True), _value(b, before, True)
-            a1, b1 = _value(a, x, False), _value(b, x, False)
-            if (a0 - b0) * (a1 - b1) < 0.0 and a0 > _NONE and b0 > _NONE:
-                part = (a0 - b0) / ((a0 - b0) - (a1 - b1))
-                out[size, 0], out[size, 1] = before + part * (x - before), a0 + part * (a1 - a0)
-                size += 1
-            value = max(a1, b1)
-            out[size, 0], out[size, 1] = x, value
+    i, j = -1, -1  # the pieces that hold before x
+    x = _NONE
+    while i + 1 < len(a) or j + 1 < len(b):
+        before = x
+        x = min(a[i + 1, 0] if i + 1 < len(a) else math.inf, b[j + 1, 0] if j + 1 < len(b) else math.inf)
+        a0, b0, a1, b1 = _along(a, i, before), _along(b, j, before), _along(a, i, x), _along(b, j, x)
+        if (a0 - b0) * (a1 - b1) < 0.0 and a0 > _NONE and b0 > _NONE:
+            part = (a0 - b0) / ((a0 - b0) - (a1 - b1))
+            out[size, 0], out[size, 1] = before + part * (x - before), a0 + part * (a1 - a0)
             size += 1
-        value = max(_value(a, x, True), _value(b, x, True))
-        if size == 0 or value > out[size - 1, 1] or out[size - 1, 0] < x:
-            out[size, 0], out[size, 1] = x, value
+        of_a, of_b = False, False
+        while i + 1 < len(a) and a[i + 1, 0] <= x:
+            i, of_a = i + 1, True
+        while j + 1 < len(b) and b[j + 1, 0] <= x:
+            j, of_b = j + 1, True
+        a2, b2 = _along(a, i, x), _along(b, j, x)
+        if (not of_a and a1 > b1 and a2 > b2) or (not of_b and b1 > a1 and b2 > a2):
+            continue  # a point of the lower one only
+        if size > 0:
+            out[size, 0], out[size, 1] = x, max(a1, b1)
+            size += 1
+        if size == 0 or max(a2, b2) > out[size - 1, 1]:
+            out[size, 0], out[size, 1] = x, max(a2, b2)
             size += 1
     return out[:size].copy()
 
@@ -285,6 +282,16 @@ def _keep(
     return count
 
 
+@compiled_lean
+def _spared(begin: float, end: float) -> tuple[float, float]:
+    """Shares of a line from `begin` to `end`, one of which is positive, between which it is."""
+    if begin < 0.0:
+        return begin / (begin - end), 1.0
+    if end < 0.0:
+        return 0.0, begin / (begin - end)
+    return 0.0, 1.0
+
+
 @compiled
 def _clip(
     out: NDArray[np.float64],
@@ -302,11 +309,7 @@ def _clip(
     d0, d1 = s0 - n0 + SOC_TOLERANCE, s1 - n1 + SOC_TOLERANCE
     if d0 < 0.0 and d1 < 0.0:
         return count
-    p0, p1 = 0.0, 1.0
-    if d0 < 0.0:
-        p0 = d0 / (d0 - d1)
-    elif d1 < 0.0:
-        p1 = d0 / (d0 - d1)
+    p0, p1 = _spared(d0, d1)
     da, ds, dt = a1 - a0, s1 - s0, t1 - t0
     return _put(out, count, a0 + p0 * da, s0 + p0 * ds, t0 + p0 * dt, a0 + p1 * da, s0 + p1 * ds, t0 + p1 * dt)
 
@@ -361,6 +364,20 @@ def stop_profile(
     for i in range(count):
         a0, s0, t0, a1, s1, t1 = pieces[i]
         k = np.searchsorted(others_s, a0, side="right")
+        at_once = land_s[np.searchsorted(others_s, a1, side="right")] <= a0  # whoever is before it, it finds a spot
+        if at_once:
+            lands = _clip(
+                landed,
+                lands,
+                a0,
+                s0,
+                t0,
+                a1,
+                s1,
+                t1,
+                reserve_soc + margin_soc_per_s * (a0 - t0),
+                reserve_soc + margin_soc_per_s * (a1 - t1),
+            )
         now = a0
         while True:
             end = a1
@@ -382,18 +399,15 @@ def stop_profile(
             spare0 = e0 - reserve_soc - margin_soc_per_s * (b0 - d0) + SOC_TOLERANCE
             spare1 = e1 - reserve_soc - margin_soc_per_s * (b1 - d1) + SOC_TOLERANCE
             if spare0 >= 0.0 or spare1 >= 0.0:
-                q0, q1 = 0.0, 1.0
-                if spare0 < 0.0:
-                    q0 = spare0 / (spare0 - spare1)
-                elif spare1 < 0.0:
-                    q1 = spare0 / (spare0 - spare1)
+                q0, q1 = _spared(spare0, spare1)
                 b0, b1 = b0 + q0 * (b1 - b0), b0 + q1 * (b1 - b0)
                 w0, w1 = w0 + q0 * (w1 - w0), w0 + q1 * (w1 - w0)
                 e0, e1 = e0 + q0 * (e1 - e0), e0 + q1 * (e1 - e0)
                 d0, d1 = d0 + q0 * (d1 - d0), d0 + q1 * (d1 - d0)
                 if lands >= len(landed) - 2:
                     landed = np.concatenate((landed, np.empty_like(landed)))
-                lands = _put(landed, lands, b0, e0, d0, b1, e1, d1)
+                if not at_once:
+                    lands = _put(landed, lands, b0, e0, d0, b1, e1, d1)
                 if pads >= len(on_pad) - len(curve_s) - 4:
                     on_pad = np.concatenate((on_pad, np.empty_like(on_pad)))
                 pads = _onto_pad(on_pad, pads, w0, e0, d0, w1, e1, d1, curve_s, curve_soc)
@@ -444,12 +458,6 @@ def _onto_pad(
 
 
 @compiled
-def upper_profile(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Upper envelope of two departure profiles, shape (points, 2)."""
-    return _upper(a, b)
-
-
-@compiled
 def covers(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: float) -> bool:
     """Tell whether departure profile `a` is nowhere below `b` (by more than a tolerance)."""
     if a[0, 0] > b[0, 0]:
@@ -471,12 +479,3 @@ def covers(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: float) -> 
         if a[i, 1] < _along(b, k, x) - tolerance:
             return False
     return True
-
-
-@compiled
-def _along(profile: NDArray[np.float64], k: int, x: float) -> float:
-    """Value at x of the piece that begins at point k."""
-    if k + 1 == len(profile) or profile[k + 1, 0] <= profile[k, 0]:
-        return profile[k, 1]
-    part = (x - profile[k, 0]) / (profile[k + 1, 0] - profile[k, 0])
-    return profile[k, 1] + part * (profile[k + 1, 1] - profile[k, 1])

@@ -52,10 +52,8 @@ MUCH = 0.45
 """Margin tried beside none where those give no route, and where the best of theirs waits long in some winds."""
 LONG = 1.3
 """Where a mean delivery takes more than so many times the median, the wind closes one of its flights for hours on some days."""
-COMPOSE_S = 0.05
-"""On large networks a composition that was found in this time is good enough, proved the best or not."""
-GIVE_UP_S = 0.15
-"""Nor is a route of short flights looked for longer than this there."""
+MOST_LABELS = 120
+"""On large networks a route of short flights is looked for in so many labels at most (`planner.label_search`)."""
 FEW = 0.1
 """Where a smaller share of the stations has room likely enough, no way is looked for that keeps to them."""
 WORLDS = 3
@@ -208,7 +206,7 @@ class RobustSearch:
             if extra <= margin + CLOSE:
                 break
             rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=rehearsal, worlds=PROMISING)
-        member, course = policy.nominal()
+        member, course = policy.nominal(rehearsal)
         outcome = rehearsal.outcome(self.problem)
         return RobustAnswer(policy.with_charges(course), member, course, rehearsal, outcome, tuple(candidates))
 
@@ -256,7 +254,7 @@ class RobustSearch:
         if best.p_arrive > 1.0 - 1e-9 and best.mean_s - begin <= LONG * (best.quantile_s(0.5) - begin):
             return
         speeds, queues = self._mean_world
-        itinerary = self._compose(speeds, queues, MUCH, allowed, give_up_s=GIVE_UP_S if self._large else math.inf)
+        itinerary = self._compose(speeds, queues, MUCH, allowed, most_labels=MOST_LABELS if self._large else math.inf)
         if itinerary is not None:
             self._add(found, itinerary)
 
@@ -316,10 +314,13 @@ class RobustSearch:
         margin: float,
         allowed: NDArray[np.bool_],
         *,
-        give_up_s: float = math.inf,
+        most_labels: float = math.inf,
     ) -> Itinerary | None:
+        """Compose the best route, on large networks the first one that is found.
+
+        That one keeps to labels with much to spare; the best has less to spare for winds other than the mean.
+        """
         p = self.problem
-        limit_s = COMPOSE_S if self._large else math.inf
         margin_per_s = margin * p.soc_per_s
         search = ExactSearch(
             p,
@@ -327,8 +328,8 @@ class RobustSearch:
             speeds=speeds,
             margin_soc_per_s=margin_per_s,
             stops=allowed,
-            time_limit_s=limit_s,
-            give_up_s=give_up_s,
+            time_limit_s=0.0 if self._large else math.inf,
+            most_labels=most_labels,
         )
         found = search.find()
         self.looked_at += search.looked_at

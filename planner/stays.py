@@ -322,6 +322,7 @@ class Stays:
         first = int(table_slot(table, leave_s))
         last_possible = int(table_slot(table, leave_s + self.longest_s))
         for last in range(first, last_possible + 1):
+            closed = np.asarray(np.any(table.speed_mps[first : last + 1] <= 0.0, axis=0))
             heap: list[tuple[float, int, tuple[int, ...]]] = [(leave_s + table.climb_s, origin, ())]
             done: set[int] = set()
             while heap:
@@ -336,7 +337,7 @@ class Stays:
                     break
                 for segment in range(int(table.first[node]), int(table.first[node + 1])):
                     other = int(table.head[segment])
-                    if other in done or bool(np.any(table.speed_mps[first : last + 1, segment] <= 0.0)):
+                    if other in done or closed[segment]:
                         continue
                     after = float(table_land(table, np.array([*walk, segment], dtype=np.int64), leave_s))
                     over = after - table.descent_s if math.isfinite(after) else math.inf

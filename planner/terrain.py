@@ -130,7 +130,7 @@ def terrain(
         nodes,
         segments,
         table,
-        _grounds(problem, queues, nodes),
+        _grounds(problem, queues, nodes, air.start_s + air.slot_s * (slots[1] + 1)),
         network.pads[nodes] > 0,
         place_m[nodes],
         int(np.searchsorted(nodes, problem.origin)),
@@ -184,10 +184,10 @@ def _narrowed_grounds(grounds: Grounds, nodes: NDArray[np.int64]) -> Grounds:
     )
 
 
-def _grounds(problem: Problem, queues: Mapping[int, QueuePath], nodes: NDArray[np.int64]) -> Grounds:
+def _grounds(problem: Problem, queues: Mapping[int, QueuePath], nodes: NDArray[np.int64], until_s: float) -> Grounds:
     wanted = nodes.tolist()
     if isinstance(queues, ExpectedQueues):
-        paths = queues.at(wanted)
+        paths = queues.at(wanted, until_s)
     else:
         paths = [queues.get(node) or no_queue() for node in wanted]
     most = max(len(time) for time, _ in problem.curves)
