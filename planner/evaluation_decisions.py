@@ -131,14 +131,17 @@ def _standing(truths: Truths, problem: Problem, stay: _Stay, time_s: float, soc:
     nodes = np.flatnonzero(problem.network.pads > 0).tolist()
     paths = truths.queues(problem, nodes, int(truths.queue[stay.run]))
     busy = {problem.network.stations[node].id: paths[node].present_at(time_s) for node in nodes}
+    behind = 0
     if stay.station in busy and time_s > stay.landed_s:  # who came after it does not stand before it in the line
         path = paths[stay.node]
         left = np.searchsorted(path.left_s, time_s, side="right") - np.searchsorted(
             path.left_s, stay.landed_s, side="right"
         )
-        busy[stay.station] = max(path.present_at(stay.landed_s) - int(left), 0)
+        before = max(path.present_at(stay.landed_s) - int(left), 0)
+        behind = max(busy[stay.station] - before, 0)
+        busy[stay.station] = before
     energy = float(truths.energy[stay.run]) if stay.visited else math.nan
-    return Standing(stay.node, stay.station, time_s, soc, stay.visited, wind, busy, energy)
+    return Standing(stay.node, stay.station, time_s, soc, stay.visited, wind, busy, energy, behind)
 
 
 def _fly_adaptive(

@@ -42,6 +42,8 @@ class Standing:
         Others on the pads and in line at each station, as the pad services tell; where it stands, those before it.
     energy : float
         Energy that its flights have taken as a multiple of the model's; NaN before the first has shown it.
+    behind : int
+        Others that came where it stands after it.
     """
 
     node: int
@@ -52,6 +54,7 @@ class Standing:
     wind: tuple[NDArray[np.float64], NDArray[np.float64]]
     busy: dict[str, int]
     energy: float
+    behind: int = 0
 
     def state(self) -> State:
         """The same as the state that a request starts from."""

@@ -138,6 +138,8 @@ class Hindsight:
         What the truth has beyond the forecast.
     energy : float
         Energy that the vehicle's flights have taken as a multiple of the model's; NaN: none has shown it yet.
+    behind : int
+        Others that came to where the drone stands after it.
     futures : int
         How many are drawn.
 
@@ -147,12 +149,15 @@ class Hindsight:
         Some way leads to a station with room, as far as was looked.
     """
 
-    def __init__(self, problem: Problem, errors: Errors, *, energy: float = math.nan, futures: int = FUTURES) -> None:
+    def __init__(
+        self, problem: Problem, errors: Errors, *, energy: float = math.nan, behind: int = 0, futures: int = FUTURES
+    ) -> None:
         self.unsure = errors.energy if math.isnan(energy) else LEARNED
         self.problem = problem if math.isnan(energy) else _heavier(problem, energy)
         self.roomy_way = True
         self._margins: dict[tuple[tuple[int, ...], int], float] = {}
         self._count = futures
+        self._behind = behind
         # The forecast of the moment is shifted and weighted by what was measured already.
         known = known_at(problem, errors, measured=True, epsilon=problem.epsilon / ENERGY_SHARES)
         self._known = known._replace(measured=False)
@@ -273,7 +278,8 @@ class Hindsight:
         p = self.problem
         if p.in_flight or not p.has_pads(p.origin):
             return False
-        return bool(likely_room(p, p.epsilon / COMMITMENTS, np.full(len(p.network), FAR_S))[p.origin])
+        away_s = np.full(len(p.network), FAR_S)
+        return bool(likely_room(p, p.epsilon / COMMITMENTS, away_s, behind=self._behind)[p.origin])
 
     def _last_sure(self, segments: tuple[int, ...]) -> int:
         """How many segments it is to the last station with room before the end; 0: there is none."""

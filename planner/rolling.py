@@ -85,4 +85,4 @@ class RollingRobust:
         now = self.problem_at(standing)
         if in_flight:
             now = now.standing_at(now.origin, standing.time_s, standing.soc, in_flight=True)
-        return Hindsight(now, self.errors, energy=standing.energy)
+        return Hindsight(now, self.errors, energy=standing.energy, behind=standing.behind)

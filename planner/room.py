@@ -60,17 +60,17 @@ def chances_full(problem: Problem, flight_s: float = USUAL_FLIGHT_S) -> NDArray[
     return np.where(pads > 0, chances(pads, spots, arrivals, services, pads - 1), 0.0)
 
 
-def likely_room(problem: Problem, most: float, flight_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+def likely_room(problem: Problem, most: float, flight_s: NDArray[np.float64], *, behind: int = 0) -> NDArray[np.bool_]:
     """Tell where a drone finds room to land in all but a share of what may come, shape (nodes,).
 
     From who is seen at each station now and the time of the flight there, `flight_s`, shape (nodes,); where nobody was
-    seen, from one free pad.
+    seen, from one free pad. `behind`: others that came to the origin after the drone.
     """
     arrivals, services = (rate * flight_s for rate in _rates(problem))
     found = np.zeros(len(problem.network), dtype=bool)
     for node, one in enumerate(problem.network.stations):
         if one.pads:
-            seen = problem.busy.get(node, one.pads - 1)
+            seen = problem.busy.get(node, one.pads - 1) + (behind if node == problem.origin else 0)
             found[node] = chance_full(one.pads, one.holding_spots, arrivals[node], services[node], seen) <= most
     found[problem.destination] = True
     return found

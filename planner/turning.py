@@ -34,6 +34,8 @@ MOST_MORE = 0.5
 """or takes and this share of it, if that is less."""
 SPARE = 0.01
 """So much more energy than a flight takes without gusts is what is tried at least: so well is the wind known."""
+CHANCES = 4.0
+"""Epsilon is shared out among so many: either way may fail, and it is judged anew again and again on the way out."""
 LIKELY = 0.5
 """Least chance to get there that is worth a try."""
 
@@ -73,7 +75,7 @@ class Turns:
 
     def __init__(self, problem: Problem, known: Known, unsure: float) -> None:
         self._problem, self._known, self._unsure = problem, known, unsure
-        self._deviations = NormalDist().inv_cdf(1.0 - known.epsilon / 2.0)  # either way is a chance to fail
+        self._deviations = NormalDist().inv_cdf(1.0 - known.epsilon / CHANCES)
         energies = (1.0 + unsure * np.linspace(-1.0, 1.0, GUSTS)) / (1.0 + unsure)
         rng = np.random.default_rng(GUSTS)
         self._energies = rng.permutation(energies)

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from datetime import UTC, datetime
-from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -77,8 +76,6 @@ def test_it_lands_with_the_reserve_as_often_as_was_said_wherever_the_wind_is_fro
     charge = usual + more * (usual - problem.reserve)
     _, left, turned = flown(problem, turns.over(segment), segment, charge, KEYS)
     assert np.mean(left < problem.reserve) <= epsilon
-    sure = NormalDist().inv_cdf(1.0 - epsilon / 2.0)
-    assert turns.over(segment).deviations == pytest.approx(sure)
     if more == 0.25 and angle_deg == 180.0:
         assert not turned.any()  # behind the wind a quarter more is plenty
 
