@@ -2,7 +2,8 @@
 
 The same deliveries are flown again by the same rules, told more than anybody knows: the wind, the queues, or both; and in
 truths without gusts and errors of the vehicle's energy, which the clairvoyant `exact` does not count with either. Beside it stands
-a bound: what `exact` needs, told wind and queues, that lands with the least charge that anybody must keep for gusts which nobody foresees.
+a bound for who flies each flight that is begun to its end: what `exact` needs, told wind and queues, that lands with the least charge
+that must be kept for gusts which nobody foresees.
 """
 
 from __future__ import annotations
@@ -86,7 +87,7 @@ def fly_told(case: Case, told: str) -> float:
 def clairvoyant_and_bound(case: Case) -> tuple[float, float]:
     """Delivery times, s: of `exact` told wind and queues, and of the same with the least reserve for gusts.
 
-    A flight that begins by what is known then must land with the reserve in all but epsilon of its gusts. To first order a gust of the
+    A flight that begins by what is known then, and does not turn back, must land with the reserve in all but epsilon of its gusts. To first order a gust of the
     mean g slows a flight by at least `LATERAL` times g, whatever its course; the mean varies least over the longest flight
     that the battery allows, and a share of the ground speed is least with the wind behind. With the least wind of any site
     in any slot up to some time that is a bound for all that arrive by then, and who arrives later does not arrive earlier.
