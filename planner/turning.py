@@ -20,7 +20,6 @@ from planner.turning_kernels import Turning, later_speeds, trials
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.flight import Air
     from planner.need_kernels import Known
     from planner.problem import Problem
 
@@ -75,7 +74,7 @@ class Turns:
 
     def __init__(self, problem: Problem, known: Known, unsure: float) -> None:
         self._problem, self._known, self._unsure = problem, known, unsure
-        self._deviations = NormalDist().inv_cdf(1.0 - known.epsilon / CHANCES)
+        self._risk = known.epsilon / CHANCES
         energies = (1.0 + unsure * np.linspace(-1.0, 1.0, GUSTS)) / (1.0 + unsure)
         rng = np.random.default_rng(GUSTS)
         self._energies = rng.permutation(energies)
@@ -95,18 +94,21 @@ class Turns:
         if not len(back):
             return None
         more = 1.0 + self._unsure
-        likely = known._replace(air=_chosen(p.air, p.probability > LEAST_CHANCE))
+        members = p.probability > LEAST_CHANCE
+        likely = known._replace(air=p.air._replace(north=p.air.north[members], east=p.air.east[members]))
         slot = min(slot_of(p.air, p.depart_s) + 1, p.air.north.shape[1] - 1)
-        later = [later_speeds(likely, slot, way, self._deviations, USUAL_FLIGHT_S) for way in (segment, int(back[0]))]
         return Turning(
             int(back[0]),
-            self._deviations,
+            self._risk,
+            NormalDist().inv_cdf(1.0 - self._risk),
             p.reserve,
             more * p.soc_per_s,
             more * p.soc_fixed,
             known.gust_sd,
             known.gust_time_s,
-            *later,
+            *later_speeds(likely, slot, segment, USUAL_FLIGHT_S),
+            *later_speeds(likely, slot, int(back[0]), USUAL_FLIGHT_S),
+            p.probability[members] / p.probability[members].sum(),
         )
 
     def charges(self, taken: float, least: float) -> list[float]:
@@ -133,10 +135,6 @@ class Turns:
                 found = Trial(*trials(air, self._members, segment, off_s, charge, self._energies, _keys(), how))
             self._trials[key] = found if found is not None and found.there >= LIKELY else None
         return self._trials[key]
-
-
-def _chosen(air: Air, members: NDArray[np.bool_]) -> Air:
-    return air._replace(north=air.north[members], east=air.east[members])
 
 
 @lru_cache(maxsize=1)

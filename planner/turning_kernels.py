@@ -32,19 +32,24 @@ class Turning(NamedTuple):
     ----------
     back : int
         The same segment the other way.
+    risk : float
+        Chance to land below the reserve with which it may go on.
     deviations : float
-        Standard deviations of the mean gust against either way that it must be able to bear.
+        Standard deviations of a mean gust that are exceeded with that chance.
     reserve : float
         To land with, SoC.
     soc_per_s, soc_fixed : float
         What a flight is believed to take, at most.
     gust_sd, gust_time_s : float
         Of gusts, see `planner.evaluation_kernels.Sky`.
-    later_out_mps, later_back_mps : ndarray, shape (members,)
-        Ground speeds either way, with gusts against it, that must be expected once the wind has changed; see `later_speeds`.
+    later_out_mps, later_out_sd, later_back_mps, later_back_sd : ndarray, shape (members,)
+        Ground speeds either way once the wind has changed, and their standard deviations; see `later_speeds`.
+    likelihood : ndarray, shape (members,)
+        Probability of each.
     """
 
     back: int
+    risk: float
     deviations: float
     reserve: float
     soc_per_s: float
@@ -52,26 +57,43 @@ class Turning(NamedTuple):
     gust_sd: float
     gust_time_s: float
     later_out_mps: NDArray[np.float64]
+    later_out_sd: NDArray[np.float64]
     later_back_mps: NDArray[np.float64]
+    later_back_sd: NDArray[np.float64]
+    likelihood: NDArray[np.float64]
 
 
 @compiled
-def later_speeds(known: Known, slot: int, segment: int, deviations: float, flight_s: float) -> NDArray[np.float64]:
-    """Ground speed over a segment in each member in a slot, worse by some deviations than it says, shape (members,); m/s.
+def later_speeds(
+    known: Known, slot: int, segment: int, flight_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Ground speed over a segment in a slot by each member, and its standard deviation, shape (members,); m/s.
 
-    Of the mean of the gusts of a flight, and of what makes the wind less sure than the members say (see `Known`).
+    By the mean of the gusts of a flight, and by what makes the wind less sure than the members say (see `Known`).
     """
     air = known.air
     gust = gust_mean(known, flight_s)
     unsure = known.sigma_mps * known.smoothing
-    out = np.empty(len(air.north))
-    for member in range(len(out)):
+    mean, deviation = np.empty(len(air.north)), np.empty(len(air.north))
+    for member in range(len(mean)):
         speed, with_wind, across_wind = wind_felt(air, member, slot, segment)
         felt = math.hypot(with_wind, across_wind)
         square = gust * gust * felt * felt + unsure * unsure * (1.0 - math.exp(-2.0 * air.slot_s / known.tau_s))
-        speed = min(speed - deviations * math.sqrt(square), air.max_ground_speed_mps)
-        out[member] = max(speed, MIN_GROUND_SPEED_MPS)
-    return out
+        mean[member], deviation[member] = speed, math.sqrt(square)
+    return mean, deviation
+
+
+@compiled_lean
+def _later_risk(way_m: float, within_s: float, mean: float, deviation: float, most_mps: float) -> float:
+    """Chance that a way takes longer than it may at a speed that is normally distributed, but never above a limit."""
+    if way_m <= 0.0:
+        return 0.0 if within_s >= 0.0 else 1.0
+    if within_s <= 0.0:
+        return 1.0
+    least = way_m / within_s
+    if least > most_mps:
+        return 1.0
+    return 0.5 * math.erfc((mean - least) / max(deviation, 1e-6) * math.sqrt(0.5))
 
 
 @compiled_lean
@@ -162,10 +184,11 @@ def _turns(
     change: float,
     how: Turning,
 ) -> bool:
-    """Whether a flight turns now: there is no plan that reaches one end until a time, whatever may come, but by turning.
+    """Whether a flight turns now: no other plan reaches one end until a time, in all but a share of what may come.
 
     Plans are to fly on; to turn half a minute later; and to fly on until the wind changes, and then to the end that is reached in the
-    new one. `at` is the time, the metres left and the ground speed; the wind changes at `change`.
+    new one. `at` is the time, the metres left and the ground speed; the wind changes at `change`. What comes before that is
+    flown in nearly the worst gusts.
     """
     now, left, speed = at
     flown = air.distance_m[segment] - left
@@ -174,26 +197,32 @@ def _turns(
     out_s = _takes_s(air, member, slot, segment, left, gust, 0.0, how.deviations, how)
     back_s = _takes_s(air, member, slot, how.back, further, gust, GUST_STEP_S, how.deviations, how)
     here_s = _takes_s(air, member, slot, how.back, flown, gust, 0.0, how.deviations, how)
-    late_out, late_back, late_here, late_then = now + out_s - until, turn + back_s - until, now + here_s - until, NEVER
-    if now + out_s > change or turn + back_s > change:
-        usual_s = _takes_s(air, member, slot, segment, left, gust, 0.0, 0.0, how)
-        far = min(flown + left * (change - now) / usual_s + speed * GUST_STEP_S, air.distance_m[segment])
-        late_then = -NEVER
-        for m in range(len(how.later_out_mps)):
-            out = _changed(now, left, out_s, change, how.later_out_mps[m]) - until
-            late_out = max(late_out, out)
-            late_back = max(late_back, _changed(turn, further, back_s, change, how.later_back_mps[m]) - until)
-            late_here = max(late_here, _changed(now, flown, here_s, change, how.later_back_mps[m]) - until)
-            late_then = max(late_then, min(out, change + far / how.later_back_mps[m] - until))
-    return min(late_out, late_back, late_then) > 0.0 and late_here < late_out
+    if now + out_s <= change and turn + back_s <= change:
+        return min(now + out_s, turn + back_s) > until and here_s < out_s
+    usual_s = _takes_s(air, member, slot, segment, left, gust, 0.0, 0.0, how)
+    far = min(flown + left * (change - now) / usual_s + speed * GUST_STEP_S, air.distance_m[segment])
+    later_out, out_from = _after(now, left, out_s, change)
+    later_back, back_from = _after(turn, further, back_s, change)
+    later_here, here_from = _after(now, flown, here_s, change)
+    most = air.max_ground_speed_mps
+    risk_out, risk_back, risk_then, risk_here = 0.0, 0.0, 0.0, 0.0
+    for m in range(len(how.likelihood)):
+        chance = how.likelihood[m]
+        out = _later_risk(later_out, until - out_from, how.later_out_mps[m], how.later_out_sd[m], most)
+        mean, deviation = how.later_back_mps[m], how.later_back_sd[m]
+        risk_out += chance * out
+        risk_back += chance * _later_risk(later_back, until - back_from, mean, deviation, most)
+        risk_here += chance * _later_risk(later_here, until - here_from, mean, deviation, most)
+        risk_then += chance * min(out, _later_risk(far, until - change, mean, deviation, most))
+    return min(risk_out, risk_back, risk_then) > how.risk and risk_here < risk_out
 
 
 @compiled_lean
-def _changed(now: float, left_m: float, takes_s: float, change: float, later_mps: float) -> float:
-    """When a way ends whose wind changes at a time: before that it would take so long as a whole."""
+def _after(now: float, way_m: float, takes_s: float, change: float) -> tuple[float, float]:
+    """What is left of a way when the wind changes, m, and from when on: before that it would take so long as a whole."""
     if now + takes_s <= change:
-        return now + takes_s
-    return max(change, now) + left_m * (1.0 - max(change - now, 0.0) / takes_s) / later_mps
+        return 0.0, now + takes_s
+    return way_m * (1.0 - max(change - now, 0.0) / takes_s), max(change, now)
 
 
 @compiled

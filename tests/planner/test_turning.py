@@ -143,3 +143,22 @@ def test_a_flight_that_could_end_two_winds_later_is_not_tried(newyork):
     slow = how._replace(soc_per_s=how.soc_per_s / 10.0)  # a flight of hours
     assert not turns.in_time(slow, 1.0, problem.depart_s)
     assert turns.trial(segment, slow, 1.0, problem.depart_s) is None
+
+
+@pytest.mark.parametrize("ahead_s", [120.0, 300.0, 480.0])
+def test_gusts_and_the_next_wind_together_break_the_reserve_as_seldom_as_was_said(newyork, ahead_s):
+    forecast = newyork.forecast(DEPART, HORIZON_H)
+    start = forecast.slot_at(DEPART.timestamp())
+    north, east = forecast.north.copy(), forecast.east.copy()
+    north[:, : start + 1], east[:, : start + 1] = north[:1, : start + 1], east[:1, : start + 1]
+    epsilon = 0.01
+    problem, turns, segment = turns_in(newyork, replace(forecast, north=north, east=east), epsilon=epsilon)
+    how = turns.over(segment)
+    usual = usual_charge(problem, segment)
+    change = float(slot_end(problem.air, slot_of(problem.air, problem.depart_s)))
+    for more in (0.02, 0.06, 0.12):
+        found = [
+            flown(problem, how, segment, usual + more, KEYS[member :: len(north)], change - ahead_s, member)[1]
+            for member in range(len(north))
+        ]
+        assert np.mean(np.concatenate(found) < problem.reserve) <= epsilon
