@@ -29,7 +29,7 @@ from planner.exact import ExactSearch
 from planner.flight_table import FlightTable, ground_speeds, table_land, table_slot, table_slot_end
 from planner.need_kernels import careful_speeds, flight_energy, gust_mean
 from planner.room import likely_room
-from planner.turning import Turns
+from planner.turning import USUAL_FLIGHT_S, Turns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -52,8 +52,6 @@ LATER_MARGIN = 0.02
 """Of the energy of later flights, which will not be begun without one."""
 CAREFUL = 1.0
 """Later flights count on the wind with a mean gust against them of so many standard deviations: they will be charged for it."""
-USUAL_FLIGHT_S = 500.0
-"""Gusts average out over a flight; over this one about so much."""
 COMMITMENTS = 4.0
 """A delivery shares epsilon out among about so many landings that must find room."""
 ENERGY_SHARES = 2.0
