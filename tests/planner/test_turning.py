@@ -12,7 +12,8 @@ from models.flight_kernels import land, slot_end, slot_of
 from models.services import State
 from models.wind_forecast import constant_wind
 from planner.charge_policy import known_at
-from planner.evaluate import Errors
+from planner.evaluate import NO_ERRORS, Errors, fly_policy, sample_truths, season_days
+from planner.evaluation_policies import Departure
 from planner.problem import HORIZON_H, Problem
 from planner.request import Request
 from planner.turning import LIKELY, Turns
@@ -162,3 +163,40 @@ def test_gusts_and_the_next_wind_together_break_the_reserve_as_seldom_as_was_sai
             for member in range(len(north))
         ]
         assert np.mean(np.concatenate(found) < problem.reserve) <= epsilon
+
+
+class GoesOnceTooSoon:
+    """Takes off with what it has, which is not enough; after that with a full battery."""
+
+    def __init__(self, segment, turning):
+        self.segment, self.turning, self.asked = segment, turning, 0
+
+    def leave(self, standing):
+        self.asked += 1
+        if standing.visited:
+            return Departure((self.segment,), 1.0, lambda _: 1.0)
+        return Departure((self.segment,), standing.soc, lambda _: standing.soc, turning=self.turning)
+
+    def over(self, flying, rest):
+        raise AssertionError("there is nothing on the way")
+
+
+def test_a_flight_that_turned_back_lands_where_it_took_off_and_the_delivery_goes_on(newyork):
+    network = newyork.network
+    segment = int(np.argmax(np.where(network.pads[network.tail] > 0, network.distance_m, 0.0)))
+    origin, end = (network.stations[int(node[segment])].id for node in (network.tail, network.head))
+    request = Request(state=State(DEPART, origin), destination=end, payload_kg=0.8, drone="m200")
+    days = season_days(newyork, request, 1, seed=2)
+    calm = sample_truths(newyork, request, days, runs=1, errors=NO_ERRORS)
+    charge = usual_charge(calm.problem("m200"), segment) - 0.05
+    low = replace(request, state=replace(request.state, soc=charge))
+    truths = sample_truths(newyork, low, days, runs=1, errors=NO_ERRORS)
+    problem = truths.problem("m200")
+    known = known_at(problem, NO_ERRORS, measured=True, epsilon=1e-3)
+    policy = GoesOnceTooSoon(segment, Turns(problem, known, 0.0).over(segment))
+    flown_, done = fly_policy(truths, "m200", policy)
+    assert [hop.segments for hop in done[0]] == [(segment, policy.turning.back), (segment,)]
+    assert flown_.delivered.all()
+    assert not flown_.below_reserve.any()
+    assert flown_.lowest_soc[0] < charge
+    assert flown_.delivery_s[0] == pytest.approx((flown_.flight_s + flown_.wait_s + flown_.recharge_s)[0])
