@@ -54,7 +54,7 @@ CAREFUL = 1.0
 """Later flights count on the wind with a mean gust against them of so many standard deviations: they will be charged for it."""
 COMMITMENTS = 4.0
 """A delivery shares epsilon out among about so many landings that must find room."""
-ENERGY_SHARES = 2.0
+ENERGY_SHARES = 4.0
 """And among so many flights that may need more than they were charged for: not many are begun with what they need and no more. How
 often a landing is below the reserve `benchmarks.rolling_risk` measures."""
 LEARNED = 0.005

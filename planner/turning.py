@@ -33,8 +33,8 @@ MOST_MORE = 0.5
 """or takes and this share of it, if that is less."""
 SPARE = 0.01
 """So much more energy than a flight takes without gusts is what is tried at least: so well is the wind known."""
-CHANCES = 4.0
-"""Epsilon is shared out among so many: either way may fail, and it is judged anew again and again on the way out."""
+CHANCES = 2.0
+"""A flight's epsilon is shared out among so many: it is judged anew again and again on the way out."""
 LIKELY = 0.5
 """Least chance to get there that is worth a try."""
 
