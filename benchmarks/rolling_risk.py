@@ -56,22 +56,21 @@ class Watch:
         self.flights += 1
 
 
-def measure(instance: Instance, gusts: int) -> list[Figure]:
-    """Fly the first run of each delivery."""
+def measure(instance: Instance, gusts: int, runs: int = 1) -> list[Figure]:
+    """Fly the first so many runs of each delivery."""
     scenario = instance.scenario()
     broken, flights, days = [], 0, []
     for number, delivery in enumerate(instance.deliveries):
         case = case_of(scenario, instance, number, instance.runs)
         start = Problem(scenario, case.truths.request, scenario.drone(instance.drone), case.forecast)
         watch = Watch(start.reserve, gusts, np.random.default_rng((SEED, number)))
-        fly_policy(case.truths, instance.drone, RollingRobust(start, case.truths.errors), np.array([0]), watch=watch)
-        broken.append(watch.broken)
+        policy = RollingRobust(start, case.truths.errors)
+        fly_policy(case.truths, instance.drone, policy, np.arange(runs), watch=watch)
+        broken.append(watch.broken / runs)
         flights += watch.flights
         days.append(int(delivery.truth.replace("-", "")))
     rate = DayBootstrap(np.array(days)).ratio(np.array(broken), np.ones(len(broken))).scaled(OF)
-    note = (
-        f"95 %: {rate.low:.1f} to {rate.high:.1f}, {flights} flights of {len(broken)} deliveries in {gusts} gusts each"
-    )
+    note = f"95 %: {rate.low:.1f} to {rate.high:.1f}, {flights} flights of {runs * len(broken)} deliveries in {gusts} gusts each"
     return [Figure(f"landings below the reserve in {OF:,} deliveries", rate.value, "", ALLOWED, note)]
 
 
@@ -80,10 +79,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--instance", type=Path, default=LONG_FILE)
     parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")
+    parser.add_argument("--runs", type=int, default=1, help="of each delivery")
     parser.add_argument("--gusts", type=int, default=600, help="that each flight is flown in")
     options = parser.parse_args()
     instance = read_instance(options.instance)
-    for figure in measure(instance.cut(options.deliveries, instance.runs), options.gusts):
+    for figure in measure(instance.cut(options.deliveries, instance.runs), options.gusts, options.runs):
         print(figure.line())
     return 0
 

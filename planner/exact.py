@@ -73,7 +73,7 @@ class ExactSearch:
     stops : ndarray of bool, shape (nodes,), optional
         Where the drone may land on its way; all stations with pads by default.
     most_labels : float
-        After so many labels it ends without an answer; then `find` says nothing of whether there is a way.
+        After so many labels it ends with the best answer so far; where that is none, `find` says nothing of whether there is a way.
     time_limit_s : float
         As soon as there is an answer after this time, it is given, with `lower_bound_s`; `complete` is False then unless
         it is proved the best.
@@ -255,7 +255,7 @@ class ExactSearch:
         until_s: float,
         stop_at: float,
     ) -> bool:
-        """Search labels for arrivals until some time; tells whether that is the end, by an answer or by the clock."""
+        """Search labels for arrivals until some time; tells whether that is the end, by an answer, the clock or the count."""
         stays = Stays(self.problem, self.queues, part, needed, margin_soc_per_s=self._margin)
         stays.best_s = until_s
         one = Round(

@@ -7,8 +7,8 @@ expected arrival is taken, and everything is thought over again at the next stat
 (hindsight optimisation: E. Chong, R. Givan, H. Chang, "A framework for simulation-based network control via hindsight
 optimization", CDC 2000).
 
-A flight that leads over stations with pads and room need not be sure of its end when it begins: it must be sure, to all
-but epsilon, of the next such station, where it lands if the rest has become too much.
+A flight that leads over stations with pads and room need not be sure of its end when it begins: it must be sure of the
+next such station, where it lands if the rest has become too much, or of the way back (`planner.turning`).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from planner.charge_policy import known_at
 from planner.exact import ExactSearch
 from planner.flight_table import FlightTable, ground_speeds, table_land, table_slot, table_slot_end
 from planner.need_kernels import careful_speeds, flight_energy, gust_mean
-from planner.room import likely_room
+from planner.room import chance_full_after, likely_room
 from planner.turning import USUAL_FLIGHT_S, Turns
 
 if TYPE_CHECKING:
@@ -260,7 +260,7 @@ class Hindsight:
     def _tries(self, segments: tuple[int, ...], least: float, full: float) -> list[Step]:
         """The same with charges below the least that is sure, where it can turn back."""
         p = self.problem
-        may = p.soc < least and self.sure_of(segments) == 1 and self._room_back
+        may = p.soc < least and self.sure_of(segments) == 1 and p.has_pads(p.origin) and not p.in_flight
         how = self.turns.over(segments[0]) if may else None
         if how is None:
             return []
@@ -268,16 +268,13 @@ class Hindsight:
         last = self._last_sure(segments)
         charges = self.turns.charges(self._taken(float(np.median(flights))), least)
         levels = sorted({max(one, p.soc) for one in charges if one <= full})
-        return [Step(segments, one, 1, last, turning=how) for one in levels]
+        return [Step(segments, one, 1, last, turning=how) for one in levels if self._room_back(one)]
 
-    @cached_property
-    def _room_back(self) -> bool:
-        """Whether it finds room where it stands if it turns back."""
+    def _room_back(self, charge: float) -> bool:
+        """Whether it finds room where it stands if it turns back, after charging so far."""
         p = self.problem
-        if p.in_flight or not p.has_pads(p.origin):
-            return False
-        away_s = np.full(len(p.network), FAR_S)
-        return bool(likely_room(p, p.epsilon / COMMITMENTS, away_s, behind=self._behind)[p.origin])
+        away_s = p.charge_time_s(p.origin, p.soc, charge) + (charge - p.reserve) / p.soc_per_s
+        return chance_full_after(p, away_s, behind=self._behind) <= p.epsilon / COMMITMENTS
 
     def _last_sure(self, segments: tuple[int, ...]) -> int:
         """How many segments it is to the last station with room before the end; 0: there is none."""

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 HORIZON_H = 48
 """Hours of wind and queues that are looked at; a delivery takes less."""
+LEAST_EPSILON = 1e-6
+"""Nobody is surer than that: neither gusts nor the number of arrivals at a station have a greatest value."""
 IN_FLIGHT = "in-flight"
 """Id of the node that stands for a drone in the air."""
 
@@ -70,7 +72,7 @@ class Problem:
         self.ensemble = ensemble
         self.rules = scenario.rules
         self.reserve = request.reserve_soc
-        self.epsilon = request.epsilon
+        self.epsilon = max(request.epsilon, LEAST_EPSILON)
         state = request.state
         self.in_flight = state.position is not None
         self.depart_s = state.time.timestamp()

@@ -60,9 +60,9 @@ class RollingRobust:
         sure = step.segments[: step.sure]
 
         def need(time_s: float) -> float:
-            if step.turning is not None and seen.turns.in_time(step.turning, step.charge, time_s):
-                return step.charge
-            return seen.need(sure, time_s)
+            if step.turning is None:
+                return seen.need(sure, time_s)
+            return step.charge if seen.turns.in_time(step.turning, step.charge, time_s) else math.inf
 
         return Departure(step.segments, step.charge, need, look_s, step.turning)
 

@@ -60,17 +60,28 @@ def chances_full(problem: Problem, flight_s: float = USUAL_FLIGHT_S) -> NDArray[
     return np.where(pads > 0, chances(pads, spots, arrivals, services, pads - 1), 0.0)
 
 
-def likely_room(problem: Problem, most: float, flight_s: NDArray[np.float64], *, behind: int = 0) -> NDArray[np.bool_]:
+def likely_room(problem: Problem, most: float, flight_s: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell where a drone finds room to land in all but a share of what may come, shape (nodes,).
 
     From who is seen at each station now and the time of the flight there, `flight_s`, shape (nodes,); where nobody was
-    seen, from one free pad. `behind`: others that came to the origin after the drone.
+    seen, from one free pad.
     """
     arrivals, services = (rate * flight_s for rate in _rates(problem))
     found = np.zeros(len(problem.network), dtype=bool)
     for node, one in enumerate(problem.network.stations):
         if one.pads:
-            seen = problem.busy.get(node, one.pads - 1) + (behind if node == problem.origin else 0)
+            seen = problem.busy.get(node, one.pads - 1)
             found[node] = chance_full(one.pads, one.holding_spots, arrivals[node], services[node], seen) <= most
     found[problem.destination] = True
     return found
+
+
+def chance_full_after(problem: Problem, after_s: float, *, behind: int) -> float:
+    """Chance that the origin is full for a drone that leaves it and is back after a time.
+
+    From who is seen there before the drone now, and `behind` it in the line.
+    """
+    one = problem.network.stations[problem.origin]
+    arrivals, services = (float(rate[problem.origin]) * after_s for rate in _rates(problem))
+    seen = problem.busy.get(problem.origin, one.pads - 1) + behind
+    return float(chance_full(one.pads, one.holding_spots, arrivals, services, seen))

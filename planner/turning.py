@@ -28,9 +28,9 @@ USUAL_FLIGHT_S = 500.0
 GUSTS = 64
 """In which a flight is tried."""
 SHARES = (0.1, 0.3, 0.5, 0.75)
-"""Charges that are tried, from what the flight takes without gusts (0) to what it may need (1), """
+"""Charges that are tried, from what the flight takes without gusts (0) to what it may need (1)."""
 MOST_MORE = 0.5
-"""or takes and this share of it, if that is less."""
+"""Of what the flight takes: what it may need counts as no more than this beyond it."""
 SPARE = 0.01
 """So much more energy than a flight takes without gusts is what is tried at least: so well is the wind known."""
 CHANCES = 2.0
@@ -47,14 +47,11 @@ class Trial:
     ----------
     there : float
         Share of the gusts in which it gets to its end.
-    out_s, back_s : float
-        Mean time in the air of flights that get there, and of those that turn back.
-    soc : float
-        Mean charge that the latter land with.
+    back_s, soc : float
+        Mean time in the air of those that turn back, and mean charge that they land with.
     """
 
     there: float
-    out_s: float
     back_s: float
     soc: float
 

@@ -1,8 +1,8 @@
 """Compiled: flights that may turn back, as long as one end can be reached for sure.
 
 Into a wind the way out is slow and the way back is fast, so that a drone can look how the gusts and the wind of the next hour turn
-out for most of the way. It flies on while, whatever may come, its charge will be enough to land at the far end, or
-will still be for the way back half a minute later; else it turns.
+out for most of the way. It flies on while some plan reaches one end with the reserve, in all but a share of what may come: on, back
+half a minute later, or on until the wind changes and then to either end. Without such a plan it makes for the end with the lesser risk.
 """
 
 from __future__ import annotations
@@ -184,7 +184,7 @@ def _turns(
     change: float,
     how: Turning,
 ) -> bool:
-    """Whether a flight turns now: no other plan reaches one end until a time, in all but a share of what may come.
+    """Whether a flight turns now: no other plan reaches one end until a time, in all but a share of what may come, and back is surer.
 
     Plans are to fly on; to turn half a minute later; and to fly on until the wind changes, and then to the end that is reached in the
     new one. `at` is the time, the metres left and the ground speed; the wind changes at `change`. What comes before that is
@@ -235,16 +235,13 @@ def trials(
     energies: NDArray[np.float64],
     keys: NDArray[np.uint64],
     how: Turning,
-) -> tuple[float, float, float, float]:
-    """Of flights in many winds and gusts: share that gets there, mean time of these and of those that turn back, SoC of the latter."""
-    there, out_s, back_s, soc = 0, 0.0, 0.0, 0.0
+) -> tuple[float, float, float]:
+    """Of flights in many winds and gusts: share that gets there; mean time of those that turn back, and SoC they land with."""
+    away, back_s, soc = 0, 0.0, 0.0
     for k in range(len(keys)):
         down, turned = out_or_back(air, members[k], segment, depart_s, charge, energies[k], keys[k], how)
         if turned:
+            away += 1
             back_s += down - depart_s
             soc += charge - energies[k] * (how.soc_fixed + how.soc_per_s * (down - depart_s))
-        else:
-            there += 1
-            out_s += down - depart_s
-    away = len(keys) - there
-    return there / len(keys), out_s / max(there, 1), back_s / max(away, 1), soc / max(away, 1)
+    return 1.0 - away / len(keys), back_s / max(away, 1), soc / max(away, 1)

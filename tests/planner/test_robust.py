@@ -35,6 +35,7 @@ from planner.plan import alternative_plans, plan
 from planner.problem import HORIZON_H, Problem
 from planner.request import Request
 from planner.rolling import RollingRobust
+from planner.room import chance_full_after
 from planner.room_kernels import chance_full
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
@@ -100,6 +101,14 @@ def test_a_flight_needs_more_the_gustier_it_is_and_the_surer_one_wants_to_be(new
     wilder = known_at(problem, Errors(gust_sd=gust * 1.3, energy=0.0), measured=True, epsilon=low)
     bolder = known_at(problem, Errors(gust_sd=gust, energy=0.0), measured=True, epsilon=low * 4.0)
     assert energy(bolder, problem, segments) < energy(calm, problem, segments) < energy(wilder, problem, segments)
+
+
+def test_who_asks_for_certainty_gets_nearly_that(newyork, held_out, planned):
+    request, _, forecast = held_out
+    surest = plan(newyork, replace(request, epsilon=0.0), planner="robust", forecast=forecast)
+    assert surest.outcome.p_arrive == 1.0
+    assert surest.outcome.p_success == 1.0
+    assert surest.outcome.mean_s > planned.outcome.mean_s
 
 
 @pytest.mark.parametrize("wind_mps", [5.0, 10.0])
@@ -210,6 +219,29 @@ def test_planning_anew_at_each_stop_delivers_and_keeps_the_reserve(newyork, held
         nodes = [int(network.tail[hop.segments[0]]) for hop in hops]
         assert len(set(nodes)) == len(nodes)
         assert network.stations[int(network.head[hops[-1].segments[-1]])].id == "white-plains"
+
+
+def test_waits_forecast_for_some_hours_are_those_of_the_whole_horizon(newyork):
+    short, long = (
+        Problem(newyork, ask(), newyork.drone("m200"), newyork.forecast(DEPART, HORIZON_H)) for _ in range(2)
+    )
+    node = short.network.index["belvedere"]
+    until = short.depart_s + 5.5 * 3600.0
+    points = short.waits.need([node], until)
+    long.waits.need([node])
+    assert 33 < points < len(long.waits.wait_s[node])
+    assert short.waits.wait_s[node, :points] == pytest.approx(long.waits.wait_s[node, :points], abs=1e-3)
+    assert short.waits.p_free[node, :points] == pytest.approx(long.waits.p_free[node, :points], abs=1e-6)
+    assert short.waits.at(node, until + 20 * 3600.0) == pytest.approx(
+        long.waits.at(node, until + 20 * 3600.0)
+    )  # filled as asked for
+
+
+def test_who_comes_after_a_drone_and_the_time_it_is_away_take_its_room(newyork):
+    problem = Problem(newyork, ask(drone=None), newyork.drone("m200"), newyork.forecast(DEPART, HORIZON_H))
+    chances = [chance_full_after(problem, away_s, behind=0) for away_s in (0.0, 600.0, 3600.0)]
+    assert chances == sorted(chances)
+    assert chances[0] < chance_full_after(problem, 0.0, behind=100) == 1.0
 
 
 def test_the_same_seed_gives_the_same_plan(newyork, held_out, planned):

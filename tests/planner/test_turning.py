@@ -77,6 +77,7 @@ def test_it_lands_with_the_reserve_as_often_as_was_said_wherever_the_wind_is_fro
     charge = usual + more * (usual - problem.reserve)
     _, left, turned = flown(problem, turns.over(segment), segment, charge, KEYS)
     assert np.mean(left < problem.reserve) <= epsilon
+    assert np.mean(~turned) >= 4.0 * more - 0.1  # and does not turn for nothing
     if more == 0.25 and angle_deg == 180.0:
         assert not turned.any()  # behind the wind a quarter more is plenty
 
@@ -113,6 +114,22 @@ def test_when_the_wind_changes_on_the_way_one_end_is_reached_whatever_follows(ne
                 both.add(bool(turned[0]))
                 assert left[0] >= problem.reserve - 1e-9, (ahead_s, more, member)
     assert both == {True, False}
+
+
+def test_a_hungry_vehicle_keeps_the_reserve_too_as_far_as_it_was_believed_it_could_be(newyork):
+    errors = Errors(energy=0.05)
+    problem, turns, segment = turns_in(newyork, None, errors, epsilon=0.01, wind_mps=8.0)
+    how = turns.over(segment)
+    charge = usual_charge(problem, segment) + 0.03
+    for energy in (0.95, 1.0, 1.05):  # of the model's; `how` counts on the most
+        multiple = energy * problem.soc_per_s / how.soc_per_s
+        off = problem.depart_s
+        found = [out_or_back(problem.air, 0, segment, off, charge, multiple, key, how) for key in KEYS]
+        seconds = np.array([down for down, _ in found]) - off
+        left = charge - energy * (problem.soc_fixed + problem.soc_per_s * seconds)
+        assert np.mean(left < problem.reserve) <= 0.01
+        if energy < 1.0:
+            assert 0.0 < np.mean([turned for _, turned in found]) < 1.0
 
 
 def test_a_trial_tells_what_comes_of_it(newyork):
