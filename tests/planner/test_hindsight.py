@@ -85,3 +85,35 @@ def test_what_is_begun_keeps_the_need_of_its_sure_stretch(nobody):
     seen = Hindsight(problem, USUAL_ERRORS)
     step = seen.choose()
     assert step.charge >= seen.need(step.segments[: step.sure], problem.depart_s) - 1e-9 or not step.segments
+
+
+def against_the_wind(world, **state):
+    """One flight of 9.9 km in a head wind of 9 m/s, for which a battery is not sure to be enough."""
+    network = world.network
+    ways = zip(network.tail.tolist(), network.head.tolist(), network.bearing_deg.tolist(), strict=True)
+    bellevue, queens = network.index["bellevue"], network.index["nyp-queens"]
+    from_deg = next(bearing for tail, head, bearing in ways if (tail, head) == (bellevue, queens)) % 360.0
+    wind = constant_wind(9.0, from_deg, DEPART, HORIZON_H, 40.7, -74.0, world.rules.cruise_height_m)
+    here = State(DEPART, "bellevue", None, 1.0, **state)
+    return Problem(
+        world, Request(state=here, destination="nyp-queens", payload_kg=0.8, drone="m200"), world.drone("m200"), wind
+    )
+
+
+def test_a_flight_for_which_the_battery_may_not_do_is_begun_where_it_can_turn_back(nobody):
+    problem = against_the_wind(nobody)
+    step = Hindsight(problem, USUAL_ERRORS, energy=1.0).choose()
+    assert Hindsight(problem, USUAL_ERRORS, energy=1.0).need(step.segments, problem.depart_s) > 1.0
+    assert step.turning is not None
+    network = problem.network
+    assert int(network.head[step.turning.back]) == problem.origin
+    assert int(network.head[step.segments[0]]) == problem.destination
+
+
+def test_it_is_not_begun_where_others_have_taken_the_room_to_come_back(nobody):
+    problem = against_the_wind(nobody)
+    station = nobody.network.stations[problem.origin]
+    full = station.pads + station.holding_spots
+    for there, behind in ((full, 0), (full - 1, 1)):
+        problem = against_the_wind(nobody, busy_pads={"bellevue": there})
+        assert Hindsight(problem, USUAL_ERRORS, energy=1.0, behind=behind).choose().turning is None
