@@ -52,8 +52,8 @@ MUCH = 0.45
 """Margin tried beside none where those give no route, and where the best of theirs waits long in some winds."""
 LONG = 1.3
 """Where a mean delivery takes more than so many times the median, the wind closes one of its flights for hours on some days."""
-MOST_LABELS = 120
-"""On large networks a route of short flights is looked for in so many labels at most (`planner.label_search`)."""
+MOST_LABELS = 200
+"""On large networks the best route of short flights is looked for in so many labels at most (`planner.label_search`)."""
 FEW = 0.1
 """Where a smaller share of the stations has room likely enough, no way is looked for that keeps to them."""
 WORLDS = 3
@@ -316,7 +316,7 @@ class RobustSearch:
         *,
         most_labels: float = math.inf,
     ) -> Itinerary | None:
-        """Compose the best route, on large networks the first one that is found.
+        """Compose the best route, or the best in so many labels; without that, on large networks the first one that is found.
 
         That one keeps to labels with much to spare; the best has less to spare for winds other than the mean.
         """
@@ -328,7 +328,7 @@ class RobustSearch:
             speeds=speeds,
             margin_soc_per_s=margin_per_s,
             stops=allowed,
-            time_limit_s=0.0 if self._large else math.inf,
+            time_limit_s=0.0 if self._large and most_labels == math.inf else math.inf,
             most_labels=most_labels,
         )
         found = search.find()
