@@ -30,6 +30,7 @@ from planner.exact import ExactSearch
 from planner.need_kernels import careful_speeds, gust_mean
 from planner.problem import Problem
 from planner.rolling import RollingRobust, with_measured
+from planner.turning import USUAL_FLIGHT_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from benchmarks.instances import Instance
     from models.queue_paths import QueuePath
     from planner.evaluation_policies import Standing
+    from planner.need_kernels import Known
 
 NOTHING, QUEUES, WIND, BOTH = "nothing", "queues", "wind", "both"
 TOLD = (NOTHING, QUEUES, WIND, BOTH)
@@ -44,8 +46,6 @@ BOUND = "exact, least reserve for gusts"
 """Name of the bound in the file of results."""
 DEVIATIONS = (1.0, 2.0, 3.1)
 """Of the mean gust of a flight that `exact` is asked to bear, too; the last is exceeded once in a thousand."""
-USUAL_FLIGHT_S = 500.0
-"""Over which that mean is taken."""
 
 
 class ToldProblem(Problem):
@@ -88,18 +88,23 @@ def fly_told(case: Case, told: str) -> float:
     return float(fly_policy(truths, drone, policy, np.array([0]))[0].delivery_s[0])
 
 
+def _told_all(case: Case) -> tuple[Problem, dict[int, QueuePath], Known]:
+    """The first run of a delivery as a clairvoyant is told it: its wind, its queues, and what gusts there are."""
+    request, wind = case.truths.told(0)
+    p = Problem(case.scenario, request, case.scenario.drone(case.instance.drone), wind)
+    known = known_at(p, case.truths.errors, measured=True, epsilon=p.epsilon)
+    return p, p.queue_paths(range(len(p.network)), 0), known
+
+
 def clairvoyant_and_bound(case: Case) -> tuple[float, float]:
     """Delivery times, s: of `exact` told wind and queues, and of the same with the least reserve for gusts.
 
-    A flight that begins by what is known then, and does not turn back, must land with the reserve in all but epsilon of its gusts. To first order a gust of the
-    mean g slows a flight by at least `LATERAL` times g, whatever its course; the mean varies least over the longest flight
+    A flight that begins by what is known then, and does not turn back, must land with the reserve in all but epsilon of its
+    gusts. To first order a gust of the mean g slows a flight by at least `LATERAL` times g, whatever its course; the mean varies least over the longest flight
     that the battery allows, and a share of the ground speed is least with the wind behind. With the least wind of any site
     in any slot up to some time that is a bound for all that arrive by then, and who arrives later does not arrive earlier.
     """
-    request, wind = case.truths.told(0)
-    p = Problem(case.scenario, request, case.scenario.drone(case.instance.drone), wind)
-    queues = p.queue_paths(range(len(p.network)), 0)
-    known = known_at(p, case.truths.errors, measured=True, epsilon=p.epsilon)
+    p, queues, known = _told_all(case)
     share = NormalDist().inv_cdf(1.0 - p.epsilon) * LATERAL * float(gust_mean(known, p.longest_flight_s))
     calmest = np.hypot(p.air.north[0], p.air.east[0]).min(axis=1)
 
@@ -121,10 +126,8 @@ def clairvoyant_and_bound(case: Case) -> tuple[float, float]:
 
 def bearing_gusts(case: Case) -> Row:
     """Delivery times, s, of `exact` told wind and queues, in ground speeds with a mean gust of some deviations against each flight."""
-    request, wind = case.truths.told(0)
-    p = Problem(case.scenario, request, case.scenario.drone(case.instance.drone), wind)
-    queues = p.queue_paths(range(len(p.network)), 0)
-    gust = float(gust_mean(known_at(p, case.truths.errors, measured=True, epsilon=p.epsilon), USUAL_FLIGHT_S))
+    p, queues, known = _told_all(case)
+    gust = float(gust_mean(known, USUAL_FLIGHT_S))
     slots, segments = np.arange(p.air.north.shape[1]), np.arange(len(p.air.distance_m))
     found: Row = {}
     for deviations in DEVIATIONS:

@@ -85,16 +85,21 @@ def deviates(key: np.uint64, step: int) -> tuple[float, float]:
 
 
 @compiled_lean
+def gust_after(gust: tuple[float, float], key: np.uint64, step: int, phi: float, scale: float) -> tuple[float, float]:
+    """Gust of a step of time, from that of the step before; `scale` is sqrt(1 - phi^2)."""
+    along, across = deviates(key, step)
+    return phi * gust[0] + scale * along, phi * gust[1] + scale * across
+
+
+@compiled_lean
 def gust_at(key: np.uint64, step: int, phi: float) -> tuple[float, float]:
     """Gust along and across the wind in a step of time, in standard deviations, from its past."""
     scale = math.sqrt(1.0 - phi * phi)
     length = int(math.ceil(-_WARM_UP / math.log(phi))) if phi > 0.0 else 0
-    along, across = deviates(key, step - length)
+    gust = deviates(key, step - length)
     for k in range(step - length + 1, step + 1):
-        one, other = deviates(key, k)
-        along = phi * along + scale * one
-        across = phi * across + scale * other
-    return along, across
+        gust = gust_after(gust, key, k, phi, scale)
+    return gust
 
 
 @compiled_lean
@@ -126,12 +131,12 @@ def gusty_land(
     scale = math.sqrt(1.0 - phi * phi)
     now = depart_s + air.climb_s
     step = int(math.floor(now / GUST_STEP_S))
-    along, across = gust_at(key, step, phi)
+    gust = gust_at(key, step, phi)
     for segment in segments:
         left = air.distance_m[segment]
         while True:
             slot = slot_of(air, now)
-            speed = gusty_speed(air, member, slot, segment, (along, across), gust_sd)
+            speed = gusty_speed(air, member, slot, segment, gust, gust_sd)
             next_step = (step + 1) * GUST_STEP_S
             end = min(next_step, slot_end(air, slot))
             if now + left / speed <= end:
@@ -141,7 +146,5 @@ def gusty_land(
             now = end
             if now >= next_step:
                 step += 1
-                one, other = deviates(key, step)
-                along = phi * along + scale * one
-                across = phi * across + scale * other
+                gust = gust_after(gust, key, step, phi, scale)
     return now + air.descent_s if now < NEVER else NEVER

@@ -220,7 +220,7 @@ class ExactSearch:
             guide, forward = only_nodes(guide, forward, keep)
             if math.isinf(self._time_limit_s):
                 self._refine(part, guide, needed, deadline)
-            elif self._run(part, guide, forward, needed, deadline, 0.0) and (time.perf_counter() < self._stop_at):
+            elif self._run(part, guide, forward, needed, deadline, 0.0) and time.perf_counter() < self._stop_at:
                 self._refine(part, guide, needed, min(deadline, self.best_s))
             if self._answer is not None or deadline >= until_s or self._given_up:
                 return

@@ -158,6 +158,13 @@ def capped(mean: float, deviation: float, most: float) -> float:
 
 
 @compiled_lean
+def wind_variance(known: Known, ahead_s: float) -> float:
+    """Of a component of the wind about what a member says, some time after the hour that was measured, m2/s2."""
+    unsure = known.sigma_mps * known.smoothing
+    return unsure * unsure * (1.0 - math.exp(-2.0 * ahead_s / known.tau_s))
+
+
+@compiled_lean
 def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], depart_s: float, gust: float) -> float:
     """Touch-down of a flight through wind that is worse all the way than the member says, by `STEADY` deviations.
 
@@ -175,8 +182,7 @@ def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], 
             felt = math.hypot(with_wind, across_wind)
             square = gust * gust * felt * felt
             if slot > first:
-                unsure = known.sigma_mps * known.smoothing
-                square += unsure * unsure * (1.0 - math.exp(-2.0 * (slot - first) * air.slot_s / known.tau_s))
+                square += wind_variance(known, (slot - first) * air.slot_s)
             about = felt * math.sqrt(max(known.gust_sd * known.gust_sd - gust * gust, 0.0))
             speed = capped(speed - STEADY * math.sqrt(square), about, air.max_ground_speed_mps)
             speed = max(speed, MIN_GROUND_SPEED_MPS)

@@ -15,8 +15,8 @@ import numpy as np
 from models.compiled import compiled, compiled_lean
 from models.flight_kernels import NEVER, slot_end, slot_of
 from models.wind import MIN_GROUND_SPEED_MPS
-from planner.evaluation_kernels import GUST_STEP_S, deviates, gust_at, gusty_speed
-from planner.need_kernels import capped, gust_mean, gust_mean_variance, wind_felt
+from planner.evaluation_kernels import GUST_STEP_S, gust_after, gust_at, gusty_speed
+from planner.need_kernels import capped, gust_mean, gust_mean_variance, wind_felt, wind_variance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -73,13 +73,12 @@ def later_speeds(
     """
     air = known.air
     gust = gust_mean(known, flight_s)
-    unsure = known.sigma_mps * known.smoothing
+    unsure = wind_variance(known, air.slot_s)
     mean, deviation = np.empty(len(air.north)), np.empty(len(air.north))
     for member in range(len(mean)):
         speed, with_wind, across_wind = wind_felt(air, member, slot, segment)
         felt = math.hypot(with_wind, across_wind)
-        square = gust * gust * felt * felt + unsure * unsure * (1.0 - math.exp(-2.0 * air.slot_s / known.tau_s))
-        mean[member], deviation[member] = speed, math.sqrt(square)
+        mean[member], deviation[member] = speed, math.sqrt(gust * gust * felt * felt + unsure)
     return mean, deviation
 
 
@@ -168,8 +167,7 @@ def out_or_back(
         now = end
         if now >= next_s:
             step += 1
-            one, other = deviates(key, step)
-            gust = phi * gust[0] + scale * one, phi * gust[1] + scale * other
+            gust = gust_after(gust, key, step, phi, scale)
 
 
 @compiled_lean
