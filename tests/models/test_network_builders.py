@@ -64,6 +64,7 @@ def test_max_length_joins_all_pairs_not_farther_apart(region, offsets, limit):
 
 @example((0.0, 0.0), [(0.0, 0.0), (0.0, 0.015625), (3.7e-182, 0.0)], 1, 1740.0)
 @given(REGIONS, OFFSETS, st.integers(1, 5), st.floats(1000.0, 60_000.0))
+@example((0.0, 0.0), [(0.0, 0.0), (0.0, 0.25), (0.25, 0.0), (2.220446049250313e-16, 0.25)], 1, 27_830.0)
 def test_nearest_joins_each_station_to_its_nearest_and_them_to_it(region, offsets, count, limit):
     stations = around(region, offsets)
 
@@ -71,8 +72,9 @@ def test_nearest_joins_each_station_to_its_nearest_and_them_to_it(region, offset
         d = [length(stations[i], other) for other in stations]
         if d[j] == 0.0 or d[j] > limit + 1e-3:
             return False
-        places = {(s.lat, s.lon): d[n] for n, s in enumerate(stations) if d[n] > 0.0}
-        here = stations[j].lat, stations[j].lon
+        place = [tuple(np.round((s.lat, s.lon), network_builders.DECIMALS).tolist()) for s in stations]
+        places = {place[n]: d[n] for n in range(len(stations)) if d[n] > 0.0 and place[n] != place[i]}
+        here = place[j]
         nearer = sum(other < d[j] - 1e-2 for other in places.values())
         tied = sum(abs(other - d[j]) <= 1e-2 for place, other in places.items() if place != here)
         if nearer >= count:
