@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.errors import NoRouteError
+from models.weighted import weighted_quantile
 from planner.charge_policy import rehearse_fixed
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN
 from planner.evaluation_truths import USUAL_ERRORS
 from planner.exact import ExactSearch
-from planner.itinerary import weighted_quantile
 from planner.robust import FINAL_RUNS, LARGE, MEMBERS, RobustSearch
 from planner.speeds import TrueSpeeds
 

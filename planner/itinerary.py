@@ -12,6 +12,7 @@ from models import geodesy
 from models.queue_paths import no_queue, pack
 from models.services import ArrivalDistribution, Composition, DroneService, Place, Stop, Wind
 from models.units import J_PER_WH, S_PER_H, S_PER_MIN, from_posix
+from models.weighted import weighted_quantile
 from models.wind import speed_from
 from planner.course_kernels import (
     PAD,
@@ -134,14 +135,6 @@ def hops_of(problem: Problem, itinerary: Itinerary) -> Hops:
         curve_s=np.array([np.pad(time, (0, points - len(time)), mode="edge") for time, _ in curves]),
         curve_soc=np.array([np.pad(soc, (0, points - len(soc)), mode="edge") for _, soc in curves]),
     )
-
-
-def weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64], q: float) -> float:
-    """Least value at or below which at least a share q of the weight lies."""
-    order = np.argsort(values, kind="stable")
-    share = np.cumsum(weights[order])
-    index = int(np.searchsorted(share, q * share[-1] * (1.0 - 1e-12)))
-    return float(values[order][min(index, len(order) - 1)])
 
 
 @dataclass(frozen=True)

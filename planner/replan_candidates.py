@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from models.weighted import weighted_quantile
 from planner.course_kernels import SOC_DOWN, SOC_OFF
-from planner.itinerary import Hop, fly_expected, fly_sampled, outcome, stop_nodes, weighted_quantile
+from planner.itinerary import Hop, fly_expected, fly_sampled, outcome, stop_nodes
 
 if TYPE_CHECKING:
     from models.services import Composition
