@@ -89,7 +89,7 @@ class InfeasibleError(SkywayError):
     message : str
         Why, with the figures that bind.
     constraint : str
-        The binding constraint: ``payload``, ``energy``, ``wind``, ``disconnected``, ``no-drone``, ``time-limit``.
+        The binding constraint: ``payload``, ``energy``, ``wind``, ``disconnected``, ``room``, ``no-drone``, ``time-limit``.
     """
 
     exit_code = 1

@@ -20,9 +20,12 @@ SLOT_EDGE_S = 1e-6  # a time this close below a boundary counts as beyond it, so
 
 @compiled_lean
 def slot_of(air: Air, time_s: float) -> int:
-    """Slot that holds a time; times outside the series use its first or last slot."""
-    slot = int(math.floor((time_s + SLOT_EDGE_S - air.start_s) / air.slot_s))
-    return min(max(slot, 0), air.north.shape[1] - 1)
+    """Slot that holds a time; times outside the series use its first or last slot, what is no number the last."""
+    last = air.north.shape[1] - 1
+    slots = (time_s + SLOT_EDGE_S - air.start_s) / air.slot_s
+    if not slots < last:  # later, or no number, of which no integer can be made
+        return last
+    return int(slots) if slots > 0.0 else 0
 
 
 @compiled_lean
@@ -70,7 +73,7 @@ def cruise(air: Air, member: int, segment: int, time_s: float) -> float:
         if speed <= 0.0:
             return NEVER
         end = slot_end(air, slot)
-        if now + left / speed <= end:
+        if end == NEVER or now + left / speed <= end:
             return now + left / speed
         left -= speed * (end - now)
         now = end
@@ -129,7 +132,7 @@ def leg(air: Air, member: int, segment: int, time_s: float) -> tuple[float, floa
             speed = segment_speed(air, member, slot, segment)
             if speed <= 0.0:
                 flyable = False
-            elif now + left / speed <= end:
+            elif end == NEVER or now + left / speed <= end:
                 now += left / speed
                 break
             else:

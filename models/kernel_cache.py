@@ -6,6 +6,7 @@ loading takes). Most processes compile nothing. Here both wait until something i
 written, which numba tries when a kernel is decorated, is found out when the kernel is first called.
 
 By itself numba notices a change of the file a kernel is in, but not of the files its callees are in; here these count, too.
+Nor does it know kernels that check the bounds of arrays (NUMBA_BOUNDSCHECK=1) from those that do not; here each kind has its files.
 """
 
 # ruff: noqa: SLF001  numba offers no public way to any of this; tests/models/test_compiled.py fails if one of these goes
@@ -21,6 +22,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from llvmlite import binding
+from numba.core import config as settings
 from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.runtime.nrt import rtsys
@@ -76,6 +78,10 @@ class _Files(FunctionCache):
         foreign = sorted(sources - {function.__code__.co_filename})
         if foreign:
             files._source_stamp = (*files._source_stamp, *(_digest(path) for path in foreign))
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        """What a compiled kernel is found by: also whether it checks the bounds of arrays, which numba leaves out."""
+        return (*super()._index_key(sig, codegen), bool(getattr(settings, "BOUNDSCHECK", 0)))
 
 
 class KernelCache:

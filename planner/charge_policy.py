@@ -22,6 +22,7 @@ from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits,
 from planner.evaluation_kernels import Sky
 from planner.itinerary import hops_of, no_waits, outcome, stop_nodes
 from planner.need_kernels import Known, need_tables
+from planner.no_route import grounded_leg, never_leaves
 from planner.outlook import Outlook
 from planner.outlook_kernels import escape_cost
 from planner.room import present_in, room_at
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from models.errors import NoRouteError
     from models.queue_paths import QueuePath
     from models.wind_forecast import WindEnsemble
     from planner.evaluation_truths import Errors
@@ -261,7 +263,8 @@ class ChargePolicy:
     def nominal(self, before: Rehearsal) -> tuple[int, NDArray[np.float64]]:
         """Member of the median arrival and the course in it, with expected waits and without gusts, shape (hops, 6).
 
-        `before` is of the same flights; its tables are used again.
+        `before` is of the same flights; its tables are used again. Where no member arrives with expected waits, it is the run
+        of `before` with the median arrival.
         """
         p = self.problem
         nodes = stop_nodes(p, self.itinerary)
@@ -273,11 +276,19 @@ class ChargePolicy:
         arrival = course[:, -1, TOUCH_DOWN]
         arrives = np.flatnonzero(np.isfinite(arrival))
         if not len(arrives):
-            return 0, course[0]
-        order = arrives[np.argsort(arrival[arrives], kind="stable")]
-        half = np.searchsorted(np.cumsum(p.probability[order]), 0.5 * p.probability[order].sum())
-        member = int(order[min(int(half), len(order) - 1)])
+            run = _median_run(before.arrival_s, before.weight)
+            return int(before.member[run]), before.course[run]
+        member = _median_run(arrival, p.probability)
         return member, course[member]
+
+    def grounded(self, rehearsal: Rehearsal) -> NoRouteError:
+        """Say why no run of a rehearsal of this policy arrives."""
+        leg = grounded_leg(rehearsal.course)
+        slots = self.problem.air.north.shape[1]
+        bases = rehearsal.tables[:, leg, : rehearsal.tables.shape[2] - 2 * slots]
+        least = float(np.nanmin(np.where(np.isnan(bases), math.inf, bases)))
+        required = self.landing[leg] + (1.0 + self.known.energy_error) * (1.0 + self.known.margin) * least
+        return never_leaves(self.problem, self.itinerary, leg, required)
 
     def with_charges(self, course: NDArray[np.float64]) -> ChargePolicy:
         """The same policy whose itinerary names the charges of a course, shape (hops, 6)."""
@@ -290,6 +301,14 @@ class ChargePolicy:
             hops.append(replace(hop, charge_to=leave if charged else None, not_before_s=-math.inf))
             before = float(course[number, SOC_DOWN])
         return replace(self, itinerary=tuple(hops))
+
+
+def _median_run(arrival_s: NDArray[np.float64], weight: NDArray[np.float64]) -> int:
+    """Run with the median arrival of those that arrive."""
+    arrives = np.flatnonzero(np.isfinite(arrival_s))
+    order = arrives[np.argsort(arrival_s[arrives], kind="stable")]
+    half = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight[order].sum())
+    return int(order[min(int(half), len(order) - 1)])
 
 
 @dataclass(frozen=True, eq=False)

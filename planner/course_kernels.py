@@ -178,7 +178,12 @@ def fly_under(
 
 @compiled
 def flight_parts(air: Air, member: int, segments: NDArray[np.int64], depart_s: float) -> NDArray[np.float64]:
-    """Cruise of a flight cut where segment or slot changes, shape (parts, 4): segment, slot, seconds, ground speed."""
+    """Cruise of a flight cut where segment or slot changes, shape (parts, 4): segment, slot, seconds, ground speed.
+
+    It ends where a slot cannot be flown in. A flight that never departs (`depart_s` infinite or NaN) has no parts.
+    """
+    if not math.isfinite(depart_s):
+        return np.empty((0, 4))
     out = np.empty((len(segments) * (air.north.shape[1] + 1), 4))
     size = 0
     now = depart_s + air.climb_s

@@ -29,6 +29,7 @@ from planner.course_kernels import (
     no_queues,
 )
 from planner.evaluation_kernels import plain_sky
+from planner.no_route import grounded_leg, never_leaves
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -199,12 +200,17 @@ def typical_member(problem: Problem, itinerary: Itinerary) -> tuple[int, NDArray
 
     Of the tenth of the members whose arrival is nearest to the median arrival, the one whose wind is nearest to that
     of all the others (least mean vector distance over the first hours).
+
+    Raises
+    ------
+    NoRouteError
+        No member lets it arrive.
     """
     runs = fly_expected(problem, itinerary)
     arrival = runs[:, -1, TOUCH_DOWN]
     arrives = np.flatnonzero(np.isfinite(arrival))
     if not len(arrives):
-        return 0, runs[0]
+        raise never_leaves(problem, itinerary, grounded_leg(runs))
     middle = weighted_quantile(arrival[arrives], problem.probability[arrives], 0.5)
     off = np.abs(arrival[arrives] - middle)
     near = arrives[off <= np.sort(off)[max(1, len(arrives) // 10) - 1] + 1.0]

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.errors import NoRouteError
+from models.flight_kernels import NEVER, next_opening
 from models.units import S_PER_MIN
+from planner.course_kernels import TOUCH_DOWN
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from planner.itinerary import Itinerary
     from planner.outlook import Outlook
     from planner.problem import Problem
 
@@ -32,6 +35,50 @@ def _reached(problem: Problem, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def joined(problem: Problem) -> bool:
     """Tell whether any chain of segments leads from the origin to the destination."""
     return bool(_reached(problem, np.ones(len(problem.network.tail), dtype=np.bool_))[problem.destination])
+
+
+def grounded_leg(courses: NDArray[np.float64]) -> int:
+    """Number of the leg at which most runs end, of courses of shape (runs, hops, 6) of which none arrives."""
+    first = np.argmin(np.isfinite(courses[:, :, TOUCH_DOWN]), axis=1)
+    return int(np.argmax(np.bincount(first)))
+
+
+def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc: float = 0.0) -> NoRouteError:
+    """Explain a route that no wind of the forecast lets fly to its end.
+
+    Parameters
+    ----------
+    problem, itinerary
+        What is asked, and the route.
+    leg : int
+        Number of the leg that is never begun, see `grounded_leg`.
+    required_soc : float
+        Charge at its take-off that the drone insists on, at the least: above 1 the energy binds.
+    """
+    network, drone = problem.network, problem.drone
+    segments = np.array(itinerary[leg].segments, dtype=np.int64)
+    a, b = (network.stations[int(node)].id for node in (network.tail[segments[0]], network.head[segments[-1]]))
+    begin = f"no route from {network.stations[problem.origin].id} to {network.stations[problem.destination].id}:"
+    where = f"leg {a} > {b} ({network.distance_m[segments].sum() / 1000:.1f} km)"
+    members = range(len(problem.probability))
+    if required_soc > 1.0:
+        message = (
+            f"{begin} {where} takes {100 * (required_soc - problem.reserve):.0f} % of the battery of {drone.id} in the best "
+            f"of the forecast winds, with gusts and the error of the energy model, {100 * (1.0 - problem.reserve):.0f} % are "
+            f"there above the reserve of {100 * problem.reserve:.0f} %"
+        )
+        return NoRouteError(message, constraint="energy")
+    if all(next_opening(problem.air, member, segments, problem.depart_s) == NEVER for member in members):
+        message = (
+            f"{begin} throughout the forecast the wind on {where} is above the limit of {drone.id} "
+            f"({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of {problem.air.airspeed_mps:g} m/s"
+        )
+        return NoRouteError(message, constraint="wind")
+    message = (
+        f"{begin} {where} is never begun within the forecast: when the wind allows it and the charge is enough, {b} is "
+        f"likely to have neither a free pad nor a holding spot"
+    )
+    return NoRouteError(message, constraint="room")
 
 
 def no_route(problem: Problem, outlook: Outlook) -> NoRouteError:

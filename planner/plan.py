@@ -16,6 +16,7 @@ from planner.exact import ExactSearch
 from planner.explain import alternatives
 from planner.ies import ExhaustiveSearch
 from planner.itinerary import compose, fly_sampled, fly_true, outcome, typical_member
+from planner.no_route import grounded_leg, never_leaves
 from planner.pfs import ForwardSearch
 from planner.pfs_strict import StrictForwardSearch
 from planner.problem import HORIZON_H, Problem
@@ -272,6 +273,8 @@ def _solve(
     spent = time.perf_counter() - started
     complete = clairvoyant.complete
     course = fly_true(problem, itinerary, queues)
+    if not np.isfinite(course[0, -1, TOUCH_DOWN]):
+        raise never_leaves(problem, itinerary, grounded_leg(course))
     summary = outcome(problem, course, np.ones(1))
     notes = () if complete else (f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is",)
     composition = compose(
@@ -331,6 +334,9 @@ def alternative_plans(result: PlanResult, count: int) -> list[PlanResult]:
     for candidate in alternatives(result.robust, count)[1:]:
         started = time.perf_counter()
         others = [one for one in result.robust.candidates if one is not candidate]
-        answer = RobustSearch(result.problem).finish([candidate, *others])
+        try:
+            answer = RobustSearch(result.problem).finish([candidate, *others])
+        except NoRouteError:  # with its margin calibrated it never leaves
+            continue
         plans.append(_told(answer, time.perf_counter() - started, result.looked_at, {}))
     return plans

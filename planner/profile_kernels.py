@@ -39,7 +39,9 @@ _NONE = -math.inf
 
 @compiled
 def interpolate(x: float, xs: NDArray[np.float64], ys: NDArray[np.float64]) -> float:
-    """Piecewise-linear function through increasing points, constant outside them."""
+    """Piecewise-linear function through increasing points, constant outside them; NaN of NaN."""
+    if math.isnan(x):
+        return x
     if x <= xs[0]:
         return ys[0]
     last = len(xs) - 1

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from models.airspeed_load import AirspeedLoad
 from models.energy import ScaledEnergy
-from models.errors import InfeasibleError
+from models.errors import InfeasibleError, NoRouteError
 from models.services import State
 from models.units import S_PER_H, S_PER_MIN, from_posix
 from planner.diverts import Reach
@@ -340,7 +340,10 @@ class GroundReplanner:
     ) -> Decision:
         """Complete a candidate: enough charge for the next leg and its diverts, and wind that lets it leave."""
         settings = self.settings
-        member, course = typical_member(problem, chosen.itinerary)
+        try:
+            member, course = typical_member(problem, chosen.itinerary)
+        except NoRouteError as error:
+            return Decision("stop", str(error), {"station": standing.station, "soc": standing.soc})
         told = compose(
             problem, chosen.itinerary, course, member, chosen.outcome, planner=self.planner, planning_time_s=0.0
         )

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from models.errors import NoRouteError
 from models.wind_ensemble import evenly
 from planner.charge_policy import PROMISING, ChargePolicy, Rehearsal, known_at, margin_for
 from planner.equivalent import HOURS, ExpectedQueues
@@ -173,7 +174,14 @@ class RobustSearch:
         NoRouteError
             There is no route even without margin.
         """
-        return self.finish(self.finalists(self.candidates()))
+        candidates = self.finalists(self.candidates())
+        for number in range(len(candidates)):
+            try:
+                return self.finish([candidates[number], *candidates[:number], *candidates[number + 1 :]])
+            except NoRouteError:  # once calibrated, the drone never leaves: the next one may
+                if number == len(candidates) - 1:
+                    raise
+        raise AssertionError
 
     def finalists(self, candidates: list[Candidate]) -> list[Candidate]:
         """Order candidates anew after more runs of the first few, and of those that beat them but for the reserve."""
@@ -195,7 +203,13 @@ class RobustSearch:
         return self._candidate(policy, rehearsal)
 
     def finish(self, candidates: list[Candidate]) -> RobustAnswer:
-        """Calibrate the first of the candidates and tell what becomes of it."""
+        """Calibrate the first of the candidates and tell what becomes of it.
+
+        Raises
+        ------
+        NoRouteError
+            Calibrated, it never arrives.
+        """
         policy = candidates[0].policy
         rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=candidates[0].rehearsal, worlds=PROMISING)
         for _ in range(1 if self._large else CALIBRATIONS):
@@ -206,8 +220,10 @@ class RobustSearch:
             if extra <= margin + CLOSE:
                 break
             rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=rehearsal, worlds=PROMISING)
-        member, course = policy.nominal(rehearsal)
         outcome = rehearsal.outcome(self.problem)
+        if outcome.p_arrive <= 0.0:
+            raise policy.grounded(rehearsal)
+        member, course = policy.nominal(rehearsal)
         return RobustAnswer(policy.with_charges(course), member, course, rehearsal, outcome, tuple(candidates))
 
     def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:
@@ -223,7 +239,7 @@ class RobustSearch:
         Raises
         ------
         NoRouteError
-            There is no route even without margin.
+            There is no route even without margin, or none that the forecast lets fly to its end.
         """
         p = self.problem
         roomy = chances_full(p) <= MOST_FULL * p.epsilon
@@ -234,17 +250,21 @@ class RobustSearch:
         for allowed in (everywhere,) if few else (roomy, everywhere):
             if without is not None:
                 allowed[without] = False
-            if found and (quick or self._large or roomy.all()):
+            if _flying(found) and (quick or self._large or roomy.all()):
                 break
             for itinerary in self._routes(allowed, worlds=0 if found or self._large else WORLDS):
                 self._add(found, itinerary)
-                if quick:
+                if quick and _flying(found):
                     break
-            if found and not quick:
+            if found and not (quick and _flying(found)):
                 self._add_short_flights(found, allowed)
         if not found:
             raise no_route(p, Outlook(p))
-        return sorted(found.values(), key=_order)
+        flying = _flying(found)
+        if not flying:
+            first = next(iter(found.values()))
+            raise first.policy.grounded(first.rehearsal)
+        return sorted(flying, key=_order)
 
     def _add_short_flights(
         self, found: dict[tuple[tuple[int, ...], ...], Candidate], allowed: NDArray[np.bool_]
@@ -351,6 +371,11 @@ class RobustSearch:
         outcome = rehearsal.outcome(p)
         unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(rehearsal.weight)
         return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome), rehearsal)
+
+
+def _flying(found: dict[tuple[tuple[int, ...], ...], Candidate]) -> list[Candidate]:
+    """Those that arrive in any world."""
+    return [one for one in found.values() if one.outcome.p_arrive > 0.0]
 
 
 def _order(one: Candidate) -> tuple[float, ...]:

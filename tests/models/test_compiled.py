@@ -1,5 +1,6 @@
 """Compiled kernels are never stale."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,9 +13,16 @@ CALLER = (
 )
 
 
-def _run(folder: Path, code: str = "") -> str:
+def _run(folder: Path, code: str = "", **environment: str) -> str:
     code = code or "from caller import outer; print(outer(1.0), sum(outer.stats.cache_hits.values()))"
-    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | environment,
+    )
     return done.stdout.strip()
 
 
@@ -68,3 +76,30 @@ def test_a_lean_kernel_that_makes_an_array_is_refused(tmp_path):
     )
     assert done.returncode != 0
     assert "numpy.zeros(n)" in done.stderr
+
+
+BEYOND = """
+import numpy
+from models.compiled import compiled_lean
+
+@compiled_lean
+def third(values):
+    return values[2]
+"""
+READS_BEYOND = """
+import numpy, sys
+from beyond import third
+try:
+    third(numpy.zeros(4)[:2])
+    print("not seen", end=" ")
+except IndexError:
+    print("seen", end=" ")
+print(sum(third.stats.cache_hits.values()))
+"""
+
+
+def test_a_run_that_checks_bounds_is_never_given_a_kernel_that_does_not_and_the_other_way_round(tmp_path):
+    (tmp_path / "beyond.py").write_text(BEYOND)
+    for hits in (0, 1):  # each kind compiled once, then from disk
+        assert _run(tmp_path, READS_BEYOND, NUMBA_BOUNDSCHECK="") == f"not seen {hits}"
+        assert _run(tmp_path, READS_BEYOND, NUMBA_BOUNDSCHECK="1") == f"seen {hits}"
