@@ -74,15 +74,7 @@ def leg_mission(
     build = LegBuilder(composition, dialect, options or MissionOptions())
     service = composition.services[number]
     build.check_elevations((service,))
-    ground = build.ground_m(service.origin)
-    items = [*build.departure(service.origin, ground), *build.way(service, ground)]
-    if number == legs - 1:
-        items += build.delivery()
-    document = MissionDocument(
-        build.mission(items, build.home(service.origin)),
-        build.fence((service,)),
-        build.rally((service,), ground),
-    )
+    document = build.leg(service, last=number == legs - 1)
     parameters = dialect.parameters(build.needs((service,), document))
     return Export((document,), parameters, build.warnings((service,)), _hold_notes(composition, (number,)))
 
@@ -104,11 +96,11 @@ def whole_mission(composition: Composition, dialect: Dialect, options: MissionOp
     build = LegBuilder(composition, dialect, options or MissionOptions())
     services = composition.services
     build.check_elevations(services)
-    items = build.departure(services[0].origin, build.ground_m(services[0].origin))
+    items = build.departure(services[0], build.ground_m(services[0].origin))
     for number, service in enumerate(services):
         ground = build.ground_m(service.origin)
         if number > 0:
-            items += [*dialect.disarm(), build.above(service.origin, ground)]
+            items += [*dialect.disarm(), build.above(service, ground)]
         items += build.way(service, ground)
     items += build.delivery()
     export = _one_document(build, items, min(build.ground_m(service.origin) for service in services))
@@ -129,13 +121,13 @@ def armed_mission(composition: Composition, dialect: Dialect, options: MissionOp
     services = composition.services
     build.check_elevations(services)
     ground = build.ground_m(services[0].origin)
-    items = build.departure(services[0].origin, ground)
+    items = build.departure(services[0], ground)
     for number, service in enumerate(services):
         if number > 0:
             # never 0: ArduPilot takes that as a time of day and waits until midnight UTC
             seconds = max(1, math.ceil(_hold_s(composition, number)))
             hold = MissionItem(Command.NAV_DELAY, Frame.MISSION, float(seconds))
-            items += [hold, *dialect.leave_armed_hold(build.above(service.origin, ground))]
+            items += [hold, *dialect.leave_armed_hold(build.above(service, ground))]
         items += build.way(service, ground)
     items += build.delivery()
     export = _one_document(build, items, ground)

@@ -1,8 +1,9 @@
 """The items, fence and rally points of the legs of one composition, for one autopilot.
 
-Height model: the vehicle climbs to the cruise height above the ground it leaves, passes each station at the cruise
-height above that station's ground, changes height linearly between them, and lands at the destination's ground.
-Heights in items count from home: the site of the last arming.
+Height model: from one station to the next the vehicle is nowhere lower than the cruise height above the higher of the
+two grounds, since the ground need not fall or rise where the vehicle does. So it climbs straight above the station
+that it leaves, passes each station as high as both neighbouring segments want, changes height linearly between, and
+lands straight down. Heights in items count from home: the site of the last arming.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from missions.commands import Command, Frame
 from missions.coordinates import Point
 from missions.corridor import corridor
 from missions.course import pieces
+from missions.document import MissionDocument
 from missions.geofence import Geofence
 from missions.mission import Home, Mission, MissionItem
 from missions.mission_options import MAX_GROUND_SPEED_MPS
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from missions.dialects.protocol import Dialect
-    from missions.document import MissionDocument
     from missions.mission_options import MissionOptions
     from models.services import Composition, DroneService, Place
 
@@ -111,41 +112,97 @@ class LegBuilder:
             z=round(height_m, 2),
         )
 
-    def above(self, station: str, home_ground_m: float) -> MissionItem:
-        """The waypoint at cruise height straight above a station."""
-        height = self.ground_m(station) + self.cruise_height_m - home_ground_m
-        return self.position(Command.NAV_WAYPOINT, station, height)
+    def flying_heights_m(self, service: DroneService) -> tuple[float, ...]:
+        """Height above sea level at each station of a leg: the higher that a neighbouring segment wants."""
+        grounds = [self.ground_m(station) for station in (service.origin, *service.via, service.destination)]
+        segments = [max(ends) + self.cruise_height_m for ends in pairwise(grounds)]
+        return tuple(max(neighbours) for neighbours in pairwise((segments[0], *segments, segments[-1])))
+
+    def above(self, service: DroneService, home_ground_m: float) -> MissionItem:
+        """Return the waypoint that ends the climb, straight above the origin."""
+        height = self.flying_heights_m(service)[0] - home_ground_m
+        return self.position(Command.NAV_WAYPOINT, service.origin, height)
+
+    def speed(self, speed_mps: float) -> MissionItem:
+        """Return the item that orders a ground speed."""
+        return MissionItem(
+            Command.DO_CHANGE_SPEED, Frame.MISSION, GROUND_SPEED, round(speed_mps, 2), NO_THROTTLE_CHANGE
+        )
 
     def way(self, service: DroneService, home_ground_m: float) -> list[MissionItem]:
         """Speed item, overflown stations and approach, then LAND."""
-        items = [
-            MissionItem(
-                Command.DO_CHANGE_SPEED,
-                Frame.MISSION,
-                GROUND_SPEED,
-                round(self.speed_mps(service), 2),
-                NO_THROTTLE_CHANGE,
-            )
-        ]
-        for before, after in pairwise((service.origin, *service.via, service.destination)):
-            items += self._segment(before, after, home_ground_m)
+        items = [self.speed(self.speed_mps(service))]
+        stations = (service.origin, *service.via, service.destination)
+        heights = [height - home_ground_m for height in self.flying_heights_m(service)]
+        for ends, ends_m in zip(pairwise(stations), pairwise(heights), strict=True):
+            items += self._segment(*ends, *ends_m)
         land_height = self.ground_m(service.destination) - home_ground_m
         items.append(self.position(Command.NAV_LAND, service.destination, land_height))
         return items
 
-    def _segment(self, before: str, after: str, home_ground_m: float) -> list[MissionItem]:
+    def _segment(self, before: str, after: str, from_m: float, to_m: float) -> list[MissionItem]:
         start, end = self.place(before), self.place(after)
-        low = self.ground_m(before) + self.cruise_height_m - home_ground_m
-        high = self.ground_m(after) + self.cruise_height_m - home_ground_m
         return [
-            self._positioned(Command.NAV_WAYPOINT, lat, lon, low + fraction * (high - low))
+            self._positioned(Command.NAV_WAYPOINT, lat, lon, from_m + fraction * (to_m - from_m))
             for lat, lon, fraction in pieces(start.lat, start.lon, end.lat, end.lon)
         ]
 
-    def departure(self, station: str, home_ground_m: float) -> list[MissionItem]:
+    def departure(self, service: DroneService, home_ground_m: float) -> list[MissionItem]:
         """TAKEOFF and the end of the climb."""
-        above = self.above(station, home_ground_m)
+        above = self.above(service, home_ground_m)
         return [replace(above, command=Command.NAV_TAKEOFF), above]
+
+    def leg(self, service: DroneService, *, last: bool) -> MissionDocument:
+        """Return one leg as a mission of its own, heights above the ground that it leaves; the last one delivers."""
+        ground = self.ground_m(service.origin)
+        items = [*self.departure(service, ground), *self.way(service, ground)]
+        if last:
+            items += self.delivery()
+        mission = self.mission(items, self.home(service.origin))
+        return MissionDocument(mission, self.fence((service,)), self.rally((service,), ground))
+
+    def turn(
+        self,
+        station: str,
+        here: tuple[float, float, float],
+        home_ground_m: float,
+        speed_mps: float,
+        *,
+        last: bool,
+        home: Home | None,
+    ) -> MissionDocument:
+        """Return the mission from the air to a station: level, and nowhere below where the vehicle is.
+
+        It begins with a waypoint where the vehicle is, never with a TAKEOFF, which PX4 would fly back to.
+
+        Parameters
+        ----------
+        station : str
+            Where to land.
+        here : (lat, lon, height above home)
+            Where the vehicle is.
+        home_ground_m : float
+            Ground height of the home of the leg under way.
+        speed_mps : float
+            Ground speed.
+        last : bool
+            The station is the destination of the delivery.
+        home : Home or None
+            Where the leg under way began.
+        """
+        ground = self.ground_m(station) - home_ground_m
+        lat, lon, height_m = here
+        # above home as well: the vehicle may still climb there, or have sunk towards a lower destination
+        top = max(height_m, max(ground, 0.0) + self.cruise_height_m)
+        items = [
+            self._positioned(Command.NAV_WAYPOINT, lat, lon, top),
+            self.speed(min(speed_mps, self.max_speed_mps)),
+            self.position(Command.NAV_WAYPOINT, station, top),
+            self.position(Command.NAV_LAND, station, ground),
+        ]
+        if last:
+            items += self.delivery()
+        return MissionDocument(self.mission(items, home or self.home(station)))
 
     def delivery(self) -> list[MissionItem]:
         """What follows the last landing: release and disarm."""
@@ -177,13 +234,20 @@ class LegBuilder:
         return points
 
     def rally(self, services: Sequence[DroneService], lowest_home_m: float) -> RallyPoints:
-        """Divert stations at cruise height above their ground, from the lowest home that the mission has."""
+        """Divert stations as high as their legs fly, from the lowest home that the mission has.
+
+        A vehicle may turn to one from anywhere on a leg: the way there clears both ends of the leg too.
+        """
+        grounds: dict[str, float] = {}
+        for service in services:
+            ends = max(self.ground_m(name) for name in (service.origin, *service.via, service.destination))
+            for station in service.diverts:
+                grounds[station] = max(grounds.get(station, -math.inf), ends, self.ground_m(station))
         points = []
-        for station in dict.fromkeys(station for s in services for station in s.diverts):
+        for station, ground in grounds.items():
             place = self.place(station)
-            height = self.ground_m(station) + self.cruise_height_m - lowest_home_m
-            # not below home: higher than needed is safe, and a negative height is not everywhere understood
-            points.append(RallyPoint(Point.of_degrees(place.lat, place.lon), round(max(height, 1.0), 2)))
+            height = round(ground + self.cruise_height_m - lowest_home_m, 2)
+            points.append(RallyPoint(Point.of_degrees(place.lat, place.lon), height))
         return RallyPoints(tuple(points))
 
     def home(self, station: str) -> Home:

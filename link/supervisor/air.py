@@ -15,6 +15,7 @@ from planner.replan_flight import Airborne, FlightReplanner
 
 if TYPE_CHECKING:
     from link.supervisor.context import After, Context
+    from link.supervisor.legs import LegMission
     from models.telemetry import TelemetrySample
     from planner.energy_belief import EnergyBelief
     from planner.replan import Decision
@@ -264,10 +265,10 @@ def _turn(ctx: Context, station: str, state: State) -> After:
         outcome = ctx.vehicle.change_in_flight(mission.document.mission, 0)
     except LinkError as error:
         ctx.note("turn", f"not by a mission: {error}", verified=False)
-        return _reposition(ctx, station, plan, here, home_ground)
+        return _reposition(ctx, station, plan, mission)
     ctx.note("upload", str(outcome), part="mission", verified=outcome.verified, attempts=outcome.attempts)
     if not outcome.verified:
-        return _reposition(ctx, station, plan, here, home_ground)
+        return _reposition(ctx, station, plan, mission)
     ctx.vehicle.changes()
     ctx.leg = replace(leg, destination=station, via=(), mission=mission, last=last)
     ctx.outlook, ctx.turned = {}, True
@@ -275,11 +276,11 @@ def _turn(ctx: Context, station: str, state: State) -> After:
     return state, f"turned to {station}"
 
 
-def _reposition(ctx: Context, station: str, plan: Any, here: tuple[float, float, float], home_ground: float) -> After:
-    """Fly to a station by reposition or GUIDED and land there."""
+def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> After:
+    """Fly to a station by reposition or GUIDED, as high as the mission there would, and land."""
     place = plan.stations[station]
-    top = (place.elevation_m or home_ground) + ctx.mandate.scenario.rules.cruise_height_m - home_ground
-    diversion = Diversion(ctx.vehicle, Refuge(place.lat, place.lon, max(top, here[2])))
+    height_m = mission.document.mission.items[0].z
+    diversion = Diversion(ctx.vehicle, Refuge(place.lat, place.lon, height_m))
     try:
         diversion.begin()
         while not diversion.state.over:

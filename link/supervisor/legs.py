@@ -7,12 +7,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from missions.commands import Command, Frame
-from missions.coordinates import Point
 from missions.dialects import dialect
-from missions.document import MissionDocument
-from missions.leg_builder import GROUND_SPEED, NO_THROTTLE_CHANGE, LegBuilder
-from missions.mission import MissionItem
+from missions.leg_builder import LegBuilder
 from models import geodesy
 from models.services import Place
 
@@ -20,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from link.supervisor.modelled_use import ModelledUse
+    from missions.document import MissionDocument
     from missions.mission import Home
     from missions.mission_options import MissionOptions
     from missions.parameters import Parameter
@@ -108,25 +105,7 @@ def plan_leg(
     """
     build = LegBuilder(composition, dialect(family), options)
     build.check_elevations((service,))
-    ground = build.ground_m(service.origin)
-    items = clear_of_both_ends([*build.departure(service.origin, ground), *build.way(service, ground)])
-    if last:
-        items += build.delivery()
-    document = MissionDocument(
-        build.mission(items, build.home(service.origin)), build.fence((service,)), build.rally((service,), ground)
-    )
-    return _leg(build, service, document)
-
-
-def clear_of_both_ends(items: Sequence[MissionItem]) -> list[MissionItem]:
-    """Fly to each waypoint no lower than the one before it: the ground does not fall where a vehicle begins to descend."""
-    found: list[MissionItem] = []
-    before = -math.inf
-    for item in items:
-        here = item.command in (Command.NAV_TAKEOFF, Command.NAV_WAYPOINT)
-        found.append(replace(item, z=max(item.z, before)) if here else item)
-        before = item.z if here else before
-    return found
+    return _leg(build, service, build.leg(service, last=last))
 
 
 def _leg(build: LegBuilder, service: DroneService, document: MissionDocument) -> LegMission:
@@ -152,38 +131,12 @@ def turn_leg(
 ) -> LegMission:
     """Make the mission from the air to a station: heights count from the home of the leg under way.
 
-    It begins with a waypoint where the vehicle is, never with a TAKEOFF, which PX4 would fly back to.
-
-    Parameters
-    ----------
-    here : (lat, lon, height above home)
-        Where the vehicle is.
-    home_ground_m : float
-        Ground height of its home.
-    home : Home or None
-        Where the leg under way began.
+    `here` is where the vehicle is (lat, lon, height above home); see `LegBuilder.turn`.
     """
     build = LegBuilder(composition, dialect(family), options)
     place = build.place(station)
-    lat, lon, height_m = here
-    begin = Point.of_degrees(lat, lon)
-    lift = max(height_m, 10.0)
-    top = build.ground_m(station) + build.cruise_height_m - home_ground_m
-    first = MissionItem(
-        Command.NAV_WAYPOINT, Frame.GLOBAL_RELATIVE_ALT, param4=build.dialect.open_yaw_deg,
-        x=begin.lat_e7, y=begin.lon_e7, z=round(max(lift, top), 2),
-    )  # fmt: skip
-    speed = MissionItem(
-        Command.DO_CHANGE_SPEED, Frame.MISSION, GROUND_SPEED, round(min(speed_mps, build.max_speed_mps), 2),
-        NO_THROTTLE_CHANGE,
-    )  # fmt: skip
-    land_height = build.ground_m(station) - home_ground_m
-    way = clear_of_both_ends([first, build.above(station, home_ground_m)])
-    items = [way[0], speed, way[1], build.position(Command.NAV_LAND, station, land_height)]
-    if last:
-        items += build.delivery()
-    mission = build.mission(items, home or build.home(station))
-    return LegMission(MissionDocument(mission), (), ((lat, lon), (place.lat, place.lon)))
+    document = build.turn(station, here, home_ground_m, speed_mps, last=last, home=home)
+    return LegMission(document, (), (here[:2], (place.lat, place.lon)))
 
 
 def cross_track_m(way: Sequence[tuple[float, float]], lat: float, lon: float) -> float:

@@ -57,11 +57,11 @@ def test_where_a_person_releases_the_vehicle_is_disarmed_before(two_legs):
 
 
 def test_heights_of_a_leg_count_from_the_ground_it_leaves(two_legs):
-    # hill 120 m, harbour 2 m, mast 30 m, cruise 60 m above each ground
-    assert heights(only(leg_mission(two_legs, 0, PX4))) == [60.0, 60.0, -58.0, -30.0, -90.0]
+    # hill 120 m, harbour 2 m, mast 30 m, cruise 60 m above the higher end of each segment
+    assert heights(only(leg_mission(two_legs, 0, PX4))) == [60.0, 60.0, 60.0, -30.0, -90.0]
     assert only(leg_mission(two_legs, 0, PX4)).mission.home.altitude_m == 120.0
     # mast 30 m, park 45 m
-    assert heights(only(leg_mission(two_legs, 1, PX4))) == [60.0, 60.0, 75.0, 15.0]
+    assert heights(only(leg_mission(two_legs, 1, PX4))) == [75.0, 75.0, 75.0, 15.0]
 
 
 def test_whole_on_px4_disarms_on_the_pad_and_goes_straight_up_from_a_new_home(two_legs):
@@ -73,7 +73,7 @@ def test_whole_on_px4_disarms_on_the_pad_and_goes_straight_up_from_a_new_home(tw
     ]
     land, _, above = document.mission.items[5:8]
     assert above.point == land.point
-    assert heights(document) == [60.0, 60.0, -58.0, -30.0, -90.0, 60.0, 75.0, 15.0]
+    assert heights(document) == [60.0, 60.0, 60.0, -30.0, -90.0, 75.0, 75.0, 15.0]
     assert check(document, dialect=PX4).ok
 
 
@@ -117,11 +117,11 @@ def test_places_of_the_plan_are_flown_hold_by_hold(two_legs, autopilot, export):
     assert [(p.lat, p.lon) for p in landed] == [(40.74, -73.92), (40.76, -73.88)]
 
 
-def test_a_long_leg_is_split_on_the_geodesic_with_its_height_changing_evenly(small):
-    stations = {"a": Place(60.0, 8.0, 100.0), "b": Place(60.0, 9.0, 400.0)}
-    plan = small.compose((small.service(0, "a", "b", depart=small.NOON, stations=stations),), (), stations)
-    document = only(leg_mission(plan, 0, PX4))
-    way = [item for item in document.mission.items if item.command == Command.NAV_WAYPOINT]
+def test_a_long_segment_is_split_on_the_geodesic_with_its_height_changing_evenly(small):
+    stations = {"a": Place(60.0, 8.0, 100.0), "b": Place(60.0, 9.0, 100.0), "c": Place(60.0, 9.1, 400.0)}
+    leg = small.service(0, "a", "c", via=("b",), depart=small.NOON, stations=stations)
+    document = only(leg_mission(small.compose((leg,), (), stations), 0, PX4))
+    way = [item for item in document.mission.items if item.command == Command.NAV_WAYPOINT][:-1]
     assert len(way) >= 4
     for one, other in pairwise(way):
         done = geodesy.distance_m(60.0, 8.0, other.point.lat, other.point.lon)
@@ -131,11 +131,11 @@ def test_a_long_leg_is_split_on_the_geodesic_with_its_height_changing_evenly(sma
     assert way[-1].z == 360.0
 
 
-def test_divert_stations_are_rally_points_at_cruise_height_above_their_ground(two_legs):
+def test_divert_stations_are_rally_points_as_high_as_the_leg_flies(two_legs):
     rally = only(leg_mission(two_legs, 1, PX4)).rally
-    assert [(p.point.lat, p.altitude_m) for p in rally.points] == [(40.71, 40.0)]  # 10 + 60 - 30
-    whole = only(whole_mission(two_legs, PX4)).rally  # from the lowest home, the mast
-    assert [(p.point.lat, p.altitude_m) for p in whole.points] == [(40.72, 32.0), (40.71, 40.0)]
+    assert [(p.point.lat, p.altitude_m) for p in rally.points] == [(40.71, 75.0)]  # 45 + 60 - 30
+    whole = only(whole_mission(two_legs, PX4)).rally  # 120 + 60 from the lowest home, the mast
+    assert [(p.point.lat, p.altitude_m) for p in whole.points] == [(40.72, 150.0), (40.71, 150.0)]
 
 
 @BOTH
@@ -161,7 +161,7 @@ def test_the_width_of_the_corridor_can_be_chosen_or_left_out(two_legs):
 def test_height_speed_and_climb_can_be_chosen(two_legs):
     options = MissionOptions(cruise_height_m=90.0, climb_rate_mps=2.0, max_ground_speed_mps=10.0)
     export = leg_mission(two_legs, 1, PX4, options)
-    assert heights(only(export)) == [90.0, 90.0, 105.0, 15.0]
+    assert heights(only(export)) == [105.0, 105.0, 105.0, 15.0]
     assert only(export).mission.items[2].param2 == 10.0
     assert "commanded at 10.0 m/s: it takes longer" in export.warnings[0]
     assert {p.name: p.value for p in export.parameters}["MPC_Z_V_AUTO_UP"] == 2.0
