@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from link.connection import Connection
-from link.frames import Signing
 from link.mavlink_vehicle import MavlinkVehicle
 from link.supervisor import Journal, Mandate, NobodyThere, Supervisor
 from missions.examples import NEW_YORK
@@ -133,8 +132,7 @@ class Stage:
     def board(self, *, resume: bool = False, on_tick: Callable[[Any], None] | None = None) -> Supervisor:
         """Connect, and put a supervisor in charge."""
         link = self.lockstep.connect(self.craft, self.story.impairment, seed=self.story.seed)
-        key = self.story.vehicle.get("signing_key")
-        connection = Connection(link, self.lockstep.clock, signing=None if key is None else Signing(key))
+        connection = Connection(link, self.lockstep.clock)
         vehicle = MavlinkVehicle(connection)
         journal = Journal(self.journal_path, self.lockstep.clock.posix_s, resume=resume)
         self.supervisor = Supervisor(

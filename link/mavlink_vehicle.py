@@ -11,10 +11,12 @@ from link.live import RATES_HZ
 from link.mission_words import ACCEPTED, MissionKind, in_words
 from link.parameters import (
     GIVE_UP_S,
+    PARAMETER_ERRORS,
     ListParameters,
     ParameterCheck,
     ParameterValue,
-    ReadParameter,
+    ReadParameters,
+    SetParameter,
     check_parameters,
     same_value,
 )
@@ -22,11 +24,14 @@ from link.seen import INTERVAL, Home, Seen
 from link.set_current import SetCurrent
 from link.vehicle import Identity, version_text
 from link.verified import UploadJob, UploadOutcome, UploadState, compare, decode, kind_of, upload_verified
+from missions.dialects import dialect
+from missions.parameters import UNITS
 from models.errors import (
     CommandRefusedError,
     Fault,
     InputError,
     LinkError,
+    ParameterAbsentError,
     UploadMismatchError,
     VehicleTimeoutError,
 )
@@ -48,13 +53,10 @@ _ARM, _LAND, _RETURN, _GRIPPER, _REPOSITION = 400, 21, 20, 211, 192
 _SET_MODE, _PAUSE, _START, _BATTERY_RESET = 176, 193, 300, 42651
 _SPEED, _GROUND_SPEED, _SAME_THROTTLE = 178, 1.0, -1.0
 _MODE_S, _RETRY_ARM_S, _BATTERY_S = 8.0, 1.0, 3.0
-_REQUEST_MESSAGE, _VERSION, _ANSWERS_S = 512, 148.0, 3.0
 _PERCENT = 0.0101
 _ORDERS, _BEATS_S = 3, 3.0
 _ABOVE_HOME, _ABOVE_SEA = 6, 0
 """MAV_FRAME_GLOBAL_RELATIVE_ALT_INT and MAV_FRAME_GLOBAL."""
-_GROUND_NAMES = ("SYSID_MYGCS", "MAV_GCS_SYSID")
-"""Whose heartbeat ArduPilot's failsafe counts, up to version 4.6 and from 4.7 on."""
 
 
 class Speaker(Protocol):
@@ -83,13 +85,18 @@ class MavlinkVehicle(Seen):
         No such vehicle is heard.
     InputError
         Several are heard, or its autopilot is none that we know.
+
+    Attributes
+    ----------
+    own_names : dict
+        Name and unit of settings, by their key, for firmware that calls them by a name that we do not know.
     """
 
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
         super().__init__(connection, system, autopilot)
         self._blocked: dict[MissionKind, UploadOutcome] = {}
         self._speaker: Speaker = connection
-        self._ground_name = _GROUND_NAMES[0]
+        self.own_names: dict[str, tuple[str, str]] = {}
 
     @property
     def blocked(self) -> UploadOutcome | None:
@@ -119,56 +126,51 @@ class MavlinkVehicle(Seen):
         version, capabilities, uid = (found[name] for name in ("flight_sw_version", "capabilities", "uid"))
         return Identity(self.system, self.family.name, self.peer.kind, version_text(version), capabilities, uid)
 
-    def answers(self) -> bool:
-        """Ask whether it hears us: any answer to a request that changes nothing will do."""
-        asked = Command(
-            self.peer.target, _REQUEST_MESSAGE, _VERSION, round_trip=self.peer.round_trip, give_up_s=_ANSWERS_S
-        )
-        return self._do(asked).result is not None
-
     def request_telemetry(self, rates_hz: Mapping[int, float] = RATES_HZ) -> tuple[int, ...]:
-        """Ask for the messages that telemetry is made of; returns the ids of those refused.
-
-        Raises
-        ------
-        VehicleTimeoutError
-            No answer; what was not asked for yet is asked for again as long as it does not come.
-        """
+        """Ask for the messages that telemetry is made of; returns the ids of those refused."""
         wanted, refused = self.its_messages(rates_hz), []
-        self.rates.want(wanted, self.connection.clock.now_s())
         for number, rate in wanted.items():
             asked = Command(self.peer.target, INTERVAL, float(number), 1e6 / rate, round_trip=self.peer.round_trip)
-            result = self._do(asked).result
-            if result is None:
-                raise VehicleTimeoutError("its telemetry", asked.give_up_s)
-            if result != ACCEPTED:
+            if self._do(asked).result != ACCEPTED:
                 refused.append(number)
         taken = {number: rate for number, rate in wanted.items() if number not in refused}
         self.rates.want(taken, self.connection.clock.now_s())
         return tuple(refused)
 
-    def _read(self, name: str, setting: tuple[float, int] | None = None) -> ParameterValue | None:
+    def read_parameters(self, names: Sequence[str]) -> ReadParameters:
+        """Read parameters by name, and tell which of them the vehicle does not have."""
         bytewise, trip = self.family.bytewise, self.peer.round_trip
-        return self._do(
-            ReadParameter(self.peer.target, name, bytewise=bytewise, setting=setting, round_trip=trip)
-        ).found
+        return self._do(ReadParameters(self.peer.target, names, bytewise=bytewise, round_trip=trip))
 
     def parameter(self, name: str) -> ParameterValue:
-        """Read a parameter; a vehicle meets an unknown name with silence."""
-        found = self._read(name)
-        if found is None:
-            raise VehicleTimeoutError(f"parameter {name} (is there one of that name?)", 5.0)
-        return found
+        """Read a parameter.
+
+        Raises
+        ------
+        ParameterAbsentError
+            The vehicle answers, and has none of that name.
+        VehicleTimeoutError
+            It does not answer.
+        """
+        read = self.read_parameters((name,))
+        if name in read.found:
+            return read.found[name]
+        if name in read.absent:
+            raise ParameterAbsentError((name,))
+        raise VehicleTimeoutError(f"parameter {name}", GIVE_UP_S)
 
     def set_parameter(self, name: str, value: float) -> ParameterValue:
         """Set a parameter, and read it back."""
         if not math.isfinite(value):
             raise InputError(Fault("not a finite number", field=name, value=value))
         before = self.parameter(name)
-        self._read(name, (value, before.kind))
+        bytewise, trip = self.family.bytewise, self.peer.round_trip
+        given = SetParameter(self.peer.target, name, value, before.kind, bytewise=bytewise, round_trip=trip)
+        refused = self._do(given).refused
         after = self.parameter(name)
         if not same_value(value, after.value, before.kind):
-            raise CommandRefusedError(f"set {name} to {value:g}", f"it is {after.value:g}", self.texts()[-1:])
+            reason = "" if refused is None else f" ({PARAMETER_ERRORS.get(refused, f'error {refused}')})"
+            raise CommandRefusedError(f"set {name} to {value:g}", f"it is {after.value:g}{reason}", self.texts()[-1:])
         return after
 
     def parameters(self) -> dict[str, ParameterValue]:
@@ -181,41 +183,53 @@ class MavlinkVehicle(Seen):
         return {value.name: value for value in found.found.values()}
 
     def check_required(self, wanted: Sequence[Parameter]) -> tuple[ParameterCheck, ...]:
-        """Read the parameters that a mission relies on."""
-        found: dict[str, float] = {}
-        for parameter in wanted:
-            read = self._read(parameter.name)
-            if read is not None:
-                found[parameter.name] = read.value
-            elif not self.answers():  # it is not this parameter that it does not have
-                raise VehicleTimeoutError(f"parameter {parameter.name}", GIVE_UP_S)
-        return check_parameters(wanted, found)
+        """Read the parameters that a mission relies on, under whichever of their names this firmware has."""
+        wanted = [p.called(*self.own_names[p.key]) if p.key in self.own_names else p for p in wanted]
+        read = self.read_parameters(tuple(dict.fromkeys(name for parameter in wanted for name in parameter.names)))
+        return check_parameters(wanted, {name: found.value for name, found in read.found.items()}, read.absent)
+
+    def read_settings(self, keys: Sequence[str]) -> dict[str, float]:
+        """Read settings by their keys (`missions.settings`), in our units; what this firmware has not is left out.
+
+        Raises
+        ------
+        VehicleTimeoutError
+            It did not tell one, and may have it.
+        """
+        settings = dialect(self.family.name).settings
+        checks = self.check_required([settings[key].need("read", None, "") for key in keys])
+        silent = [check.wanted.name for check in checks if check.actual is None and not check.absent]
+        if silent:
+            raise VehicleTimeoutError(f"parameters {', '.join(silent)}", GIVE_UP_S)
+        return {c.wanted.key: c.actual / UNITS[c.wanted.unit] for c in checks if c.actual is not None and c.ok}
 
     def check_ground_station(self) -> None:
         """Make sure that the vehicle's failsafe counts our heartbeat: ArduPilot counts only that of one system.
 
-        From ArduPilot 4.7 on it may be a range of systems. A vehicle that answers neither name is taken as it is.
+        From ArduPilot 4.7 on it may be a range of systems. A vehicle that has no such parameter is taken as it is.
 
         Raises
         ------
         StationConflictError, CommandRefusedError
             Another station has our id, or the vehicle minds another one's heartbeat.
+        VehicleTimeoutError
+            It does not tell whose it minds.
         """
         self.connection.refuse_conflict()
         if self.family.name != "ardupilot":
             return
-        ours = self.connection.system
-        for name in sorted(_GROUND_NAMES, key=lambda name: name != self._ground_name):
-            found = self._read(name)
-            if found is None:
-                continue
-            self._ground_name = name
-            last = None if name == _GROUND_NAMES[0] or found.value == ours else self._read(f"{name}_HI")
-            highest = found.value if last is None else max(found.value, last.value)
-            if not found.value <= ours <= highest:
-                mine = f"it counts only the heartbeat of system {found.value:g} ({name}), ours is {ours}"
-                raise CommandRefusedError("be watched by us", f"{mine}: use --gcs-system {found.value:g}")
+        settings = dialect(self.family.name).settings
+        needs = [settings[key].need("read", None, "") for key in ("ground-station", "ground-station-last")]
+        first, last = self.check_required(needs)
+        if first.absent:
             return
+        if first.actual is None:
+            raise VehicleTimeoutError(f"parameter {' or '.join(first.wanted.names)}", GIVE_UP_S)
+        ours = self.connection.system
+        highest = first.actual if last.actual is None else max(first.actual, last.actual)
+        if not first.actual <= ours <= highest:
+            mine = f"it counts only the heartbeat of system {first.actual:g} ({first.wanted.name}), ours is {ours}"
+            raise CommandRefusedError("be watched by us", f"{mine}: use --gcs-system {first.actual:g}")
 
     def command(self, what: str, number: int, *parameters: float, place: Place | None = None) -> None:
         """Give a command.

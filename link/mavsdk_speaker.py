@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from link.command import AskFor, Command
 from link.download import Download
 from link.frames import MAGIC_2, FrameWriter
-from link.parameters import REAL32, ListParameters, ParameterValue, ReadParameter
+from link.parameters import REAL32, ListParameters, ParameterValue, SetParameter
 from link.set_current import SetCurrent
 from link.upload import Upload, UploadEnd
 from missions.dialects.wire import WireItem
@@ -95,7 +95,7 @@ class MavsdkSpeaker:
             Download: self._download,
             Command: self._command,
             AskFor: self._ask,
-            ReadParameter: self._parameter,
+            SetParameter: self._set_parameter,
             ListParameters: self._list,
             SetCurrent: self._set_current,
         }
@@ -254,25 +254,12 @@ class MavsdkSpeaker:
             if asked.done or request.result not in (None, 0):
                 return
 
-    def _parameter(self, read: ReadParameter) -> None:
-        plugin, name = self._plugins.parameters, read.name
-        if read.setting is not None:
-            value, kind = read.setting
-            if kind >= REAL32:
-                self._call(lambda: plugin.set_param_float(name, value))
-            else:
-                self._call(lambda: plugin.set_param_int(name, round(value)))
-            return
-        found, problem = self._call(lambda: plugin.get_param_float(name))
-        kind = REAL32
-        if problem == "WRONG_TYPE":
-            found, problem = self._call(lambda: plugin.get_param_int(name))
-            kind = _INT32
-        watched = read.found
-        if problem or found is None:
-            read.found = None
+    def _set_parameter(self, given: SetParameter) -> None:
+        plugin = self._plugins.parameters
+        if given.kind >= REAL32:
+            self._call(lambda: plugin.set_param_float(given.name, given.value))
         else:
-            read.found = ParameterValue(name, float(found), watched.kind if watched is not None else kind)
+            self._call(lambda: plugin.set_param_int(given.name, round(given.value)))
 
     def _list(self, asked: ListParameters) -> None:
         found, problem = self._call(self._plugins.parameters.get_all_params)

@@ -6,17 +6,24 @@ import math
 import re
 from typing import TYPE_CHECKING, cast
 
-from missions.parameters import Parameter, Rule
+from missions.dialects import DIALECTS
+from missions.parameters import UNITS, Parameter
 from models.errors import Fault, InputError
 from models.files import read_text
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from missions.parameters import Rule
+    from missions.settings import Name, Setting
+
 _MAX_BYTES = 2_000_000
 _QGC_FIELDS = 5
 _RULE = re.compile(r"# (equal|at-least|at-most|bits|read): (.*)")
 _READ = re.compile(r"# ([A-Z0-9_]{1,16}): read it")
+_ELSEWHERE = re.compile(
+    r"# {1,3}elsewhere ([A-Z0-9_]{1,16})(?: (at least|at most|with bits))?(?: ([-+0-9.e]+)[ a-z/]*)?"
+)
 
 
 def read_parameters(path: Path) -> dict[str, float]:
@@ -50,29 +57,70 @@ def read_parameters(path: Path) -> dict[str, float]:
 def read_required(path: Path) -> tuple[Parameter, ...]:
     """Read the parameters that a mission needs, with their rules, as ``skyway mission`` writes them.
 
-    A line without a rule before it is ``equal``.
+    A line without a rule before it is ``equal``. A parameter that other firmware calls otherwise is needed under any of
+    its names, whichever the file has.
     """
     values = read_parameters(path)
-    rules: dict[str, tuple[Rule, str]] = {}
-    read_only: list[Parameter] = []
+    wanted: list[Parameter] = []
     rule: Rule = "equal"
     why = ""
-    for line in read_text(path, max_bytes=_MAX_BYTES).splitlines():
-        found = _RULE.fullmatch(line.strip())
-        only = _READ.fullmatch(line.strip())
-        if found is not None:
-            rule, why = cast("Rule", found[1]), found[2]
+    for line in map(str.strip, read_text(path, max_bytes=_MAX_BYTES).splitlines()):
+        told, only, other = _RULE.fullmatch(line), _READ.fullmatch(line), _ELSEWHERE.fullmatch(line)
+        if told is not None:
+            rule, why = cast("Rule", told[1]), told[2]
+        elif other is not None and wanted:
+            wanted[-1] = wanted[-1].or_else(_elsewhere(other, wanted[-1]))
         elif only is not None:
-            read_only.append(Parameter(only[1], "read", None, why))
-        elif line.strip() and not line.startswith("#"):
-            rules[_pair(line.strip())[0]] = (rule, why)
+            wanted.append(_known(only[1], "read", None, why))
+        elif line and not line.startswith("#"):
+            name = _name_of(line)
+            wanted.append(_known(name, rule, values[name], why))
             rule, why = "equal", ""
-    wanted = [Parameter(name, *_ruled(rules.get(name, ("equal", "")), value)) for name, value in values.items()]
-    return (*wanted, *read_only)
+    once: dict[str, Parameter] = {}
+    for parameter in wanted:
+        if parameter.name not in once or once[parameter.name].value is None:
+            once[parameter.name] = _every_name(parameter)
+    return tuple(once.values())
 
 
-def _ruled(rule: tuple[Rule, str], value: float) -> tuple[Rule, float, str]:
-    return rule[0], value, rule[1]
+def _name_of(line: str) -> str:
+    text = line.partition("#")[0].strip()
+    words = text.split("\t")
+    return words[2] if len(words) == _QGC_FIELDS else _pair(text)[0]
+
+
+def _known(name: str, rule: Rule, value: float | None, why: str) -> Parameter:
+    """A parameter of the file, with its meaning where we know it; the file is of a version, so its name alone."""
+    found = _setting(name)
+    if found is None:
+        return Parameter(name, rule, value, why)
+    setting, spelled = found
+    ours = None if value is None else value / UNITS[spelled.unit]
+    return next(way for way in setting.need(rule, ours, why).ways if way.name == name)
+
+
+def _elsewhere(line: re.Match[str], first: Parameter) -> Parameter:
+    """What a comment says of other firmware."""
+    rule: Rule = (
+        "read" if line[3] is None else cast("Rule", (line[2] or "equal").replace("at ", "at-").replace("with ", ""))
+    )
+    return _known(line[1], rule, None if line[3] is None else float(line[3]), first.why)
+
+
+def _every_name(parameter: Parameter) -> Parameter:
+    """Add the names of other versions; those that the file gives in comments stay as they are."""
+    found = _setting(parameter.name)
+    if found is None:
+        return parameter
+    value = None if parameter.value is None else parameter.value / UNITS[parameter.unit]
+    given = set(parameter.names)
+    more = [w for w in found[0].need(parameter.rule, value, parameter.why).ways if w.name not in given]
+    return parameter.or_else(*more)
+
+
+def _setting(name: str) -> tuple[Setting, Name] | None:
+    """The setting that a parameter of either autopilot is."""
+    return next((found for known in DIALECTS.values() if (found := known.settings.find(name)) is not None), None)
 
 
 def _pair(text: str) -> tuple[str, str]:

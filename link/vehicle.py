@@ -101,10 +101,6 @@ class Vehicle(Protocol):
         """For how long nothing has been heard of it."""
         ...
 
-    def answers(self) -> bool:
-        """Ask whether it hears us: one that is heard need not."""
-        ...
-
     @property
     def mission_state(self) -> str:
         """What it says of its mission: one of `link.seen.MISSION_STATES`."""
@@ -148,6 +144,10 @@ class Vehicle(Protocol):
 
     def parameters(self) -> dict[str, ParameterValue]:
         """Read all parameters, by name."""
+        ...
+
+    def read_settings(self, keys: Sequence[str]) -> dict[str, float]:
+        """Read settings by their keys (`missions.settings`), in our units; what this firmware has not is left out."""
         ...
 
     def check_required(self, wanted: Sequence[Parameter]) -> tuple[ParameterCheck, ...]:

@@ -168,3 +168,20 @@ class StationConflictError(LinkError):
             "tell us apart, and its failsafe would count either; choose another id with --gcs-system"
         )
         self.system, self.component = system, component
+
+
+class ParameterAbsentError(LinkError):
+    """The vehicle answers, and has no such parameter.
+
+    Parameters
+    ----------
+    names : sequence of str
+        What was asked for: one name, or all that a setting is known by.
+    meaning : str
+        Which setting, in words; empty where it is not known.
+    """
+
+    def __init__(self, names: Sequence[str], meaning: str = "") -> None:
+        known = f"{meaning} (known as {' or '.join(names)})" if meaning else " or ".join(names)
+        super().__init__(f"the vehicle has no parameter {known}: it answers for others")
+        self.names, self.meaning = tuple(names), meaning

@@ -9,6 +9,10 @@ from models.errors import InputError
 from sim_stub.airframe import Airframe
 
 FAMILIES = ("px4", "ardupilot")
+FIRMWARES = {"px4": ("1.15", "1.16", "main"), "ardupilot": ("4.5", "4.6", "4.7", "4.8")}
+"""Versions of each family that are simulated."""
+_USUAL = {"px4": "1.16", "ardupilot": "4.6"}
+_MAIN = (1, 19)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +29,8 @@ class VehicleConfig:
         MAVLink system id, 1-255.
     autopilot : str
         ``px4`` or ``ardupilot``.
+    firmware : str
+        Version of the autopilot, one of `FIRMWARES`; empty is 1.16 or 4.6.
     soc : float
         State of charge at the start.
     payload_kg : float
@@ -46,6 +52,7 @@ class VehicleConfig:
     ground_m: float = 0.0
     system: int = 1
     autopilot: str = "px4"
+    firmware: str = ""
     soc: float = 1.0
     payload_kg: float = 0.0
     seed: int = 1
@@ -62,6 +69,9 @@ class VehicleConfig:
         if self.autopilot not in FAMILIES:
             known = "one of " + ", ".join(FAMILIES)
             faults.append(Wrong("unknown autopilot", field="autopilot", value=self.autopilot, remedy=known))
+        elif self.firmware and self.firmware not in FIRMWARES[self.autopilot]:
+            known = f"{self.autopilot} is simulated as {', '.join(FIRMWARES[self.autopilot])}"
+            faults.append(Wrong("no such version", field="firmware", value=self.firmware, remedy=known))
         if not 0.0 <= self.soc <= 1.0:
             faults.append(Wrong("out of range", field="soc", value=self.soc, remedy="0 to 1"))
         if not 0.0 <= self.payload_kg <= 10.0:
@@ -70,3 +80,19 @@ class VehicleConfig:
             faults.append(Wrong("not 32 bytes", field="signing_key"))
         if faults:
             raise InputError(faults)
+
+    @property
+    def version(self) -> tuple[int, int]:
+        """Major and minor number of the firmware."""
+        text = self.firmware or _USUAL[self.autopilot]
+        if text == "main":
+            return _MAIN
+        major, _, minor = text.partition(".")
+        return int(major), int(minor)
+
+    @property
+    def version_number(self) -> int:
+        """The same as AUTOPILOT_VERSION has it: a release, and main an unreleased state."""
+        major, minor = self.version
+        unreleased = self.firmware in ("main", "4.8")
+        return major << 24 | minor << 16 | (0 if unreleased else 0xFF)

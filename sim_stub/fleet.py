@@ -55,6 +55,8 @@ class FleetOptions:
         How many.
     first_system : int
         System id of the first; the others follow.
+    firmware : str
+        Version of the autopilot, as `VehicleConfig` has it.
     warm : bool
         All have been on for a while and are ready to arm.
     """
@@ -64,6 +66,7 @@ class FleetOptions:
     vehicles: int = 1
     first_system: int = 1
     autopilot: str = "px4"
+    firmware: str = ""
     drone: Drone | None = None
     soc: float = 1.0
     payload_kg: float = 0.0
@@ -108,6 +111,7 @@ def build_world(options: FleetOptions, on_event: Callable[[Event], None] | None 
                 ground_m=place.elevation_m or 0.0,
                 system=options.first_system + number,
                 autopilot=options.autopilot,
+                firmware=options.firmware,
                 soc=options.soc,
                 payload_kg=options.payload_kg,
                 seed=options.seed,

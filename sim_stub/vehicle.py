@@ -103,8 +103,8 @@ class Vehicle:
         family = AUTOPILOTS[config.autopilot]
         self.position = Positioning(self.body, self._mishap_rad, family.GLITCH_PATIENCE_S)
         self.autopilot: Autopilot = family(self)
-        self.autopilot.parameters.set("MAV_SYS_ID", float(config.system))
-        self.autopilot.parameters.set("SYSID_THISMAV", float(config.system))
+        for name in ("MAV_SYS_ID", "SYSID_THISMAV", "MAV_SYSID"):  # whichever it has
+            self.autopilot.parameters.set(name, float(config.system))
         for name, value in config.parameters:
             if not self.autopilot.parameters.set(name, value):
                 raise InputError(Wrong("no such parameter, or not a number", field=name, value=value))

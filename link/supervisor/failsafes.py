@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from models.errors import LinkError
-
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from link.vehicle import Vehicle
 
 READ = {
-    "px4": ("COM_DLL_EXCEPT", "NAV_DLL_ACT", "COM_DL_LOSS_T", "COM_LOW_BAT_ACT", "BAT_CRIT_THR", "BAT_EMERGEN_THR"),
+    "px4": (
+        "data-link-exceptions", "data-link-action", "data-link-timeout", "low-battery-action", "critical-battery",
+        "emergency-battery",
+    ),
     "ardupilot": (
-        "FS_GCS_ENABLE", "FS_GCS_TIMEOUT", "FS_OPTIONS", "BATT_FS_LOW_ACT", "BATT_LOW_MAH", "BATT_FS_CRT_ACT",
-        "BATT_CRT_MAH", "BATT_CAPACITY",
+        "ground-station-failsafe", "ground-station-timeout", "failsafe-options", "low-battery-action", "low-battery",
+        "critical-battery-action", "critical-battery", "battery-capacity",
     ),
 }  # fmt: skip
-"""Parameters that decide it, by autopilot."""
+"""Settings that decide it (`missions.settings`), by autopilot."""
 _PX4_ACTIONS = {
     0: "goes on as it is",
     1: "holds",
@@ -27,7 +28,12 @@ _PX4_ACTIONS = {
     5: "stops its motors",
     6: "stops its motors",
 }
-_PX4_BATTERY = {0: "only warns", 2: "lands", 3: "returns, and lands when it gets worse"}
+_PX4_BATTERY = {
+    0: "only warns",
+    2: "lands",
+    3: "returns (from 1.18 on as soon as it only just suffices for that), and lands when it gets worse",
+    5: "returns, and lands when it gets worse",
+}
 _ARDUPILOT_GCS = {
     0: "goes on as it is", 1: "returns", 3: "returns", 4: "returns or lands", 5: "lands", 6: "lands by its landing sequence",
     7: "stops",
@@ -37,14 +43,8 @@ _CONTINUES_IN_AUTO, _CONTINUES_LANDING = 2, 8
 
 
 def read_failsafes(vehicle: Vehicle) -> dict[str, float]:
-    """Read the parameters that decide it; one that is not told is left out."""
-    found = {}
-    for name in READ[vehicle.family.name]:
-        try:
-            found[name] = vehicle.parameter(name).value
-        except LinkError:
-            continue
-    return found
+    """Read the settings that decide it; one that its firmware does not have is left out."""
+    return vehicle.read_settings(READ[vehicle.family.name])
 
 
 def when_left(family: str, values: Mapping[str, float]) -> str:
@@ -55,33 +55,37 @@ def when_left(family: str, values: Mapping[str, float]) -> str:
 
 
 def _px4(values: Mapping[str, float]) -> str:
-    excepted = int(values.get("COM_DLL_EXCEPT", 0)) & 1
-    action = _PX4_ACTIONS.get(int(values.get("NAV_DLL_ACT", 0)), "does what NAV_DLL_ACT says")
-    battery = _PX4_BATTERY.get(int(values.get("COM_LOW_BAT_ACT", 0)), "does what COM_LOW_BAT_ACT says")
-    low = f"at critical battery ({100 * values.get('BAT_CRIT_THR', 0):.0f} %) it {battery}"
-    if excepted:
-        return f"it finishes its mission, lands and disarms there (COM_DLL_EXCEPT); {low}"
-    after = f"{values.get('COM_DL_LOSS_T', 10):.0f} s without us"
-    return f"after {after} it {action} (NAV_DLL_ACT); {low}"
+    action = int(values.get("data-link-action", -1))
+    battery = _PX4_BATTERY.get(int(values.get("low-battery-action", 0)), "does what COM_LOW_BAT_ACT says")
+    low = f"at critical battery ({100 * values.get('critical-battery', 0):.0f} %) it {battery}"
+    if finishes_alone("px4", values):
+        why = "COM_DLL_EXCEPT" if int(values.get("data-link-exceptions", 0)) & 1 else "NAV_DLL_ACT 0"
+        return f"it finishes its mission, lands and disarms there ({why}); {low}"
+    after = f"{values.get('data-link-timeout', 10):.0f} s without us"
+    return f"after {after} it {_PX4_ACTIONS.get(action, 'does what NAV_DLL_ACT says')} (NAV_DLL_ACT); {low}"
 
 
 def _ardupilot(values: Mapping[str, float]) -> str:
-    options = int(values.get("FS_OPTIONS", 0))
-    enabled = int(values.get("FS_GCS_ENABLE", 0))
-    battery = _ARDUPILOT_BATTERY.get(int(values.get("BATT_FS_LOW_ACT", 0)), "does what BATT_FS_LOW_ACT says")
-    share = values.get("BATT_LOW_MAH", 0.0) / max(values.get("BATT_CAPACITY", 1.0), 1.0)
+    enabled = int(values.get("ground-station-failsafe", 0))
+    battery = _ARDUPILOT_BATTERY.get(int(values.get("low-battery-action", 0)), "does what BATT_FS_LOW_ACT says")
+    share = values.get("low-battery", 0.0) / max(values.get("battery-capacity", 1.0), 1.0)
     low = f"at low battery ({100 * share:.0f} %) it {battery}" if share > 0.0 else "it has no threshold of low battery"
-    if enabled == 0 or options & _CONTINUES_IN_AUTO:
+    if enabled == 0 or int(values.get("failsafe-options", 0)) & _CONTINUES_IN_AUTO:
         why = "FS_GCS_ENABLE 0" if enabled == 0 else "FS_OPTIONS"
         return f"it finishes its mission, lands and disarms there ({why}); {low}"
     action = _ARDUPILOT_GCS.get(enabled, "does what FS_GCS_ENABLE says")
-    return f"after {values.get('FS_GCS_TIMEOUT', 5):.0f} s without us it {action} (FS_GCS_ENABLE); {low}"
+    return f"after {values.get('ground-station-timeout', 5):.0f} s without us it {action} (FS_GCS_ENABLE); {low}"
 
 
 def finishes_alone(family: str, values: Mapping[str, float]) -> bool | None:
     """Tell whether it finishes its leg and lands without us; None where that cannot be told."""
     if family == "px4":
-        return bool(int(values["COM_DLL_EXCEPT"]) & 1) if "COM_DLL_EXCEPT" in values else None
-    if "FS_GCS_ENABLE" in values and int(values["FS_GCS_ENABLE"]) == 0:
+        return _continues(values, "data-link-action", "data-link-exceptions", 1)
+    return _continues(values, "ground-station-failsafe", "failsafe-options", _CONTINUES_IN_AUTO)
+
+
+def _continues(values: Mapping[str, float], action: str, exceptions: str, mission: int) -> bool | None:
+    """It goes on where it does nothing, or nothing in a mission; without an exception, only the former is known to."""
+    if int(values.get(action, -1)) == 0 or int(values.get(exceptions, 0)) & mission:
         return True
-    return bool(int(values["FS_OPTIONS"]) & _CONTINUES_IN_AUTO) if "FS_OPTIONS" in values else None
+    return False if action in values or exceptions in values else None

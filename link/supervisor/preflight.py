@@ -10,7 +10,7 @@ import numpy as np
 
 from link.supervisor.failsafes import finishes_alone, read_failsafes
 from models import geodesy
-from models.errors import InputError, LinkError
+from models.errors import InputError, LinkError, VehicleTimeoutError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -81,6 +81,8 @@ def _identity(ctx: Context) -> Iterator[Check]:
         yield Check("vehicle", "ok", str(who))
     try:
         ctx.vehicle.check_ground_station()
+    except VehicleTimeoutError as error:
+        yield Check("ground station", "unknown", str(error), waits=True)
     except LinkError as error:
         yield Check("ground station", "no", str(error))
     else:
@@ -155,17 +157,16 @@ def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:
     changed = 0
     for check in ctx.vehicle.check_required(leg.parameters):
         name = check.wanted.name
-        if check.actual is None:
-            yield Check(
-                f"parameter {name}", "unknown", f"the vehicle does not tell it ({check.wanted.why})", waits=True
-            )
+        if check.absent:
+            yield Check(f"parameter {check.wanted.meaning}", "no", check.problem)
+        elif check.actual is None:
+            yield Check(f"parameter {name}", "unknown", check.problem, waits=True)
         elif not check.ok and check.to_set is not None and ctx.mandate.set_parameters:
             ctx.vehicle.set_parameter(name, check.to_set)
             ctx.note("parameter", f"{name} set from {check.actual:g} to {check.to_set:g}: {check.wanted.why}")
             changed += 1
         elif not check.ok:
-            wanted = "must be checked by hand" if check.to_set is None else f"must be {check.to_set:g}"
-            yield Check(f"parameter {name}", "no", f"is {check.actual:g}, {wanted}: {check.wanted.why}")
+            yield Check(f"parameter {name}", "no", check.problem)
     said = f"{len(leg.parameters)} read" + (f", {changed} set and read back" if changed else "")
     yield Check("parameters", "ok", said)
 

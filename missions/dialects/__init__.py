@@ -6,10 +6,15 @@ from typing import TYPE_CHECKING
 
 from missions.dialects.ardupilot import ARDUPILOT
 from missions.dialects.px4 import PX4
+from missions.parameters import dumps
+from missions.settings import version_of
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from missions.dialects.protocol import Dialect
+    from missions.parameters import Parameter
 
 DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (PX4, ARDUPILOT)}
 
@@ -21,6 +26,13 @@ def dialect(name: str) -> Dialect:
     except KeyError:
         choices = " or ".join(DIALECTS)
         raise InputError(Fault("is no autopilot that we know", None, None, "autopilot", name, choices)) from None
+
+
+def dumps_for(autopilot: Dialect, parameters: Sequence[Parameter], firmware: str) -> str:
+    """Return the text of a parameter file for a version of an autopilot's firmware, such as ``4.6`` or ``main``."""
+    version = version_of(firmware)
+    words = f"{autopilot.name} {firmware} (another version: --firmware)"
+    return dumps(parameters, firmware=words, way=lambda need: autopilot.settings.in_version(need, version))
 
 
 def dialect_of_firmware(firmware: int | None) -> Dialect | None:

@@ -18,10 +18,10 @@ from missions.commands import (
     Frame,
 )
 from missions.coordinates import Point
+from missions.dialects.ardupilot_settings import FIRMWARES, RELEASED, SETTINGS
 from missions.dialects.wire import from_wire, to_wire
 from missions.finding import Finding
 from missions.mission import Home, Mission, MissionItem
-from missions.parameters import FlightNeeds, Parameter
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -29,9 +29,10 @@ if TYPE_CHECKING:
     from missions.dialects.protocol import Meaning
     from missions.dialects.wire import WireItem
     from missions.document import MissionDocument
+    from missions.parameters import FlightNeeds, Parameter
 
 MAX_SPEED_MPS = 20.0
-"""WPNAV_SPEED at most."""
+"""What missions are flown at most (WPNAV_SPEED, WP_SPD)."""
 MAX_ITEMS = 700
 """Items that the usual storage holds (about 15 bytes each)."""
 CONTINUE_AFTER_LAND = 4
@@ -134,6 +135,9 @@ class ArduPilot:
     """ArduPilot's way with missions: item 0 is home, in uploads too, so its numbers are ours plus one."""
 
     name = "ardupilot"
+    settings = SETTINGS
+    firmwares = FIRMWARES
+    released = RELEASED
     firmware = 3
     stays_in_mission_after_landing = False
     open_yaw_deg = 0.0
@@ -201,34 +205,36 @@ class ArduPilot:
             )
 
     def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:
-        """Return the parameters that ArduPilot needs for such a mission; speeds and heights in cm."""
-        speed = 100.0 * min(needs.ground_speed_mps, MAX_SPEED_MPS)
+        """Return the parameters that ArduPilot needs for such a mission, under the names of each version."""
+        of, speed = SETTINGS, min(needs.ground_speed_mps, MAX_SPEED_MPS)
         found = [
-            Parameter("WPNAV_SPEED", "at-least", speed, "cm/s; missions start at it (10 m/s by default)"),
-            Parameter("WPNAV_SPEED_UP", "equal", 100.0 * needs.climb_rate_mps, "cm/s; planned climb rate"),
-            Parameter("WPNAV_SPEED_DN", "equal", 100.0 * needs.descent_rate_mps, "cm/s; planned descent rate"),
-            Parameter("RTL_ALT", "at-least", 100.0 * needs.return_height_m, "cm; a return must clear the ground"),
-            Parameter("FS_OPTIONS", "bits", 1 + 2 + 8, "AUTO and landings go on when RC or ground station are lost"),
-            Parameter("SYSID_MYGCS", "read", None, "only this system's heartbeats count as the ground station"),
-            Parameter("BATT_FS_LOW_ACT", "read", None, "what the vehicle does by itself at low battery"),
-            Parameter("BATT_LOW_MAH", "read", None, "when it does so; must lie below the planned reserve"),
+            of["mission-speed"].need("at-least", speed, "missions start at it (10 m/s by default)"),
+            of["climb-rate"].need("equal", needs.climb_rate_mps, "planned climb rate"),
+            of["descent-rate"].need("equal", needs.descent_rate_mps, "planned descent rate"),
+            of["return-height"].need("at-least", needs.return_height_m, "a return must clear the ground"),
+            of["failsafe-options"].need(
+                "bits", 1 + 2 + 8, "AUTO and landings go on when RC or ground station are lost"
+            ),
+            of["ground-station"].need("read", None, "only this system's heartbeats count as the ground station"),
+            of["low-battery-action"].need("read", None, "what the vehicle does by itself at low battery"),
+            of["low-battery"].need("read", None, "when it does so; must lie below the planned reserve"),
         ]
         if needs.fenced:
             found += [
-                Parameter("FENCE_ENABLE", "equal", 1, "else the corridor is only stored"),
-                Parameter("FENCE_TYPE", "equal", 4, "polygons only: the default 7 also breaches 300 m from home"),
-                Parameter("FENCE_ACTION", "equal", 1, "a breach returns to a rally point, or lands"),
+                of["fence"].need("equal", 1, "else the corridor is only stored"),
+                of["fence-kinds"].need("equal", 4, "polygons only: the default 7 also breaches 300 m from home"),
+                of["fence-action"].need("equal", 1, "a breach returns to a rally point, or lands"),
             ]
         if needs.has_rally_points:
             limit = "else a vehicle farther than 0.3 km from a rally point goes home instead"
-            found.append(Parameter("RALLY_LIMIT_KM", "equal", 0, limit))
+            found.append(of["rally-limit"].need("equal", 0, limit))
         if needs.continues_after_landing:
             found += [
-                Parameter("MIS_OPTIONS", "bits", CONTINUE_AFTER_LAND, "else LAND disarms and resets the mission"),
-                Parameter("DISARM_DELAY", "equal", 0, "else the vehicle disarms on the pad in mid-mission"),
+                of["mission-options"].need("bits", CONTINUE_AFTER_LAND, "else LAND disarms and resets the mission"),
+                of["disarm-delay"].need("equal", 0, "else the vehicle disarms on the pad in mid-mission"),
             ]
         if needs.uses_gripper:
-            found.append(Parameter("GRIP_ENABLE", "equal", 1, "the release is a gripper"))
+            found.append(of["gripper"].need("equal", 1, "the release is a gripper"))
         return tuple(found)
 
 

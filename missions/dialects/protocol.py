@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from missions.finding import Finding
     from missions.mission import Mission, MissionItem
     from missions.parameters import FlightNeeds, Parameter
+    from missions.settings import Settings
 
 Meaning = dict[str, float | str | None]
 """What an item means to an autopilot, field by field; None is "not given"."""
@@ -35,6 +36,18 @@ class Dialect(Protocol):
     @property
     def open_yaw_deg(self) -> float:
         """What the yaw of an item says where the vehicle shall choose it."""
+
+    @property
+    def settings(self) -> Settings:
+        """What its parameters are called in each version."""
+
+    @property
+    def firmwares(self) -> tuple[str, ...]:
+        """Versions of its firmware that are known, the oldest first."""
+
+    @property
+    def released(self) -> str:
+        """The newest of them that is released."""
 
     def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:
         """Return the items to upload, in the autopilot's numbering; `current` is a number of ours."""

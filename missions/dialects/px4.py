@@ -11,10 +11,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from missions.commands import FLOWN_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from missions.dialects.px4_settings import FIRMWARES, RELEASED, SETTINGS
 from missions.dialects.wire import from_wire, to_wire
 from missions.finding import Finding
 from missions.mission import Mission, MissionItem
-from missions.parameters import FlightNeeds, Parameter
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from missions.dialects.protocol import Meaning
     from missions.dialects.wire import WireItem
     from missions.document import MissionDocument
+    from missions.parameters import FlightNeeds, Parameter
 
 MAX_SPEED_MPS = 20.0
 """MPC_XY_VEL_MAX at most."""
@@ -113,6 +114,9 @@ class Px4:
     """PX4's way with missions: items from 0, home not among them."""
 
     name = "px4"
+    settings = SETTINGS
+    firmwares = FIRMWARES
+    released = RELEASED
     firmware = 12
     stays_in_mission_after_landing = True
     open_yaw_deg = math.nan
@@ -171,32 +175,41 @@ class Px4:
         yield from _sideways_departures(document.mission)
 
     def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:
-        """Return the parameters that PX4 needs for such a mission."""
-        speed = min(needs.ground_speed_mps, MAX_SPEED_MPS)
+        """Return the parameters that PX4 needs for such a mission, as each version has them."""
+        of, speed = SETTINGS, min(needs.ground_speed_mps, MAX_SPEED_MPS)
+        without_exceptions = of["data-link-action"].need("equal", 0, "a mission goes on when the data link is lost")
         found = [
-            Parameter("MPC_XY_VEL_MAX", "at-least", speed, "clips every planned ground speed (12 m/s by default)"),
-            Parameter("MPC_XY_CRUISE", "equal", speed, "the speed missions are flown at without a speed item"),
-            Parameter("MPC_Z_V_AUTO_UP", "equal", needs.climb_rate_mps, "planned climb rate"),
-            Parameter("MPC_Z_V_AUTO_DN", "equal", needs.descent_rate_mps, "planned descent rate"),
-            Parameter("RTL_RETURN_ALT", "at-least", needs.return_height_m, "a return must clear the ground"),
-            Parameter("COM_DLL_EXCEPT", "bits", 1, "a mission goes on when the data link is lost"),
-            Parameter("COM_RCL_EXCEPT", "bits", 1, "a mission goes on when the remote control is lost"),
-            Parameter("COM_LOW_BAT_ACT", "read", None, "what the vehicle does by itself at low battery"),
-            Parameter("BAT_CRIT_THR", "read", None, "when it does so; must lie below the planned reserve"),
-            Parameter("NAV_DLL_ACT", "read", None, "what it does without a data link outside missions"),
+            of["speed-limit"].need("at-least", speed, "clips every planned ground speed (12 m/s by default)"),
+            of["mission-speed"].need("equal", speed, "the speed missions are flown at without a speed item"),
+            of["climb-rate"].need("equal", needs.climb_rate_mps, "planned climb rate"),
+            of["descent-rate"].need("equal", needs.descent_rate_mps, "planned descent rate"),
+            of["return-height"].need("at-least", needs.return_height_m, "a return must clear the ground"),
+            of["data-link-exceptions"].need(
+                "bits", 1, "a mission goes on when the data link is lost", without_exceptions
+            ),
+            of["remote-control-exceptions"].need("bits", 1, "a mission goes on when the remote control is lost"),
+            of["low-battery-action"].need("read", None, "what the vehicle does by itself at low battery"),
+            of["critical-battery"].need("read", None, "when it does so; must lie below the planned reserve"),
+            of["data-link-action"].need("read", None, "what it does without a data link outside missions"),
         ]
         if needs.fenced:
             found += [
-                Parameter("GF_ACTION", "equal", 3, "a breach returns to a rally point instead of hovering"),
-                Parameter("GF_MAX_HOR_DIST", "equal", 0, "no circle around home besides the corridor"),
-                Parameter("GF_MAX_VER_DIST", "equal", 0, "no ceiling above home besides the corridor"),
+                of["fence-action"].need("equal", 3, "a breach returns to a rally point instead of hovering"),
+                of["fence-radius"].need("equal", 0, "no circle around home besides the corridor"),
+                of["fence-ceiling"].need("equal", 0, "no ceiling above home besides the corridor"),
             ]
         if needs.has_rally_points:
-            found.append(Parameter("RTL_TYPE", "equal", 0, "a return goes to the closest rally point or home"))
+            returns = of["return-type"]
+            near = returns.need("equal", 0, "a return goes to the closest rally point or home")
+            safe = returns.need(
+                "equal", 5, "a return goes to a rally point, never home", near, paired="NAV_LTR_LAST_DL"
+            )
+            found.append(safe)
         if needs.stays_armed:
-            found.append(Parameter("COM_DISARM_LAND", "equal", -1, "would disarm during an armed hold"))
+            found.append(of["disarm-delay"].need("equal", -1, "would disarm during an armed hold"))
         if needs.uses_gripper:
-            found.append(Parameter("PD_GRIPPER_EN", "equal", 1, "the release is a gripper"))
+            kind = of["gripper-kind"].need("at-least", 0, "the release is a gripper")
+            found.append(of["gripper"].need("equal", 1, "the release is a gripper", kind))
         return tuple(found)
 
 

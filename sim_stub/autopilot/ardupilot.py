@@ -1,4 +1,4 @@
-"""ArduPilot Copter: its modes, refusals and habits (4.6)."""
+"""ArduPilot Copter: its modes, refusals and habits (4.5 to 4.8; parameters by the names of 4.6)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from sim_stub.autopilot.fence import nearest_rally
 from sim_stub.autopilot.items import FENCE, NAV_COMMANDS, RALLY, Command, Item, Result
 from sim_stub.autopilot.mission_run import MissionState
 from sim_stub.autopilot.modes import Mode
-from sim_stub.autopilot.parameters import ParameterStore
 from sim_stub.physics import offset_m
 
 if TYPE_CHECKING:
@@ -50,7 +49,6 @@ class ArduPilot(ArduPilotFailsafes):
     REMOTE_CONTROL_LOST: ClassVar[str] = "Radio Failsafe"
     POSITION_LOST: ClassVar[str] = "EKF Failsafe: changed to LAND Mode"
     FENCE_BREACHED: ClassVar[str] = "Fence Breached"
-    GRIPPER_ENABLE: ClassVar[str] = "GRIP_ENABLE"
     READY_AFTER_S: ClassVar[float] = 40.0
     BOOT_S: ClassVar[float] = 4.0
     GLITCH_PATIENCE_S: ClassVar[float] = 10.0
@@ -69,7 +67,7 @@ class ArduPilot(ArduPilotFailsafes):
     REBOOT_REFUSED: ClassVar[Result] = Result.FAILED
 
     def __init__(self, vehicle: Vehicle) -> None:
-        super().__init__(vehicle, ParameterStore(ardupilot_parameters.TABLE))
+        super().__init__(vehicle, ardupilot_parameters.store(vehicle.config.version))
         self.mode = Mode.STABILIZE
         self.auto_armed = False
 
@@ -155,6 +153,11 @@ class ArduPilot(ArduPilotFailsafes):
             self.change_speed(speed_mps)
         return Result.ACCEPTED
 
+    @property
+    def has_gripper(self) -> bool:
+        """GRIP_ENABLE."""
+        return self.parameters["GRIP_ENABLE"] == 1.0
+
     def gripper_s(self) -> float:
         """Its command is done at once."""
         return 0.0
@@ -239,7 +242,8 @@ class ArduPilot(ArduPilotFailsafes):
             reasons.append("Gyros still settling")
         elif self.mode not in (Mode.STABILIZE, Mode.ALTITUDE) and not self.ready:
             reasons.append("Need Position Estimate")
-        if self.parameters["ARMING_CHECK"] == 0.0:
+        unchecked = {"ARMING_CHECK": 0.0, "ARMING_SKIPCHK": -1.0}  # up to 4.6 and from 4.7 on
+        if any(name in self.parameters and self.parameters[name] == none for name, none in unchecked.items()):
             return reasons
         volts = self.parameters["BATT_ARM_VOLT"]
         if self.vehicle.battery.voltage_v < max(volts, 0.0):

@@ -1,9 +1,9 @@
 """Parameters of ArduPilot Copter that matter to a delivery, with Copter's defaults."""
 
-from sim_stub.autopilot.parameters import INT8, INT16, INT32, REAL32
+from sim_stub.autopilot.parameters import INT8, INT16, INT32, REAL32, ParameterStore
 
 _STREAMS = ("ADSB", "EXTRA1", "EXTRA2", "EXTRA3", "EXT_STAT", "PARAMS", "POSITION", "RAW_CTRL", "RAW_SENS")
-TABLE = (
+_TABLE = (
     ("ANGLE_MAX", INT16, 3000),
     ("ARMING_CHECK", INT32, 1),
     ("ARMING_MIS_ITEMS", INT32, 0),
@@ -67,6 +67,7 @@ TABLE = (
     ("MIS_TOTAL", INT16, 0),
     ("PILOT_SPEED_DN", INT16, 0),
     ("PILOT_SPEED_UP", INT16, 250),
+    ("PSC_ANGLE_MAX", REAL32, 0.0),
     ("RALLY_INCL_HOME", INT8, 1),
     ("RALLY_LIMIT_KM", REAL32, 0.3),
     ("RALLY_TOTAL", INT8, 0),
@@ -90,3 +91,49 @@ TABLE = (
     ("WP_YAW_BEHAVIOR", INT8, 2),
     *((f"SR0_{stream}", INT16, 0) for stream in _STREAMS),
 )
+_SI = {
+    # What 4.7 calls them, and how many of the old unit are one of the new.
+    "ANGLE_MAX": ("ATC_ANGLE_MAX", 100.0),
+    "CIRCLE_RADIUS": ("CIRCLE_RADIUS_M", 100.0),
+    "LAND_ALT_LOW": ("LAND_ALT_LOW_M", 100.0),
+    "LAND_SPEED": ("LAND_SPD_MS", 100.0),
+    "LAND_SPEED_HIGH": ("LAND_SPD_HIGH_MS", 100.0),
+    "LOIT_SPEED": ("LOIT_SPEED_MS", 100.0),
+    "PILOT_SPEED_DN": ("PILOT_SPD_DN", 100.0),
+    "PILOT_SPEED_UP": ("PILOT_SPD_UP", 100.0),
+    "RTL_ALT": ("RTL_ALT_M", 100.0),
+    "RTL_ALT_FINAL": ("RTL_ALT_FINAL_M", 100.0),
+    "RTL_CLIMB_MIN": ("RTL_CLIMB_MIN_M", 100.0),
+    "RTL_SPEED": ("RTL_SPEED_MS", 100.0),
+    "WPNAV_ACCEL": ("WP_ACC", 100.0),
+    "WPNAV_RADIUS": ("WP_RADIUS_M", 100.0),
+    "WPNAV_SPEED": ("WP_SPD", 100.0),
+    "WPNAV_SPEED_DN": ("WP_SPD_DN", 100.0),
+    "WPNAV_SPEED_UP": ("WP_SPD_UP", 100.0),
+}
+_RENAMED = {
+    "SYSID_MYGCS": ("MAV_GCS_SYSID", 1.0),
+    "SYSID_THISMAV": ("MAV_SYSID", 1.0),
+    "TELEM_DELAY": ("MAV_TELEM_DELAY", 1.0),
+    "WPNAV_RFND_USE": ("WP_RFND_USE", 1.0),
+    **{f"SR0_{stream}": (f"MAV1_{stream}", 1.0) for stream in _STREAMS},
+}
+_NEW = (("ARMING_SKIPCHK", INT32, 0), ("MAV_GCS_SYSID_HI", INT16, 0), ("MAV_OPTIONS", INT32, 0))
+_GONE = ("ARMING_CHECK", "SYSID_ENFORCE")
+_SINCE_4_6 = ("FENCE_AUTOENABLE",)
+
+
+def store(version: tuple[int, int]) -> ParameterStore:
+    """Parameters as a version of Copter has them, with its defaults."""
+    if version < (4, 7):
+        return ParameterStore(entry for entry in _TABLE if version >= (4, 6) or entry[0] not in _SINCE_4_6)
+    spelled = _SI | _RENAMED
+    table = [_in_4_7(*entry) for entry in _TABLE if entry[0] not in _GONE]
+    return ParameterStore([*table, *_NEW], spelled)
+
+
+def _in_4_7(name: str, kind: int, value: float) -> tuple[str, int, float]:
+    if name in _SI:
+        new, scale = _SI[name]
+        return new, REAL32, value / scale
+    return _RENAMED.get(name, (name, 1.0))[0], kind, value

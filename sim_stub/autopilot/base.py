@@ -363,11 +363,6 @@ class Autopilot(Family):
             case _:
                 pass
 
-    @property
-    def has_gripper(self) -> bool:
-        """Whether one is enabled."""
-        return self.parameters[self.GRIPPER_ENABLE] == 1.0
-
     def move_gripper(self, *, close: bool) -> bool:
         """Close the gripper, or open it and let the package go; False where none is enabled."""
         if not self.has_gripper:

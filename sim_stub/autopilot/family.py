@@ -21,7 +21,6 @@ class Family(ABC):
     REMOTE_CONTROL_LOST: ClassVar[str]
     POSITION_LOST: ClassVar[str]
     FENCE_BREACHED: ClassVar[str]
-    GRIPPER_ENABLE: ClassVar[str]
     READY_AFTER_S: ClassVar[float]
     BOOT_S: ClassVar[float]
     GLITCH_PATIENCE_S: ClassVar[float]
@@ -67,6 +66,11 @@ class Family(ABC):
     @abstractmethod
     def speed_command(self, kind: float, speed_mps: float) -> Result:
         """Do DO_CHANGE_SPEED; p1 and p2."""
+
+    @property
+    @abstractmethod
+    def has_gripper(self) -> bool:
+        """Whether one is enabled."""
 
     @abstractmethod
     def gripper_s(self) -> float:

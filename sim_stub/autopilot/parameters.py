@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
 INT8, INT16, INT32, REAL32 = 2, 4, 6, 9
 """MAV_PARAM_TYPE of the kinds in use."""
@@ -49,10 +49,16 @@ class ParameterStore:
     ----------
     table : iterable of (name, kind, value)
         Names with the family's default values.
+    spelled : mapping of str to (str, float), optional
+        What this version of the firmware calls a parameter that the simulator knows by an older name, and how many of the
+        old unit are one of the new: the simulator asks for the old one; on the wire there is only the new one.
     """
 
-    def __init__(self, table: Iterable[tuple[str, int, float]]) -> None:
+    def __init__(
+        self, table: Iterable[tuple[str, int, float]], spelled: Mapping[str, tuple[str, float]] | None = None
+    ) -> None:
         self._by_name: dict[str, Parameter] = {}
+        self._spelled = dict(spelled or {})
         for name, kind, value in sorted(table):
             self._by_name[name] = Parameter(name, kind, as_float32(value) if kind == REAL32 else value)
         self._order = list(self._by_name.values())
@@ -62,7 +68,11 @@ class ParameterStore:
         return len(self._order)
 
     def __getitem__(self, name: str) -> float:
-        return self._by_name[name].value
+        new, scale = self._spelled.get(name, (name, 1.0))
+        return self._by_name[new].value * scale
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._by_name or name in self._spelled
 
     def find(self, name: str) -> Parameter | None:
         """Return the parameter of that name, or None."""
@@ -78,11 +88,11 @@ class ParameterStore:
 
     def clamped(self, name: str, low: float, high: float) -> float:
         """Value brought into the range the autopilot acts on: an absurd value is kept, but not obeyed."""
-        return min(max(self._by_name[name].value, low), high)
+        return min(max(self[name], low), high)
 
     def bit(self, name: str, number: int) -> bool:
         """Whether a bit of a bit mask is set."""
-        return bool(int(self._by_name[name].value) >> number & 1)
+        return bool(int(self[name]) >> number & 1)
 
     def set(self, name: str, value: float) -> bool:
         """Set a value as its kind allows; False for an unknown name or what is no finite number."""

@@ -1,4 +1,4 @@
-"""PX4 multirotor: its modes, refusals and habits (1.16 and main)."""
+"""PX4 multirotor: its modes, refusals and habits (1.15 to main)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from sim_stub.autopilot.fence import nearest_rally
 from sim_stub.autopilot.items import RALLY, Command, Item, Result
 from sim_stub.autopilot.mission_run import MissionState
 from sim_stub.autopilot.modes import Mode
-from sim_stub.autopilot.parameters import ParameterStore
 from sim_stub.autopilot.px4_failsafes import Px4Failsafes
 from sim_stub.physics import offset_m
 
@@ -55,7 +54,6 @@ class Px4(Px4Failsafes):
     REMOTE_CONTROL_LOST: ClassVar[str] = "Manual control lost"
     POSITION_LOST: ClassVar[str] = "Failsafe activated: position estimate lost, blind land"
     FENCE_BREACHED: ClassVar[str] = "Geofence violation"
-    GRIPPER_ENABLE: ClassVar[str] = "PD_GRIPPER_EN"
     READY_AFTER_S: ClassVar[float] = 8.0
     BOOT_S: ClassVar[float] = 3.0
     GLITCH_PATIENCE_S: ClassVar[float] = 7.0
@@ -86,7 +84,7 @@ class Px4(Px4Failsafes):
     REBOOT_REFUSED: ClassVar[Result] = Result.DENIED
 
     def __init__(self, vehicle: Vehicle) -> None:
-        super().__init__(vehicle, ParameterStore(px4_parameters.TABLE))
+        super().__init__(vehicle, px4_parameters.store(vehicle.config.version))
         self.infeasible: str | None = "No valid mission available"
         self.mode_after_disarming = Mode.HOLD
 
@@ -132,6 +130,12 @@ class Px4(Px4Failsafes):
         if not self.change_speed(speed_mps):
             self.commanded_mps = None
         return Result.ACCEPTED
+
+    @property
+    def has_gripper(self) -> bool:
+        """PD_GRIPPER_EN, from 1.17 on a PD_GRIPPER_TYPE."""
+        p = self.parameters
+        return p["PD_GRIPPER_EN"] == 1.0 if "PD_GRIPPER_EN" in p else p["PD_GRIPPER_TYPE"] >= 0.0
 
     def gripper_s(self) -> float:
         """PD_GRIPPER_TO."""
@@ -302,11 +306,12 @@ class Px4(Px4Failsafes):
             self.disarm(force=True, by=by)
 
     def return_home(self) -> ReturnHome:
-        """To the nearest of home and the rally points, at RTL_RETURN_ALT or higher."""
+        """To the nearest of home and the rally points (main: RTL_TYPE 5 never home), at RTL_RETURN_ALT or higher."""
         body, home = self.body, self.home
         lat, lon = (home.lat, home.lon) if home else (self.lat, self.lon)
         rally = nearest_rally(self.stores[RALLY], self.lat, self.lon)
-        if rally is not None and rally[1] < math.hypot(*offset_m(self.lat, self.lon, lat, lon)):
+        only_safe = self.vehicle.config.version >= (1, 18) and int(self.parameters["RTL_TYPE"]) == 5
+        if rally is not None and (only_safe or rally[1] < math.hypot(*offset_m(self.lat, self.lon, lat, lon))):
             lat, lon = rally[0].lat, rally[0].lon
         height = self.home_alt_m + self.parameters.clamped("RTL_RETURN_ALT", 0.0, 5000.0)
         near = math.hypot(*offset_m(self.lat, self.lon, lat, lon)) < self.parameters["RTL_MIN_DIST"]

@@ -85,8 +85,8 @@ class Px4Failsafes(Autopilot):
         return _ACTIONS.get(int(self.parameters["NAV_RCL_ACT"]), Action.NONE)
 
     def position_delay_s(self) -> float:
-        """COM_POS_FS_DELAY."""
-        return self.parameters.clamped("COM_POS_FS_DELAY", 0.0, 60.0)
+        """COM_POS_FS_DELAY; from 1.16 on always a second."""
+        return self.parameters.clamped("COM_POS_FS_DELAY", 0.0, 60.0) if "COM_POS_FS_DELAY" in self.parameters else 1.0
 
     def fenced_off(self, lat: float, lon: float, alt_m: float) -> bool:
         """Areas, and the cylinder of GF_MAX_HOR_DIST and GF_MAX_VER_DIST about home."""

@@ -1,8 +1,8 @@
 """Parameters of PX4 that matter to a delivery, with PX4's defaults."""
 
-from sim_stub.autopilot.parameters import INT32, REAL32
+from sim_stub.autopilot.parameters import INT32, REAL32, ParameterStore
 
-TABLE = (
+_TABLE = (
     ("BAT1_CAPACITY", REAL32, 15320.0),
     ("BAT1_N_CELLS", INT32, 6),
     ("BAT1_R_INTERNAL", REAL32, -1.0),
@@ -83,3 +83,19 @@ TABLE = (
     ("SYS_HAS_MAG", INT32, 1),
     ("WV_EN", INT32, 0),
 )
+_GONE = {"COM_POS_FS_DELAY": (1, 16), "COM_POSCTL_NAVL": (1, 17), "COM_TAKEOFF_ACT": (1, 18), "PD_GRIPPER_EN": (1, 17)}
+_SINCE = {"COM_DLL_EXCEPT": (1, 16)}
+
+
+def store(version: tuple[int, int]) -> ParameterStore:
+    """Parameters as a version of PX4 has them, with its defaults."""
+    table = [
+        entry
+        for entry in _TABLE
+        if version < _GONE.get(entry[0], (1000, 0)) and version >= _SINCE.get(entry[0], (0, 0))
+    ]
+    if version >= (1, 17):  # a gripper is one that has a kind
+        table = [("PD_GRIPPER_TYPE", INT32, -1) if entry[0] == "PD_GRIPPER_TYPE" else entry for entry in table]
+    if version >= (1, 18):
+        table.append(("NAV_LTR_LAST_DL", INT32, 0))
+    return ParameterStore(table)

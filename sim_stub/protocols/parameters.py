@@ -18,6 +18,8 @@ _LAYOUT = spec("PARAM_VALUE").layout
 _PER_TICK = 8
 _TICK_S = 0.01
 _MAX_LISTS = 4
+_DOES_NOT_EXIST = 1
+"""MAV_PARAM_ERROR."""
 _VERSION_NAMES = ("MAV_PROTO_VER", "SERIAL0_PROTOCOL")
 
 
@@ -77,20 +79,36 @@ class ParameterServer:
         self.next_s = self.vehicle.wall_s + _TICK_S if self.lists else math.inf
 
     def read(self, port: Port, message: Message) -> None:
-        """Send one parameter, by name or by index; silence for one that does not exist."""
+        """Send one parameter, by name or by index; silence for one that does not exist, or an error in newer firmware."""
         store = self.vehicle.autopilot.parameters
         index = message["param_index"]
         parameter = store.find(message["param_id"]) if index < 0 else store.at(index)
         if parameter is not None:
             self._send(port, parameter)
+        else:
+            self._tell_absent(port, message)
 
-    def set(self, port: Port, message: Message) -> None:  # noqa: ARG002
+    def _tell_absent(self, port: Port, message: Message) -> None:
+        """PARAM_ERROR, since late 2025: from ArduPilot 4.7 on, and on PX4's main branch."""
+        since = (1, 18) if self.bytewise else (4, 7)
+        if self.vehicle.config.version >= since:
+            port.reply(
+                "PARAM_ERROR",
+                target_system=message.system,
+                target_component=message.component,
+                param_id=message["param_id"],
+                param_index=message.fields.get("param_index", -1),
+                error=_DOES_NOT_EXIST,
+            )
+
+    def set(self, port: Port, message: Message) -> None:
         """Set a parameter and tell everybody; PX4 is silent about an unknown one."""
         store = self.vehicle.autopilot.parameters
         parameter = store.find(message["param_id"])
         if parameter is None:
             if self.bytewise:
                 self.vehicle.say(3, f"unknown param: {message['param_id']}"[:50])
+            self._tell_absent(port, message)
             return
         kind = message["param_type"]
         if self.bytewise and kind != parameter.kind:

@@ -20,7 +20,6 @@ _CAPABILITIES = {
     "px4": 1 | 4 | 8 | 16 | 2048 | 8192 | 16384 | 32768,
     "ardupilot": 1 | 2 | 4 | 8 | 256 | 2048 | 8192 | 16384 | 32768 | 131072,
 }
-_VERSIONS = {"px4": 0x011000FF, "ardupilot": 0x04060000}
 _MAX_STATIONS = 32
 
 
@@ -101,8 +100,8 @@ class LinkServices:
             capabilities=_CAPABILITIES[family],
             uid=uid,
             uid2=tuple(uid.to_bytes(8, "little")) + (0,) * 10,
-            flight_sw_version=_VERSIONS[family],
-            middleware_sw_version=_VERSIONS[family],
+            flight_sw_version=self.vehicle.config.version_number,
+            middleware_sw_version=self.vehicle.config.version_number,
             board_version=1,
             vendor_id=0x1209,
             product_id=0x5741,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, fields
 from enum import StrEnum
@@ -12,8 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from models.errors import Fault, InputError
+
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from link.connection import Connection
     from link.mavlink_vehicle import MavlinkVehicle
@@ -84,6 +87,15 @@ class Link(Line):
         Driver, typer.Option("--driver", help="Who speaks the protocols; mavsdk knows no signed links.")
     ] = Driver.PYMAVLINK
 
+    parameter_name: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--parameter-name",
+            help="SETTING=NAME:UNIT, where its firmware has a name that skyway does not know; repeatable.",
+            show_default=False,
+        ),
+    ] = None
+
     @contextmanager
     def aboard(self) -> Iterator[MavlinkVehicle]:
         """Open the connection and find the vehicle."""
@@ -91,6 +103,7 @@ class Link(Line):
         with self.opened() as connection, closing(self._driver()(connection, self.system, family)) as vehicle:
             if connection.wants_key:
                 typer.echo("the vehicle signs its packets; without its key (--key-file) it may not listen", err=True)
+            vehicle.own_names = own_names(self.parameter_name or (), vehicle.family.name)
             yield vehicle
 
     def _driver(self) -> type[MavlinkVehicle]:
@@ -101,6 +114,26 @@ class Link(Line):
         from link.mavlink_vehicle import MavlinkVehicle
 
         return MavlinkVehicle
+
+
+def own_names(given: Sequence[str], family: str) -> dict[str, tuple[str, str]]:
+    """Read names that a person gives to settings: ``mission-speed=WP_SPEED:m/s``."""
+    from missions.dialects import dialect
+
+    settings = dialect(family).settings
+    found: dict[str, tuple[str, str]] = {}
+    for text in given:
+        key, _, rest = text.partition("=")
+        name, _, unit = rest.partition(":")
+        if key not in settings.keys:
+            known = ", ".join(settings.keys)
+            raise InputError(Fault(f"no such setting of {family}", field="--parameter-name", value=key, remedy=known))
+        if not re.fullmatch(r"[A-Z][A-Z0-9_]{0,15}", name):
+            remedy = "for example mission-speed=WP_SPD:m/s"
+            raise InputError(Fault("is not SETTING=NAME:UNIT", field="--parameter-name", value=text, remedy=remedy))
+        settings[key].need("read", None, "").called(name, unit)  # refuses a unit of something else
+        found[key] = (name, unit)
+    return found
 
 
 def linked(command: Callable[..., None]) -> Callable[..., None]:

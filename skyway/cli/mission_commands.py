@@ -48,6 +48,13 @@ def mission(
     whole: Annotated[bool, typer.Option("--whole", help="All legs (the default).")] = False,
     leg: Annotated[int | None, typer.Option("--leg", help="One leg alone, from 0.")] = None,
     autopilot: Annotated[Autopilot, typer.Option(help="Who will fly it.")] = Autopilot.PX4,
+    firmware: Annotated[
+        str,
+        typer.Option(
+            help="Its version, such as 4.6, 1.16 or main, for the names of parameters. Without it: the newest release.",
+            show_default=False,
+        ),
+    ] = "",
     armed_hold: Annotated[
         bool, typer.Option("--armed-hold", help="Stay armed on the pads and leave by the clock. Dangerous.")
     ] = False,
@@ -71,6 +78,7 @@ def mission(
       skyway mission plan.json -o leg1.plan --leg 1 --width 600
     """  # noqa: D301  \b keeps the lines of the examples
     from missions import dialect
+    from missions.dialects import dumps_for
     from missions.from_composition import armed_mission, leg_mission, whole_mission
     from missions.mission_options import MissionOptions
     from models.composition_file import load
@@ -95,7 +103,8 @@ def mission(
         export = armed_mission(composition, flown_by, options)
     else:
         export = whole_mission(composition, flown_by, options)
-    _write_export(export, output, force=force)
+    settings = dumps_for(flown_by, export.parameters, firmware or flown_by.released)
+    _write_export(export, settings, output, force=force)
 
 
 def _elevations(given: Sequence[str]) -> dict[str, float]:
@@ -113,9 +122,9 @@ def _elevations(given: Sequence[str]) -> dict[str, float]:
     return heights
 
 
-def _write_export(export: Export, output: Path, *, force: bool) -> None:
+def _write_export(export: Export, parameters: str, output: Path, *, force: bool) -> None:
     """Write every mission of an export and its parameters, or nothing."""
-    from missions import parameters, write
+    from missions import write
     from missions.mission_file import files_of
     from models.errors import Fault, InputError
     from models.files import write_atomically
@@ -135,7 +144,7 @@ def _write_export(export: Export, output: Path, *, force: bool) -> None:
         typer.echo(f"warning: {warning}", err=True)
     for document, target in zip(export.documents, targets, strict=True):
         _echo_written(document, write(document, target, force=force))
-    write_atomically(settings, parameters.dumps(export.parameters), force=force)
+    write_atomically(settings, parameters, force=force)
     typer.echo(f"wrote {settings} (parameters that the vehicle needs)")
     for note in export.notes:
         typer.echo(note)

@@ -61,6 +61,14 @@ At = Annotated[
     typer.Option("--at", help="Where they stand: station or lat,lon; several in turn.", show_default=False),
 ]
 Family = Annotated[Literal["px4", "ardupilot"], typer.Option("--autopilot", help="Whose behaviour.")]
+Firmware = Annotated[
+    str,
+    typer.Option(
+        "--firmware",
+        help="Its version: 1.15, 1.16 or main; 4.5, 4.6, 4.7 or 4.8. Without it: 1.16, or 4.6.",
+        show_default=False,
+    ),
+]
 CONNECT_HELP = (
     f"udpout:, udpin:, tcp: or tcpin:HOST:PORT; repeatable. Without it, and without --tcp: {DEFAULT_CONNECT}."
 )
@@ -115,6 +123,7 @@ def sim(
     vehicles: Vehicles = 1,
     at: At = None,
     autopilot: Family = "px4",
+    firmware: Firmware = "",
     connect: Connect = None,
     tcp: Tcp = None,
     pads: PadAddress = None,
@@ -153,6 +162,7 @@ def sim(
         vehicles=vehicles,
         first_system=system,
         autopilot=autopilot,
+        firmware=firmware,
         drone=known.drones[0] if known.drones else None,
         soc=options.percent(soc, "--soc"),
         payload_kg=payload,

@@ -16,6 +16,7 @@ from link.autopilots import FAMILIES
 from link.frames import FrameWriter
 from link.parameter_file import read_required
 from missions import write
+from missions.dialects import dialect
 from missions.document import MissionDocument
 from missions.mission import Mission
 from missions.parameters import Parameter, dumps
@@ -86,13 +87,17 @@ def test_parameters_are_read_set_and_compared(run, tmp_path):
 
 
 def test_a_mission_comes_with_the_parameters_it_needs(run, plan, tmp_path):
+    settings = dialect("ardupilot").settings
     needs = (
-        Parameter("RTL_ALT", "at-least", 7000.0, "clears the ground"),
-        Parameter("SYSID_MYGCS", "read", None, "ours"),
+        settings["return-height"].need("at-least", 70.0, "clears the ground"),
+        settings["ground-station"].need("read", None, "ours"),
+        Parameter("FOO", "equal", 3.0, "of no known meaning"),
     )
     file = tmp_path / "m.param"
     file.write_text(dumps(needs))
     assert read_required(file) == needs
+    needs = needs[:2]
+    file.write_text(dumps(needs))
     with served(tcp_port=0, autopilot="ardupilot") as there:
         port = there.where()[1]
         assert "would be set to 7000" in run("upload", plan, "--parameters", file, port=port)[1]

@@ -117,7 +117,7 @@ def test_pads_that_could_be_known_and_are_not_stop_it_with_the_reason(tmp_path):
     assert "pads: NOT KNOWN" in outcome.reason
     assert "does not answer" in outcome.reason
     assert outcome.flights == 0
-    assert stage.lockstep.now_s < TABLE[State.PREFLIGHT].longest_s
+    assert stage.lockstep.now_s < 300.0
 
 
 def test_a_pilot_who_takes_over_is_not_commanded_until_the_operator_says_go(tmp_path):
@@ -202,15 +202,18 @@ def test_left_in_the_air_it_finishes_its_leg_by_its_own_parameters(tmp_path):
 
 
 def test_what_a_vehicle_does_alone_is_told_from_its_parameters():
-    assert finishes_alone("px4", {"COM_DLL_EXCEPT": 1.0}) is True
-    assert finishes_alone("px4", {"COM_DLL_EXCEPT": 2.0}) is False
+    exceptions, action = "data-link-exceptions", "data-link-action"
+    assert finishes_alone("px4", {exceptions: 1.0}) is True
+    assert finishes_alone("px4", {exceptions: 2.0}) is False
+    assert finishes_alone("px4", {action: 0.0}) is True, "1.15 has no exceptions"
     assert finishes_alone("px4", {}) is None
-    assert finishes_alone("ardupilot", {"FS_GCS_ENABLE": 1.0, "FS_OPTIONS": 2.0}) is True
-    assert finishes_alone("ardupilot", {"FS_GCS_ENABLE": 1.0, "FS_OPTIONS": 16.0}) is False
-    said = when_left("px4", {"COM_DLL_EXCEPT": 0.0, "NAV_DLL_ACT": 2.0, "COM_DL_LOSS_T": 10.0, "BAT_CRIT_THR": 0.07})
+    enabled, options = "ground-station-failsafe", "failsafe-options"
+    assert finishes_alone("ardupilot", {enabled: 1.0, options: 2.0}) is True
+    assert finishes_alone("ardupilot", {enabled: 1.0, options: 16.0}) is False
+    said = when_left("px4", {exceptions: 0.0, action: 2.0, "data-link-timeout": 10.0, "critical-battery": 0.07})
     assert "after 10 s without us it returns" in said
     assert "7 %" in said
-    assert "returns" in when_left("ardupilot", {"FS_GCS_ENABLE": 1.0, "FS_OPTIONS": 0.0, "BATT_CAPACITY": 15000.0})
+    assert "returns" in when_left("ardupilot", {enabled: 1.0, options: 0.0, "battery-capacity": 15000.0})
 
 
 def test_a_torn_line_at_the_end_of_a_journal_is_left_out_and_cut_off(tmp_path):

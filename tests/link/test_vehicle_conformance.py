@@ -24,7 +24,7 @@ from link.verified import UploadState
 from missions.commands import Command, Frame
 from missions.mission import Mission, MissionItem
 from models.clock import WallClock
-from models.errors import CommandRefusedError, InputError, VehicleTimeoutError
+from models.errors import CommandRefusedError, InputError, ParameterAbsentError
 from sim_stub.faults import Fault
 from sim_stub.physics import offset_m
 from sim_stub.transports.lockstep import VirtualClock
@@ -132,7 +132,7 @@ def test_parameters_real_and_whole_are_read_set_and_listed(site):
 
 @at_length
 def test_a_parameter_that_is_not_there_is_said_to_be_unknown(site):
-    with pytest.raises(VehicleTimeoutError, match="is there one of that name"):
+    with pytest.raises(ParameterAbsentError, match="has no parameter NO_SUCH"):
         site.craft.parameter("NO_SUCH")
 
 

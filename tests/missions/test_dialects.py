@@ -186,13 +186,15 @@ def test_rally_points_on_the_wire_are_above_home():
 
 def parameters(autopilot, **needs):
     asked = FlightNeeds(14.0, 5.0, 3.0, 130.0, **needs)
-    return {p.name: (p.rule, p.value) for p in autopilot.parameters(asked)}
+    ways = [way for parameter in autopilot.parameters(asked) for way in parameter.ways]
+    return {way.name: (way.rule, way.value) for way in reversed(ways)}
 
 
 def test_speed_limits_of_the_vehicle_are_required_because_they_cap_the_plan():
     assert parameters(PX4)["MPC_XY_VEL_MAX"] == ("at-least", 14.0)
     assert parameters(PX4)["MPC_XY_CRUISE"] == ("equal", 14.0)
     assert parameters(ARDUPILOT)["WPNAV_SPEED"] == ("at-least", 1400.0)
+    assert parameters(ARDUPILOT)["WP_SPD"] == ("at-least", 14.0)
 
 
 def test_returns_clear_the_ground_and_reach_far_rally_points():
@@ -225,7 +227,8 @@ def test_a_lost_link_does_not_end_the_leg():
 def test_no_autopilot_is_asked_for_more_than_20_metres_per_second():
     assert px4.MAX_SPEED_MPS == ardupilot.MAX_SPEED_MPS == 20.0
     fast = FlightNeeds(25.0, 5.0, 3.0, 60.0)
-    assert next(p.value for p in ARDUPILOT.parameters(fast) if p.name == "WPNAV_SPEED") == 2000.0
+    speed = ARDUPILOT.parameters(fast)[0]
+    assert {way.name: way.value for way in speed.ways} == {"WP_SPD": 20.0, "WPNAV_SPEED": 2000.0}
 
 
 def test_dialects_are_found_by_name_and_by_number():

@@ -91,7 +91,8 @@ class Delivery:
         self.station = Station(self.lockstep, self.lockstep.connect(self.vehicle))
         self.dialect = missions.dialect(autopilot)
         store = self.vehicle.autopilot.parameters
-        for needed in (parameter for export in exports for parameter in export.parameters):
+        for asked in (parameter for export in exports for parameter in export.parameters):
+            needed = next((way for way in asked.ways if store.find(way.name) is not None and not way.paired), asked)
             have = store.find(needed.name)
             assert have is not None, f"{needed.name} is a parameter that the vehicle does not have"
             if not needed.accepts(have.value):

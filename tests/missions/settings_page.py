@@ -1,0 +1,55 @@
+"""Writes the page of parameters from their tables: ``python tests/missions/settings_page.py``."""
+
+from pathlib import Path
+
+from missions.dialects import DIALECTS
+from missions.settings import MAIN
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "parameters.md"
+HEAD = """# Parameters by firmware version
+
+Made from the tables that skyway itself uses (`missions/dialects/*_settings.py`). A setting has one meaning; firmware calls
+it by one name or another, in one unit or another. skyway asks a vehicle for every name that it knows: builds between two
+versions have some of the new ones. Where a vehicle has none of them, that is known within seconds, and preflight ends with
+the names that were tried. A firmware that is newer than this table is flown by giving its name:
+
+```sh
+skyway fly plan.json --parameter-name mission-speed=WP_SPEED:m/s
+```
+
+`skyway mission --firmware 4.6` writes a parameter file for that version; `skyway upload --parameters` sets what such a file
+says on a vehicle of any version.
+"""
+
+
+def _span(name, autopilot):
+    first, last = autopilot.firmwares[0], autopilot.firmwares[-1]
+    since = "" if name.since <= _number(first) else f"from {name.since[0]}.{name.since[1]}"
+    until = "" if name.until > _number(last) else f"before {name.until[0]}.{name.until[1]}"
+    return " ".join(filter(None, (since, until))) or "all"
+
+
+def _number(text):
+    return MAIN if text == "main" else tuple(int(part) for part in text.split("."))
+
+
+def page():
+    lines = [HEAD]
+    for autopilot in sorted(DIALECTS.values(), key=lambda found: found.name):
+        known = ", ".join(autopilot.firmwares)
+        lines += [
+            f"## {autopilot.name} ({known})",
+            "",
+            "| setting | what it is | name | unit | versions |",
+            "| --- | --- | --- | --- | --- |",
+        ]
+        for key in autopilot.settings.keys:
+            setting = autopilot.settings[key]
+            for name in setting.names:
+                lines.append(f"| `{key}` | {setting.words} | `{name.name}` | {name.unit} | {_span(name, autopilot)} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page())
