@@ -21,12 +21,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.escape import needed_at_destination
 from planner.label_search import GAIN_S, Round
 from planner.no_route import no_route
 from planner.outlook import Outlook
 from planner.relaxation import Start, cells_for, longest_cell_s, only_nodes, run_backward, run_forward
 from planner.speeds import GivenSpeeds, TrueSpeeds
-from planner.stays import Stays, costs_of, needed_at_destination
+from planner.stays import Stays, costs_of
 from planner.terrain import narrowed, places, terrain
 
 if TYPE_CHECKING:

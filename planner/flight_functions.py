@@ -47,34 +47,59 @@ def _cruise(table: FlightTable, segment: int, time_s: float, last_slot: int) -> 
 
 
 @compiled
+def _entered(table: FlightTable, segment: int, slot: int, since_s: float) -> float:
+    """When a segment was entered that is left as a slot ends; -inf where that was before `since_s`."""
+    left = table.distance_m[segment]
+    now = table_slot_end(table, slot)
+    while now > since_s:
+        speed = table.speed_mps[slot, segment]
+        if speed <= 0.0:
+            break
+        begin = table_slot_end(table, slot - 1) if slot > 0 else -NEVER
+        if now - left / speed >= begin:
+            return now - left / speed
+        left -= speed * (now - begin)
+        now = begin
+        slot -= 1
+    return -NEVER
+
+
+@compiled
 def _link(
     table: FlightTable, segment: int, last_slot: int, t: NDArray[np.float64], a: NDArray[np.float64], n: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Append a segment to an arrival function of n points."""
-    slots = last_slot - table_slot(table, a[0]) + 2
-    out_t = np.empty(n + 2 * max(slots, 1) * n + 4)
+    """Append a segment to an arrival function of n points.
+
+    A segment's own arrival function bends where it is entered at the boundary of two slots, and where it is left at one:
+    that boundary, however many lie before it on the way, is pulled back through the segment.
+    """
+    entering = table_slot(
+        table, a[0]
+    )  # the next boundaries to be met on entering and on leaving, by the slots they end
+    leaving = entering
+    out_t = np.empty(n + 2 * max(last_slot - entering, 0))
     out_a = np.empty(len(out_t))
+    enter = table_slot_end(table, entering) if entering < last_slot else NEVER
+    leave = _entered(table, segment, leaving, a[0]) if leaving < last_slot else NEVER
     size = 0
     for k in range(n):
         out_t[size], out_a[size] = t[k], _cruise(table, segment, a[k], last_slot)
         size += 1
-        if k == n - 1 or a[k + 1] <= a[k]:
-            continue
-        slot = table_slot(table, a[k])
-        while slot < last_slot:  # break points of the segment's own arrival function within (a[k], a[k + 1])
-            end = table_slot_end(table, slot)
-            speed = table.speed_mps[slot, segment]
-            leave = end - table.distance_m[segment] / speed if speed > 0.0 else end
-            for x in (leave, end):
-                if a[k] + _EPS_S < x < a[k + 1] - _EPS_S:
-                    part = (x - a[k]) / (a[k + 1] - a[k])
-                    where = t[k] + part * (t[k + 1] - t[k])
-                    if where > out_t[size - 1]:
-                        out_t[size], out_a[size] = where, _cruise(table, segment, x, last_slot)
-                        size += 1
-            if end >= a[k + 1]:
+        while k < n - 1:
+            x = min(enter, leave)
+            if x >= a[k + 1]:
                 break
-            slot += 1
+            if a[k] + _EPS_S < x < a[k + 1] - _EPS_S:
+                where = t[k] + (x - a[k]) / (a[k + 1] - a[k]) * (t[k + 1] - t[k])
+                if out_t[size - 1] < where < t[k + 1]:
+                    out_t[size], out_a[size] = where, _cruise(table, segment, x, last_slot)
+                    size += 1
+            if enter <= leave:
+                entering += 1
+                enter = table_slot_end(table, entering) if entering < last_slot else NEVER
+            else:
+                leaving += 1
+                leave = _entered(table, segment, leaving, a[0]) if leaving < last_slot else NEVER
     return out_t, out_a, size
 
 
@@ -158,8 +183,10 @@ def _straighten(t: NDArray[np.float64], a: NDArray[np.float64], n: int) -> int:
 
 @compiled
 def _slot_begin(table: FlightTable, slot: int) -> float:
-    """Beginning of a slot; the first one also holds the hour before it, as everywhere."""
-    return table.start_s + slot * table.slot_s if slot > 0 else table.start_s - table.slot_s
+    """Beginning of a slot; the first one also holds some time before it: a drone in flight begins a climb earlier."""
+    if slot > 0:
+        return table.start_s + slot * table.slot_s
+    return table.start_s - max(table.slot_s, 2.0 * table.climb_s)
 
 
 @compiled

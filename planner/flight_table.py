@@ -107,28 +107,3 @@ def table_land(table: FlightTable, segments: NDArray[np.int64], depart_s: float)
             if table.speed_mps[slot, segment] <= 0.0:
                 return NEVER
     return now
-
-
-@compiled
-def _escape(table: FlightTable, segment: int, time_s: float) -> float:
-    """How long the flight over one segment takes that leaves at a time or, held by the wind, when it first can."""
-    one = np.array([segment])
-    off = time_s
-    while off < NEVER:
-        down = table_land(table, one, off)
-        if down < NEVER:
-            return down - off
-        off = table_slot_end(table, table_slot(table, off))
-    return NEVER
-
-
-@compiled
-def escape_costs(
-    table: FlightTable, segments: NDArray[np.int64], soc_per_s: float, soc_fixed: float, times_s: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Least charge that a flight over one of the segments takes, at each time of being ready for it; infinite for none."""
-    out = np.full(len(times_s), NEVER)
-    for i in range(len(times_s)):
-        for segment in segments:
-            out[i] = min(out[i], soc_fixed + soc_per_s * _escape(table, segment, times_s[i]))
-    return out

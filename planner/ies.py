@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.escape import needed_at_destination
 from planner.no_route import no_route
 from planner.outlook import Outlook
 from planner.speeds import TrueSpeeds
-from planner.stays import Stay, Stays, needed_at_destination
+from planner.stays import Stay, Stays
 from planner.terrain import whole_terrain
 
 if TYPE_CHECKING:

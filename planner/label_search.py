@@ -87,7 +87,7 @@ class Round:
     guide, forward
         Of the relaxation, for this deadline.
     needed : ndarray
-        See `planner.stays.needed_at_destination`.
+        See `planner.escape.needed_at_destination`.
     stop_at : float
         Of `time.perf_counter`: with an answer, the search ends then.
     answered : bool

@@ -196,7 +196,7 @@ def fly_profile(
     margin_soc_per_s : float
         Charge beyond `needed` that a second of flight asks for on touch-down.
     needed : ndarray, shape (points, 2)
-        Least charge on touch-down by arrival time, piecewise linear.
+        Least charge on touch-down by arrival time, piecewise linear; two points at the same time are a jump.
     until_s : float
         Departures and arrivals after this do not matter.
 
@@ -207,11 +207,15 @@ def fly_profile(
     count : int
         How many of them.
     """
-    capacity = (len(g) + 2) * 2 + 2 * len(flights) + len(needed) * (len(flights) + 1) + 8
-    out = np.empty((4 * capacity, 6))
+    room = 2 * (len(g) + len(needed) + 4)  # more than one flight can add
+    out = np.empty((2 * room + 4 * len(flights), 6))
     count = 0
     k = 0
     for i in range(len(flights)):
+        if count + room > len(out):
+            grown = np.empty((2 * len(out), 6))
+            grown[:count] = out[:count]
+            out = grown
         t0, a0, t1, a1 = flights[i]
         if t1 < g[0, 0] or t0 > until_s or a0 > until_s:
             continue
@@ -238,11 +242,6 @@ def fly_profile(
             j += 1
             while j + 1 < len(g) and g[j + 1, 0] <= now:
                 j += 1
-        if count > 4 * capacity - 8 * (len(needed) + 2):
-            grown = np.empty((2 * len(out), 6))
-            grown[:count] = out[:count]
-            out = grown
-            capacity *= 2
     return out, count
 
 
@@ -276,8 +275,11 @@ def _keep(
         p0 = (b0 - a0) / (a1 - a0) if a1 > a0 else 0.0
         p1 = (b1 - a0) / (a1 - a0) if a1 > a0 else 1.0
         d0, d1 = t0 + p0 * (t1 - t0), t0 + p1 * (t1 - t0)
-        n0 = interpolate(b0, needed[:, 0], needed[:, 1]) + margin * (b0 - d0)
-        n1 = interpolate(b1, needed[:, 0], needed[:, 1]) + margin * (b1 - d1)
+        n0 = (
+            _along(needed, k, b0) if k >= 0 else needed[0, 1]
+        )  # on this piece: at a jump its ends are not the neighbours'
+        n1 = _along(needed, k, b1) if k >= 0 else needed[0, 1]
+        n0, n1 = n0 + margin * (b0 - d0), n1 + margin * (b1 - d1)
         count = _clip(out, count, b0, s0 + p0 * (s1 - s0), d0, b1, s0 + p1 * (s1 - s0), d1, n0, n1)
         if a1 <= a0:
             break

@@ -107,8 +107,9 @@ def needed_in(cells: Cells, descent_s: float, needed: NDArray[np.float64], until
     low = np.interp(begin, needed[:, 0], needed[:, 1])
     least: NDArray[np.float64] = np.minimum(low[:-1], low[1:])
     where = np.searchsorted(begin, needed[:, 0], side="right") - 1
-    inside = (where >= 0) & (where < cells.length)
-    np.minimum.at(least, where[inside], needed[inside, 1])
+    for cell in (where, np.searchsorted(begin, needed[:, 0], side="left") - 1):  # at a jump between cells, in both
+        inside = (cell >= 0) & (cell < cells.length)
+        np.minimum.at(least, cell[inside], needed[inside, 1])
     least[begin[:-1] > until_s] = np.inf
     return least
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -50,12 +51,42 @@ class Costs(NamedTuple):
 
 
 @compiled
+def in_order(flights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Leave out take-offs of an arrival function after which another one is down no later.
+
+    Where a segment opens with a slot, the way round it that was begun just before may arrive later than the straight way
+    begun just after. Whoever waits for that has more charge, too.
+    """
+    last = len(flights) - 1
+    k = 0
+    while k < last and flights[k, 3] <= flights[k + 1, 1]:
+        k += 1
+    if k >= last:
+        return flights
+    out = np.empty_like(flights)
+    size = len(out)
+    earliest = math.inf
+    for i in range(last, -1, -1):
+        t0, a0, t1, a1 = flights[i]
+        if a0 >= earliest:
+            continue
+        if a1 > earliest:
+            t1, a1 = t0 + (earliest - a0) / (a1 - a0) * (t1 - t0), earliest
+        size -= 1
+        out[size, 0], out[size, 1], out[size, 2], out[size, 3] = t0, a0, t1, a1
+        earliest = a0
+    return out[size:]
+
+
+@compiled
 def land_at(
     g: NDArray[np.float64], flights: NDArray[np.float64], node: int, grounds: Grounds, costs: Costs, best_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly from a stay to a station and put the drone on its pads: profiles z and h there, empty where it cannot."""
     needed = np.array([[g[0, 0], costs.reserve]])
-    flown, size = fly_profile(g, flights, costs.soc_per_s, costs.soc_fixed, costs.margin_soc_per_s, needed, best_s)
+    flown, size = fly_profile(
+        g, in_order(flights), costs.soc_per_s, costs.soc_fixed, costs.margin_soc_per_s, needed, best_s
+    )
     if size == 0:
         return np.empty((0, 3)), np.empty((0, 3))
     low, high = grounds.queue_offset[node], grounds.queue_offset[node + 1]

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.flight_functions import arrival_functions
-from planner.flight_table import FlightTable, escape_costs, table_land, table_slot
+from planner.flight_table import table_land, table_slot
 from planner.itinerary import Hop
 from planner.profile_kernels import departure_profile, fly_profile, profile_at
 from planner.stay_kernels import Costs, land_everywhere
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from models.queue_paths import QueuePath
     from planner.itinerary import Itinerary
     from planner.problem import Problem
-    from planner.speeds import Speeds
     from planner.terrain import Terrain
 
 
@@ -67,44 +66,6 @@ def costs_of(problem: Problem, margin_soc_per_s: float) -> Costs:
     )
 
 
-def needed_at_destination(
-    problem: Problem, speeds: Speeds, margin_soc_per_s: float, until_s: float
-) -> NDArray[np.float64]:
-    """Least charge on touch-down at the destination, by time: the reserve, and the way on where it has no pads.
-
-    Parameters
-    ----------
-    problem, speeds, margin_soc_per_s
-        See `Stays`.
-    until_s : float
-        Later touch-downs do not matter.
-
-    Returns
-    -------
-    ndarray, shape (points, 2)
-        Time and SoC, linear between points and constant after the last.
-    """
-    p, out = problem, problem.escapes
-    if not p.needs_escape:
-        return np.array([[p.depart_s, p.reserve]])
-    speed = speeds.over(0, speeds.slots - 1, out)
-    none = np.zeros(1, dtype=np.int64)
-    table = FlightTable(
-        p.air.start_s, p.air.slot_s, p.air.climb_s, p.air.descent_s, none, none, p.air.distance_m[out], speed
-    )
-    ends = table.start_s + table.slot_s * np.arange(1, len(speed) + 1)
-    with np.errstate(divide="ignore"):
-        over = table.distance_m / speed + table.climb_s
-    # Between these times the cost is linear, but for where the best of several segments changes.
-    kinks = [ends - table.climb_s, *(ends - over.T), *(ends - over.T - table.descent_s)]
-    last = min(float(ends[-1]), until_s)
-    times = np.unique(np.concatenate((np.arange(p.depart_s, last + 60.0, 60.0), ends, ends - 1e-3, *kinks)))
-    times = times[(times >= p.depart_s) & (times <= last + 60.0)]
-    per_s, fixed = p.empty_cost
-    cost = escape_costs(table, np.arange(len(out)), per_s + margin_soc_per_s, fixed, times)
-    return np.column_stack((times, p.reserve + np.minimum(cost, 2.0)))
-
-
 class Stays:
     """Makes and continues stays.
 
@@ -117,7 +78,7 @@ class Stays:
     terrain : Terrain
         Where and in which wind flights are looked at.
     needed : ndarray, shape (points, 2)
-        See `needed_at_destination`.
+        See `planner.escape.needed_at_destination`.
     margin_soc_per_s : float
         A landing after T seconds in the air keeps the reserve and this much times T.
     single_segments : bool
@@ -235,7 +196,9 @@ class Stays:
         """Arrival functions from a stop to useful stations, over all slots that can matter."""
         table = self.table
         begin = stay.begin_s
-        end = min(self.best_s - float(self.least_s(begin)[stay.node]), self.terrain.horizon_s)
+        end = self.terrain.horizon_s
+        if math.isfinite(self.best_s):
+            end = min(self.best_s - float(self.least_s(begin)[stay.node]), end)
         at_once = self.leaves_at_once(stay)
         if at_once:
             end = begin
@@ -290,7 +253,8 @@ class Stays:
         flown, count = fly_profile(
             stay.g, pieces, costs.soc_per_s, costs.soc_fixed, costs.margin_soc_per_s, self._needed, self.best_s
         )
-        return (float(flown[0, 0]), float(flown[0, 2])) if count else (math.inf, math.nan)
+        first = int(np.argmin(flown[:count, 0])) if count else 0
+        return (float(flown[first, 0]), float(flown[first, 2])) if count else (math.inf, math.nan)
 
     def trace(self, path: Sequence[Stay], leave_s: float) -> Itinerary:
         """Turn a chain of stays and the last take-off back into decisions."""
@@ -348,9 +312,10 @@ class Stays:
 
 def only_at(pieces: NDArray[np.float64], take_off_s: float) -> NDArray[np.float64]:
     """Narrow pieces of an arrival function, shape (pieces, 4), to one take-off."""
-    chosen = pieces[(pieces[:, 0] <= take_off_s) & (pieces[:, 2] >= take_off_s)][:1]
+    chosen = pieces[(pieces[:, 0] <= take_off_s) & (pieces[:, 2] >= take_off_s)]
     if not len(chosen):
         return chosen
-    t0, a0, t1, a1 = chosen[0]
-    arrive = a0 + (a1 - a0) * (take_off_s - t0) / (t1 - t0) if t1 > t0 else a0
+    arrive = min(
+        a0 + (a1 - a0) * (take_off_s - t0) / (t1 - t0) if t1 > t0 else a0 for t0, a0, t1, a1 in chosen.tolist()
+    )
     return np.array([[take_off_s, arrive, take_off_s, arrive]])

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grid_oracle import GridOracle
+from referee_grid import Grid
 from worlds import DEPART, make_request, make_wind, make_world
 
 from models.errors import NoRouteError
@@ -157,7 +157,7 @@ def small(seed, **world):
 
 def close_to_the_grid(time_s, problem, queues, **changes):
     """Compare with an independent search on a grid of times, an upper bound; true where both find nothing."""
-    grid = GridOracle(problem, queues, **changes).delivery_time_s()
+    grid = Grid(problem, queues, **changes).delivery_time_s()
     if math.isinf(time_s):
         return math.isinf(grid)
     return (math.isinf(grid) and time_s > 6.5 * 3600.0) or -1e-3 <= grid - time_s <= 60.0 + 0.01 * time_s
