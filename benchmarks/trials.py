@@ -20,7 +20,8 @@ from planner.evaluate import (
     sample_truths,
     summarise,
 )
-from planner.itinerary import fly_sampled, outcome
+from planner.itinerary import fly_sampled
+from planner.outcome import outcome
 from planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, plan
 from planner.problem import HORIZON_H, Problem
 from planner.rolling import RollingRobust
@@ -35,7 +36,8 @@ if TYPE_CHECKING:
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
     from planner.evaluate import Truths
-    from planner.itinerary import Itinerary, Outcome
+    from planner.itinerary import Itinerary
+    from planner.outcome import Outcome
     from planner.request import Request
 
     Floats: TypeAlias = NDArray[np.float64]

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import json
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from models import composition_schema as schema
 from models.errors import Fault, InputError, one_line
+from models.figure import Figure
 from models.files import read_text, write_atomically
-from models.services import ArrivalDistribution, Composition, DroneService, Place, Stop, Wind
+from models.services import ArrivalDistribution, Composition, DroneService, LegSegment, Place, Stop, Wind
 from models.units import J_PER_WH, iso, parse_instant
 
 if TYPE_CHECKING:
@@ -68,9 +70,15 @@ def to_json(composition: Composition) -> dict[str, Any]:
             "mean": _iso_or_none(c.arrival.mean),
             "p50": _iso_or_none(c.arrival.p50),
             "p95": _iso_or_none(c.arrival.p95),
+            "delivery_mean_s": _figure_json(c.arrival.delivery_mean),
+            "delivery_p50_s": _figure_json(c.arrival.delivery_p50),
+            "delivery_p95_s": _figure_json(c.arrival.delivery_p95),
+            "runs": c.arrival.runs,
         },
         "on_time_probability": c.on_time_probability,
+        "on_time": _figure_json(c.on_time),
         "success_probability": c.success_probability,
+        "success": _figure_json(c.success),
         "planning_time_s": c.planning_time_s,
         "notes": list(c.notes),
     }
@@ -93,11 +101,35 @@ def _leg_json(service: DroneService) -> dict[str, Any]:
         "soc_arrive": service.soc_arrive,
         "p_reserve": service.p_reserve,
         "p_hold": service.p_hold,
-        "wind": {"speed_mps": service.wind.speed_mps, "from_deg": service.wind.from_deg},
+        "p_hold_room": service.p_hold_room,
+        "wind": _wind_json(service.wind),
+        "course_wind": None if service.course_wind is None else _wind_json(service.course_wind),
         "tailwind_mps": service.tailwind_mps,
         "crosswind_mps": service.crosswind_mps,
+        "segments": [
+            {
+                "to": segment.head,
+                "distance_m": segment.distance_m,
+                "bearing_deg": segment.bearing_deg,
+                "wind": _wind_json(segment.wind),
+                "tailwind_mps": segment.tailwind_mps,
+                "crosswind_mps": segment.crosswind_mps,
+            }
+            for segment in service.segments
+        ],
         "diverts": list(service.diverts),
     }
+
+
+def _wind_json(wind: Wind) -> dict[str, float | None]:
+    return {"speed_mps": wind.speed_mps, "p10_mps": wind.p10_mps, "p90_mps": wind.p90_mps, "from_deg": wind.from_deg}
+
+
+def _figure_json(figure: Figure | None) -> dict[str, float] | None:
+    if figure is None:
+        return None
+    parts = {"value": figure.value, "low": figure.low, "high": figure.high}
+    return parts | {"standard_error": figure.error, "seed_error": figure.seed_error}
 
 
 def _stop_json(stop: Stop) -> dict[str, Any]:
@@ -106,6 +138,7 @@ def _stop_json(stop: Stop) -> dict[str, Any]:
         "arrive": iso(stop.arrive),
         "wait_s": stop.wait_s,
         "hold_s": stop.hold_s,
+        "hold_room_s": stop.hold_room_s,
         "p_pad_free": stop.p_pad_free,
         "recharge_s": stop.recharge_s,
         "soc_from": stop.soc_from,
@@ -140,103 +173,10 @@ def load(path: Path) -> Composition:
     return from_json(read_text(path, max_bytes=MAX_BYTES), file=str(path))
 
 
-_Soc = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
-_Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
-_Positive = Annotated[float, msgspec.Meta(gt=0.0)]
-_NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
-_Bearing = Annotated[float, msgspec.Meta(ge=0.0, le=360.0)]
-_Lat = Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
-_Lon = Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)]
-
-
-class _Scenario(msgspec.Struct):
-    path: str | None = None
-    sha256: str | None = None
-
-
-class _Place(msgspec.Struct):
-    lat: _Lat
-    lon: _Lon
-    elevation_m: float | None = None
-    name: str | None = None
-    pads: Annotated[int, msgspec.Meta(ge=0)] = 0
-
-
-class _Wind(msgspec.Struct):
-    speed_mps: _NotNegative
-    from_deg: _Bearing
-
-
-class _Leg(msgspec.Struct, rename={"origin": "from", "destination": "to"}):
-    origin: str
-    destination: str
-    distance_m: _NotNegative
-    bearing_deg: _Bearing
-    ground_speed_mps: _Positive
-    depart: str
-    arrive: str
-    energy_wh: _NotNegative
-    soc_depart: _Soc
-    soc_arrive: _Soc
-    wind: _Wind
-    id: str = ""
-    via: list[str] = []
-    p_reserve: _Fraction | None = None
-    p_hold: _Fraction | None = None
-    tailwind_mps: float = 0.0
-    crosswind_mps: float = 0.0
-    diverts: list[str] = []
-
-
-class _Stop(msgspec.Struct):
-    station: str
-    arrive: str
-    wait_s: _NotNegative
-    hold_s: _NotNegative
-    recharge_s: _NotNegative
-    soc_from: _Soc
-    soc_to: _Soc
-    p_pad_free: _Fraction | None = None
-
-
-class _Arrival(msgspec.Struct):
-    mean: str | None = None
-    p50: str | None = None
-    p95: str | None = None
-
-
-class _Composition(msgspec.Struct, rename={"origin": "from", "destination": "to"}):
-    schema: str
-    planner: str
-    drone: str
-    payload_kg: _NotNegative
-    airspeed_mps: _Positive
-    cruise_height_m: _Positive
-    reserve_soc: _Fraction
-    depart: str
-    stations: dict[str, _Place]
-    legs: list[_Leg]
-    stops: list[_Stop]
-    origin: str = ""
-    destination: str = ""
-    id: str = ""
-    scenario: _Scenario = msgspec.field(default_factory=_Scenario)
-    drone_parameters: dict[str, float | str | None] = {}
-    max_ground_speed_mps: _Positive = 20.0
-    climb_rate_mps: _Positive = 5.0
-    descent_rate_mps: _Positive = 3.0
-    seed: int | None = None
-    arrival: _Arrival = msgspec.field(default_factory=_Arrival)
-    on_time_probability: _Fraction | None = None
-    success_probability: _Fraction | None = None
-    planning_time_s: _NotNegative = 0.0
-    notes: list[str] = []
-
-
 def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
     """Read a composition from JSON text; `file` is named in errors (`InputError`)."""
     try:
-        raw = msgspec.json.decode(data, type=_Composition)
+        raw = msgspec.json.decode(data, type=schema.Composition)
     except (msgspec.ValidationError, msgspec.DecodeError, RecursionError, UnicodeError) as error:
         raise InputError(Fault(f"not a {SCHEMA} file: {error}", file, remedy="write one with skyway plan -o")) from None
     if raw.schema != SCHEMA:
@@ -273,6 +213,10 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
             mean=instant_or_none(raw.arrival.mean, "arrival.mean"),
             p50=instant_or_none(raw.arrival.p50, "arrival.p50"),
             p95=instant_or_none(raw.arrival.p95, "arrival.p95"),
+            delivery_mean=_figure(raw.arrival.delivery_mean_s),
+            delivery_p50=_figure(raw.arrival.delivery_p50_s),
+            delivery_p95=_figure(raw.arrival.delivery_p95_s),
+            runs=raw.arrival.runs,
         ),
         planning_time_s=raw.planning_time_s,
         seed=raw.seed,
@@ -281,10 +225,20 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
         on_time_probability=raw.on_time_probability,
         success_probability=raw.success_probability,
         notes=tuple(raw.notes),
+        success=_figure(raw.success),
+        on_time=_figure(raw.on_time),
     )
 
 
-def _service(leg: _Leg, number: int, file: str) -> DroneService:
+def _figure(raw: schema.Figure | None) -> Figure | None:
+    return None if raw is None else Figure(raw.value, raw.low, raw.high, raw.standard_error, raw.seed_error)
+
+
+def _wind(raw: schema.Wind) -> Wind:
+    return Wind(raw.speed_mps, raw.from_deg, raw.p10_mps, raw.p90_mps)
+
+
+def _service(leg: schema.Leg, number: int, file: str) -> DroneService:
     return DroneService(
         id=leg.id or f"leg-{number}",
         origin=leg.origin,
@@ -300,14 +254,20 @@ def _service(leg: _Leg, number: int, file: str) -> DroneService:
         soc_arrive=leg.soc_arrive,
         p_reserve=leg.p_reserve,
         p_hold=leg.p_hold,
-        wind=Wind(leg.wind.speed_mps, leg.wind.from_deg),
+        wind=_wind(leg.wind),
         tailwind_mps=leg.tailwind_mps,
         crosswind_mps=leg.crosswind_mps,
         diverts=tuple(leg.diverts),
+        p_hold_room=leg.p_hold_room,
+        course_wind=None if leg.course_wind is None else _wind(leg.course_wind),
+        segments=tuple(
+            LegSegment(one.head, one.distance_m, one.bearing_deg, _wind(one.wind), one.tailwind_mps, one.crosswind_mps)
+            for one in leg.segments
+        ),
     )
 
 
-def _stop(stop: _Stop, number: int, file: str) -> Stop:
+def _stop(stop: schema.Stop, number: int, file: str) -> Stop:
     return Stop(
         station=stop.station,
         arrive=parse_instant(stop.arrive, field=f"stops[{number}].arrive", file=file),
@@ -317,6 +277,7 @@ def _stop(stop: _Stop, number: int, file: str) -> Stop:
         soc_from=stop.soc_from,
         soc_to=stop.soc_to,
         p_pad_free=stop.p_pad_free,
+        hold_room_s=stop.hold_room_s,
     )
 
 
@@ -335,7 +296,7 @@ def _check_order(services: tuple[DroneService, ...], file: str) -> None:
         raise InputError(faults)
 
 
-def _check_references(raw: _Composition, file: str) -> None:
+def _check_references(raw: schema.Composition, file: str) -> None:
     if not raw.legs:
         raise InputError(Fault("has no legs", file, field="legs"))
     named = [(f"legs[{i}]", key) for i, leg in enumerate(raw.legs) for key in (leg.origin, *leg.via, leg.destination)]
@@ -344,6 +305,12 @@ def _check_references(raw: _Composition, file: str) -> None:
         Fault("names a station that is not in stations", file, field=where, value=key)
         for where, key in named
         if key not in raw.stations
+    ]
+    faults += [
+        Fault("are not those of its via and to", file, field=f"legs[{i}].segments", value=segment.head)
+        for i, leg in enumerate(raw.legs)
+        if leg.segments and [one.head for one in leg.segments] != [*leg.via, leg.destination]
+        for segment in leg.segments[:1]
     ]
     faults += [
         Fault("must be one line of plain text", file, field="stations", value=key)

@@ -15,6 +15,8 @@ from models.units import iso
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from models.figure import Figure
+
 Recharge = Literal["full", "enough"]
 
 
@@ -41,25 +43,87 @@ class Place:
     pads: int = 0
 
 
+CALM_MPS = 0.05
+"""Weaker winds have no direction."""
+
+
 @dataclass(frozen=True, slots=True)
 class Wind:
-    """Wind as people say it.
+    """Wind as people say it: one wind, or those that may blow.
 
     Attributes
     ----------
     speed_mps : float
-        Metres per second.
-    from_deg : float
-        Where it blows FROM, degrees clockwise from true north.
+        Metres per second; the mean of those that may blow.
+    from_deg : float or None
+        Where it blows FROM, degrees clockwise from true north; None is variable.
+    p10_mps, p90_mps : float or None
+        Speeds that 10 and 90 % of the winds do not exceed; None: one wind.
     """
 
     speed_mps: float
-    from_deg: float
+    from_deg: float | None
+    p10_mps: float | None = None
+    p90_mps: float | None = None
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is one wind; else its figures have no more digits than a forecast is sure of."""
+        if self.p10_mps is None or self.p90_mps is None:
+            return True
+        return self.p90_mps - self.p10_mps < CALM_MPS and (self.from_deg is not None or self.p90_mps < CALM_MPS)
+
+    @property
+    def range_text(self) -> str:
+        """Speeds for people without unit: ``8 (5 to 11)``, or ``7.5`` where it is one wind."""
+        if self.certain or self.p10_mps is None or self.p90_mps is None:
+            return f"{self.speed_mps:.1f}"
+        return f"{self.speed_mps:.0f} ({self.p10_mps:.0f} to {self.p90_mps:.0f})"
+
+    @property
+    def direction_text(self) -> str:
+        """Direction for people: ``203°``, to ten degrees (``200°``) where it is not certain, or ``variable``."""
+        if self.from_deg is None:
+            return "variable"
+        step = 1 if self.certain else 10
+        return f"{round(self.from_deg / step) * step % 360:03d}°"
+
+    def __str__(self) -> str:
+        """``8 (5 to 11) m/s from 200°``; ``8 (5 to 11) m/s, variable direction``; ``7.5 m/s from 203°``; ``calm``."""
+        if max(self.speed_mps, self.p90_mps or 0.0) < CALM_MPS:
+            return "calm"
+        if self.from_deg is None:
+            return f"{self.range_text} m/s, variable direction"
+        return f"{self.range_text} m/s from {self.direction_text}"
+
+
+@dataclass(frozen=True, slots=True)
+class LegSegment:
+    """One segment of a leg.
+
+    Attributes
+    ----------
+    head : str
+        Station that it leads to.
+    distance_m, bearing_deg : float
+        Its length and initial bearing.
+    wind : Wind
+        Forecast for the time and height at which it is flown.
+    tailwind_mps, crosswind_mps : float
+        Mean components of the forecast along it (tailwind positive) and across it (from the left positive).
+    """
+
+    head: str
+    distance_m: float
+    bearing_deg: float
+    wind: Wind
+    tailwind_mps: float
+    crosswind_mps: float
 
 
 @dataclass(frozen=True, slots=True)
 class DroneService:
-    """One flight of the drone (Definition 1): function and qualities, on the nominal course.
+    """One flight of the drone (Definition 1): function and qualities, on the typical course.
 
     Attributes
     ----------
@@ -83,12 +147,19 @@ class DroneService:
         State of charge, 0 to 1.
     p_reserve : float or None
         Probability that the landing keeps the reserve; None is unknown.
-    p_hold : float or None
-        Probability that the wind holds the drone on the ground at `depart`; None is unknown.
+    p_hold, p_hold_room : float or None
+        Probabilities that the drone, ready to leave, holds on the ground before the flight: for the wind, and for room at
+        the station where it lands; None is unknown.
     wind : Wind
-        At cruise height, averaged over the flight.
+        Forecast for the time and height at which the leg is flown.
     tailwind_mps, crosswind_mps : float
-        Components of that wind along (tailwind positive) and across (from the left positive) the course.
+        Mean components of the forecast along (tailwind positive) and across (from the left positive) the course; of a leg
+        that bends the mean over its segments, by time.
+    segments : tuple of LegSegment
+        In order; empty is unknown.
+    course_wind : Wind or None
+        The wind of the typical course itself, averaged as a vector over the flight: times, ground speed and charge are
+        those in it. None is unknown.
     diverts : tuple of str
         Stations that stay in reach along the flight, nearest first.
     """
@@ -111,6 +182,9 @@ class DroneService:
     p_reserve: float | None = None
     p_hold: float | None = None
     diverts: tuple[str, ...] = ()
+    p_hold_room: float | None = None
+    segments: tuple[LegSegment, ...] = ()
+    course_wind: Wind | None = None
 
     @property
     def flight_time_s(self) -> float:
@@ -120,7 +194,7 @@ class DroneService:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """A stay at a station between two services, on the nominal course.
+    """A stay at a station between two services, on the typical course.
 
     Attributes
     ----------
@@ -132,8 +206,8 @@ class Stop:
         Wait for a free pad.
     recharge_s : float
         Time on the pad while charging.
-    hold_s : float
-        Further stay, charged, for better wind or a later queue.
+    hold_s, hold_room_s : float
+        Further stay, charged; the part of it that is for room at the next station. The rest is for the wind.
     soc_from, soc_to : float
         State of charge on arrival and on leaving.
     p_pad_free : float or None
@@ -148,6 +222,7 @@ class Stop:
     soc_from: float
     soc_to: float
     p_pad_free: float | None = None
+    hold_room_s: float = 0.0
 
     @property
     def leave(self) -> datetime:
@@ -157,11 +232,25 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class ArrivalDistribution:
-    """When the package arrives, over the forecast (None: unknown)."""
+    """When the package arrives, over the forecast (None: unknown), and how sure each figure is.
+
+    Attributes
+    ----------
+    mean, p50, p95 : datetime or None
+        Mean arrival, and when half and 95 % of the deliveries have arrived.
+    delivery_mean, delivery_p50, delivery_p95 : Figure or None
+        The same as delivery times, s, and how sure they are; None where nothing was sampled.
+    runs : int or None
+        Simulated deliveries behind them.
+    """
 
     mean: datetime | None
     p50: datetime | None
     p95: datetime | None
+    delivery_mean: Figure | None = None
+    delivery_p50: Figure | None = None
+    delivery_p95: Figure | None = None
+    runs: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +293,10 @@ class Composition:
         Over the forecast.
     planning_time_s : float
         Wall time of the planner, set-up excluded.
+    success_probability, on_time_probability : float or None
+        That every landing keeps the reserve, and that the package arrives by the deadline; None is unknown.
+    success, on_time : Figure or None
+        How sure these are; None where nothing was sampled.
     """
 
     id: str
@@ -231,10 +324,12 @@ class Composition:
     on_time_probability: float | None = None
     success_probability: float | None = None
     notes: tuple[str, ...] = ()
+    success: Figure | None = None
+    on_time: Figure | None = None
 
     @property
     def arrive(self) -> datetime:
-        """Touch-down at the destination on the nominal course."""
+        """Touch-down at the destination on the typical course."""
         return self.services[-1].arrive if self.services else self.depart
 
     @property

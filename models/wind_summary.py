@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from models.services import CALM_MPS, Wind
 from models.weighted import weighted_quantile
 from models.wind import height_factor, speed_from, vector
 
@@ -28,8 +29,6 @@ SECTOR_DEG = 90.0
 """Width of the sector within which winds count as blowing from one direction."""
 PREVAILS = 0.5
 """A direction prevails where more than this share of the winds comes from one sector; below, the direction is variable."""
-CALM_MPS = 0.05
-"""Weaker winds have no direction."""
 
 
 class Passage(NamedTuple):
@@ -81,32 +80,13 @@ class WindSummary:
         return self.north_mps * cos + self.east_mps * sin, self.east_mps * cos - self.north_mps * sin
 
     @property
-    def certain(self) -> bool:
-        """Whether only one wind may blow; else figures have no more digits than a forecast is sure of."""
-        return self.p90_mps - self.p10_mps < CALM_MPS and self.sector_share > 1.0 - 1e-9
-
-    @property
-    def speed_text(self) -> str:
-        """Speed for people: ``8 (5 to 11) m/s``, or ``7.5 m/s`` where it is certain."""
-        if self.certain:
-            return f"{self.mean_mps:.1f} m/s"
-        return f"{self.mean_mps:.0f} ({self.p10_mps:.0f} to {self.p90_mps:.0f}) m/s"
-
-    @property
-    def direction_text(self) -> str:
-        """Prevailing direction for people: ``200°``, to ten degrees where it is not certain, or ``variable``."""
-        if self.from_deg is None:
-            return "variable"
-        step = 1 if self.certain else 10
-        return f"{round(self.from_deg / step) * step % 360:03d}°"
+    def wind(self) -> Wind:
+        """The same as a plan and its file have it."""
+        return Wind(self.mean_mps, self.from_deg, self.p10_mps, self.p90_mps)
 
     def __str__(self) -> str:
-        """``8 (5 to 11) m/s from 200°``; ``8 (5 to 11) m/s, variable direction``; ``calm``."""
-        if self.p90_mps < CALM_MPS:
-            return "calm"
-        if self.from_deg is None:
-            return f"{self.speed_text}, variable direction"
-        return f"{self.speed_text} from {self.direction_text}"
+        """``8 (5 to 11) m/s from 200°``; see `models.services.Wind`."""
+        return str(self.wind)
 
 
 def summarise_wind(

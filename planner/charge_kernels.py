@@ -14,8 +14,10 @@ import numpy as np
 from models.compiled import compiled, compiled_lean
 from models.flight_kernels import NEVER, next_opening, slot_end, slot_of
 from planner.course_kernels import (
+    COLUMNS,
     PAD,
     READY,
+    ROOM,
     SOC_DOWN,
     SOC_OFF,
     TAKE_OFF,
@@ -81,15 +83,17 @@ def _leave(
     curve: tuple[NDArray[np.float64], NDArray[np.float64]],
     room: tuple[Room, int, Queues, Present, int],
     table: NDArray[np.float64],
-) -> tuple[float, float, float, float, float]:
-    """Find when the drone leaves a stop by the rule: (pad or landing, ready but for the wind, take-off, charge, need).
+) -> tuple[float, float, float, float, float, float]:
+    """Find when the drone leaves a stop by the rule: (pad or landing, ready, take-off, charge, need, held for room).
 
-    The take-off is infinite where the rule never lets it leave.
+    From when it is ready to the take-off it holds: for room at the next station so many seconds, else for wind that it may
+    fly in or that its battery is enough for. The take-off is infinite where the rule never lets it leave.
     """
     curve_s, curve_soc = curve
     u = interpolate(stop.soc, curve_soc, curve_s)
     at = stop.now_s
     ready = at
+    for_room = 0.0
     charging = False
     for _ in range(_CHANGES):
         base = energy_about(known, row, truth, member, segments, at, cost, table)
@@ -109,14 +113,18 @@ def _leave(
             if opening > at + 1e-6:
                 at = opening
             elif looks.most < 1.0 and not stop.at_once and not is_room(looks, hop, queues, there, entry, at, flight):
-                at = next_look(looks, hop, queues, there, entry, at, flight, next_change(truth, at))
+                looked = next_look(looks, hop, queues, there, entry, at, flight, next_change(truth, at))
+                for_room += looked - at
+                at = looked
             else:
-                return stop.pad_s if charging else stop.now_s, min(ready, at), at, level, base
+                pad = stop.pad_s if charging else stop.now_s
+                return pad, min(ready, at), at, level, base, for_room
             continue
         reached = NEVER
         if wanted <= curve_soc[-1]:
             reached = stop.pad_s + interpolate(wanted, curve_soc, curve_s) - u
             ready = max(reached, at)
+            for_room = 0.0  # what it held before, it charged in
         edge = slot_end(truth, slot_of(truth, at))
         if reached <= edge:
             at = max(reached, at + 1e-3)
@@ -124,7 +132,7 @@ def _leave(
             break
         else:
             at = edge
-    return stop.now_s, ready, NEVER, stop.soc, 0.0
+    return stop.now_s, ready, NEVER, stop.soc, 0.0, 0.0
 
 
 @compiled
@@ -172,14 +180,14 @@ def fly_by_need(
 
     Returns
     -------
-    course : ndarray, shape (runs, hops, 6)
+    course : ndarray, shape (runs, hops, 7)
         As `fly_under`; infinite from the hop on that is never flown.
     strain : ndarray, shape (runs, hops)
         Energy that the flight took as a share of what the rule without its margin charges for; 0 where not flown.
     """
     count = len(landing)
     runs = len(member)
-    out = np.full((runs, count, 6), NEVER)
+    out = np.full((runs, count, COLUMNS), NEVER)
     strain = np.zeros((runs, count))
     sampled = len(queues.offset) > 1
     nobody = Room(room.pads, room.spots, room.arrivals_per_s, room.services_per_s, 1.0)
@@ -200,7 +208,7 @@ def fly_by_need(
             stop = Stop(now, soc, pad, landing[hop], error, at_once and first, first)
             curve = hops.curve_s[hop], hops.curve_soc[hop]
             looks = room if sampled and hop < count - 1 else nobody
-            pad, ready, off, level, base = _leave(
+            pad, ready, off, level, base, for_room = _leave(
                 known,
                 row[run],
                 truth,
@@ -214,7 +222,7 @@ def fly_by_need(
             )
             if off == NEVER:
                 break
-            out[run, hop, PAD], out[run, hop, READY] = pad, ready
+            out[run, hop, PAD], out[run, hop, READY], out[run, hop, ROOM] = pad, ready, for_room
             out[run, hop, TAKE_OFF], out[run, hop, SOC_OFF] = off, level
             now = gusty_land(truth, member[run], segments, off, sky.gust_key[run], sky.gust_sd, sky.gust_time_s)
             used = sky.energy[run] * (cost[1] + cost[0] * (now - off))

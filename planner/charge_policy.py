@@ -18,14 +18,16 @@ from models.queue_paths import pack
 from models.wind_ensemble import evenly
 from models.wind_field import ResidualModel
 from planner.charge_kernels import fly_by_need
-from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, fly_under, no_queues
-from planner.evaluation_kernels import Sky
-from planner.itinerary import hops_of, no_waits, outcome, stop_nodes
+from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues
+from planner.evaluation_kernels import Sky, plain_sky
+from planner.itinerary import fly_as_it_stands, hops_of, no_waits, stop_nodes
 from planner.need_kernels import Known, need_tables
 from planner.no_route import grounded_leg, never_leaves
+from planner.outcome import outcome
 from planner.outlook import Outlook
 from planner.outlook_kernels import escape_cost
 from planner.room import present_in, room_at
+from planner.typical import Runs, typical_course
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +38,8 @@ if TYPE_CHECKING:
     from models.queue_paths import QueuePath
     from models.wind_forecast import WindEnsemble
     from planner.evaluation_truths import Errors
-    from planner.itinerary import Itinerary, Outcome
+    from planner.itinerary import Itinerary
+    from planner.outcome import Outcome
     from planner.problem import Problem
 
 APART_DAYS = 2
@@ -44,10 +47,10 @@ APART_DAYS = 2
 BANDWIDTH = 1.5
 """Of the kernel, in standard deviations times the number of members to the power -1/5. For normal data it would be 1.06;
 the wind's changes from hour to hour have heavier tails. Chosen on held-out days: the reserve is kept in 999 of 1,000."""
-QUEUES = 32
-"""Sampled sets of queues in a rehearsal."""
 CHOOSING, PROMISING = range(2)
 """Sets of worlds: those in which routes are compared, and others in which is counted what the chosen one promises."""
+QUEUES = (32, 128)
+"""Sampled sets of queues in each: what is promised is told to people, and its error is mostly that of the queues."""
 _GUSTS = 0x47
 
 
@@ -103,25 +106,38 @@ def rehearsed_worlds(
     count = len(problem.probability)
     chosen = evenly(count, count if most_truths is None else most_truths)
     members = np.repeat(chosen, max(1, round(runs / len(chosen))))
-    sample = np.arange(len(members)) % QUEUES
-    nodes = stop_nodes(problem, itinerary)
-    sets = [problem.queue_paths(dict.fromkeys(nodes), worlds * QUEUES + number) for number in range(QUEUES)]
+    sample = np.arange(len(members)) % QUEUES[worlds]
+    paths = queue_sets(problem, itinerary, worlds)
     rng = np.random.default_rng((problem.request.seed, _GUSTS, worlds))
     table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
     energy = np.asarray(1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0), dtype=np.float64)
-    sky = Sky(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s)
-    return members, sky, [found[node] for found in sets for node in nodes]
+    return members, Sky(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s), paths
 
 
-def rehearse_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Outcome:
-    """What becomes of an itinerary flown as it stands in the worlds in which is counted what a `ChargePolicy` promises."""
+def queue_sets(problem: Problem, itinerary: Itinerary, worlds: int) -> list[QueuePath]:
+    """Sampled queues at the stop before each flight, in order (set, hop)."""
+    nodes = stop_nodes(problem, itinerary)
+    first = sum(QUEUES[:worlds])
+    sets = problem.queue_sets(nodes, range(first, first + QUEUES[worlds]))
+    return [found[node] for found in sets for node in nodes]
+
+
+def rehearse_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Runs:
+    """Fly an itinerary as it stands in the worlds in which is counted what a `ChargePolicy` promises."""
     members, sky, paths = rehearsed_worlds(problem, itinerary, errors, runs, worlds=PROMISING)
-    start = (float(problem.depart_s), float(problem.soc))
-    cost = (float(problem.soc_per_s), float(problem.soc_fixed))
-    hops, queues = hops_of(problem, itinerary), Queues(*pack(paths))
-    course = fly_under(sky, problem.air, members, hops, queues, no_waits(len(itinerary)), start, cost)
+    course = fly_as_it_stands(problem, itinerary, members, sky, paths)
     weight = problem.probability[members]
-    return outcome(problem, course, weight / weight.sum())
+    return Runs(course, weight / weight.sum(), members, sky.queue)
+
+
+def typical_fixed(problem: Problem, itinerary: Itinerary, runs: Runs) -> tuple[int, NDArray[np.float64]]:
+    """Choose the typical course of an itinerary that is flown as it stands; see `planner.typical`."""
+    paths = queue_sets(problem, itinerary, PROMISING)
+
+    def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
+        return fly_as_it_stands(problem, itinerary, members, plain_sky(len(members))._replace(queue=queues), paths)
+
+    return typical_course(runs, problem.reserve, fly)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +149,7 @@ class ChargePolicy:
     problem : Problem
         With the forecast at the time of planning.
     itinerary : Itinerary
-        The flights; ``charge_to`` is the charge of the nominal course.
+        The flights; ``charge_to`` is the charge of the typical course.
     known : Known
         The rule.
     most_full : float
@@ -258,28 +274,21 @@ class ChargePolicy:
         tables = before.tables if before is not None else need_tables(p.air, len(self))
         course, strain = self.fly(p, sky, members, paths, share=left_out(p.ensemble), tables=tables)
         weight = p.probability[members]
-        return Rehearsal(course, strain, weight / weight.sum(), members, tables)
+        return Rehearsal(course, weight / weight.sum(), members, sky.queue, strain, tables)
 
-    def nominal(self, before: Rehearsal) -> tuple[int, NDArray[np.float64]]:
-        """Member of the median arrival and the course in it, with expected waits and without gusts, shape (hops, 6).
+    def typical(self, before: Rehearsal) -> tuple[int, NDArray[np.float64]]:
+        """Choose the typical course: (member, course of shape (hops, 7)); see `planner.typical`.
 
-        `before` is of the same flights; its tables are used again. Where no member arrives with expected waits, it is the run
-        of `before` with the median arrival.
+        `before` is of the same flights, in the worlds of ``PROMISING``; its tables are used again.
         """
         p = self.problem
-        nodes = stop_nodes(p, self.itinerary)
-        p.waits.need(nodes)
-        waits = Waits(p.waits.start_s, p.waits.step_s, p.waits.wait_s[nodes])
-        members = np.arange(len(p.probability))
-        still = Sky(members, np.ones(len(members)), np.zeros(len(members), dtype=np.uint64), 0.0, 1.0)
-        course, _ = self.fly(p, still, members, (), share=left_out(p.ensemble), waits=waits, tables=before.tables)
-        arrival = course[:, -1, TOUCH_DOWN]
-        arrives = np.flatnonzero(np.isfinite(arrival))
-        if not len(arrives):
-            run = _median_run(before.arrival_s, before.weight)
-            return int(before.member[run]), before.course[run]
-        member = _median_run(arrival, p.probability)
-        return member, course[member]
+        paths, share = queue_sets(p, self.itinerary, PROMISING), left_out(p.ensemble)
+
+        def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
+            sky = plain_sky(len(members))._replace(queue=queues)
+            return self.fly(p, sky, members, paths, share=share, tables=before.tables)[0]
+
+        return typical_course(before, p.reserve, fly)
 
     def grounded(self, rehearsal: Rehearsal) -> NoRouteError:
         """Say why no run of a rehearsal of this policy arrives."""
@@ -291,7 +300,7 @@ class ChargePolicy:
         return never_leaves(self.problem, self.itinerary, leg, required)
 
     def with_charges(self, course: NDArray[np.float64]) -> ChargePolicy:
-        """The same policy whose itinerary names the charges of a course, shape (hops, 6)."""
+        """The same policy whose itinerary names the charges of a course, shape (hops, 7)."""
         p = self.problem
         hops = []
         before = p.soc
@@ -303,36 +312,19 @@ class ChargePolicy:
         return replace(self, itinerary=tuple(hops))
 
 
-def _median_run(arrival_s: NDArray[np.float64], weight: NDArray[np.float64]) -> int:
-    """Run with the median arrival of those that arrive."""
-    arrives = np.flatnonzero(np.isfinite(arrival_s))
-    order = arrives[np.argsort(arrival_s[arrives], kind="stable")]
-    half = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight[order].sum())
-    return int(order[min(int(half), len(order) - 1)])
-
-
 @dataclass(frozen=True, eq=False)
-class Rehearsal:
-    """A policy flown out of sample.
+class Rehearsal(Runs):
+    """A policy flown out of sample, each member the truth of some runs.
 
     Attributes
     ----------
-    course : ndarray, shape (runs, hops, 6)
-        See `planner.course_kernels`.
     strain : ndarray, shape (runs, hops)
         Energy of each flight as a share of what it was charged for.
-    weight : ndarray, shape (runs,)
-        Probability of each run.
-    member : ndarray of int, shape (runs,)
-        The truth of each run.
     tables : ndarray
         See `planner.need_kernels.need_tables`.
     """
 
-    course: NDArray[np.float64]
     strain: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    member: NDArray[np.int64]
     tables: NDArray[np.float64]
 
     @property
@@ -356,7 +348,7 @@ class Rehearsal:
 
     def outcome(self, problem: Problem) -> Outcome:
         """Sum the runs up."""
-        return outcome(problem, self.course, self.weight)
+        return outcome(problem, self.course, self.weight, (self.member, self.queue))
 
 
 def margin_for(rehearsals: Sequence[Rehearsal], epsilon: float) -> float:

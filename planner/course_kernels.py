@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from models.flight import Air
     from planner.evaluation_kernels import Sky
 
-PAD, TAKE_OFF, TOUCH_DOWN, SOC_OFF, SOC_DOWN, READY = range(6)
+PAD, TAKE_OFF, TOUCH_DOWN, SOC_OFF, SOC_DOWN, READY, ROOM = range(COLUMNS := 7)
 """Columns of what `fly_under` returns: pad reached (the arrival where no pad is used), take-off, touch-down, charge at both,
-and when the drone would have left but for the wind."""
+when the drone was ready to leave, and for how long after that it held until the next station had room, s. The rest of the
+time from ready to take-off it held for the wind."""
 
 
 class Hops(NamedTuple):
@@ -133,11 +134,11 @@ def fly_under(
 
     Returns
     -------
-    ndarray, shape (runs, hops, 6)
+    ndarray, shape (runs, hops, 7)
         See the column names of this module; infinite from the hop on that the wind never opens for.
     """
     count = len(hops.charge_to)
-    out = np.full((len(members), count, 6), NEVER)
+    out = np.full((len(members), count, COLUMNS), NEVER)
     sampled = len(queues.offset) > 1
     for run in range(len(members)):
         now, soc = start
@@ -170,6 +171,7 @@ def fly_under(
                 off,
                 soc,
             )
+            out[run, hop, ROOM] = 0.0
             now = gusty_land(air, members[run], segments, off, sky.gust_key[run], sky.gust_sd, sky.gust_time_s)
             soc -= sky.energy[run] * (cost[1] + cost[0] * (now - off))
             out[run, hop, TOUCH_DOWN], out[run, hop, SOC_DOWN] = now, soc

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.flight_kernels import next_opening
-from planner.course_kernels import PAD, SOC_DOWN, SOC_OFF, TOUCH_DOWN
+from planner.course_kernels import COLUMNS, PAD, ROOM, SOC_DOWN, SOC_OFF, TOUCH_DOWN
 from planner.evaluation_flights import DELIVERED, GAVE_UP, Flown, courses, pooled, tally
 from planner.evaluation_kernels import gusty_land
 from planner.evaluation_policies import Adaptive, Departure, Policy, Standing
@@ -147,7 +147,7 @@ def _standing(truths: Truths, problem: Problem, stay: _Stay, time_s: float, soc:
 def _fly_adaptive(
     truths: Truths, problem: Problem, policy: Adaptive, stay: _Stay, watch: Callable[[Again], None] | None
 ) -> tuple[Hop, NDArray[np.float64]] | None:
-    """Take off as the policy says, decided anew whenever the wind is: (hop, its course, shape (1, 1, 6))."""
+    """Take off as the policy says, decided anew whenever the wind is: (hop, its course, shape (1, 1, 7))."""
     now, soc = stay.landed_s, stay.soc
     queue = truths.queues(problem, [stay.node], int(truths.queue[stay.run]))[stay.node]
     pad_s = float(queue.pad_time(stay.landed_s)) if problem.has_pads(stay.node) else math.inf
@@ -214,8 +214,8 @@ def _flight(
             over = _Stay(run, node, problem.network.stations[node].id, as_off, soc, (*stay.visited, stay.station))
             rest = policy.over(_standing(truths, problem, over, as_off, soc), rest)
     soc = charge - float(sky.energy[run]) * (problem.soc_fixed + problem.soc_per_s * (down - off))
-    course = np.full((1, 1, 6), off)
-    course[0, 0, [PAD, TOUCH_DOWN, SOC_OFF, SOC_DOWN]] = min(pad_s, off), down, charge, soc
+    course = np.full((1, 1, COLUMNS), off)
+    course[0, 0, [PAD, TOUCH_DOWN, SOC_OFF, SOC_DOWN, ROOM]] = min(pad_s, off), down, charge, soc, 0.0
     return Hop(flown, charge if charge > stay.soc else None), course
 
 

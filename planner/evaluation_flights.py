@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from models.queue_paths import QueuePath
     from planner.charge_policy import ChargePolicy
     from planner.evaluation_truths import Truths
-    from planner.itinerary import Itinerary, Outcome
+    from planner.itinerary import Itinerary
+    from planner.outcome import Outcome
     from planner.problem import Problem
 
 DELIVERED, STRANDED, UNFLYABLE, GAVE_UP = range(4)
@@ -120,7 +121,7 @@ def fly_charging(truths: Truths, drone: str, policy: ChargePolicy) -> Flown:
 
 
 def courses(truths: Truths, problem: Problem, itinerary: Itinerary, runs: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Course of an itinerary in some truths, shape (runs, hops, 6); see `course_kernels`."""
+    """Course of an itinerary in some truths, shape (runs, hops, 7); see `course_kernels`."""
     nodes = stop_nodes(problem, itinerary)
     wanted, position = np.unique(truths.queue[runs], return_inverse=True)
     paths = []
@@ -135,7 +136,7 @@ def courses(truths: Truths, problem: Problem, itinerary: Itinerary, runs: NDArra
 
 
 def tally(problem: Problem, itinerary: Itinerary, block: NDArray[np.int64], course: NDArray[np.float64]) -> Flown:
-    """Tell what became of runs of one itinerary from their courses, shape (runs, hops, 6)."""
+    """Tell what became of runs of one itinerary from their courses, shape (runs, hops, 7)."""
     down, soc = course[:, :, TOUCH_DOWN], course[:, :, SOC_DOWN]
     begun = np.isfinite(down)
     lowest = np.where(begun, soc, np.inf).min(axis=1)

@@ -10,11 +10,9 @@ import numpy as np
 
 from models.errors import NoRouteError
 from models.weighted import weighted_quantile
-from planner.charge_policy import rehearse_fixed
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN
-from planner.evaluation_truths import USUAL_ERRORS
 from planner.exact import ExactSearch
-from planner.robust import FINAL_RUNS, LARGE, MEMBERS, RobustSearch
+from planner.robust import LARGE, RobustSearch
 from planner.speeds import TrueSpeeds
 
 if TYPE_CHECKING:
@@ -22,7 +20,7 @@ if TYPE_CHECKING:
     from planner.robust import Candidate, RobustAnswer
 
 LOW, HIGH = 0.1, 0.9
-"""Quantiles that say how far a charge may be from the nominal one."""
+"""Quantiles that say how far a charge may be from that of the typical course."""
 
 LOOK_S = 0.05
 """On large networks, for each world that the wait-and-see bound is the mean of."""
@@ -37,7 +35,7 @@ class ChargeRange:
     station : str
         Where.
     nominal, low, high : float
-        Charge on leaving: of the nominal course, and between which it is in 8 of 10 rehearsed runs.
+        Charge on leaving: of the typical course, and between which it is in 8 of 10 rehearsed runs.
     idle : float
         Share of the runs that leave again without charging.
     """
@@ -229,7 +227,7 @@ class Bought:
     stops, stops_there : int
         Stops on the way.
     recharge_s, recharge_there_s : float
-        Time on pads on the nominal course.
+        Time on pads on the typical course.
     """
 
     planner: str
@@ -252,7 +250,7 @@ class Bought:
 
 def bought(robust: PlanResult, other: PlanResult) -> Bought:
     """Compare a robust plan with one that is flown as it stands."""
-    there = rehearse_fixed(other.problem.thinned(MEMBERS), other.itinerary, USUAL_ERRORS, FINAL_RUNS)
+    there = other.outcome
     mine, theirs = robust.composition, other.composition
     return Bought(
         planner=theirs.planner,

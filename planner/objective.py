@@ -10,7 +10,7 @@ from models.errors import Fault, InputError
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from planner.itinerary import Outcome
+    from planner.outcome import Outcome
 
 Kind = Literal["mean", "p95", "on-time"]
 KINDS: tuple[Kind, ...] = ("mean", "p95", "on-time")

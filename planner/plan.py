@@ -11,17 +11,21 @@ import numpy as np
 
 from models.errors import Fault, InfeasibleError, InputError, NoRouteError
 from models.units import S_PER_H, S_PER_MIN
+from planner.charge_policy import rehearse_fixed, typical_fixed
+from planner.composing import compose
 from planner.course_kernels import TOUCH_DOWN
+from planner.evaluation_truths import USUAL_ERRORS
 from planner.exact import ExactSearch
 from planner.explain import alternatives
 from planner.ies import ExhaustiveSearch
-from planner.itinerary import compose, fly_sampled, fly_true, outcome, typical_member
+from planner.itinerary import fly_true
 from planner.no_route import grounded_leg, never_leaves
+from planner.outcome import outcome
 from planner.pfs import ForwardSearch
 from planner.pfs_strict import StrictForwardSearch
 from planner.problem import HORIZON_H, Problem
 from planner.result import Comparison, PlanResult
-from planner.robust import RobustSearch
+from planner.robust import FINAL_RUNS, MEMBERS, RobustSearch
 from planner.shortest import ShortestFlight
 from planner.skyline import skyline
 
@@ -33,8 +37,9 @@ if TYPE_CHECKING:
     from models.drone import Drone
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
-    from planner.itinerary import Itinerary, Outcome
+    from planner.itinerary import Itinerary
     from planner.objective import Objective
+    from planner.outcome import Outcome
     from planner.request import Request
     from planner.robust import RobustAnswer
 
@@ -221,13 +226,13 @@ def _doubts(problem: Problem, course: NDArray[np.float64], summary: Outcome, *, 
     broken = 1.0 - summary.p_success
     if rehearsed and broken > problem.epsilon + 2.0 * math.sqrt(problem.epsilon / rehearsed):
         doubts.append(
-            f"every landing keeps the reserve with probability {summary.p_success:.4f} only, "
-            f"{1.0 - problem.epsilon:g} were asked for: no way that is known to the planner is safer"
+            f"{100.0 * broken:.2g} % of deliveries land below the reserve, {100.0 * problem.epsilon:g} % were asked for: "
+            "no route that the planner knows is safer"
         )
     elif not rehearsed and broken > problem.epsilon + 1e-9:
         doubts.append(
-            f"flown as it stands, every landing keeps the reserve with probability {summary.p_success:.3f} only, "
-            f"{1.0 - problem.epsilon:g} were asked for: look at the charge again at each stop"
+            f"flown as it stands, {100.0 * broken:.2g} % of deliveries land below the reserve, {100.0 * problem.epsilon:g} % "
+            "were asked for: decide the charge again at each stop"
         )
     if not np.isfinite(course[-1, TOUCH_DOWN]) or course[-1, TOUCH_DOWN] > problem.depart_s + HORIZON_H * S_PER_H:
         doubts.append(f"the delivery takes longer than the {HORIZON_H} h that the forecast covers: do not rely on it")
@@ -256,13 +261,17 @@ def _solve(
         started = time.perf_counter()
         itinerary = search.solve()
         spent = time.perf_counter() - started
-        member, course = typical_member(problem, itinerary)
-        summary = outcome(problem, *fly_sampled(problem, itinerary))
+        same = problem.thinned(MEMBERS)  # the worlds in which the figures of `robust` are counted
+        runs = rehearse_fixed(same, itinerary, USUAL_ERRORS, FINAL_RUNS)
+        if not np.isfinite(runs.course[:, -1, TOUCH_DOWN]).any():
+            raise never_leaves(problem, itinerary, grounded_leg(runs.course))
+        member, course = typical_fixed(same, itinerary, runs)
+        summary = outcome(same, runs.course, runs.weight, (runs.member, runs.queue))
         notes = _doubts(problem, course, summary)
         composition = compose(
-            problem, itinerary, course, member, summary, planner=planner, planning_time_s=spent, notes=notes
+            same, itinerary, course, member, summary, planner=planner, planning_time_s=spent, notes=notes
         )
-        return PlanResult(composition, itinerary, problem, summary, spent, search.looked_at, {})
+        return PlanResult(composition, itinerary, same, summary, spent, search.looked_at, {})
     queues = problem.queue_paths(range(len(problem.network)), 0)
     if planner == "exact":
         clairvoyant: ExactSearch | ExhaustiveSearch = ExactSearch(problem, queues)
@@ -284,7 +293,7 @@ def _solve(
 
 
 def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: dict[str, str]) -> PlanResult:
-    """Compare routes for every drone, and finish the best: the composition tells its nominal course."""
+    """Compare routes for every drone, and finish the best: the composition tells its typical course."""
     searches: list[RobustSearch] = []
     outcomes: list[Outcome] = []
     errors: dict[str, InfeasibleError] = {}
@@ -308,7 +317,7 @@ def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: di
 
 
 def _told(answer: RobustAnswer, spent_s: float, looked_at: int, rejected: dict[str, str]) -> PlanResult:
-    """Tell a robust answer as a composition: its nominal course."""
+    """Tell a robust answer as a composition: its typical course."""
     problem, itinerary, summary = answer.policy.problem, answer.policy.itinerary, answer.outcome
     composition = compose(
         problem,
@@ -322,7 +331,8 @@ def _told(answer: RobustAnswer, spent_s: float, looked_at: int, rejected: dict[s
     )
     objective = problem.request.objective
     if objective.deadline is not None:
-        composition = replace(composition, on_time_probability=objective.on_time(summary))
+        on_time = summary.on_time(objective.deadline.timestamp())
+        composition = replace(composition, on_time_probability=on_time.value, on_time=on_time)
     return PlanResult(composition, itinerary, problem, summary, spent_s, looked_at, rejected, robust=answer)
 
 

@@ -12,12 +12,12 @@ import numpy as np
 from models import geodesy
 from models.errors import Fault, InputError
 from models.flight import Air, air_over
-from models.queue_paths import QueuePath, no_queue, sample_paths
+from models.queue_paths import QueuePath, no_queue, sample_sets
 from models.queues import forecast_waits
 from models.units import S_PER_H
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -47,6 +47,8 @@ class Problem:
     depart_s, soc : float
         When the delivery starts (POSIX seconds), and with which charge. For a drone in flight both are set back by a
         climb that it does not need any more.
+    ensemble, forecast : WindEnsemble
+        The wind that is planned with, and all of it where that is thinned (`thinned`).
     in_flight : bool
         The drone cannot wait, hold or charge at the origin.
     air : Air
@@ -69,7 +71,7 @@ class Problem:
         self.scenario = scenario
         self.request = request
         self.drone = drone
-        self.ensemble = ensemble
+        self.ensemble = self.forecast = ensemble
         self.rules = scenario.rules
         self.reserve = request.reserve_soc
         self.epsilon = max(request.epsilon, LEAST_EPSILON)
@@ -177,18 +179,22 @@ class Problem:
 
     def queue_paths(self, nodes: Iterable[int], sample: int) -> dict[int, QueuePath]:
         """One sampled realisation of the other drones at each of some stations."""
+        return self.queue_sets(nodes, [sample])[0]
+
+    def queue_sets(self, nodes: Iterable[int], samples: Sequence[int]) -> list[dict[int, QueuePath]]:
+        """Several sampled realisations of the other drones at each of some stations."""
         wanted = list(dict.fromkeys(nodes))
-        kept = self._paths.setdefault((self.request.seed, sample), {})
-        missing = [node for node in wanted if node not in kept]
+        kept = [self._paths.setdefault((self.request.seed, sample), {}) for sample in samples]
+        missing = [node for node in wanted if any(node not in paths for paths in kept)]
         if missing:
             with_pads = [node for node in missing if self.has_pads(node)]
-            hours = float(HORIZON_H)
-            seed = (self.request.seed, sample)
-            paths = sample_paths(
-                self.load, self.network.pads, self._spots, with_pads, self.depart_s, hours, seed, self.busy
-            )
-            kept.update({node: paths.get(node) or no_queue() for node in missing})
-        return {node: kept[node] for node in wanted}
+            lacking = [number for number, paths in enumerate(kept) if any(node not in paths for node in missing)]
+            seeds = [(self.request.seed, samples[number]) for number in lacking]
+            hours, pads = float(HORIZON_H), self.network.pads
+            found = sample_sets(self.load, pads, self._spots, with_pads, self.depart_s, hours, seeds, self.busy)
+            for number, paths in zip(lacking, found, strict=True):
+                kept[number].update({node: paths.get(node) or no_queue() for node in missing})
+        return [{node: paths[node] for node in wanted} for paths in kept]
 
     @cached_property
     def direct_air(self) -> Air:
@@ -239,7 +245,7 @@ class Problem:
 
     def _sharing_queues(self, drone: Drone, ensemble: WindEnsemble) -> Problem:
         other = Problem(self.scenario, self.request, drone, ensemble, waits=self.waits)
-        other.__dict__["_paths"] = self._paths
+        other.__dict__["_paths"], other.forecast = self._paths, self.forecast
         return other
 
     def with_ensemble(self, ensemble: WindEnsemble) -> Problem:

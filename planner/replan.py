@@ -15,8 +15,9 @@ from models.energy import ScaledEnergy
 from models.errors import InfeasibleError, NoRouteError
 from models.services import State
 from models.units import S_PER_H, S_PER_MIN, from_posix
+from planner.composing import compose
 from planner.diverts import Reach
-from planner.itinerary import compose, typical_member
+from planner.itinerary import typical_member
 from planner.plan import ROBUST, plan
 from planner.problem import Problem
 from planner.replan_candidates import Candidate, best_charges, itinerary_of
@@ -32,7 +33,8 @@ if TYPE_CHECKING:
     from models.services import Composition
     from models.wind_forecast import WindEnsemble
     from planner.energy_belief import EnergyBelief
-    from planner.itinerary import Itinerary, Outcome
+    from planner.itinerary import Itinerary
+    from planner.outcome import Outcome
     from planner.request import Request
 
 Action = Literal["continue", "speed", "charge", "wait", "station", "divert", "land", "stop"]

@@ -10,11 +10,13 @@ import numpy as np
 
 from models.weighted import weighted_quantile
 from planner.course_kernels import SOC_DOWN, SOC_OFF
-from planner.itinerary import Hop, fly_expected, fly_sampled, outcome, stop_nodes
+from planner.itinerary import Hop, fly_expected, fly_sampled, stop_nodes
+from planner.outcome import outcome
 
 if TYPE_CHECKING:
     from models.services import Composition
-    from planner.itinerary import Itinerary, Outcome
+    from planner.itinerary import Itinerary
+    from planner.outcome import Outcome
     from planner.problem import Problem
 
 SAMPLES = 4

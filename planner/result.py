@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from models.errors import InfeasibleError
     from models.services import Composition
-    from planner.itinerary import Itinerary, Outcome
+    from planner.itinerary import Itinerary
+    from planner.outcome import Outcome
     from planner.problem import Problem
     from planner.robust import RobustAnswer
 

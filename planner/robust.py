@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from models.queue_paths import QueuePath
-    from planner.itinerary import Itinerary, Outcome
+    from planner.itinerary import Itinerary
+    from planner.outcome import Outcome
     from planner.problem import Problem
 
 MEMBERS = 30
@@ -117,9 +118,9 @@ class RobustAnswer:
     Attributes
     ----------
     policy : ChargePolicy
-        Its itinerary names the charges of the nominal course.
+        Its itinerary names the charges of the typical course.
     member, course
-        The nominal course: the median member, shape (hops, 6).
+        The typical course, shape (hops, 7), and the member of the forecast that it is flown in.
     rehearsal : Rehearsal
         Runs behind the outcome.
     outcome : Outcome
@@ -223,7 +224,7 @@ class RobustSearch:
         outcome = rehearsal.outcome(self.problem)
         if outcome.p_arrive <= 0.0:
             raise policy.grounded(rehearsal)
-        member, course = policy.nominal(rehearsal)
+        member, course = policy.typical(rehearsal)
         return RobustAnswer(policy.with_charges(course), member, course, rehearsal, outcome, tuple(candidates))
 
     def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:

@@ -217,13 +217,19 @@ def _draw_route(axes: Any, composition: Composition, scenario: Scenario) -> None
 
 
 def _draw_wind_arrows(axes: Any, composition: Composition) -> list[_Line]:
-    """One arrow per leg beside its middle: where its wind blows to, as long as it is strong; a key says how strong.
+    """One arrow per leg beside its middle: where its wind prevails to blow to, as long as it is strong on average.
+
+    A leg whose wind has no prevailing direction has no arrow; a key says how strong a wind is.
 
     Returns the arrows as lines.
     """
-    places, services = composition.stations, composition.services
+    places = composition.stations
+    winds = [(service, service.wind.from_deg) for service in composition.services if service.wind.from_deg is not None]
+    if not winds:
+        return []
+    services = [service for service, _ in winds]
     ends = [(places[service.origin], places[service.destination]) for service in services]
-    angle = np.radians([service.wind.from_deg + 180.0 for service in services])
+    angle = np.radians([from_deg + 180.0 for _, from_deg in winds])
     speed = np.array([service.wind.speed_mps for service in services])
     west, east = axes.get_xlim()
     low, high = axes.get_ylim()

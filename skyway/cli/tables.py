@@ -118,7 +118,7 @@ def _leg_text(leg: DroneService, name: str, wide: int) -> str:
     shown = name if len(name) < wide else name[: wide - 2] + "…"
     return (
         f"{shown:<{wide}}{leg.distance_m / 1000:>6.1f}{round(leg.bearing_deg) % 360:>7}°"
-        f"{leg.wind.speed_mps:>6.1f}{round(leg.wind.from_deg) % 360:>5}°{leg.tailwind_mps:>+7.1f}{leg.crosswind_mps:>+7.1f}"
+        f"{leg.wind.speed_mps:>6.1f}{leg.wind.direction_text:>9}{leg.tailwind_mps:>+7.1f}{leg.crosswind_mps:>+7.1f}"
         f"{leg.ground_speed_mps:>7.1f}{duration(leg.flight_time_s):>9}{charge:>12}{percent(leg.p_reserve, 1):>9}"
         f"{percent(leg.p_hold):>7}"
     )

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from models.composition_file import SCHEMA, from_json, load, save, to_json
 from models.errors import InputError
-from models.services import ArrivalDistribution, Composition, DroneService, Place, Stop, Wind
+from models.figure import Figure
+from models.services import ArrivalDistribution, Composition, DroneService, LegSegment, Place, Stop, Wind
 
 START = datetime(2013, 7, 10, 18, tzinfo=UTC)
 NUMBER = st.floats(0.0, 1e6)
@@ -32,6 +33,10 @@ PLACE = st.builds(
 )
 
 
+WIND = st.builds(Wind, st.floats(0, 40), st.none() | st.floats(0, 359.9), st.none() | NUMBER, st.none() | NUMBER)
+FIGURE = st.none() | st.builds(Figure, st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), NUMBER, NUMBER)
+
+
 @st.composite
 def legs_and_stops(draw, ids: list[str]):
     """A course without gaps: each flight leaves when the stop before it is over."""
@@ -40,18 +45,32 @@ def legs_and_stops(draw, ids: list[str]):
     for number, (origin, destination) in enumerate(pairwise(route)):
         if draw(st.booleans()) or number:
             stop = Stop(
-                origin, now, draw(SECONDS), draw(SECONDS), draw(SECONDS), draw(SHARE), draw(SHARE), draw(UNKNOWN_SHARE)
+                origin,
+                now,
+                draw(SECONDS),
+                draw(SECONDS),
+                draw(SECONDS),
+                draw(SHARE),
+                draw(SHARE),
+                draw(UNKNOWN_SHARE),
+                draw(SECONDS),
             )
             stops.append(stop)
             now = stop.leave
         arrive = now + timedelta(seconds=draw(SECONDS))
+        via = tuple(draw(st.lists(st.sampled_from(ids), max_size=2)))
+        segments = tuple(
+            LegSegment(key, draw(NUMBER), draw(st.floats(0, 359.9)), draw(WIND), draw(st.floats(-40, 40)), 0.5)
+            for key in (*via, destination)
+        )
         leg = DroneService(
             id=f"leg-{number}", origin=origin, destination=destination, depart=now, arrive=arrive,
-            via=tuple(draw(st.lists(st.sampled_from(ids), max_size=2))), distance_m=draw(NUMBER),
+            via=via, distance_m=draw(NUMBER),
             bearing_deg=draw(st.floats(0, 359.9)), ground_speed_mps=draw(POSITIVE), energy_j=draw(NUMBER),
-            soc_depart=draw(SHARE), soc_arrive=draw(SHARE), wind=Wind(draw(st.floats(0, 40)), draw(st.floats(0, 359.9))),
+            soc_depart=draw(SHARE), soc_arrive=draw(SHARE), wind=draw(WIND),
             tailwind_mps=draw(st.floats(-40, 40)), crosswind_mps=draw(st.floats(-40, 40)), p_reserve=draw(UNKNOWN_SHARE),
             p_hold=draw(UNKNOWN_SHARE), diverts=tuple(draw(st.lists(TEXT, max_size=2))),
+            p_hold_room=draw(UNKNOWN_SHARE), segments=draw(st.sampled_from([(), segments])), course_wind=draw(st.none() | WIND),
         )  # fmt: skip
         legs.append(leg)
         now = arrive
@@ -68,10 +87,10 @@ def compositions(draw) -> Composition:
         max_ground_speed_mps=draw(POSITIVE), cruise_height_m=draw(POSITIVE), climb_rate_mps=draw(POSITIVE),
         descent_rate_mps=draw(POSITIVE), reserve_soc=draw(SHARE), depart=START, origin=legs[0].origin,
         destination=legs[-1].destination, stations=stations, services=legs, stops=stops,
-        arrival=ArrivalDistribution(draw(unknown), draw(unknown), draw(unknown)), planning_time_s=draw(NUMBER),
+        arrival=ArrivalDistribution(*(draw(unknown) for _ in range(3)), *(draw(FIGURE) for _ in range(3)), draw(st.none() | st.integers(0, 9999))), planning_time_s=draw(NUMBER),
         seed=draw(st.none() | st.integers(0, 2**32)), drone_parameters=draw(st.dictionaries(TEXT, st.none() | TEXT | NUMBER, max_size=3)),
         scenario_path=draw(st.none() | TEXT), scenario_sha256=draw(st.none() | TEXT), on_time_probability=draw(UNKNOWN_SHARE),
-        success_probability=draw(UNKNOWN_SHARE), notes=tuple(draw(st.lists(st.text(st.characters(exclude_categories=["Cs"])), max_size=2))),
+        success_probability=draw(UNKNOWN_SHARE), success=draw(FIGURE), on_time=draw(FIGURE), notes=tuple(draw(st.lists(st.text(st.characters(exclude_categories=["Cs"])), max_size=2))),
     )  # fmt: skip
 
 
@@ -114,6 +133,9 @@ def one_flight(**changes) -> Composition:
     return replace(composition, **changes)
 
 
+ARRIVAL = {"mean", "p50", "p95", "delivery_mean_s", "delivery_p50_s", "delivery_p95_s", "runs"}
+
+
 def test_the_file_has_every_field_promised():
     document = to_json(one_flight(stops=(Stop("a", START, 0.0, 0.0, 0.0, 1.0, 1.0),)))
     assert document["schema"] == "skyway.composition/1"
@@ -123,15 +145,15 @@ def test_the_file_has_every_field_promised():
         "energy_wh", "min_soc", "arrival", "planning_time_s",
     }  # fmt: skip
     assert set(document["scenario"]) == {"path", "sha256"}
-    assert set(document["arrival"]) == {"mean", "p50", "p95"}
+    assert set(document["arrival"]) == ARRIVAL
     assert set(document["stations"]["a"]) >= {"lat", "lon", "elevation_m"}
     assert set(document["legs"][0]) >= {
         "from", "to", "via", "distance_m", "bearing_deg", "ground_speed_mps", "depart", "arrive", "flight_time_s",
-        "energy_wh", "soc_depart", "soc_arrive", "p_reserve", "wind",
+        "energy_wh", "soc_depart", "soc_arrive", "p_reserve", "p_hold", "p_hold_room", "wind", "course_wind", "segments",
     }  # fmt: skip
-    assert set(document["legs"][0]["wind"]) == {"speed_mps", "from_deg"}
+    assert set(document["legs"][0]["wind"]) == {"speed_mps", "from_deg", "p10_mps", "p90_mps"}
     assert set(document["stops"][0]) >= {
-        "station", "arrive", "wait_s", "hold_s", "p_pad_free", "recharge_s", "soc_from", "soc_to",
+        "station", "arrive", "wait_s", "hold_s", "hold_room_s", "p_pad_free", "recharge_s", "soc_from", "soc_to",
     }  # fmt: skip
 
 
@@ -141,7 +163,7 @@ def test_instants_are_utc_charges_are_fractions_and_what_is_unknown_is_null():
     assert document["legs"][0]["arrive"] == "2013-07-10T18:10:00Z"
     assert document["legs"][0]["soc_arrive"] == 0.7
     assert document["legs"][0]["p_reserve"] is None
-    assert document["arrival"] == {"mean": None, "p50": None, "p95": None}
+    assert document["arrival"] == dict.fromkeys(ARRIVAL)
     assert document["seed"] is None
     assert document["energy_wh"] == 100.0
 

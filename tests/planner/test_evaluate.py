@@ -28,7 +28,8 @@ from planner.evaluate import (
 from planner.evaluation_flights import DELIVERED, GAVE_UP, Flown, courses
 from planner.evaluation_kernels import GUST_STEP_S, LATERAL, MOST_DEVIATION, gust_at
 from planner.evaluation_statistics import DayBootstrap, Estimate
-from planner.itinerary import Outcome, fly_true
+from planner.itinerary import fly_true
+from planner.outcome import Outcome
 from planner.plan import plan
 from planner.problem import HORIZON_H
 from planner.request import Request
@@ -388,7 +389,7 @@ def test_a_planner_that_tells_the_truth_is_calibrated_even_where_many_arrive_at_
 
     arrival = draw(20_000)
     even = np.full(len(arrival), 1.0 / len(arrival))
-    promise = Outcome(arrival, even, np.ones(1), np.zeros(1), 1.0, 1.0)
+    promise = Outcome(0.0, arrival, even, np.ones(1), np.zeros(1), np.zeros(1), 1.0, 1.0, arrival > 0.0)
     honest = summarise("honest", flown_at(draw(20_000)).judged(promise, 0.0))
     assert honest.calibration[0][0] == pytest.approx(0.4, abs=0.02)
     assert honest.calibration_error.value < 0.01

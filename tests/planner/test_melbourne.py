@@ -139,7 +139,7 @@ def assert_each_leg_can_be_flown(composition, raw) -> None:
         assert all(part["s12"] <= 15_000.0 for part in parts)
         assert leg.bearing_deg == pytest.approx(parts[0]["azi1"] % 360.0, abs=1e-6)
         assert leg.ground_speed_mps <= 20.0 + 1e-6
-        assert leg.wind.speed_mps <= 12.0 + 1e-6
+        assert leg.course_wind.speed_mps <= 12.0 + 1e-6
         cruise_s = leg.flight_time_s - 60.0 / 5.0 - 60.0 / 3.0
         assert cruise_s == pytest.approx(leg.distance_m / leg.ground_speed_mps, rel=1e-3, abs=0.01)
         assert leg.energy_j == pytest.approx(power_w(4.69 + PAYLOAD_KG) * leg.flight_time_s, rel=1e-4)
@@ -153,8 +153,8 @@ def assert_each_leg_can_be_flown(composition, raw) -> None:
 
 def triangle(leg) -> tuple[float, float]:
     """Tail and cross component of the wind a leg names, on the course it names."""
-    angle = math.radians(leg.wind.from_deg + 180.0 - leg.bearing_deg)
-    return leg.wind.speed_mps * math.cos(angle), leg.wind.speed_mps * math.sin(angle)
+    angle = math.radians(leg.course_wind.from_deg + 180.0 - leg.bearing_deg)
+    return leg.course_wind.speed_mps * math.cos(angle), leg.course_wind.speed_mps * math.sin(angle)
 
 
 def assert_the_course_hangs_together(composition, scenario, origin, destination) -> None:

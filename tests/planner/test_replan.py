@@ -94,7 +94,8 @@ def test_wind_above_the_limit_is_waited_for_on_the_ground(planner, composition):
         assert decision.until_s > DEPART.timestamp()
 
 
-def test_charges_of_a_kept_plan_are_what_each_flight_needs(newyork, request_, composition):
+def test_charges_of_a_kept_plan_are_what_each_flight_needs(newyork, request_):
+    composition = plan(newyork, request_, planner=QUICK, forecast=wind()).composition
     problem = Problem(newyork, request_, newyork.drone("m200"), wind())
     itinerary = itinerary_of(problem, composition)
     assert itinerary is not None

@@ -1,0 +1,129 @@
+"""How sure a figure of simulated deliveries is: standard errors and intervals for runs that share days and queues.
+
+Runs are crossed: those in the same member of the forecast share its wind, those with the same set of queues share the
+other drones. With r(i) = w(i) (x(i) - mean) the variance of a weighted mean is V(days) + V(queues) - V(runs), each the
+sum of squares of the sums of r over one day, one set, one run, times n / (n - 1) for n of them (two-way clustering;
+Cameron, Gelbach and Miller 2011, "Robust inference with multiway clustering"). So the days of the forecast count as a
+sample of the days that may come: the interval is about the mean over very many days and queues. What another seed would
+change is less: the days stay the same, only the queues, gusts and vehicles are others.
+
+A quantile is as sure as the share of the runs below it (Woodruff 1952): Wilson's interval of that share, with as many
+runs as independent ones would have the same variance, is carried back through the distribution.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from models.figure import CONFIDENCE, Figure
+from models.weighted import weighted_quantile
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Crossed:
+    """Runs in days and queues.
+
+    Attributes
+    ----------
+    weight : ndarray, shape (runs,)
+        Probability of each, of any sum.
+    day, queue : ndarray of int, shape (runs,)
+        Member of the forecast and set of queues of each.
+    """
+
+    weight: NDArray[np.float64]
+    day: NDArray[np.int64]
+    queue: NDArray[np.int64]
+
+    def mean(self, values: NDArray[np.float64]) -> Figure:
+        """Weighted mean of positive values; its interval is symmetric in the logarithm, as long tails want it."""
+        share = self.weight / self.weight.sum()
+        value = float(share @ values)
+        error, seed_error, tail = self._errors(share, values - value)
+        if value <= 0.0:
+            return Figure(value, value - tail * error, value + tail * error, error, seed_error)
+        spread = math.exp(min(tail * error / value, 50.0))
+        return Figure(value, value / spread, value * spread, error, seed_error)
+
+    def difference(self, values: NDArray[np.float64], others: NDArray[np.float64]) -> Figure:
+        """Mean of values less others of the same runs."""
+        share = self.weight / self.weight.sum()
+        value = float(share @ (values - others))
+        error, seed_error, tail = self._errors(share, values - others - value)
+        return Figure(value, value - tail * error, value + tail * error, error, seed_error)
+
+    def quantile(self, values: NDArray[np.float64], q: float) -> Figure:
+        """Least value at or below which at least a share q of the runs lies."""
+        share = self.weight / self.weight.sum()
+        value = weighted_quantile(values, share, q)
+        below = values <= value
+        share_error, seed_error, tail = self._errors(share, below - float(share @ below))
+        low_q, high_q = self._wilson(q, share_error, tail)
+        low, high = (weighted_quantile(values, share, end) for end in (low_q, high_q))
+        slope = (high - low) / max(high_q - low_q, 1e-12)
+        error = slope * share_error
+        if 0.0 < low < value and q > 0.5:  # few days hardly hold the rare ones: the tail goes on as it comes (Pareto)
+            steps = math.log((1.0 - q) / max(1.0 - high_q, 1e-9)) / math.log((1.0 - low_q) / (1.0 - q))
+            high = max(high, value * (value / low) ** min(steps, 3.0))
+        return Figure(value, min(low, value), max(high, value), error, slope * seed_error)
+
+    def rate(self, flags: NDArray[np.bool_]) -> Figure:
+        """Share of the runs where it is so; where it is so in all or none of n runs, the interval is that of n draws."""
+        share = self.weight / self.weight.sum()
+        value = min(max(float(share @ flags), 0.0), 1.0)
+        error, seed_error, tail = self._errors(share, flags - value)
+        if error > 0.0 and 0.0 < value < 1.0:
+            low, high = self._wilson(value, error, tail)
+        else:
+            edge = 1.0 - (1.0 - CONFIDENCE) ** (1.0 / len(flags))
+            low, high = (0.0, edge) if value < 0.5 else (1.0 - edge, 1.0)
+        return Figure(value, low, high, error, seed_error)
+
+    def _errors(self, share: NDArray[np.float64], off: NDArray[Any]) -> tuple[float, float, float]:
+        """Standard error, the part that another seed would show, and the quantile of Student's t for the interval."""
+        from scipy.special import stdtrit
+
+        part = share * off
+        by_day, days = _between(part, self.day)
+        by_queue, queues = _between(part, self.queue)
+        by_run = float(part @ part) * len(part) / max(len(part) - 1, 1)
+        if days < 2:
+            variance, by_day = by_queue, 0.0
+        elif queues < 2:
+            variance, by_queue = by_day, 0.0
+        else:
+            variance = max(by_day + by_queue - by_run, by_day, by_queue)
+        within = np.bincount(self.day, weights=part)[self.day]
+        mass = np.bincount(self.day, weights=share)[self.day]
+        seed_part = part - share * within / np.maximum(mass, 1e-300)
+        by_seed = _between(seed_part, self.queue)[0] if queues > 1 else float(seed_part @ seed_part)
+        groups = min(count for count in (days, queues, len(part)) if count > 1) if len(part) > 1 else 2
+        freedom = float(groups - 1)
+        tail = float(stdtrit(max(freedom, 1.0), 0.5 + CONFIDENCE / 2.0))
+        return math.sqrt(variance), math.sqrt(by_seed), tail
+
+    @staticmethod
+    def _wilson(value: float, error: float, tail: float) -> tuple[float, float]:
+        """Wilson's interval of a share whose standard error is known."""
+        if error <= 0.0:
+            return value, value
+        runs = max(value * (1.0 - value), 1e-12) / error**2
+        square = tail * tail / runs
+        middle = (value + square / 2.0) / (1.0 + square)
+        half = tail / (1.0 + square) * math.sqrt(value * (1.0 - value) / runs + square / (4.0 * runs))
+        return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+def _between(part: NDArray[np.float64], group: NDArray[np.int64]) -> tuple[float, int]:
+    """Sum of squares of the sums over groups, times n / (n - 1), and the number n of groups."""
+    _, number = np.unique(group, return_inverse=True)
+    sums = np.bincount(number, weights=part)
+    count = len(sums)
+    return float(sums @ sums) * count / max(count - 1, 1), count

@@ -1,0 +1,83 @@
+"""The typical course of a delivery: the one whose times are nearest to the medians of all simulated ones.
+
+What is shown as one schedule must be one that may well happen. It is chosen among simulated deliveries, each in one wind
+and one set of queues: those nearest to the median delivery, and to the median landings on the way, are flown once more
+without gusts and with the vehicle of the model, and the nearest of these is told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.weighted import weighted_quantile
+from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+CANDIDATES = 48
+"""Simulated deliveries that are flown once more."""
+ON_THE_WAY = 0.25
+"""Weight of the landings on the way against that of the delivery."""
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Simulated deliveries by one route.
+
+    Attributes
+    ----------
+    course : ndarray, shape (runs, hops, 7)
+        See `planner.course_kernels`.
+    weight : ndarray, shape (runs,)
+        Probability of each.
+    member, queue : ndarray of int, shape (runs,)
+        Member of the forecast and set of queues of each.
+    """
+
+    course: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    member: NDArray[np.int64]
+    queue: NDArray[np.int64]
+
+
+def typical_course(
+    runs: Runs, reserve: float, fly: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]]
+) -> tuple[int, NDArray[np.float64]]:
+    """Choose the typical course: (member of the forecast, course of shape (hops, 7)).
+
+    Parameters
+    ----------
+    runs : Runs
+        Simulated deliveries, at least one of which arrives. Those with a landing below the reserve are only told where there are no others.
+    reserve : float
+        SoC.
+    fly : callable
+        Flies given members and sets of queues without gusts: (members, queues) to courses, shape (pairs, hops, 7).
+    """
+    landings = runs.course[:, :, TOUCH_DOWN]
+    arrived = np.flatnonzero(np.isfinite(landings[:, -1]))
+    weight = runs.weight[arrived]
+    median = np.array([weighted_quantile(times, weight, 0.5) for times in landings[arrived].T])
+    low = runs.course[arrived, :, SOC_DOWN].min(axis=1) < reserve - 1e-9
+    nearest = arrived[np.lexsort((_distance(landings[arrived], median), low))[:CANDIDATES]]
+    member, queue = runs.member[nearest], runs.queue[nearest]
+    calm = fly(member, queue)
+    low = calm[:, :, SOC_DOWN].min(axis=1) < reserve - 1e-9
+    away = _distance(calm[:, :, TOUCH_DOWN], median)
+    best = int(np.lexsort((away, low, ~np.isfinite(away)))[0])
+    if not np.isfinite(away[best]):
+        return int(member[0]), runs.course[nearest[0]]
+    return int(member[best]), calm[best]
+
+
+def _distance(landings: NDArray[np.float64], median: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far the landings of each run, shape (runs, hops), are from the median ones, s; infinite where it does not arrive."""
+    off = np.abs(np.where(np.isfinite(landings), landings, np.inf) - median)
+    found: NDArray[np.float64] = off[:, -1] + ON_THE_WAY * off[:, :-1].sum(axis=1) / max(off.shape[1] - 1, 1)
+    return found

@@ -1,0 +1,149 @@
+"""Figures of a plan: as sure as they say, from the same simulated deliveries, with a typical course among them."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from models.services import State
+from models.wind_forecast import constant_wind
+from models.wind_summary import Passage, summarise_wind
+from planner.explain import bought
+from planner.plan import plan
+from planner.precision import Crossed
+from planner.problem import HORIZON_H
+from planner.request import Request
+
+DEPART = datetime(2013, 7, 10, 18, 0, tzinfo=UTC)
+
+
+def ask(origin, destination, **more):
+    more = {"payload_kg": 0.8} | more
+    busy = more.pop("busy_pads", {})
+    return Request(state=State(DEPART, origin, busy_pads=busy), destination=destination, **more)
+
+
+def crossed_runs(rng, days=30, queues=128, runs=1500):
+    """Lognormal delivery times whose spread comes from days, queues, and runs themselves."""
+    day, queue = np.repeat(np.arange(days), runs // days), np.arange(runs // days * days) % queues
+    times = np.exp(
+        0.3 * rng.normal(size=days)[day] + 0.3 * rng.normal(size=queues)[queue] + 0.1 * rng.normal(size=len(day))
+    )
+    return Crossed(np.full(len(day), 1.0 / len(day)), day, queue), times
+
+
+def covered(truth, figure):
+    return figure.low <= truth <= figure.high
+
+
+def test_intervals_hold_the_figures_of_very_many_deliveries_about_as_often_as_said():
+    rng = np.random.default_rng(5)
+    variance = 0.3**2 + 0.3**2 + 0.1**2
+    truths = np.exp(variance / 2.0), 1.0, np.exp(1.6449 * variance**0.5)
+    hits = np.zeros(3)
+    trials = 300
+    for _ in range(trials):
+        runs, times = crossed_runs(rng)
+        figures = runs.mean(times), runs.quantile(times, 0.5), runs.quantile(times, 0.95)
+        hits += [covered(truth, figure) for truth, figure in zip(truths, figures, strict=True)]
+    mean, median, late = hits / trials
+    assert 0.92 < mean < 0.98
+    assert 0.92 < median < 0.99
+    assert late > 0.9  # 30 days hold few of the latest deliveries
+
+
+def test_what_another_seed_would_show_is_told_apart_from_what_other_days_would():
+    rng = np.random.default_rng(6)
+    days = 30
+    day, queue = np.repeat(np.arange(days), 50), np.arange(1500) % 128
+    by_day = 100.0 + 30.0 * rng.normal(size=days)[day]
+    means = []
+    for _ in range(200):
+        times = by_day + 10.0 * rng.normal(size=128)[queue]
+        means.append(Crossed(np.full(1500, 1 / 1500), day, queue).mean(times))
+    spread = np.std([figure.value for figure in means])
+    assert np.mean([figure.seed_error for figure in means]) == pytest.approx(spread, rel=0.15)
+    assert np.mean([figure.error for figure in means]) == pytest.approx(
+        np.hypot(np.std(by_day[::50]) / 30**0.5, spread), rel=0.15
+    )
+
+
+def test_one_wind_and_no_stop_leave_nothing_unsure_but_gusts(newyork):
+    wind = constant_wind(4.0, 200.0, DEPART, HORIZON_H, 40.8, -73.9, 60.0)
+    found = plan(newyork, ask("bellevue", "jacobi", drone="m300"), forecast=wind).composition.arrival
+    assert found.delivery_mean.half_width < 2.0
+    assert found.delivery_mean.value == pytest.approx((found.mean - DEPART).total_seconds(), abs=0.01)
+
+
+@pytest.mark.parametrize("route", [("siuh-north", "white-plains"), ("bellevue", "jacobi"), ("edison", "nyu-brooklyn")])
+@pytest.mark.parametrize("planner", ["robust", "pfs"])
+def test_the_course_that_is_shown_is_a_typical_one(newyork, route, planner):
+    found = plan(newyork, ask(*route), planner=planner)
+    median = found.composition.arrival.delivery_p50
+    shown = found.composition.delivery_time_s
+    assert median.low * 0.97 <= shown <= median.high * 1.03
+    assert shown == pytest.approx(median.value, rel=0.03)
+
+
+def test_seeds_differ_by_no_more_than_their_figures_say(newyork):
+    """Issue 16: 80.9 to 105.5 min between seeds, printed to the second."""
+    request = ask("siuh-north", "white-plains")
+    plans = [plan(newyork, replace(request, seed=seed)) for seed in range(5)]
+    found = [(one.composition.route, one.outcome.delivery) for one in plans]
+    pairs = [(a, b) for way, a in found for other, b in found if way == other and a is not b]
+    assert len(pairs) >= 6
+    assert sum(covered(b.value, a) for a, b in pairs) >= 0.9 * len(pairs)
+    assert all(one.seed_error < one.error < 0.2 * one.value for _, one in found)
+
+
+def test_a_planner_is_compared_by_the_figures_that_its_plan_tells(newyork):
+    request = ask("siuh-north", "white-plains")
+    robust, pfs = (plan(newyork, request, planner=name) for name in ("robust", "pfs"))
+    one = bought(robust, pfs)
+    assert one.mean_there_s == pytest.approx(pfs.outcome.delivery.value)
+    assert one.broken_there == pytest.approx(1.0 - pfs.composition.success_probability)
+    assert (pfs.outcome.crossed.day == robust.outcome.crossed.day).all()
+    assert (pfs.outcome.crossed.queue == robust.outcome.crossed.queue).all()
+
+
+def test_waiting_for_room_is_no_waiting_for_wind(newyork):
+    """Issue 16: a hold of 26 % that was said to be for the wind was mostly for room at the next station."""
+    calm = constant_wind(2.0, 200.0, DEPART, HORIZON_H, 40.8, -73.9, 60.0)
+    busy = {station.id: station.pads + station.holding_spots for station in newyork.network.stations if station.pads}
+    request = ask("siuh-north", "white-plains", drone="m300", busy_pads=busy)
+    legs = plan(newyork, request, forecast=calm).composition.services
+    assert all(leg.p_hold == 0.0 for leg in legs)
+    assert any(leg.p_hold_room > 0.5 for leg in legs)
+    stormy = constant_wind(25.0, 200.0, DEPART, HORIZON_H, 40.8, -73.9, 60.0)
+    mixed = replace(
+        calm,
+        north=np.concatenate(
+            [calm.north, np.where(np.arange(calm.north.shape[1])[None, :, None] < 2, stormy.north, calm.north)]
+        ),
+        east=np.concatenate(
+            [calm.east, np.where(np.arange(calm.east.shape[1])[None, :, None] < 2, stormy.east, calm.east)]
+        ),
+        probability=np.full(2, 0.5),
+        labels=("calm", "stormy at first"),
+    )
+    leg = plan(newyork, ask("bellevue", "jacobi", drone="m300"), forecast=mixed).composition.services[0]
+    assert leg.p_hold == pytest.approx(0.5)
+    assert leg.p_hold_room == 0.0
+
+
+def test_the_wind_of_a_leg_is_that_of_the_forecast_where_and_when_it_is_flown(newyork):
+    request = ask("siuh-north", "white-plains")
+    composition = plan(newyork, request).composition
+    forecast = newyork.forecast(DEPART, HORIZON_H)
+    for leg in composition.services:
+        a, b = (composition.stations[key] for key in (leg.origin, leg.destination))
+        when = leg.depart.timestamp(), leg.arrive.timestamp()
+        expected = summarise_wind(forecast, [Passage((a.lat + b.lat) / 2, (a.lon + b.lon) / 2, *when)], 60.0, 0.2)
+        assert leg.wind.speed_mps == pytest.approx(expected.mean_mps, abs=0.5)
+        assert leg.wind.p10_mps < leg.wind.speed_mps < leg.wind.p90_mps
+        assert [segment.head for segment in leg.segments] == [*leg.via, leg.destination]
+        assert sum(segment.distance_m for segment in leg.segments) == pytest.approx(leg.distance_m)
+    bent = next(leg for leg in composition.services if leg.via)
+    courses = {round(segment.bearing_deg) for segment in bent.segments}
+    assert len(courses) > 1
