@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from link.connection import Connection
+from link.frames import Signing
 from link.mavlink_vehicle import MavlinkVehicle
 from link.supervisor import Journal, Mandate, NobodyThere, Supervisor
 from missions.examples import NEW_YORK
@@ -132,7 +133,8 @@ class Stage:
     def board(self, *, resume: bool = False, on_tick: Callable[[Any], None] | None = None) -> Supervisor:
         """Connect, and put a supervisor in charge."""
         link = self.lockstep.connect(self.craft, self.story.impairment, seed=self.story.seed)
-        connection = Connection(link, self.lockstep.clock)
+        key = self.story.vehicle.get("signing_key")
+        connection = Connection(link, self.lockstep.clock, signing=None if key is None else Signing(key))
         vehicle = MavlinkVehicle(connection)
         journal = Journal(self.journal_path, self.lockstep.clock.posix_s, resume=resume)
         self.supervisor = Supervisor(

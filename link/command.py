@@ -60,6 +60,8 @@ class Command(Exchange):
         The first ones; the rest is 0.
     place : Place or None
         For COMMAND_INT.
+    give_up_s : float
+        Without an answer for so long, it ends.
 
     Attributes
     ----------
@@ -74,16 +76,18 @@ class Command(Exchange):
         *parameters: float,
         place: Place | None = None,
         round_trip: RoundTrip | None = None,
+        give_up_s: float = GIVE_UP_S,
     ) -> None:
         super().__init__(target, round_trip)
         self.number, self.parameters, self.place = number, parameters, place
+        self.give_up_s = give_up_s
         self.result: int | None = None
         self._tries = 0
         self._sent_s = self._end_s = 0.0
 
     def begin(self, now_s: float) -> None:
         """Give it."""
-        self._end_s = now_s + GIVE_UP_S
+        self._end_s = now_s + self.give_up_s
         self._give(now_s)
 
     def _give(self, now_s: float) -> None:

@@ -53,6 +53,7 @@ _ARM, _LAND, _RETURN, _GRIPPER, _REPOSITION = 400, 21, 20, 211, 192
 _SET_MODE, _PAUSE, _START, _BATTERY_RESET = 176, 193, 300, 42651
 _SPEED, _GROUND_SPEED, _SAME_THROTTLE = 178, 1.0, -1.0
 _MODE_S, _RETRY_ARM_S, _BATTERY_S = 8.0, 1.0, 3.0
+_REQUEST_MESSAGE, _VERSION, _ANSWERS_S = 512, 148.0, 3.0
 _PERCENT = 0.0101
 _ORDERS, _BEATS_S = 3, 3.0
 _ABOVE_HOME, _ABOVE_SEA = 6, 0
@@ -126,12 +127,29 @@ class MavlinkVehicle(Seen):
         version, capabilities, uid = (found[name] for name in ("flight_sw_version", "capabilities", "uid"))
         return Identity(self.system, self.family.name, self.peer.kind, version_text(version), capabilities, uid)
 
+    def answers(self) -> bool:
+        """Ask whether it hears us: any answer to a request that changes nothing will do."""
+        asked = Command(
+            self.peer.target, _REQUEST_MESSAGE, _VERSION, round_trip=self.peer.round_trip, give_up_s=_ANSWERS_S
+        )
+        return self._do(asked).result is not None
+
     def request_telemetry(self, rates_hz: Mapping[int, float] = RATES_HZ) -> tuple[int, ...]:
-        """Ask for the messages that telemetry is made of; returns the ids of those refused."""
+        """Ask for the messages that telemetry is made of; returns the ids of those refused.
+
+        Raises
+        ------
+        VehicleTimeoutError
+            No answer; what was not asked for yet is asked for again as long as it does not come.
+        """
         wanted, refused = self.its_messages(rates_hz), []
+        self.rates.want(wanted, self.connection.clock.now_s())
         for number, rate in wanted.items():
             asked = Command(self.peer.target, INTERVAL, float(number), 1e6 / rate, round_trip=self.peer.round_trip)
-            if self._do(asked).result != ACCEPTED:
+            result = self._do(asked).result
+            if result is None:
+                raise VehicleTimeoutError("its telemetry", asked.give_up_s)
+            if result != ACCEPTED:
                 refused.append(number)
         taken = {number: rate for number, rate in wanted.items() if number not in refused}
         self.rates.want(taken, self.connection.clock.now_s())
@@ -183,10 +201,20 @@ class MavlinkVehicle(Seen):
         return {value.name: value for value in found.found.values()}
 
     def check_required(self, wanted: Sequence[Parameter]) -> tuple[ParameterCheck, ...]:
-        """Read the parameters that a mission relies on, under whichever of their names this firmware has."""
+        """Read the parameters that a mission relies on, under whichever of their names this firmware has.
+
+        Raises
+        ------
+        VehicleTimeoutError
+            The link is away: what did not come is not known to be absent.
+        """
         wanted = [p.called(*self.own_names[p.key]) if p.key in self.own_names else p for p in wanted]
         read = self.read_parameters(tuple(dict.fromkeys(name for parameter in wanted for name in parameter.names)))
-        return check_parameters(wanted, {name: found.value for name, found in read.found.items()}, read.absent)
+        checks = check_parameters(wanted, {name: found.value for name, found in read.found.items()}, read.absent)
+        silent = [check.wanted.name for check in checks if check.actual is None and not check.absent]
+        if silent and not self.answers():
+            raise VehicleTimeoutError(f"parameter {', '.join(silent)}", GIVE_UP_S)
+        return checks
 
     def read_settings(self, keys: Sequence[str]) -> dict[str, float]:
         """Read settings by their keys (`missions.settings`), in our units; what this firmware has not is left out.

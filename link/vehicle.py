@@ -101,6 +101,10 @@ class Vehicle(Protocol):
         """For how long nothing has been heard of it."""
         ...
 
+    def answers(self) -> bool:
+        """Ask whether it hears us: one that is heard need not."""
+        ...
+
     @property
     def mission_state(self) -> str:
         """What it says of its mission: one of `link.seen.MISSION_STATES`."""

@@ -44,6 +44,8 @@ class Port:
         When the next stream is due.
     shortest_s : float
         Interval of the fastest stream.
+    tamper : callable or None
+        Changes payloads before they are framed and signed: a vehicle that says what is not so.
     """
 
     send: Callable[[bytes], None]
@@ -55,6 +57,7 @@ class Port:
     heard_version_2: bool = False
     closed: bool = False
     muted: bool = False
+    tamper: Callable[[MessageSpec, bytes], bytes] | None = None
 
     @classmethod
     def of(cls, system: int, send: Callable[[bytes], None], *, datagrams: bool) -> Port:
@@ -63,6 +66,8 @@ class Port:
 
     def write(self, message: MessageSpec, payload: bytes) -> None:
         """Send a payload as a frame."""
+        if self.tamper is not None:
+            payload = self.tamper(message, payload)
         frame = None if self.muted else self.writer.frame(message, payload)
         if frame is not None:
             self.send(frame)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from link.divert import Diversion, Refuge
 from link.supervisor.foreign import landed, refuse_foreign
 from link.supervisor.legs import cross_track_m, turn_leg, with_places
-from link.supervisor.states import State
-from models.errors import InputError, LinkError
+from link.supervisor.states import State, Turn
+from models.errors import InputError, LinkError, VehicleTimeoutError
 from planner.replan_flight import Airborne, FlightReplanner
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from planner.replan import Decision
 
 DECIDE_EVERY_S = 10.0
+LAND_AGAIN_S = 5.0
 SUDDEN_S = 15.0
 """So long a loss of charge counts as sudden."""
 LEARN_SOC = 0.04
@@ -263,6 +264,8 @@ def _turn(ctx: Context, station: str, state: State) -> After:
     )  # fmt: skip
     try:
         outcome = ctx.vehicle.change_in_flight(mission.document.mission, 0)
+    except VehicleTimeoutError as error:
+        _unfinished(ctx, station, error)
     except LinkError as error:
         ctx.note("turn", f"not by a mission: {error}", verified=False)
         return _reposition(ctx, station, plan, mission)
@@ -287,6 +290,8 @@ def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> A
             ctx.tick()
             if ctx.sample is not None:
                 diversion.hear(ctx.sample)
+    except VehicleTimeoutError as error:
+        _unfinished(ctx, station, error)
     except LinkError as error:
         return State.HOLDING, f"it could not be turned to {station}: {error}"
     if landed(ctx):
@@ -294,13 +299,22 @@ def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> A
     return State.HOLDING, f"the divert to {station} by reposition ended: {diversion.reason}"
 
 
+def _unfinished(ctx: Context, station: str, error: VehicleTimeoutError) -> NoReturn:
+    """A turn whose orders are not answered is begun again when the link is back."""
+    ctx.divert_to, ctx.turned = station, False
+    raise Turn(State.LOST_LINK, f"while it was turned to {station}: {error}") from error
+
+
 def _land_here(ctx: Context) -> After:
-    """Land where it is."""
-    try:
-        ctx.vehicle.land()
-    except LinkError as error:
-        ctx.note("turn", f"landing was not taken over: {error}")
+    """Land where it is; told again until it does."""
+    told_s = -math.inf
     while True:
+        if ctx.vehicle.mode != "land" and ctx.vehicle.armed and ctx.now_s >= told_s + LAND_AGAIN_S:
+            try:
+                ctx.vehicle.land()
+            except LinkError as error:
+                ctx.note("turn", f"landing was not taken over: {error}")
+            told_s = ctx.now_s
         refuse_foreign(ctx, ctx.tick(), ("land", "mission"))
         if landed(ctx):
             return State.LANDED, "landed where it was"

@@ -94,7 +94,7 @@ def _reset_counter(ctx: Context, soc: float | None) -> None:
         return
     ctx.voltage.forget()
     try:
-        reported = ctx.vehicle.reset_battery(soc)
+        reported = ctx.ask(lambda: ctx.vehicle.reset_battery(soc))
     except CommandRefusedError:
         ctx.wait(2.0)
         return

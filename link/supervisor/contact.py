@@ -13,7 +13,7 @@ from link.supervisor.modelled_use import ModelledUse
 from link.supervisor.states import IN_AIR, State, Turn
 from link.supervisor.wind_book import observations_of
 from models.composition_file import from_json
-from models.errors import InputError, LinkError
+from models.errors import InputError, LinkError, VehicleTimeoutError
 from planner.energy_belief import EnergyBelief
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from link.supervisor.context import After, Context
     from link.supervisor.journal import Record
+    from link.vehicle import Identity
 
 KNOWN_S = 45.0
 """So long we wait for position, charge and whether it is armed."""
@@ -31,9 +32,12 @@ WORDS = "go, land, leave"
 
 
 def connecting(ctx: Context) -> After:
-    """Meet it for the first time: it must stand disarmed where the plan begins."""
+    """Meet it; for the first time it must stand disarmed where the plan begins."""
     _meet(ctx)
+    ctx.must_answer("it does not say who it is")
     who = ctx.vehicle.identify()
+    if ctx.resumed:
+        return _resuming(ctx, who)
     ctx.uid, ctx.reboots = who.uid, ctx.vehicle.reboots
     ctx.note("vehicle", str(who), system=who.system, autopilot=who.autopilot, uid=who.uid)
     ctx.tell(str(who))
@@ -60,6 +64,7 @@ def _meet(ctx: Context) -> None:
         if s is not None and ctx.place is not None and all(map(math.isfinite, (s.armed, s.landed, s.soc))):
             return
         if ctx.clock.now_s() > asked + 10.0:
+            ctx.must_answer("it does not send what it is asked for")
             asked = ctx.clock.now_s()
             ctx.request_telemetry()
     s = ctx.sample
@@ -86,6 +91,7 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
         if record.event in ("plan", "leg", "landed"):
             _restore_standing(ctx, data)
         if record.event == "leg":
+            ctx.landed_at = None
             ctx.leg, ctx.divert_to, ctx.turned = _restore_leg(ctx, data, record.time_s), None, False
         elif record.event == "track" and ctx.leg is not None and ctx.leg.modelled is not None:
             if data.get("modelled_soc") is not None:
@@ -94,6 +100,7 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
             ctx.divert_to, ctx.turned = str(data["destination"]), not data.get("begun")
         elif record.event == "landed":
             ctx.leg, ctx.divert_to, ctx.turned = None, None, False
+            ctx.landed_at = data.get("station")
             _restore_progress(ctx, data)
 
 
@@ -154,10 +161,8 @@ def _number(value: Any) -> float:
     return math.nan if value is None else float(value)
 
 
-def resuming(ctx: Context) -> After:
+def _resuming(ctx: Context, who: Identity) -> After:
     """Find the vehicle where it is, and go on from there: never upload or start what was flown already."""
-    _meet(ctx)
-    who = ctx.vehicle.identify()
     ctx.reboots = ctx.vehicle.reboots
     if ctx.uid and who.uid and who.uid != ctx.uid:
         return State.STOPPED, f"{who} is not the vehicle of this journal"
@@ -178,6 +183,7 @@ def take_up(ctx: Context) -> After:
         return State.LANDED, f"flight {ctx.flight} has ended while nobody watched"
     if leg is not None:
         ctx.leg = None
+        ctx.flight -= 1
         ctx.note("start", f"the flight from {leg.origin} was not begun")
     ctx.station = station
     if station is None or station == ctx.mandate.request.destination:
@@ -216,6 +222,8 @@ def _in_the_air(ctx: Context) -> After:
         return State.DIVERTING, f"on its way to {ctx.divert_to}"
     try:
         differences = ctx.vehicle.verify(leg.mission.document.mission)
+    except VehicleTimeoutError:
+        raise
     except LinkError as error:
         raise Turn(State.HOLDING, f"it could not be told whether it flies our mission: {error}") from None
     if differences:
@@ -227,23 +235,30 @@ def _in_the_air(ctx: Context) -> After:
 
 
 def lost_link(ctx: Context) -> After:
-    """Listen until it is heard again, then find it where it is."""
+    """Listen until it is heard and answers again, then find it where it is."""
     before = ctx.before
     ctx.tell(f"link lost; {ctx.left_words}" if before in IN_AIR else "link lost")
     begun = ctx.clock.now_s()
     while True:
         ctx.tick()
-        if ctx.vehicle.silent_s < BACK_S:
-            break
-    gone_s = ctx.clock.now_s() - begun
-    ctx.note("link", f"heard again after {gone_s:.0f} s", gone_s=gone_s)
+        if ctx.vehicle.silent_s >= BACK_S or not ctx.vehicle.answers():
+            continue
+        try:
+            return _found_again(ctx, before, ctx.clock.now_s() - begun)
+        except VehicleTimeoutError as error:
+            ctx.note("link", f"lost again: {error}")
+
+
+def _found_again(ctx: Context, before: State, gone_s: float) -> After:
+    ctx.note("link", f"back after {gone_s:.0f} s", gone_s=gone_s)
     ctx.tell(f"link back after {gone_s:.0f} s")
+    ctx.unanswered_said = ""
+    if before is State.CONNECTING:
+        return State.CONNECTING, "heard again"
     ctx.request_telemetry()
     ctx.wait(3.0)
     if before is State.HOLDING:
         return State.HOLDING, "heard again; somebody else has had control"
-    if before is State.CONNECTING:
-        return State.STOPPED, "it was lost before it was known where it stands: begin anew"
     return take_up(ctx)
 
 

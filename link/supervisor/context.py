@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from link.supervisor.foreign import follows_a_landing, refuse_on_ground
 from link.supervisor.gauge import read_gauge
@@ -13,6 +13,7 @@ from link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State, Turn
 from link.supervisor.track import write_track
 from link.supervisor.voltage import VoltageWatch
 from models.composition_file import to_json
+from models.errors import LinkError, VehicleTimeoutError
 from models.services import Place
 from planner.energy_belief import EnergyBelief
 from planner.replan import GroundReplanner
@@ -34,9 +35,12 @@ if TYPE_CHECKING:
 
 After = tuple[State, str]
 """The next state, and why."""
+T = TypeVar("T")
 TICK_S = 1.0
 SILENT_S = 5.0
 """Not heard for so long, the link is lost."""
+ASK_AGAIN_S, ASK_FOR_S = 2.0, 900.0
+"""A question without an answer is asked again after so long, for so long."""
 AT_STATION_M = 60.0
 PLACE_FRESH_S = 10.0
 """A position told so long ago still counts: over bad radios many are lost."""
@@ -81,6 +85,10 @@ class Context:
         Station of a divert under way; None lands here.
     turned : bool
         The vehicle holds the mission of that divert.
+    landed_at : str or None
+        Where the last flight ended, once that is written down.
+    resumed : bool
+        The delivery is one that was begun by an earlier run of the program.
     stop_after_leg : bool
         The operator wants it to stay at the next landing.
     """
@@ -121,6 +129,9 @@ class Context:
     stop_after_leg: bool = False
     divert_to: str | None = None
     turned: bool = False
+    landed_at: str | None = None
+    resumed: bool = False
+    unanswered_said: str = ""
     outlook: dict[str, Any] = field(default_factory=dict)
     reboots: int = 0
     interrupts: int = 0
@@ -170,10 +181,17 @@ class Context:
             raise Turn(State.LOST_LINK, f"nothing was heard of the vehicle for {self.vehicle.silent_s:.0f} s")
         if self.state in ON_GROUND:
             refuse_on_ground(self, changes)
-        rule = TABLE[self.state]
-        if rule.overdue is not None and self.clock.now_s() - self.entered_s > rule.longest_s:
-            raise Turn(rule.overdue, f"{self.state} has lasted longer than {rule.longest_s / 60:.0f} min")
+        self._end_overdue()
         return changes
+
+    def _end_overdue(self) -> None:
+        """End a state that lasts too long; a vehicle that flies is never said to have stopped."""
+        rule = TABLE[self.state]
+        if rule.overdue is None or self.clock.now_s() - self.entered_s <= rule.longest_s:
+            return
+        flies = self.in_air and rule.overdue is State.STOPPED
+        reason = f"{self.state} has lasted longer than {rule.longest_s / 60:.0f} min"
+        raise Turn(State.HOLDING if flies else rule.overdue, reason)
 
     def _count_use(self) -> None:
         """Count what the flight should have taken by the model, at the airspeed that wind and ground speed give."""
@@ -208,8 +226,6 @@ class Context:
 
     def request_telemetry(self) -> None:
         """Ask for the messages of the state we are in."""
-        from models.errors import LinkError
-
         try:
             self.vehicle.request_telemetry(FLYING_RATES if self.state in IN_AIR or self.in_air else GROUND_RATES)
         except LinkError as error:
@@ -254,6 +270,53 @@ class Context:
         if self.vehicle.mode != "mission":
             return f"it is in mode {self.vehicle.mode} and stays in it until its battery failsafe, or a pilot, ends it"
         return when_left(self.vehicle.family.name, self.failsafes)
+
+    # Asking
+
+    def ask(self, question: Callable[[], T]) -> T:
+        """Put a question to a vehicle that has time, and put it again until it is answered.
+
+        Raises
+        ------
+        Turn
+            To the lost link, where nothing is answered any more.
+        VehicleTimeoutError
+            All else is answered, and this has not been for `ASK_FOR_S`.
+        """
+        end = self.clock.now_s() + ASK_FOR_S
+        while True:
+            try:
+                return question()
+            except VehicleTimeoutError as error:
+                self.unanswered(error)
+                if self.clock.now_s() >= end:
+                    raise
+                self.wait(ASK_AGAIN_S)
+
+    def unanswered(self, error: VehicleTimeoutError) -> None:
+        """Say what was not answered; the link counts as lost where nothing else is answered either.
+
+        Raises
+        ------
+        Turn
+            To the lost link.
+        """
+        self.must_answer(str(error))
+        if str(error) != self.unanswered_said:
+            self.unanswered_said = str(error)
+            self.note("link", f"{error}: asked again")
+            self.tell(f"{error}: asked again")
+
+    def must_answer(self, reason: str) -> None:
+        """Go on where the vehicle answers at all.
+
+        Raises
+        ------
+        Turn
+            To the lost link, with this reason.
+        """
+        if not self.vehicle.answers():
+            raise Turn(State.LOST_LINK, reason)
 
     # Where
 

@@ -13,15 +13,18 @@ from link.supervisor.modelled_use import ModelledUse
 from link.supervisor.preflight import run_checks
 from link.supervisor.states import State, Turn
 from link.verified import UploadState
-from models.errors import LinkError
+from models.errors import LinkError, VehicleTimeoutError
 
 if TYPE_CHECKING:
     from link.supervisor.context import After, Context
     from link.supervisor.legs import LegMission
     from link.supervisor.preflight import Check
+    from link.verified import Part
     from models.services import DroneService
 
 CHECK_AGAIN_S, CHECK_PATIENCE_S = 5.0, 120.0
+UNKNOWN_PATIENCE_S = 840.0
+"""What is not known may be waited for longer than what is known to be wrong: nearly as long as the state may last."""
 REPLAN_AGAIN_S = 10.0
 ARM_PATIENCE_S = 90.0
 TAKE_OFF_S = 60.0
@@ -59,17 +62,25 @@ def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService
 def preflight(ctx: Context) -> After:
     """Go through the list until all is in order; what cannot come right stops, with the reason."""
     service, leg = make_leg(ctx)
-    end = ctx.clock.now_s() + CHECK_PATIENCE_S
+    begun_s = ctx.clock.now_s()
     while True:
+        waited_s = ctx.clock.now_s() - begun_s
         try:
             checks = run_checks(ctx, service, leg)
         except LinkError as error:
-            if ctx.clock.now_s() >= end:
+            if isinstance(error, VehicleTimeoutError):
+                ctx.unanswered(error)
+            if waited_s >= (UNKNOWN_PATIENCE_S if isinstance(error, VehicleTimeoutError) else CHECK_PATIENCE_S):
                 return State.STOPPED, f"preflight: {error}"
             ctx.wait(CHECK_AGAIN_S)
             continue
         wrong = [check for check in checks if not check.ok]
-        if not wrong or ctx.clock.now_s() >= end or any(not check.waits for check in wrong):
+        unknown = [check for check in wrong if check.verdict == "unknown" and check.waits]
+        if unknown:
+            ctx.must_answer("; ".join(map(str, unknown)))
+        elif not wrong or any(not check.waits for check in wrong):
+            break  # else what is wrong may follow from what is not known
+        if waited_s >= (UNKNOWN_PATIENCE_S if len(unknown) == len(wrong) else CHECK_PATIENCE_S):
             break
         ctx.wait(CHECK_AGAIN_S)
     data = [{"name": c.name, "verdict": c.verdict, "said": c.said} for c in checks]
@@ -103,27 +114,33 @@ def uploading(ctx: Context) -> After:
         (MissionKind.MISSION, leg.document.mission),
     )
     for kind, part in parts:
-        reason = ""
-        for _ in range(UPLOADS):
-            try:
-                if part is None:
-                    ctx.vehicle.clear(kind)
-                    reason = ""
-                    break
-                outcome = ctx.vehicle.upload(part)
-            except LinkError as error:
-                reason = str(error)
-            else:
-                reason = "" if outcome.verified else str(outcome)
-                ctx.note("upload", str(outcome), part=kind.word, verified=outcome.verified, attempts=outcome.attempts)
-                if outcome.verified or outcome.state is UploadState.REFUSED:
-                    break
-            ctx.wait(2.0)
+        reason = _upload(ctx, kind, part)
         if reason:
             return State.STOPPED, f"the {kind.word} could not be uploaded: {reason}"
     ctx.vehicle.changes()  # what we have just sent
     ctx.leg = _new_leg(ctx, service, leg)
     return State.READY, f"the leg to {service.destination} is uploaded and verified"
+
+
+def _upload(ctx: Context, kind: MissionKind, part: Part | None) -> str:
+    """Upload one list, or clear it; returns why that was not possible. A lost link does not count as a try."""
+    reason = ""
+    for _ in range(UPLOADS):
+        try:
+            if part is None:
+                ctx.vehicle.clear(kind)
+                return ""
+            outcome = ctx.vehicle.upload(part)
+        except LinkError as error:
+            reason = str(error)
+        else:
+            reason = "" if outcome.verified else str(outcome)
+            ctx.note("upload", str(outcome), part=kind.word, verified=outcome.verified, attempts=outcome.attempts)
+            if outcome.verified or outcome.state is UploadState.REFUSED:
+                return reason
+        ctx.must_answer(f"the {kind.word} could not be uploaded: {reason}")
+        ctx.wait(2.0)
+    return reason
 
 
 def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
@@ -188,6 +205,7 @@ def arming(ctx: Context) -> After:
         return State.PREFLIGHT, "the leg is prepared anew"
     ctx.wait(FRESH_S)
     ctx.flight += 1
+    ctx.landed_at = None
     leg.start_s, leg.soc_start, leg.told_start = ctx.now_s, ctx.soc, ctx.told_soc
     if leg.modelled is not None:
         leg.modelled.begin(ctx.now_s)
@@ -199,27 +217,37 @@ def arming(ctx: Context) -> After:
         planned_s=leg.planned_s, planned_soc=leg.planned_soc, soc=ctx.soc, told_soc=ctx.told_soc, ground_speed_mps=leg.commanded_mps,
         way=[list(point) for point in leg.mission.way], last=leg.last, **ctx.standing(),
     )  # fmt: skip
-    problem = ""
-    for _ in range(STARTS):
-        try:
-            ctx.vehicle.start(ARM_PATIENCE_S)
-        except LinkError as error:
-            problem = str(error)
-            ctx.note("start", problem)
-            ctx.wait(2.0)
-            if ctx.in_air:
-                break
-            continue
-        if _took_off(ctx):
-            problem = ""
-            break
-        problem = "it does not take off"
+    problem = _start(ctx)
     if problem and not ctx.in_air:
         return _disarmed(ctx, f"the take-off to {leg.destination} failed: {problem}")
     ctx.station = None
     ctx.charged = False
     ctx.charge_to = None
     return State.FLYING, f"in the air to {leg.destination}"
+
+
+def _start(ctx: Context) -> str:
+    """Arm and start until it is in the air; returns why it is not.
+
+    An order whose answer was lost may have been carried out: one that is armed is given time to take off before it is
+    told again.
+    """
+    problem = ""
+    for _ in range(STARTS):
+        try:
+            ctx.vehicle.start(ARM_PATIENCE_S)
+            problem = "it does not take off"
+        except LinkError as error:
+            problem = str(error)
+            ctx.note("start", problem)
+            if isinstance(error, VehicleTimeoutError):
+                ctx.unanswered(error)
+            ctx.wait(2.0)
+            if not ctx.vehicle.armed:
+                continue
+        if _took_off(ctx):
+            return ""
+    return problem
 
 
 def _took_off(ctx: Context) -> bool:

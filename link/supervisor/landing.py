@@ -30,6 +30,7 @@ def after_landing(ctx: Context) -> After:
     while ctx.place is None and ctx.clock.now_s() < end:
         ctx.tick()
     if ctx.place is None:
+        ctx.must_answer("it has landed, and does not answer")
         return State.HOLDING, "it has landed, and does not tell where"
     station = ctx.here_station()
     ctx.station = station
@@ -37,6 +38,28 @@ def after_landing(ctx: Context) -> After:
         _learn(ctx)
     where = station or f"{ctx.place[0]:.5f}, {ctx.place[1]:.5f}"
     planned = leg is not None and station == leg.destination
+    if ctx.landed_at is None or leg is not None:
+        _note_landing(ctx, where, planned=planned)
+    if station is None:
+        return State.ENDED_ELSEWHERE, f"it stands disarmed at {where}, away from any station"
+    ctx.visited.add(station)
+    if ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].destination == station:
+        rest = ctx.plan.services[1:]
+        ctx.plan = replace(ctx.plan, services=rest, origin=station) if rest else None
+    elif not (ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].origin == station):
+        ctx.plan = None
+    ctx.leg, ctx.outlook = None, {}
+    if station == ctx.mandate.request.destination:
+        return _deliver(ctx)
+    if ctx.stop_after_leg:
+        return State.STOPPED, f"the operator asked to stay; it stands disarmed at {station}"
+    return State.REPLANNING, f"at {station}"
+
+
+def _note_landing(ctx: Context, where: str, *, planned: bool) -> None:
+    """Write down where a flight has ended; once, however often it is found standing there."""
+    leg = ctx.leg
+    ctx.landed_at = ctx.station or where
     ctx.note(
         "landed", f"at {where} with {100 * ctx.soc:.0f} %", soc=ctx.soc, planned=planned,
         planned_soc=math.nan if leg is None else leg.planned_soc,
@@ -44,20 +67,6 @@ def after_landing(ctx: Context) -> After:
         flight_s=math.nan if leg is None else ctx.now_s - leg.start_s, **ctx.standing(),
     )  # fmt: skip
     ctx.tell(f"landed at {where} with {100 * ctx.soc:.0f} %")
-    if station is None:
-        return State.ENDED_ELSEWHERE, f"it stands disarmed at {where}, away from any station"
-    ctx.visited.add(station)
-    if station == ctx.mandate.request.destination:
-        return _deliver(ctx)
-    if ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].destination == station:
-        rest = ctx.plan.services[1:]
-        ctx.plan = replace(ctx.plan, services=rest, origin=station) if rest else None
-    elif not (ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].origin == station):
-        ctx.plan = None
-    ctx.leg, ctx.outlook = None, {}
-    if ctx.stop_after_leg:
-        return State.STOPPED, f"the operator asked to stay; it stands disarmed at {station}"
-    return State.REPLANNING, f"at {station}"
 
 
 def _learn(ctx: Context) -> None:
@@ -80,7 +89,7 @@ def _deliver(ctx: Context) -> After:
     if ctx.mandate.options.release == "gripper":
         for attempt in range(RELEASES):
             try:
-                ctx.vehicle.release()
+                ctx.ask(ctx.vehicle.release)
             except LinkError as error:
                 ctx.note("release", f"the gripper was not opened: {error}")
                 if attempt == RELEASES - 1:

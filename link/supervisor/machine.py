@@ -84,7 +84,7 @@ class Supervisor:
         belief = EnergyBelief.first(loaded=mandate.drag is not None)
         self.context = Context(vehicle, clock, journal, pads, operator, mandate, wind, on_tick=on_tick, belief=belief)
         self.context.entered_s = clock.now_s()
-        self.resume = resume
+        self.context.resumed = resume
         if resume:
             records = read_journal(journal.path).records
             contact.restore(self.context, records)
@@ -123,12 +123,9 @@ class Supervisor:
             The journal, or the recording, cannot be written any more.
         """
         ctx = self.context
-        first = True
         while ctx.state not in ENDS:
-            step = contact.resuming if first and self.resume else STEPS[ctx.state]
-            first = False
             try:
-                after, reason = step(ctx)
+                after, reason = STEPS[ctx.state](ctx)
             except Turn as turn:
                 after, reason = turn.state, turn.reason
             except LinkError as error:
@@ -158,6 +155,8 @@ class Supervisor:
         ctx = self.context
         if isinstance(error, StationConflictError):
             return (State.HOLDING if ctx.in_air else State.STOPPED), str(error)
+        if ctx.state is State.LOST_LINK:
+            return State.LEFT, str(error)
         if ctx.state in IN_AIR or ctx.in_air:
-            return (State.LOST_LINK if ctx.state is not State.LOST_LINK else State.LEFT), str(error)
+            return State.LOST_LINK, str(error)
         return State.STOPPED, str(error)

@@ -93,7 +93,7 @@ TABLE: Mapping[State, Rule] = {
         (_S.ARMING, _S.REPLANNING, _S.PREFLIGHT, *_GROUND_TROUBLE), 3600.0, _S.STOPPED, "waits for the operator's word"
     ),
     _S.ARMING: Rule(
-        (_S.FLYING, _S.PREFLIGHT, *_GROUND_TROUBLE), 240.0, _S.STOPPED, "armed and started, until it is in the air"
+        (_S.FLYING, _S.PREFLIGHT, *_GROUND_TROUBLE), 600.0, _S.STOPPED, "armed and started, until it is in the air"
     ),
     _S.FLYING: Rule(
         (_S.LANDED, _S.DIVERTING, *_AIR_TROUBLE), 4 * 3600.0, _S.HOLDING, "flies the leg; watched, wind learnt"
@@ -103,12 +103,13 @@ TABLE: Mapping[State, Rule] = {
     ),
     _S.LANDED: Rule(
         (_S.REPLANNING, _S.DELIVERED, _S.ENDED_ELSEWHERE, *_GROUND_TROUBLE),
-        300.0,
+        1800.0,
         _S.HOLDING,
-        "on the ground and disarmed: where is it?",
+        "on the ground and disarmed: where is it? the package is handed over",
     ),
     _S.LOST_LINK: Rule(
         (
+            _S.CONNECTING,
             _S.FLYING,
             _S.DIVERTING,
             _S.LANDED,
@@ -123,7 +124,7 @@ TABLE: Mapping[State, Rule] = {
         ),
         3600.0,
         _S.LEFT,
-        "not heard: it does what its parameters say; nothing is commanded",
+        "not heard, or hears us not: it does what its parameters say; nothing is commanded",
     ),
     _S.HOLDING: Rule(
         (_S.FLYING, _S.DIVERTING, _S.LANDED, _S.LOST_LINK, _S.STOPPED, _S.ENDED_ELSEWHERE, _S.LEFT, _S.REPLANNING),

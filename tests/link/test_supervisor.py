@@ -117,7 +117,7 @@ def test_pads_that_could_be_known_and_are_not_stop_it_with_the_reason(tmp_path):
     assert "pads: NOT KNOWN" in outcome.reason
     assert "does not answer" in outcome.reason
     assert outcome.flights == 0
-    assert stage.lockstep.now_s < 300.0
+    assert stage.lockstep.now_s < TABLE[State.PREFLIGHT].longest_s
 
 
 def test_a_pilot_who_takes_over_is_not_commanded_until_the_operator_says_go(tmp_path):

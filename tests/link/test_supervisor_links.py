@@ -1,0 +1,72 @@
+"""A link that is away for a while, at any exchange of a delivery, ends no delivery: what was asked is asked again."""
+
+import random
+
+import pytest
+from cut_links import DIRECTIONS, DURATIONS_S, Cut, Moment, cut_stage, fly_cut, moments_of
+
+from benchmarks.deliveries import Story
+from link.supervisor import read_journal
+
+AUTOPILOTS = ("px4", "ardupilot")
+SHORT_S = 120.0
+
+
+def delivery(autopilot):
+    """One that charges first, so that every state on the ground is passed."""
+    return Story(autopilot=autopilot, start="bellevue", to="city-hall", soc=0.3, traffic=False)
+
+
+ONCE_IN_EACH_STATE = (
+    Cut(Moment("connecting", "COMMAND_LONG:511:245"), "both", 20.0),
+    Cut(Moment("waiting-for-pad", "pads:charge"), "both", 30.0),
+    Cut(Moment("charging", "COMMAND_LONG:42651"), "up", 30.0),
+    Cut(Moment("preflight", "COMMAND_LONG:512:242"), "up", 40.0),
+    Cut(Moment("uploading", "MISSION_ITEM_INT:0"), "both", 40.0),
+    Cut(Moment("arming", "COMMAND_LONG:400:1"), "down", 4.0),
+    Cut(Moment("flying", "COMMAND_LONG:511:30"), "up", 30.0),
+    Cut(Moment("landed", "COMMAND_LONG:211"), "down", 20.0),
+)
+"""What is asked, cut off at once: some of it is carried out, and only the answer is lost."""
+
+
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_a_link_that_is_cut_for_seconds_in_every_state_delays_a_delivery_and_does_not_end_it(autopilot, tmp_path):
+    stage, link = cut_stage(delivery(autopilot), tmp_path, ONCE_IN_EACH_STATE)
+    outcome = stage.fly()
+    assert outcome.delivered, outcome
+    assert set(link.begun_s) == set(ONCE_IN_EACH_STATE)
+    assert stage.craft.station() == "city-hall"
+    assert sum(event.text == "in the air" for event in stage.world.events) == outcome.flights == 1
+    said = [record.reason for record in read_journal(stage.journal_path).records if record.event in ("link", "state")]
+    assert any("reset the battery's counter" in reason for reason in said)
+    assert any("release the package" in reason for reason in said)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@pytest.mark.parametrize("part", range(12))
+def test_wherever_a_cut_of_a_second_to_half_an_hour_begins_the_delivery_arrives(autopilot, part, tmp_path):
+    """Every exchange and state, in each direction, with every duration: one of the durations in each run of a part."""
+    story = delivery(autopilot)
+    failed = []
+    for number, moment in enumerate(moments_of(story, tmp_path / "undisturbed")):
+        if number % 12 != part:
+            continue
+        for direction in ("both",) if moment.exchange.startswith("pads:") else DIRECTIONS:
+            for lasts_s in DURATIONS_S:
+                ended = fly_cut(story, tmp_path / f"{number}-{direction}-{lasts_s:g}", Cut(moment, direction, lasts_s))
+                if ended.kind != "delivered" and (ended.kind != "held" or lasts_s <= SHORT_S):
+                    failed.append((moment, direction, lasts_s, ended))
+    assert not failed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_many_cuts_in_one_delivery_end_in_no_harm(seed, tmp_path):
+    luck = random.Random(f"cuts/{seed}")
+    story = delivery(AUTOPILOTS[seed % 2])
+    moments = moments_of(story, tmp_path / "undisturbed")
+    cuts = [Cut(moment, luck.choice(DIRECTIONS), luck.choice(DURATIONS_S[:5])) for moment in luck.sample(moments, 12)]
+    ended = fly_cut(story, tmp_path / "cut", *cuts)
+    assert ended.kind == "delivered", ended
