@@ -206,6 +206,20 @@ LOCATED_COMMANDS = frozenset(
 )
 """Commands whose parameters 5, 6 and 7 are a latitude, a longitude and an altitude."""
 
+PLAIN_PARAM5_COMMANDS = frozenset(
+    {
+        Command.DO_SET_ACTUATOR,
+        Command.DO_DIGICAM_CONFIGURE,
+        Command.DO_DIGICAM_CONTROL,
+        Command.DO_MOUNT_CONFIGURE,
+        Command.DO_GIMBAL_MANAGER_PITCHYAW,
+        Command.OBLIQUE_SURVEY,
+        Command.PANORAMA_CREATE,
+        Command.NAV_ATTITUDE_TIME,
+    }
+)
+"""Commands that use parameter 5 or 6 as a plain number; of the others only located ones use them."""
+
 FENCE_COMMANDS = frozenset(
     {
         Command.NAV_FENCE_RETURN_POINT,

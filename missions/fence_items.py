@@ -16,7 +16,10 @@ from models.errors import Fault, InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-COMMANDS = FENCE_COMMANDS | {Command.NAV_RALLY_POINT}
+HOME_CIRCLE = 5005
+"""A circle around home wherever it is, of the newest ArduPilot; we have no fence for it."""
+
+COMMANDS = FENCE_COMMANDS | {HOME_CIRCLE, Command.NAV_RALLY_POINT}
 """Commands that belong to a fence or to rally points, not to a mission."""
 
 CLAIMED_COUNT = "claimedVertexCount"
@@ -87,6 +90,10 @@ def to_fence(items: Sequence[MissionItem], file: str = "fence") -> Geofence:
             center = _point(item, position, file)
             circles.append(FenceCircle(center, item.param1, _CIRCLES[Command(item.command)]))
             position += 1
+        elif item.command == HOME_CIRCLE:
+            remedy = "use a circle with a centre of its own (5003)"
+            problem = "not supported: a fence circle around wherever home is"
+            raise InputError(Fault(problem, file, None, f"item {position}", HOME_CIRCLE, remedy))
         else:
             raise InputError(Fault(f"{item.name} is no part of a fence", file, None, f"item {position}"))
     return Geofence(tuple(polygons), tuple(circles), return_point, return_altitude)
@@ -134,7 +141,7 @@ def _point(item: MissionItem, position: int, file: str) -> Point:
 
 def is_fence_item(item: MissionItem) -> bool:
     """Whether an item belongs to a fence rather than a mission."""
-    return item.command in FENCE_COMMANDS
+    return item.command in FENCE_COMMANDS or item.command == HOME_CIRCLE
 
 
 def is_rally_item(item: MissionItem) -> bool:

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from typing import Any
 
 
+SURFACE_TYPES = frozenset({10, 11, 12})
+"""MAV_TYPE of rovers, boats and submarines."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MissionItem:
     """One order of a mission, with the fields of MISSION_ITEM_INT.
@@ -200,3 +204,8 @@ class Mission:
 
     def __len__(self) -> int:
         return len(self.items)
+
+    @property
+    def is_for_the_surface(self) -> bool:
+        """Whether it was planned for a rover, a boat or a submarine: nothing takes off, lands or needs height."""
+        return self.vehicle_type in SURFACE_TYPES

@@ -28,6 +28,15 @@ MAX_ITEMS = 100_000
 MAX_FAULTS = 20
 PLAN_VERSION = 1
 MISSION_VERSION = 2
+PATTERN_VERSIONS = {
+    "survey": (2, 3, 4, 5),
+    "CorridorScan": (1, 2),
+    "StructureScan": (1, 2, 3),
+    "fwLandingPattern": (1, 2),
+    "vtolLandingPattern": (1,),
+    "TransectStyleComplexItem": (0, 1, 2),
+}
+"""Versions of patterns that QGroundControl has written and reads."""
 UNKNOWN_KEY = "skywayUnknown"
 """Key of ours in the mission: which of the keys that QGroundControl requires are only filled in."""
 
@@ -150,6 +159,8 @@ def _read_home(value: object, file: str, field: str) -> Home | None:
     if value is None:
         return None
     triple = sequence(value, file, field)
+    if len(triple) > 1 and triple[0] in (None, 0) and triple[1] in (None, 0):
+        return None  # fences without a mission, and generators that know no home
     altitude = number(triple[2], file, f"{field}[2]") if len(triple) > 2 and triple[2] is not None else None
     return Home(place(triple, file, field), altitude)
 
@@ -196,9 +207,21 @@ def _expansion(source: Mapping[str, Any], number_here: int, file: str, field: st
             field,
             remedy="open and save the plan in QGroundControl, or replace the pattern by waypoints",
         )
+    _check_pattern_version(kind, source, field, file)
+    if isinstance(style, dict):
+        _check_pattern_version("TransectStyleComplexItem", style, f"{field}.TransectStyleComplexItem", file)
     if len(inner) > MAX_ITEMS:
         raise fault(f"has more than {MAX_ITEMS} items", file, field, len(inner))
     return [mapping(item, file, field) for item in inner]
+
+
+def _check_pattern_version(kind: str, source: Mapping[str, Any], field: str, file: str) -> None:
+    """Refuse a pattern of a version that QGroundControl refuses: its items may mean something else."""
+    known = PATTERN_VERSIONS.get(kind)
+    version = source.get("version", 0 if kind == "TransectStyleComplexItem" else None)
+    if known is not None and (isinstance(version, bool) or version not in known):
+        remedy = f"known: {', '.join(map(str, known))}; open and save the plan in QGroundControl"
+        raise fault(f"is a version of {kind} that we do not know", file, f"{field}.version", version, remedy)
 
 
 def _jump_id(source: Mapping[str, Any], file: str, field: str) -> int | None:

@@ -56,17 +56,10 @@ def dumps(document: MissionDocument) -> str:
 
 def _mission(mission: Mission) -> dict[str, Any]:
     first_frame = next((item.frame for item in mission.items if item.is_located), Frame.GLOBAL_RELATIVE_ALT)
-    home = mission.home
-    required: dict[str, Any] = {
-        "plannedHomePosition": [home.point.lat, home.point.lon, home.altitude_m] if home else None,
-        "firmwareType": mission.firmware,
-        "vehicleType": mission.vehicle_type,
-        "cruiseSpeed": mission.cruise_speed_mps,
-        "hoverSpeed": mission.hover_speed_mps,
-    }
-    unknown = [key for key, value in required.items() if value is None]
+    needed = required(mission)
+    unknown = [key for key, value in needed.items() if value is None]
     # QGroundControl refuses a plan without these keys: fill them in, and say which ones are only filled in.
-    filled = {key: value for key, value in required.items() if value is not None}
+    filled = {key: value for key, value in needed.items() if value is not None}
     raw = {
         "globalPlanAltitudeMode": _ALTITUDE_MODES.get(first_frame, 1),
         **mission.extra,
@@ -76,6 +69,18 @@ def _mission(mission: Mission) -> dict[str, Any]:
         **filled,
     }
     return raw | {UNKNOWN_KEY: unknown} if unknown else raw
+
+
+def required(mission: Mission) -> dict[str, Any]:
+    """Return what QGroundControl opens no plan without; None is unknown."""
+    home = mission.home
+    return {
+        "plannedHomePosition": [home.point.lat, home.point.lon, home.altitude_m] if home else None,
+        "firmwareType": mission.firmware,
+        "vehicleType": mission.vehicle_type,
+        "cruiseSpeed": mission.cruise_speed_mps,
+        "hoverSpeed": mission.hover_speed_mps,
+    }
 
 
 def _stand_ins(mission: Mission) -> dict[str, Any]:

@@ -1,9 +1,9 @@
 """Read and write QGC WPL 110 text (``.waypoints``): Mission Planner, MAVProxy and QGroundControl.
 
-A row is index, current, frame, command, four parameters, latitude, longitude, altitude, autocontinue. Row 0 is home
-in files of ground stations (a WAYPOINT, or command 0 of old Mission Planner, above sea level); exports of PX4 and
-MAVSDK start with the first item instead. Numbers of rows count home where it is there: item 0 of ours is row 1.
-Fence points (5000 to 5004) and rally points (5100) may stand among the items.
+A row is index, current, frame, command, four parameters, latitude, longitude, altitude, autocontinue, between blanks,
+tabs or commas. Row 0 is home to every ground station, whatever its frame: a WAYPOINT, or command 0 of old Mission
+Planner; a take-off or fence point there cannot be home and is the first item (exports of PX4 and MAVSDK). Numbers of rows count home where it is there: item 0
+of ours is row 1. Fence points (5000 to 5004) and rally points (5100) may stand among the items.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def _read_rows(lines: Sequence[str], file: str) -> list[_Row]:
     faults: list[Fault] = []
     comment: list[str] = []
     for line, text in enumerate(lines[1:], start=2):
-        cells = text.split()
+        cells = text.replace(",", " ").split()
         if not cells:
             continue
         if cells[0].startswith("#"):
@@ -100,7 +100,7 @@ def _read_rows(lines: Sequence[str], file: str) -> list[_Row]:
 
 
 def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Row:
-    if len(cells) != 12:
+    if len(cells) != 12:  # Mission Planner takes 11 or more, and cannot know which one is missing
         raise InputError(Fault("is not a row of 12 numbers", file, line, None, len(cells)))
     try:
         index, frame, command, autocontinue = int(cells[0]), int(cells[2]), int(cells[3]), int(cells[11])
@@ -164,18 +164,18 @@ def _float_cells(cells: Sequence[str], line: int, file: str) -> list[float]:
 
 
 def _split_home(rows: list[_Row], file: str) -> tuple[Home | None, list[_Row]]:
-    """Take row 0 as home where a ground station wrote it so."""
+    """Take row 0 as home; its altitude is the height of the ground where it counts from the sea."""
     if not rows:
         return None, rows
     first = rows[0].item
-    is_home = first.command in (0, Command.NAV_WAYPOINT) and first.frame in (Frame.GLOBAL, Frame.GLOBAL_INT)
-    if not is_home or rows[0].number != 0:
+    if first.command not in (0, Command.NAV_WAYPOINT) or rows[0].number != 0:
         return None, rows
     if first.x is None or first.y is None or (first.x == 0 and first.y == 0):
         return None, rows[1:]
     if abs(first.param5) > 90.0 or abs(first.param6) > 180.0:
         raise InputError(Fault("home is not a place on Earth", file, rows[0].line, None, (first.param5, first.param6)))
-    return Home(Point(first.x, first.y), None if math.isnan(first.z) else first.z), rows[1:]
+    known = first.frame in (Frame.GLOBAL, Frame.GLOBAL_INT) and not math.isnan(first.z)
+    return Home(Point(first.x, first.y), first.z if known else None), rows[1:]
 
 
 def _resolve_jumps(rows: Sequence[_Row], file: str) -> tuple[MissionItem, ...]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from missions.checks.near_stations import NearStations
 from missions.checks.weather import SteadyWind, Weather
 from missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
 from models import geodesy
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 ENERGY_ERROR = 0.05
 """Energies of one vehicle differ from the model by up to this fraction, evenly."""
-NEAR_STATION_M = 150.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +138,7 @@ def _or_typical(
 def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -> tuple[LegEnergy, ...]:
     """Work out every flight of a route, with charging on the ground between them."""
     weight = conditions.weather.probability
+    near = NearStations(conditions.stations)
     soc = conditions.soc_start
     spent_j = np.zeros(len(weight))  # since the state of charge was last known
     clock_s = np.zeros(len(weight))
@@ -147,12 +148,12 @@ def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -
         mass = conditions.drone.mass_kg + (0.0 if released else conditions.payload_kg)
         flown = _fly(mission, leg, conditions, mass, clock_s, height_m)
         spent_j = spent_j + flown.energy_j_or_typical(weight)
-        pad = _pad_at(leg, conditions)
+        pad = _pad_at(leg, near)
         legs.append(_leg_energy(leg, flown, conditions, soc, spent_j, pad.name if pad else None))
         released = released or leg.released
         clock_s = clock_s + flown.time_s_or_typical(weight) + (leg.ground_hold_s or 0.0)
         end = legs[-1].soc_end
-        height_m = _height_after(leg)
+        height_m = leg.next_ground_m
         if leg.ground_hold_s != 0.0 and (pad is not None or not conditions.stations):
             power_w = pad.recharge_power_w if pad else None
             soc = charged(conditions.drone, end or 0.0, leg.ground_hold_s, power_w)
@@ -168,25 +169,10 @@ def charged(drone: Drone, soc: float, hold_s: float | None, pad_power_w: float |
     return float(curve.soc(float(curve.time_from_empty_s(max(soc, 0.0))) + hold_s))
 
 
-def _height_after(leg: RouteLeg) -> float:
-    """Height of the ground where the leg ended; home moves there where the vehicle was disarmed."""
-    if leg.ground_hold_s is None or not leg.steps or leg.landing != "land":
-        return 0.0
-    height = leg.steps[-1].height_m
-    return 0.0 if math.isnan(height) else height
-
-
-def _pad_at(leg: RouteLeg, conditions: FlightConditions) -> Station | None:
+def _pad_at(leg: RouteLeg, near: NearStations) -> Station | None:
     if not leg.steps or leg.landing == "none":
         return None
-    point = leg.steps[-1].point
-    for station in conditions.stations:
-        close = abs(station.lat - point.lat) < 0.01
-        if station.pads and close:
-            gap = geodesy.distance_m(station.lat, station.lon, point.lat, point.lon)
-            if gap <= NEAR_STATION_M:
-                return station
-    return None
+    return next((station for station in near.at(leg.steps[-1].point) if station.pads), None)
 
 
 def _leg_energy(

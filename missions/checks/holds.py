@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from missions.checks.weather import SteadyWind
 from missions.finding import Finding
 
 if TYPE_CHECKING:
@@ -15,24 +15,13 @@ if TYPE_CHECKING:
     from missions.checks.energy import FlightConditions, LegEnergy
     from missions.checks.route import Route, RouteLeg
 
+BATTERY_EMPTY = "battery-empty"
 EPSILON = 0.001
 """Probability of landing below the reserve that is accepted."""
 
 
 def check_energy(route: Route, legs: Sequence[LegEnergy], conditions: FlightConditions) -> Iterator[Finding]:
-    """Judge the energies of a mission: payload, wind, reserve, holds.
-
-    Where the vehicle is only assumed its shortfalls are warnings.
-    """
-    for finding in _judged(route, legs, conditions):
-        if conditions.drone_is_assumed and finding.severity == "error":
-            message = f"{finding.message} (vehicle assumed: {conditions.drone.name})"
-            yield replace(finding, severity="warning", message=message)
-        else:
-            yield finding
-
-
-def _judged(route: Route, legs: Sequence[LegEnergy], conditions: FlightConditions) -> Iterator[Finding]:
+    """Judge the energies of a mission: payload, wind, reserve, holds."""
     drone = conditions.drone
     if conditions.payload_kg > drone.max_payload_kg:
         message = f"a package of {conditions.payload_kg:g} kg, and the {drone.name} lifts {drone.max_payload_kg:g} kg"
@@ -63,10 +52,17 @@ def _wind(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
             "warning",
             leg.worst_item,
             "speed-not-held",
-            f"in the strongest of these winds the commanded ground speed needs {-leg.least_airspeed_margin_mps:.1f} m/s more airspeed than the"
-            f" {drone.max_airspeed_mps:g} m/s of the {drone.name}: it will fly slower",
+            f"{_which_wind(conditions)}the commanded ground speed needs {-leg.least_airspeed_margin_mps:.1f} m/s more"
+            f" airspeed than the {drone.max_airspeed_mps:g} m/s of the {drone.name}: it will fly slower",
             "order a lower ground speed",
         )
+
+
+def _which_wind(conditions: FlightConditions) -> str:
+    """Say in which wind, and nothing where there is none."""
+    if not isinstance(conditions.weather, SteadyWind):
+        return "in the strongest of these winds "
+    return f"in a wind of {conditions.weather.speed_mps:g} m/s " if conditions.weather.speed_mps else ""
 
 
 def _reserve(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
@@ -74,8 +70,11 @@ def _reserve(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
         return
     reserve = conditions.reserve_soc
     if leg.soc_end <= 0.0:
-        message = f"the battery is empty before item {leg.item_to}: {-100 * leg.soc_end:.0f} % are missing"
-        yield Finding("error", leg.item_to, "battery-empty", message, "land and recharge on the way")
+        message = (
+            f"the battery is empty before item {leg.item_to}: the flight takes {(leg.soc_start - leg.soc_end) * 100:.0f} %"
+            f" of a full battery, and begins with {100 * leg.soc_start:.0f} %"
+        )
+        yield Finding("error", leg.item_to, BATTERY_EMPTY, message, "land and recharge on the way")
     elif leg.soc_end < reserve:
         message = f"ends at {100 * leg.soc_end:.0f} % charge, below the reserve of {100 * reserve:.0f} %"
         yield Finding("error", leg.item_to, "below-reserve", message, "recharge before, or fly a shorter way")

@@ -15,12 +15,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from missions.checks.route import Route, RouteLeg, Step
+    from missions.document import MissionDocument
     from missions.mission import Mission, MissionItem
     from models.drone import Drone
 
 AUTOPILOT_MAX_SPEED_MPS = 20.0
 FAR_FROM_HOME_M = 10_000.0
 """PX4 refuses a first position farther away (MIS_DIST_1WP)."""
+FAR_RALLY_M = 5_000.0
+"""A rally point farther from the whole route is told."""
 USUAL_CEILING_M = 120.0
 """Height above ground that most countries allow without a permit."""
 LOW_TAKEOFF_M = 3.0
@@ -46,13 +49,11 @@ def check_speeds(mission: Mission, drone: Drone) -> Iterator[Finding]:
             yield Finding("warning", number, "speed-missing", "orders no speed", "give a speed in m/s")
 
 
-def check_distances(mission: Mission, route: Route, drone: Drone) -> Iterator[Finding]:
-    """Check the way to the first position, and segments that no battery lasts for."""
+def check_home_distance(mission: Mission, route: Route) -> Iterator[Finding]:
+    """Check the way to the first position."""
     steps = route.steps
-    if not steps:
-        return
     home = mission.home
-    if home is not None:
+    if home is not None and steps:
         first = steps[0]
         away = geodesy.distance_m(home.point.lat, home.point.lon, first.point.lat, first.point.lon)
         if away > FAR_FROM_HOME_M:
@@ -63,6 +64,43 @@ def check_distances(mission: Mission, route: Route, drone: Drone) -> Iterator[Fi
                 f"the first position is {away / 1000:.1f} km from the planned home: PX4 refuses more than 10 km",
                 "correct the home, or the position",
             )
+
+
+def check_rally_distances(document: MissionDocument, route: Route) -> Iterator[Finding]:
+    """Tell rally points that lie far from every place of the route, with the distance."""
+    steps = route.steps
+    if not steps:
+        return
+    lat = np.array([step.point.lat for step in steps])
+    lon = np.array([step.point.lon for step in steps])
+    lengths = [_length_m(leg) for leg in route.legs]
+    for number, rally in enumerate(document.rally.points):
+        away, _ = geodesy.inverse(rally.point.lat, rally.point.lon, lat, lon)
+        nearest = int(np.argmin(away))
+        distance = float(away[nearest])
+        if distance <= FAR_RALLY_M:
+            continue
+        yield Finding(
+            "warning" if distance > max(lengths) else "info",
+            steps[nearest].item,
+            "rally-far",
+            f"rally point {number} is {distance / 1000:.1f} km from here, the nearest place of the mission: a vehicle"
+            " that goes there needs the energy for it",
+            "put a rally point near the route",
+        )
+
+
+def _length_m(leg: RouteLeg) -> float:
+    places = [*([leg.start] if leg.start else []), *(step.point for step in leg.steps)]
+    lat, lon = np.array([p.lat for p in places]), np.array([p.lon for p in places])
+    return float(geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])[0].sum()) if len(places) > 1 else 0.0
+
+
+def check_reach(route: Route, drone: Drone) -> Iterator[Finding]:
+    """Check for segments that no battery lasts for."""
+    steps = route.steps
+    if not steps:
+        return
     lat = np.array([step.point.lat for step in steps])
     lon = np.array([step.point.lon for step in steps])
     length, _ = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])

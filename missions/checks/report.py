@@ -7,13 +7,21 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from missions.checks.areas import check_fence, check_zones
+from missions.checks.clearance import check_clearance
 from missions.checks.energy import FlightConditions, LegEnergy, leg_energies
-from missions.checks.holds import check_energy
-from missions.checks.limits import check_distances, check_heights, check_speeds
+from missions.checks.holds import BATTERY_EMPTY, check_energy
+from missions.checks.limits import (
+    check_heights,
+    check_home_distance,
+    check_rally_distances,
+    check_reach,
+    check_speeds,
+)
 from missions.checks.route import fly
 from missions.checks.structure import check_structure
 from missions.dialects import dialect_of_firmware
 from missions.document import MissionDocument
+from missions.finding import Finding
 from missions.mission import Mission
 from models.drone import M200_V2
 from models.units import J_PER_WH
@@ -21,8 +29,8 @@ from models.units import J_PER_WH
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from missions.checks.route import Route
     from missions.dialects.protocol import Dialect
-    from missions.finding import Finding
     from models.zones import NoFlyZones
 
 SCHEMA = "skyway.check/1"
@@ -47,8 +55,8 @@ class CheckReport:
 
     @property
     def ok(self) -> bool:
-        """No finding is an error."""
-        return not any(finding.severity == "error" for finding in self.findings)
+        """No finding is an error, and no battery is empty before a landing, not even that of a vehicle only assumed."""
+        return not any(finding.severity == "error" or finding.code == BATTERY_EMPTY for finding in self.findings)
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as plain JSON values (``skyway.check/1``); unknown is null."""
@@ -106,22 +114,47 @@ def check(
     mission = document.mission
     flown_by = conditions or FlightConditions(M200_V2, drone_is_assumed=True)
     autopilot = dialect or dialect_of_firmware(mission.firmware)
-    route = fly(mission)
+    route = fly(mission, autopilot=autopilot)
     legs = leg_energies(mission, route, flown_by)
     findings = [
         *check_structure(mission, route),
-        *check_speeds(mission, flown_by.drone),
-        *check_distances(mission, route, flown_by.drone),
-        *check_heights(mission, route),
+        *check_home_distance(mission, route),
+        *check_rally_distances(document, route),
         *check_fence(document, route, autopilot.name if autopilot else None),
-        *check_energy(route, legs, flown_by),
     ]
+    if mission.is_for_the_surface and flown_by.drone_is_assumed:
+        message = "planned for a rover, boat or submarine: take-off, landing, heights and battery were not judged"
+        findings.append(
+            Finding("warning", None, "not-for-the-air", message, "name the drone that flies it, if one does")
+        )
+    else:
+        findings += check_heights(mission, route)
+        findings += check_clearance(mission, route, flown_by.stations)
+        findings += _of_the_vehicle(mission, route, legs, flown_by)
     if autopilot is not None:
         findings += autopilot.cannot_fly(document)
     if zones is not None:
         findings += check_zones(document, route, zones)
     findings.sort(key=lambda f: (_ORDER[f.severity], -1 if f.item is None else f.item))
     return CheckReport(tuple(_without_floods(findings)), legs)
+
+
+def _of_the_vehicle(
+    mission: Mission, route: Route, legs: Sequence[LegEnergy], conditions: FlightConditions
+) -> Iterator[Finding]:
+    """Return what this vehicle cannot do: a warning at most where it is only assumed."""
+    drone = conditions.drone
+    found = [
+        *check_speeds(mission, drone),
+        *check_reach(route, drone),
+        *check_energy(route, legs, conditions),
+    ]
+    for finding in found:
+        if conditions.drone_is_assumed and finding.severity == "error":
+            message = f"{finding.message} (vehicle assumed: {drone.name})"
+            yield replace(finding, severity="warning", message=message)
+        else:
+            yield finding
 
 
 def _without_floods(findings: Sequence[Finding]) -> Iterator[Finding]:

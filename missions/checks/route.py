@@ -1,6 +1,7 @@
 """The route a mission flies: its items in the order they act, with jumps followed and holds counted.
 
-Endless jumps are followed once and reported; the number of steps is bounded, whatever a file says.
+Endless jumps are followed once and reported, and then left as if a person had ended them: what lies behind is checked
+too. The number of steps is bounded, whatever a file says.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
 
 if TYPE_CHECKING:
     from missions.coordinates import Point
+    from missions.dialects.protocol import Dialect
     from missions.mission import Mission, MissionItem
 
 MAX_REPEATED_STEPS = 20_000
@@ -76,6 +78,14 @@ class RouteLeg:
     released: bool = False
     ground_hold_s: float | None = 0.0
 
+    @property
+    def next_ground_m(self) -> float:
+        """Height of the ground it ended on, as the next flight counts it: 0 where home moved there (disarmed)."""
+        if self.ground_hold_s is None or not self.steps or self.landing != "land":
+            return 0.0
+        height = self.steps[-1].height_m
+        return 0.0 if math.isnan(height) else height
+
 
 @dataclass(frozen=True, slots=True)
 class Route:
@@ -96,21 +106,37 @@ class Route:
     is_cut: bool
 
     @property
+    def ends_in_endless_jump(self) -> bool:
+        """Whether an endless jump comes after the last place: nothing behind it could end the flight."""
+        return bool(self.endless_jumps) and bool(self.legs) and self.legs[-1].item_to < max(self.endless_jumps)
+
+    @property
     def steps(self) -> list[Step]:
         """All places in order."""
         return [step for leg in self.legs for step in leg.steps]
 
 
-def fly(mission: Mission, *, default_speed_mps: float = DEFAULT_SPEED_MPS) -> Route:
-    """Follow a mission from its first item to its end."""
-    return _Walk(mission, default_speed_mps).run()
+def fly(mission: Mission, *, default_speed_mps: float = DEFAULT_SPEED_MPS, autopilot: Dialect | None = None) -> Route:
+    """Follow a mission from its first item to its end.
+
+    Parameters
+    ----------
+    mission : Mission
+        The items.
+    default_speed_mps : float
+        Where the mission gives none.
+    autopilot : Dialect, optional
+        Who flies it: ArduPilot ignores the place of a TAKEOFF, and keeps its height where an item says 0.
+    """
+    return _Walk(mission, default_speed_mps, autopilot).run()
 
 
 class _Walk:
     """One pass through a mission."""
 
-    def __init__(self, mission: Mission, default_speed_mps: float) -> None:
+    def __init__(self, mission: Mission, default_speed_mps: float, autopilot: Dialect | None) -> None:
         self.mission = mission
+        self.zero_means_as_it_is = autopilot is not None and autopilot.zero_means_as_it_is
         self.home = mission.home
         self.speed_mps = self.default_speed_mps = mission.hover_speed_mps or default_speed_mps
         self.at: Point | None = mission.home.point if mission.home else None
@@ -137,15 +163,13 @@ class _Walk:
                 if self._act(number, item):
                     break
                 target = number + 1
-            elif target < 0:
-                break
             number = target
         if self.leg is not None:
             self.legs.append(self.leg)
         return Route(tuple(self.legs), tuple(self.endless), count >= most)
 
     def _jump(self, number: int, item: MissionItem) -> int | None:
-        """Return where a jump leads, -1 where a loop closes for ever, None where the mission goes straight on."""
+        """Return where a jump leads, None where the mission goes straight on; an endless one is taken once."""
         if item.command == Command.DO_JUMP:
             target = item.jump_target
         elif item.command == Command.DO_JUMP_TAG and math.isfinite(item.param1):
@@ -158,7 +182,7 @@ class _Walk:
         if item.param2 < 0:
             if done:
                 self.endless[number] = None
-                return -1
+                return None
         elif done >= item.param2:
             self.repeats[number] = 0
             return None
@@ -217,6 +241,8 @@ class _Walk:
         leg = self._open(number)
         leg.item_to = number
         point = item.point or self.at
+        if item.command in TAKEOFF_COMMANDS and self.zero_means_as_it_is:
+            point = self.at or point
         if point is None:
             return
         if leg.start is None:
@@ -238,6 +264,9 @@ class _Walk:
         self.leg = None
 
     def _height(self, item: MissionItem) -> float:
+        on_the_way = item.command not in TAKEOFF_COMMANDS and item.command not in LAND_COMMANDS
+        if item.z == 0 and on_the_way and self.zero_means_as_it_is:
+            return self.height_m
         if item.frame in _RELATIVE or item.frame in _TERRAIN:
             return item.z
         if self.home is None or self.home.altitude_m is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from missions.commands import LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command
+from missions.commands import PLAIN_PARAM5_COMMANDS, TAKEOFF_COMMANDS, Command
 from missions.finding import Finding
 
 if TYPE_CHECKING:
@@ -21,6 +21,9 @@ _NAN_ALLOWED = {
     Command.NAV_VTOL_TAKEOFF: {4},
     Command.NAV_VTOL_LAND: {3, 4},
 }
+ALTITUDE_TOLERANCE_M = 0.1
+_PLAIN_ALTITUDE_MODES = (0, 1, 2)
+"""Altitude modes of QGroundControl in which its own altitude is the one of the parameters."""
 _NO_NAN: set[int] = set()
 
 
@@ -29,9 +32,11 @@ def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
     if not mission.items:
         yield Finding("info", None, "no-mission", "there are no mission items")
         return
-    yield from _takeoff(mission)
-    yield from _landing(mission, route)
+    if not mission.is_for_the_surface:
+        yield from _takeoff(mission)
+        yield from _landing(mission, route)
     yield from _jumps(mission)
+    yield from _never_reached(mission, route)
     for number in route.endless_jumps:
         target = mission.items[number].jump_target
         yield Finding(
@@ -53,15 +58,36 @@ def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
         yield from _not_numbers(number, item)
 
 
+def _never_reached(mission: Mission, route: Route) -> Iterator[Finding]:
+    """Tell places that the mission never goes to: behind a return, a loiter without end, or a jump over them."""
+    reached = {step.item for step in route.steps}
+    placed = [n for n, item in enumerate(mission.items) if item.is_flown_to and item.point is not None]
+    left_out = [number for number in placed if number not in reached]
+    if left_out and not route.is_cut:
+        yield Finding(
+            "warning",
+            left_out[0],
+            "never-reached",
+            f"{len(left_out)} items with a position are never reached, and were not checked",
+            "remove them, or what ends the mission before them",
+        )
+
+
 def _takeoff(mission: Mission) -> Iterator[Finding]:
-    flown = [(number, item) for number, item in enumerate(mission.items) if item.is_flown_to]
+    flown = [
+        (number, item)
+        for number, item in enumerate(mission.items)
+        if item.is_flown_to or item.command in TAKEOFF_COMMANDS
+    ]
     if not flown:
         yield Finding("warning", None, "no-positions", "the mission goes nowhere: no item has a position")
         return
-    first_number, first = flown[0]
+    later = next((number for number, item in flown if item.command in TAKEOFF_COMMANDS), None)
+    # an item without a position ("here") leads nowhere: a TAKEOFF after it is still the first
+    placed = [(number, item) for number, item in flown if item.point is not None or item.command in TAKEOFF_COMMANDS]
+    first_number, first = (placed or flown)[0]
     if first.command in TAKEOFF_COMMANDS:
         return
-    later = next((number for number, item in flown if item.command in TAKEOFF_COMMANDS), None)
     if later is None:
         yield Finding(
             "warning",
@@ -84,7 +110,7 @@ def _landing(mission: Mission, route: Route) -> Iterator[Finding]:
     if any(leg.landing != "none" for leg in route.legs[-1:]) or not route.legs:
         return
     last = route.legs[-1].item_to
-    if route.endless_jumps:
+    if route.ends_in_endless_jump:
         return
     if mission.items[last].command == Command.NAV_LOITER_UNLIM:
         message = "loiters without end: the mission never lands"
@@ -130,8 +156,14 @@ def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
             "write 0",
         )
     for name, value in (("param5", item.param5_or_zero), ("param6", item.param6_or_zero)):
-        if item.command not in LOCATED_COMMANDS and not value.is_integer():
+        used = item.command in PLAIN_PARAM5_COMMANDS or not isinstance(item.command, Command)
+        if used and not value.is_integer():
             message = f"{name} of {item.name} is {value:g}, and travels to the vehicle as {round(value)}"
             yield Finding("warning", number, "fraction-lost", message, "use a whole number")
+    shown = item.extra.get("Altitude")
+    plain = item.is_located and item.extra.get("AltitudeMode") in _PLAIN_ALTITUDE_MODES and math.isfinite(item.z)
+    if plain and isinstance(shown, (int, float)) and abs(shown - item.z) > ALTITUDE_TOLERANCE_M:
+        message = f"the altitude is {item.z:g} m in the parameters, and QGroundControl shows and edits {shown:g} m"
+        yield Finding("warning", number, "altitude-disagrees", message, "open and save the plan in QGroundControl")
     if item.is_located and item.is_flown_to and math.isnan(item.z):
         yield Finding("error", number, "no-altitude", f"{item.name} has no altitude", "give it one")

@@ -140,6 +140,7 @@ class ArduPilot:
     released = RELEASED
     firmware = 3
     stays_in_mission_after_landing = False
+    zero_means_as_it_is = True
     open_yaw_deg = 0.0
     """Copter keeps no yaw of items; 0 is what every ground station can show."""
 

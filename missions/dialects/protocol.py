@@ -34,6 +34,10 @@ class Dialect(Protocol):
         """Whether a mission goes on after a landing that disarms."""
 
     @property
+    def zero_means_as_it_is(self) -> bool:
+        """Whether a TAKEOFF climbs where the vehicle stands, whatever its place, and an altitude of 0 keeps the height."""
+
+    @property
     def open_yaw_deg(self) -> float:
         """What the yaw of an item says where the vehicle shall choose it."""
 

@@ -119,6 +119,7 @@ class Px4:
     released = RELEASED
     firmware = 12
     stays_in_mission_after_landing = True
+    zero_means_as_it_is = False
     open_yaw_deg = math.nan
 
     def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:

@@ -171,7 +171,8 @@ def convert(
 ) -> None:
     """Convert a mission file between QGroundControl and Mission Planner formats.
 
-    A .waypoints file holds the mission alone; fence and rally points go to files beside it.
+    A .waypoints file holds the mission alone; fence and rally points go to files beside it. What the new
+    format cannot hold is said.
 
     \b
     Examples:
@@ -179,9 +180,12 @@ def convert(
       skyway convert old-fence.txt fence.plan
     """  # noqa: D301
     from missions import read, write
+    from missions.dropped import dropped
 
     document = read(source)
     _echo_written(document, write(document, target, force=force))
+    for line in dropped(document, target.suffix):
+        typer.echo(f"not kept: {line}", err=True)
 
 
 def check(
@@ -202,7 +206,7 @@ def check(
 ) -> None:
     """Check any mission file: complete, flyable, in its fence, and does the battery last.
 
-    Exit code 0: nothing wrong; 1: errors found; 2: the file cannot be read.
+    Exit code 0: no errors; 1: errors, or a battery that does not last; 2: the file cannot be read.
 
     \b
     Examples:
@@ -331,14 +335,24 @@ def _print_report(report: CheckReport) -> None:
             cells += [
                 f"{leg.time_s / 60:.1f} min",
                 f"{leg.energy_j / J_PER_WH:.0f} Wh",
-                f"ends at {100 * leg.soc_end:.0f} %",
+                f"ends at {100 * leg.soc_end:.0f} %" if leg.soc_end > 0 else "the battery does not last",
                 f"keeps the reserve with probability {leg.p_reserve:.3f}",
             ]
         else:
             cells.append("no end, or cannot be flown")
         typer.echo(", ".join(cells))
-    errors = sum(finding.severity == "error" for finding in report.findings)
-    typer.echo("ok" if report.ok else f"{errors} error{'s' if errors != 1 else ''}")
+    typer.echo(_verdict(report))
+
+
+def _verdict(report: CheckReport) -> str:
+    """Say ok only where nothing but information was found."""
+    counts = []
+    for severity in ("error", "warning"):
+        number = sum(finding.severity == severity for finding in report.findings)
+        if number:
+            counts.append(f"{number} {severity}{'s' if number != 1 else ''}")
+    told = ", ".join(counts) or "ok"
+    return told if report.ok or "error" in told else f"{told}: not ok"
 
 
 def show(

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from missions import check, dialect
+from missions import FlightConditions, check, dialect
 from missions.checks.route import MAX_REPEATED_STEPS, fly
 from missions.commands import Command, Frame
 from missions.coordinates import Point
@@ -12,7 +12,9 @@ from missions.document import MissionDocument
 from missions.geofence import FenceCircle, FencePolygon, Geofence
 from missions.mission import Home, Mission, MissionItem
 from missions.rally import RallyPoint, RallyPoints
+from models.drone import M200_V2
 
+NAMED = FlightConditions(M200_V2)
 HOME = Home(Point.of_degrees(47.0, 8.0), 400.0)
 
 
@@ -83,6 +85,56 @@ def test_an_endless_jump_is_followed_once_and_said_so():
     assert fly(Mission((TAKEOFF, AWAY, jump(1, -1), LAND))).endless_jumps == (2,)
 
 
+def test_what_lies_behind_an_endless_jump_is_checked_as_if_a_person_ended_it():
+    far = at(Command.NAV_LAND, 48.0, z=3000.0)
+    fence = Geofence((square(47.01, 8.0, 0.05),))
+    behind = found(TAKEOFF, AWAY, jump(1, -1), at(Command.NAV_WAYPOINT, 48.0, z=3000.0), far, fence=fence)
+    assert {("error", "outside-fence", 3), ("info", "high", 3), ("warning", "battery-empty", 4)} <= behind
+    assert ("error", "no-landing", 3) in found(TAKEOFF, AWAY, jump(1, -1), at(Command.NAV_WAYPOINT, 47.01))
+    assert {code for _, code, _ in found(TAKEOFF, AWAY, jump(1, -1))} == {"endless-jump"}
+    nested = fly(Mission((TAKEOFF, AWAY, jump(1, -1), jump(0, -1), LAND)))
+    assert nested.endless_jumps == (2, 3)
+    assert nested.steps[-1].item == 4
+
+
+def test_places_that_are_never_reached_are_told():
+    behind = at(Command.NAV_WAYPOINT, 48.0, z=3000.0)
+    assert found(TAKEOFF, AWAY, RETURN, behind, LAND) == {("warning", "never-reached", 3)}
+    assert found(TAKEOFF, jump(3, -1), behind, AWAY, LAND) == {("warning", "never-reached", 2)}
+
+
+def test_a_boat_need_not_take_off_nor_land():
+    way = (AWAY, at(Command.NAV_WAYPOINT, 47.01, z=0.0))
+    mission = Mission(way, HOME, firmware=3, vehicle_type=11)
+    assert {(f.severity, f.code) for f in check(mission).findings} == {("warning", "not-for-the-air")}
+
+
+def test_an_altitude_that_qgroundcontrol_shows_otherwise_is_told():
+    odd = at(Command.NAV_WAYPOINT, 47.01, z=60.0, extra={"Altitude": 3, "AltitudeMode": 1})
+    assert found(TAKEOFF, odd, AWAY, LAND) == {("warning", "altitude-disagrees", 1)}
+    terrain = at(Command.NAV_WAYPOINT, 47.01, z=460.0, frame=Frame.GLOBAL, extra={"Altitude": 50, "AltitudeMode": 3})
+    assert found(TAKEOFF, terrain, AWAY, LAND) == set()
+
+
+def test_a_take_off_after_an_item_without_a_position_is_still_the_first():
+    here = MissionItem(Command.NAV_LOITER_TIME, Frame.GLOBAL_RELATIVE_ALT, 5.0, z=60.0)
+    assert ("error", "takeoff-not-first", 1) not in found(here, TAKEOFF, AWAY, LAND)
+
+
+def test_coordinates_that_an_item_does_not_use_are_not_judged():
+    pasted = {"x": 473_971_234, "y": 85_481_234, "z": 20.0}
+    change = MissionItem(Command.DO_CHANGE_SPEED, Frame.GLOBAL_RELATIVE_ALT, 1.0, 12.0, -1.0, **pasted)
+    back = MissionItem(Command.NAV_RETURN_TO_LAUNCH, Frame.GLOBAL_RELATIVE_ALT, **pasted)
+    assert found(TAKEOFF, change, AWAY, back) == set()
+
+
+def test_the_place_of_a_take_off_that_ardupilot_ignores_is_not_judged():
+    elsewhere = at(Command.NAV_TAKEOFF, 10.0, 20.0)
+    fence = Geofence((square(47.01, 8.0, 0.05),))
+    assert found(elsewhere, AWAY, LAND, fence=fence, dialect=dialect("ardupilot")) == set()
+    assert ("error", "outside-fence", 0) in found(elsewhere, AWAY, LAND, fence=fence, dialect=dialect("px4"))
+
+
 def test_jumps_are_followed_as_often_as_they_say():
     route = fly(Mission((TAKEOFF, AWAY, at(Command.NAV_WAYPOINT), jump(1, 2), LAND)))
     assert [step.item for step in route.steps] == [0, 1, 2, 1, 2, 1, 2, 4]
@@ -100,20 +152,48 @@ def test_jumps_within_jumps_end_even_where_they_would_take_years():
 
 
 def test_speeds_stay_within_what_the_vehicle_flies():
-    assert ("error", "speed-limit", 1) in found(TAKEOFF, speed(25.0), AWAY, LAND)
+    assert ("error", "speed-limit", 1) in found(TAKEOFF, speed(25.0), AWAY, LAND, conditions=NAMED)
     assert ("warning", "speed-missing", 1) in found(TAKEOFF, speed(0.0), AWAY, LAND)
 
 
 def test_distances_stay_within_reach():
     assert ("warning", "far-from-home", 0) in found(at(Command.NAV_TAKEOFF, 47.5), at(Command.NAV_LAND, 47.5, z=0.0))
-    far = found(TAKEOFF, at(Command.NAV_WAYPOINT, 48.0), at(Command.NAV_WAYPOINT, 40.0), LAND)
+    far = found(TAKEOFF, at(Command.NAV_WAYPOINT, 48.0), at(Command.NAV_WAYPOINT, 40.0), LAND, conditions=NAMED)
     assert ("error", "too-far", 2) in far
+
+
+def test_what_only_an_assumed_vehicle_cannot_do_is_a_warning():
+    beyond = (TAKEOFF, speed(25.0), at(Command.NAV_WAYPOINT, 48.0), at(Command.NAV_WAYPOINT, 40.0), LAND)
+    severities = {severity for severity, _, _ in found(*beyond)}
+    assert severities == {"warning"}
+    assert "error" in {severity for severity, _, _ in found(*beyond, conditions=NAMED)}
+
+
+def test_a_mission_whose_battery_is_empty_is_never_ok_whoever_flies_it():
+    mission = Mission((TAKEOFF, AWAY, at(Command.NAV_WAYPOINT, 50.0), at(Command.NAV_LAND, 50.0, z=0.0)), HOME)
+    assumed, named = check(mission), check(mission, conditions=NAMED)
+    assert {f.severity for f in assumed.findings} == {"warning"}
+    assert not assumed.ok
+    assert not named.ok
+    told = next(f.message for f in assumed.findings if f.code == "battery-empty")
+    assert "begins with 100 %" in told
+
+
+def test_rally_points_far_from_the_route_are_told_with_their_distance():
+    rally = [RallyPoint(Point.of_degrees(47.01, 8.0), 60.0), RallyPoint(Point.of_degrees(47.01, 8.224), 60.0)]
+    document = MissionDocument(Mission((TAKEOFF, AWAY, LAND), HOME), Geofence(), RallyPoints(tuple(rally)))
+    [finding] = check(document).findings
+    assert (finding.severity, finding.code) == ("warning", "rally-far")
+    assert "rally point 1 is 17.1 km from here" in finding.message
+    long_way = (TAKEOFF, at(Command.NAV_WAYPOINT, 47.06), at(Command.NAV_LAND, 47.06, z=0.0))
+    aside = [RallyPoint(Point.of_degrees(47.06, 8.08), 60.0)]
+    assert found(*long_way, rally=aside) == {("info", "rally-far", 1)}
 
 
 def test_heights_are_above_the_ground():
     assert ("error", "takeoff-too-low", 0) in found(at(Command.NAV_TAKEOFF, z=1.0), AWAY, LAND)
     assert ("warning", "not-above-ground", 1) in found(TAKEOFF, at(Command.NAV_WAYPOINT, 47.01, z=-5.0), LAND)
-    downhill = (TAKEOFF, at(Command.NAV_WAYPOINT, 47.02, z=-40.0), at(Command.NAV_LAND, 47.02, z=-100.0))
+    downhill = (TAKEOFF, AWAY, at(Command.NAV_LAND, 47.02, z=-100.0))
     assert found(*downhill) == set()
     assert ("info", "high", 1) in found(TAKEOFF, at(Command.NAV_WAYPOINT, 47.01, z=300.0), LAND)
     assert ("error", "no-altitude", 1) in found(TAKEOFF, at(Command.NAV_WAYPOINT, 47.01, z=math.nan), LAND)

@@ -105,6 +105,41 @@ def test_converting_there_and_back_loses_nothing(run, plan_json, tmp_path):
     assert (back.fence, back.rally, back.mission.home) == (there.fence, there.rally, there.mission.home)
 
 
+def test_converting_says_what_the_new_format_does_not_keep(run, tmp_path):
+    inner = {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, None, 47.5, 8.5, 50]}
+    survey = {"type": "ComplexItem", "complexItemType": "survey", "version": 5}
+    survey["TransectStyleComplexItem"] = {"version": 2, "Items": [inner, inner]}
+    raised = {**inner, "AltitudeMode": 3, "Altitude": 50, "AMSLAltAboveTerrain": 450, "pilot": "Ada"}
+    mission = {"version": 2, "items": [survey, raised], "cruiseSpeed": 15, "plannedHomePosition": [47.5, 8.5, None]}
+    (tmp_path / "a.plan").write_text(json.dumps({"fileType": "Plan", "version": 1, "mission": mission}))
+    told = run("convert", "a.plan", "a.waypoints").stderr.splitlines()
+    assert told == [
+        "not kept: the survey becomes its 2 items, from item 0: it can no longer be edited as one",
+        "not kept: what it was planned for: cruiseSpeed 15",
+        "not kept: the height of home is unknown: row 0 says NaN",
+        "not kept: that the heights of 1 items were worked out above terrain: they stay, above sea level",
+        "not kept: fields of items: pilot",
+    ]
+    (tmp_path / "b.waypoints").write_text("QGC WPL 110\n# gate\n0 1 3 22 0 0 0 0 47.5 8.5 15 1\n")
+    [line] = run("convert", "b.waypoints", "b.plan").stderr.splitlines()
+    assert "filled in because QGroundControl asks for it: plannedHomePosition, firmwareType" in line
+    [line] = run("convert", "b.waypoints", "c.waypoints").stderr.splitlines()[:1]
+    assert line == "not kept: home is unknown: row 0 says 0, 0"
+
+
+def test_ok_is_said_only_where_nothing_was_found(run, tmp_path):
+    rows = "0 1 0 16 0 0 0 0 47 8 400 1\n1 0 3 22 0 0 0 0 47 8 60 1\n2 0 3 16 0 0 0 0 {0} 8 60 1\n3 0 3 21 0 0 0 0 {0} 8 0 1\n"
+    (tmp_path / "far.waypoints").write_text("QGC WPL 110\n" + rows.format(50))
+    result = run("check", "far.waypoints")
+    assert result.exit_code == 1
+    assert result.stdout.splitlines()[-1].endswith("warnings: not ok")
+    assert "-" not in result.stdout.splitlines()[-2]
+    assert json.loads(run("check", "far.waypoints", "--json").stdout)["ok"] is False
+    (tmp_path / "endless.waypoints").write_text("QGC WPL 110\n" + rows.format(47.01) + "4 0 0 177 2 -1 0 0 0 0 0 1\n")
+    endless = run("check", "endless.waypoints")
+    assert (endless.exit_code, endless.stdout.splitlines()[-1]) == (0, "1 warning")
+
+
 def test_a_fence_left_over_is_not_mixed_with_another_mission(run, plan_json, tmp_path):
     run("mission", plan_json, "-o", "fenced.plan")
     run("mission", plan_json, "-o", "open.plan", "--width", "0")

@@ -173,6 +173,28 @@ def test_a_pattern_without_its_items_is_not_supported_and_named(kind):
 
 
 @pytest.mark.parametrize(
+    ("kind", "version", "style"), [("survey", 9, 2), ("survey", None, 1), ("CorridorScan", 3, 1), ("survey", 5, 7)]
+)
+def test_a_pattern_of_a_version_that_qgroundcontrol_refuses_is_refused(kind, version, style):
+    pattern = {"type": "ComplexItem", "complexItemType": kind, "version": version}
+    pattern["TransectStyleComplexItem"] = {"version": style, "Items": [item()]}
+    with pytest.raises(InputError, match=r"items\[1\].*version: is a version of .* that we do not know"):
+        read(plan(item(), pattern))
+    pattern |= {"version": {"survey": 5, "CorridorScan": 2}[kind]}
+    pattern["TransectStyleComplexItem"]["version"] = 1
+    assert len(read(plan(item(), pattern)).mission) == 2
+
+
+@pytest.mark.parametrize("home", [[None, None, None], [None, None], [0, 0, 0], None])
+def test_a_home_that_says_nothing_is_unknown(home):
+    content = plan(plannedHomePosition=home)
+    content["geoFence"]["circles"] = [{"version": 1, "inclusion": True, "circle": {"center": [1, 1], "radius": 5}}]
+    document = read(content)
+    assert document.mission.home is None
+    assert read(rewritten(document)) == document
+
+
+@pytest.mark.parametrize(
     ("content", "message"),
     [
         (plan(item(), version=7), r"mission.version: is a mission version we do not know \(got '7'\)"),

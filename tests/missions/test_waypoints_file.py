@@ -23,13 +23,39 @@ def test_row_0_of_a_ground_station_is_home_and_no_item():
 
 
 @pytest.mark.parametrize(
-    "row", ["0 1 5 22 0 0 0 0 47.5 8.5 15 1", "0 1 3 16 0 0 0 Nan 47.5 8.5 15 1", "0 0 0 5001 3 0 0 0 1 1 0 0"]
+    "row", ["0 1 5 22 0 0 0 0 47.5 8.5 15 1", "0 1 3 84 0 0 0 Nan 47.5 8.5 15 1", "0 0 0 5001 3 0 0 0 1 1 0 0"]
 )
-def test_row_0_of_px4_exports_and_fences_is_the_first_item(row):
+def test_a_take_off_or_a_fence_point_in_row_0_is_the_first_item(row):
     rest = ("1 0 0 5001 3 0 0 0 1 2 0 0", "2 0 0 5001 3 0 0 0 2 2 0 0") if "5001" in row else ()
     document = read(row, *rest)
     assert document.mission.home is None
     assert len(document.mission.items) + len(document.fence.polygons) == 1
+
+
+@pytest.mark.parametrize("frame", [2, 3, 6, 10])
+def test_row_0_is_home_whatever_its_frame_and_only_a_height_above_the_sea_is_its_ground(frame):
+    document = read(
+        f"0 1 {frame} 16 0 0 0 0 47.5 8.5 15 1", "1 0 3 177 2 1 0 0 0 0 0 1", "2 0 3 16 0 0 0 0 47.6 8.5 20 1"
+    )
+    assert document.mission.home == Home(Point.of_degrees(47.5, 8.5), None)
+    assert document.mission.items[0].jump_target == 1
+    assert waypoints_file.loads(waypoints_file.dumps_mission(document)).mission == document.mission
+
+
+def test_commas_part_cells_as_in_mission_planner():
+    plain = read(HOME, "1 0 3 16 0 0 0 0 1 1 9 1")
+    assert read(HOME.replace(" ", ","), "1,0,3,16,0,0,0,0, 1,1,9,1") == plain
+
+
+@pytest.mark.parametrize("row", ["1 0 3 16 0 0 0 47.5 8.5 20 1", "1 0 3 16 0 0 0 0 0 47.5 8.5 20 1"])
+def test_a_row_with_a_cell_too_few_or_too_many_is_refused_since_nobody_knows_which(row):
+    with pytest.raises(InputError, match=r"some.waypoints:3: is not a row of 12 numbers"):
+        read(HOME, row)
+
+
+def test_a_fence_around_wherever_home_is_is_refused_and_not_flown_to():
+    with pytest.raises(InputError, match=r"not supported: a fence circle around wherever home is"):
+        read("0 0 0 5005 50 0 0 0 0 0 0 0")
 
 
 def test_mission_planners_empty_home_is_an_unknown_home():

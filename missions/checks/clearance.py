@@ -1,0 +1,177 @@
+"""Whether a mission stays above the grounds that it knows: its homes, its landings, the stations of a scenario.
+
+Between two places whose ground is known the vehicle must be above the higher one: the ground need not fall, or rise,
+where the vehicle does. How far above is the mission's own clearance: what it keeps over the two ends of the flight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from missions.checks.near_stations import NearStations
+from missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Frame
+from missions.finding import Finding
+from models import geodesy
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from missions.checks.route import Route, RouteLeg, Step
+    from missions.coordinates import Point
+    from missions.finding import Severity
+    from missions.mission import Mission
+    from models.network import Station
+
+SAME_PLACE_M = 20.0
+STRAIGHT = 1.02
+"""A way at most this much longer than the direct one counts as one segment."""
+SLACK_M = 1.0
+"""Heights are rounded, and grounds known to about this."""
+_TERRAIN = (Frame.GLOBAL_TERRAIN_ALT, Frame.GLOBAL_TERRAIN_ALT_INT)
+
+
+@dataclass(frozen=True, slots=True)
+class _Knot:
+    """A place of one flight: item, height flown there (NaN: unknown), and ground where known, both above home."""
+
+    item: int
+    point: Point
+    height_m: float
+    ground_m: float | None
+
+
+def check_clearance(mission: Mission, route: Route, stations: Sequence[Station]) -> Iterator[Finding]:
+    """Check every flight between the places whose ground is known."""
+    near = NearStations(stations)
+    start_m = 0.0
+    home_m = mission.home.altitude_m if mission.home is not None else None
+    for leg in route.legs:
+        # where home is above sea level, so that the stations on the way can be compared with the heights
+        at_start_m = near.ground_m(leg.start)
+        zero_m = home_m if at_start_m is None else at_start_m - start_m
+        knots = _knots(mission, leg, start_m, zero_m, near)
+        yield from _check_flight(knots, _own_clearance(leg, knots))
+        start_m = (_landing_ground_m(mission, leg) or 0.0) if leg.ground_hold_s is not None else 0.0
+        if leg.ground_hold_s is None:
+            home_m = None  # home moves at the next arming, and only a station tells how high it is there
+
+
+def _knots(
+    mission: Mission, leg: RouteLeg, start_m: float, zero_m: float | None, near: NearStations
+) -> tuple[_Knot, ...]:
+    """Return the places of a flight at the height that it passes them, from the end of the climb to the landing."""
+    steps = leg.steps[:-1] if leg.landing == "return" else leg.steps  # the height of a return is the vehicle's own
+    if leg.start is None or not steps:
+        return ()
+    landing_m = _landing_ground_m(mission, leg)
+    lat, lon = np.array([step.point.lat for step in steps]), np.array([step.point.lon for step in steps])
+    from_start, _ = geodesy.inverse(leg.start.lat, leg.start.lon, lat, lon)
+    to_end, _ = geodesy.inverse(lat[-1], lon[-1], lat, lon)
+    knots = [_Knot(steps[0].item, leg.start, _height_m(mission, steps[0]), start_m)]
+    for index, step in enumerate(steps):
+        lands = mission.items[step.item].command in LAND_COMMANDS
+        ground = start_m if from_start[index] < SAME_PLACE_M else None
+        if landing_m is not None and to_end[index] < SAME_PLACE_M:
+            ground = landing_m
+        at_station_m = None if zero_m is None else near.ground_m(step.point)
+        if zero_m is not None and at_station_m is not None:
+            ground = at_station_m - zero_m
+        # a landing is flown to at the height before it, and then straight down
+        height = knots[-1].height_m if lands else _height_m(mission, step)
+        knots.append(_Knot(step.item, step.point, height, ground))
+    return tuple(knots)
+
+
+def _height_m(mission: Mission, step: Step) -> float:
+    """Height above home, NaN where it is above terrain: then it is clear by itself."""
+    return math.nan if mission.items[step.item].frame in _TERRAIN else step.height_m
+
+
+def _landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
+    """Ground of the landing, where its altitude says so: many files carry any altitude there.
+
+    Below zero it can be nothing else; above, only where the vehicle comes down to it from straight above.
+    """
+    if leg.landing != "land" or not leg.steps:
+        return None
+    last = leg.steps[-1]
+    if math.isnan(last.height_m) or mission.items[last.item].frame in _TERRAIN:
+        return None
+    if last.height_m <= 0.0:
+        return last.height_m
+    before = leg.steps[-2] if len(leg.steps) > 1 else last
+    above = mission.items[before.item].command not in (TAKEOFF_COMMANDS | LAND_COMMANDS)
+    apart = geodesy.distance_m(before.point.lat, before.point.lon, last.point.lat, last.point.lon)
+    comes_down = above and apart < SAME_PLACE_M and before.height_m - last.height_m >= SLACK_M
+    return last.height_m if comes_down else None
+
+
+def _own_clearance(leg: RouteLeg, knots: Sequence[_Knot]) -> float:
+    """Least height that the mission keeps over the two ends of a flight; 0 where an end is not known."""
+    if leg.landing != "land" or len(knots) < 2:
+        return 0.0
+    ends = [knot.height_m - knot.ground_m for knot in (knots[1], knots[-1]) if knot.ground_m is not None]
+    return max(0.0, min(ends)) if len(ends) == 2 and all(map(math.isfinite, ends)) else 0.0
+
+
+def _check_flight(knots: Sequence[_Knot], own_m: float) -> Iterator[Finding]:
+    """Judge each segment with an end of known ground; places on one straight line are one segment."""
+    known = [index for index, knot in enumerate(knots) if knot.ground_m is not None]
+    for first, last in pairwise(known):
+        way = knots[first : last + 1]
+        if not all(math.isfinite(knot.height_m) for knot in way):
+            continue
+        if _is_straight(way):
+            yield from _check_segment(way, own_m)
+        else:  # what lies between is not known: it must not sink below the known end before it is elsewhere
+            yield from _check_open_end(way[0], way[1])
+            yield from _check_open_end(way[-1], way[-2])
+    if known and known[-1] < len(knots) - 1:
+        yield from _check_open_end(knots[known[-1]], knots[known[-1] + 1])
+
+
+def _check_segment(way: Sequence[_Knot], own_m: float) -> Iterator[Finding]:
+    """Judge a straight way between two places of known ground."""
+    grounds = [knot.ground_m for knot in (way[0], way[-1]) if knot.ground_m is not None]
+    ground, slopes = max(grounds), max(grounds) - min(grounds) > SLACK_M
+    lowest = min(way, key=lambda knot: knot.height_m)
+    item = way[1].item if lowest is way[0] else lowest.item
+    if lowest.height_m <= ground and (slopes or ground != 0.0):  # 0 to 0 is told by the check of heights
+        yield _finding("error", item, lowest.height_m, ground, own_m)
+    elif slopes and lowest.height_m < ground + own_m - SLACK_M:
+        yield _finding("warning", item, lowest.height_m, ground, own_m)
+
+
+def _check_open_end(known: _Knot, other: _Knot) -> Iterator[Finding]:
+    """Judge a way between a place of known ground and one of unknown ground."""
+    ground = known.ground_m
+    if ground and known.height_m > ground >= other.height_m:  # 0 is told by the check of heights
+        yield _finding("warning", other.item, other.height_m, ground, 0.0)
+
+
+def _finding(severity: Severity, item: int, height_m: float, ground_m: float, own_m: float) -> Finding:
+    message = (
+        f"flies at {height_m:.0f} m above home, and the ground at the higher end of this way is at {ground_m:.0f} m:"
+        " it need not fall, or rise, where the vehicle does"
+    )
+    remedy = f"stay at {ground_m + own_m:.0f} m or higher between the two ends" if own_m else "fly higher"
+    return Finding(severity, item, "below-clearance", message, remedy)
+
+
+def _is_straight(way: Sequence[_Knot]) -> bool:
+    """Whether a way is one line in plan and in height: one segment, split or not."""
+    if len(way) == 2:
+        return True
+    lat, lon = np.array([knot.point.lat for knot in way]), np.array([knot.point.lon for knot in way])
+    steps, _ = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])
+    flown = np.insert(np.cumsum(steps), 0, 0.0)
+    height = np.array([knot.height_m for knot in way])
+    if flown[-1] > STRAIGHT * geodesy.distance_m(lat[0], lon[0], lat[-1], lon[-1]) + SAME_PLACE_M:
+        return False
+    even = height[0] + (height[-1] - height[0]) * flown / max(flown[-1], 1e-9)
+    return bool(np.all(np.abs(height - even) <= SLACK_M))
