@@ -54,6 +54,8 @@ _MISSION_KEYS = frozenset(
         UNKNOWN_KEY,
     }
 )
+_OLD_FILE_KEYS = frozenset({"groundStation", "MAV_AUTOPILOT", "complexItems"})
+"""Keys of a ``.mission`` file besides those of a mission."""
 NO_KEYS: frozenset[str] = frozenset()
 _PLAN_KEYS = frozenset({"fileType", "version", "groundStation", "mission", "geoFence", "rallyPoints"})
 
@@ -86,8 +88,11 @@ def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
         remedy = "make missions of it with skyway mission"
         raise fault("is a composition, not a mission", file, "schema", plan["schema"], remedy)
     kind = plan.get("fileType", "Plan")
-    if kind != "Plan" or "mission" not in plan:
-        raise fault("is not a mission plan", file, "fileType", kind, 'expected "Plan" and a "mission"')
+    if kind != "Plan":
+        raise fault("is not a mission plan", file, "fileType", kind, 'expected "Plan"')
+    if "mission" not in plan:
+        remedy = "QGroundControl writes one even where it has no items"
+        raise fault("is not a mission plan: it has no mission", file, "mission", remedy=remedy)
     version = plan.get("version", PLAN_VERSION)
     if version != PLAN_VERSION:
         raise fault("is a plan version we do not know", file, "version", version, f"expected {PLAN_VERSION}")
@@ -145,10 +150,10 @@ def _read_mission(source: Mapping[str, Any], file: str, at: str) -> tuple[Missio
         _read_home(source.get("plannedHomePosition"), file, f"{at}plannedHomePosition"),
         optional("cruiseSpeed"),
         optional("hoverSpeed"),
-        optional_int("firmwareType"),
+        optional_int("firmwareType" if at or "MAV_AUTOPILOT" not in source else "MAV_AUTOPILOT"),
         optional_int("vehicleType"),
         complex_items,
-        without(source, _MISSION_KEYS if at else _MISSION_KEYS | {"groundStation"}),
+        without(source, _MISSION_KEYS if at else _MISSION_KEYS | _OLD_FILE_KEYS),
     )
     return mission, strays
 

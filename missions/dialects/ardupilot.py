@@ -116,6 +116,9 @@ _KEPT_PARAMS: dict[int, tuple[int, ...]] = {
 }
 """Commands that ArduPilot stores, and which of parameters 1 to 4 it keeps; anything else is refused at upload."""
 
+_NEWEST = frozenset({Command.NAV_ARC_WAYPOINT})
+"""Commands that ArduPilot's development version flies in its own tests, and released ones refuse."""
+
 _WHOLE_SECONDS = frozenset({Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_TIME})
 _WHOLE_PARAM1 = _WHOLE_SECONDS | {Command.NAV_LAND, Command.NAV_TAKEOFF}
 """Commands whose first parameter is stored as a whole number of 16 bits."""
@@ -264,7 +267,10 @@ def _shift(item: MissionItem, by: int) -> MissionItem:
 
 
 def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
-    if item.command not in _KEPT_PARAMS:
+    if item.command in _NEWEST:
+        message = f"only the newest ArduPilot (after 4.6) takes {item.name}: older ones refuse the upload"
+        yield Finding("warning", number, "ardupilot-new-command", message, "replace it by waypoints")
+    elif item.command not in _KEPT_PARAMS:
         yield Finding(
             "error",
             number,

@@ -237,3 +237,9 @@ def test_dialects_are_found_by_name_and_by_number():
     assert dialect_of_firmware(None) is None
     with pytest.raises(InputError, match="px4 or ardupilot"):
         dialect("betaflight")
+
+
+def test_a_command_that_only_the_newest_ardupilot_takes_is_a_warning():
+    arc = MissionItem(Command.NAV_ARC_WAYPOINT, Frame.GLOBAL_RELATIVE_ALT, param2=90.0, x=1, y=1, z=9.0)
+    found = list(dialect("ardupilot").cannot_fly(MissionDocument(Mission((arc,)))))
+    assert [(f.severity, f.code) for f in found] == [("warning", "ardupilot-new-command")]

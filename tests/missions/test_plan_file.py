@@ -185,6 +185,12 @@ def test_a_pattern_of_a_version_that_qgroundcontrol_refuses_is_refused(kind, ver
     assert len(read(plan(item(), pattern)).mission) == 2
 
 
+def test_the_oldest_files_name_the_autopilot_by_another_key():
+    old = {"version": "1.0", "groundStation": "QGroundControl", "MAV_AUTOPILOT": 3, "complexItems": [], "items": []}
+    assert read(old).mission.firmware == 3
+    assert not read(old).mission.extra
+
+
 @pytest.mark.parametrize("home", [[None, None, None], [None, None], [0, 0, 0], None])
 def test_a_home_that_says_nothing_is_unknown(home):
     content = plan(plannedHomePosition=home)
@@ -200,6 +206,7 @@ def test_a_home_that_says_nothing_is_unknown(home):
         (plan(item(), version=7), r"mission.version: is a mission version we do not know \(got '7'\)"),
         ({**plan(item()), "version": 3}, "plan version we do not know"),
         ({**plan(item()), "fileType": "Parameters"}, "is not a mission plan"),
+        ({"fileType": "Plan", "version": 1, "geoFence": {"version": 2}}, "mission: is not a mission plan: it has no"),
         ([], "is not an object"),
         (
             {"schema": "skyway.composition/1"},
