@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from models.telemetry import TimeBase
@@ -27,6 +28,10 @@ _OTHER_CLOCK_S = 60.0
 _REAL_TIME = 0.05
 """A clock that runs by less than this share too fast or slow is a real one; others are simulations."""
 _LEAST_SPAN_S = 2.0
+_KEPT_READINGS, _LEAST_READINGS, _ONE_STEP = 5, 4, 0.6
+"""Readings over which a drift is looked for; one step of it holds no more than this share of what is gained."""
+_READ_S = 0.05
+"""How far two fields of one SYSTEM_TIME message may be apart."""
 _FAR_S = 2.0
 
 
@@ -43,6 +48,49 @@ class _Answer:
         return self.posix_s - self.boot_s
 
 
+class _Drift:
+    """Whether another clock runs as fast as the vehicle's time since boot, told from readings of both side by side.
+
+    A real clock does, and may be set once in a while: by satellites, or by a person. In a simulation one of the two may
+    be the computer's and the other the simulated one: PX4's takes the time of day from the computer, and its time since
+    boot from the simulation.
+    """
+
+    def __init__(self) -> None:
+        self._readings: deque[_Answer] = deque(maxlen=_KEPT_READINGS)
+        self.seen = False
+        self.speed = math.nan
+
+    def add(self, reading: _Answer) -> None:
+        """Take a reading of both clocks."""
+        last = self._readings[-1] if self._readings else None
+        if last is not None and reading.boot_s <= last.boot_s:
+            return
+        self._readings.append(reading)
+        first = self._readings[0]
+        span_s = min(reading.posix_s - first.posix_s, reading.boot_s - first.boot_s)
+        if len(self._readings) < _LEAST_READINGS or span_s <= 0.0:
+            return
+        if reading.posix_s - first.posix_s >= _LEAST_SPAN_S:
+            self.speed = (reading.boot_s - first.boot_s) / (reading.posix_s - first.posix_s)
+        gains = [after.offset_s - before.offset_s for before, after in pairwise(self._readings)]
+        gained = abs(sum(gains))
+        spread = (
+            max(map(abs, gains)) <= _ONE_STEP * gained
+        )  # a clock that is set jumps once; this one gains all the time
+        if spread and gained > reading.doubt_s + first.doubt_s + _REAL_TIME * (reading.boot_s - first.boot_s):
+            self.seen = True
+
+    @property
+    def steady(self) -> bool:
+        """Whether the newest two readings agree."""
+        if len(self._readings) < 2:
+            return True
+        before, after = self._readings[-2], self._readings[-1]
+        gained = abs(after.offset_s - before.offset_s)
+        return gained <= after.doubt_s + before.doubt_s + _REAL_TIME * (after.boot_s - before.boot_s)
+
+
 class VehicleClock:
     """The clock of one vehicle.
 
@@ -57,12 +105,18 @@ class VehicleClock:
     def __init__(self) -> None:
         self.offset_s: float | None = None
         self.reboots = 0
-        self._arrival_s: float | None = None
         self._newest_boot_s = 0.0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Know nothing: of the offset to our time, nor of drifts."""
+        self.offset_s = None
+        self._arrival_s: float | None = None
         self._asked: deque[int] = deque(maxlen=4)
         self._ask_s = -math.inf
-        self._first: _Answer | None = None
+        self._kept_s: float | None = None
         self._answers: deque[_Answer] = deque(maxlen=_KEPT_ANSWERS)
+        self._ours, self._theirs = _Drift(), _Drift()
 
     @property
     def boot_s(self) -> float:
@@ -72,17 +126,22 @@ class VehicleClock:
     @property
     def speed(self) -> float:
         """Seconds of the vehicle in one of ours, by TIMESYNC: 1 for real ones; NaN while it is not known."""
-        if self._first is None or self._answers[-1].posix_s - self._first.posix_s < _LEAST_SPAN_S:
-            return math.nan
-        last = self._answers[-1]
-        return (last.boot_s - self._first.boot_s) / (last.posix_s - self._first.posix_s)
+        return self._ours.speed
+
+    @property
+    def simulated(self) -> bool:
+        """Whether its time since boot runs faster or slower than ours, or than its own clock of day."""
+        return self._ours.seen or self._theirs.seen
 
     @property
     def base(self) -> TimeBase:
         """Where times come from."""
+        if self._theirs.seen:
+            doubt = "its clock of day runs otherwise than its time since boot (a simulation): the latter is counted"
+            return TimeBase("the vehicle's time since boot, begun at its clock (SYSTEM_TIME)", doubts=(doubt,))
         if self.offset_s is not None:
-            return TimeBase("the vehicle's clock (SYSTEM_TIME)", doubts=self._far())
-        if self._first is not None:
+            return TimeBase("the vehicle's clock (SYSTEM_TIME)", doubts=(*self._fast(), *self._far()))
+        if self._answers:
             best = min(answer.doubt_s for answer in self._answers)
             doubt = f"the vehicle does not know the time: it is ours, to {1e3 * best:.0f} ms"
             return TimeBase("this computer's clock, tied to the vehicle's (TIMESYNC)", doubts=(doubt, *self._fast()))
@@ -90,16 +149,12 @@ class VehicleClock:
         return TimeBase("this computer's clock", doubts=(doubt,))
 
     def _fast(self) -> tuple[str, ...]:
-        if self._first is None or math.isnan(self.speed):
-            return ()
-        last = self._answers[-1]
-        gained_s = abs(last.offset_s - self._first.offset_s)
-        if gained_s <= last.doubt_s + self._first.doubt_s + _REAL_TIME * (last.posix_s - self._first.posix_s):
+        if not self._ours.seen:
             return ()
         return (f"its clock runs {self.speed:.1f} times as fast as ours (a simulation): times are its own",)
 
     def _far(self) -> tuple[str, ...]:
-        if not self._answers or self.offset_s is None or self._fast():
+        if not self._answers or self.offset_s is None or self._ours.seen:
             return ()
         apart = self.offset_s - self._answers[-1].offset_s
         return (f"the vehicle's clock is {apart:+.0f} s from this computer's",) if abs(apart) > _FAR_S else ()
@@ -127,7 +182,7 @@ class VehicleClock:
         if message.name == "SYSTEM_TIME":
             utc_s = fields["time_unix_usec"] * 1e-6
             if _PLAUSIBLE_S[0] < utc_s < _PLAUSIBLE_S[1]:
-                self.offset_s = utc_s - boot_s
+                self._told(utc_s, boot_s)
         offset_s = self._offset_s()
         if offset_s is not None:
             return boot_s + offset_s
@@ -138,18 +193,22 @@ class VehicleClock:
     def _advance(self, boot_s: float) -> None:
         """Take a time since boot; one that goes back is of a new start."""
         if boot_s < self._newest_boot_s - _REBOOT_S:
-            self.offset_s = self._arrival_s = self._first = None
-            self._answers.clear()
-            self._newest_boot_s, self._ask_s = boot_s, -math.inf
+            self._begin()
+            self._newest_boot_s = boot_s
             self.reboots += 1
         self._newest_boot_s = max(self._newest_boot_s, boot_s)
 
+    def _told(self, utc_s: float, boot_s: float) -> None:
+        """Take the vehicle's clock of day, as long as it does not run otherwise than its time since boot.
+
+        One that does is the computer's under a simulation: what it said last while both agreed, or first, is kept.
+        """
+        self._theirs.add(_Answer(utc_s, boot_s, _READ_S))
+        if self.offset_s is None or (self._theirs.steady and not self._theirs.seen):
+            self.offset_s = utc_s - boot_s
+
     def _offset_s(self) -> float | None:
-        if self.offset_s is not None or self._first is None:
-            return self.offset_s
-        if self._fast():
-            return self._first.offset_s
-        return min(self._answers, key=lambda answer: answer.doubt_s).offset_s
+        return self._kept_s if self.offset_s is None else self.offset_s
 
     def _answered(self, theirs_ns: int, ours_ns: int, posix_s: float) -> None:
         """Take an answer to a question of ours; others' are none of our business."""
@@ -162,4 +221,6 @@ class VehicleClock:
         self._advance(boot_s)
         answer = _Answer(posix_s - took_s / 2.0, boot_s, took_s / 2.0)
         self._answers.append(answer)
-        self._first = self._first or answer
+        self._ours.add(answer)
+        if self._kept_s is None or (self._ours.steady and not self._ours.seen):
+            self._kept_s = min(self._answers, key=lambda told: told.doubt_s).offset_s

@@ -96,6 +96,10 @@ class Autopilot(Family):
         """Simulated time."""
         return self.vehicle.sim_s
 
+    def clock_of_day_s(self) -> float:
+        """POSIX seconds that it tells; the simulated ones."""
+        return self.vehicle.posix_s
+
     @property
     def ground_m(self) -> float:
         """Height of the ground below, above mean sea level."""

@@ -88,6 +88,10 @@ class Px4(Px4Failsafes):
         self.infeasible: str | None = "No valid mission available"
         self.mode_after_disarming = Mode.HOLD
 
+    def clock_of_day_s(self) -> float:
+        """POSIX seconds by the computer's clock, as in PX4's simulator: only its time since boot is the simulation's."""
+        return self.vehicle.world.epoch_s + self.vehicle.wall_s
+
     def read_speeds(self) -> Speeds:
         """MPC_* parameters; nothing above 20 m/s."""
         p = self.parameters

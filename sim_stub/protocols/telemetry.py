@@ -253,7 +253,7 @@ def _altitude(v: Vehicle) -> bytes:
 
 
 def _system_time(v: Vehicle) -> bytes:
-    return spec("SYSTEM_TIME").layout.pack(int(v.posix_s * 1e6), v.boot_ms)
+    return spec("SYSTEM_TIME").layout.pack(int(v.autopilot.clock_of_day_s() * 1e6), v.boot_ms)
 
 
 def _wind(v: Vehicle) -> bytes:

@@ -158,7 +158,7 @@ def fly(
 
 
 def _clock(vehicle: MavlinkVehicle, console: Console) -> Clock:
-    """Take our clock, or that of a vehicle which lives at another time or another speed."""
+    """Take the vehicle's clock: it may live at another time, and at another speed, also from some moment on only."""
     from link.vehicle_time import VehicleTime
     from skyway.flying import FAR_S
 
@@ -167,13 +167,9 @@ def _clock(vehicle: MavlinkVehicle, console: Console) -> Clock:
     for _ in vehicle.samples(4.0):
         pass
     base, sample = vehicle.live.clock, vehicle.live.sample
-    if sample is None or not base.base.absolute:
-        return wall
-    off_s = sample.time_s - wall.posix_s()
-    fast = abs(base.speed - 1.0) > 0.05
-    if abs(off_s) < FAR_S and not fast:
-        return wall
-    console.tell("the vehicle lives at another time than this computer (a simulation): its time is taken")
+    far = sample is not None and base.base.absolute and abs(sample.time_s - wall.posix_s()) >= FAR_S
+    if far or base.simulated:
+        console.tell("the vehicle lives at another time than this computer (a simulation): its time is taken")
     return VehicleTime(vehicle, wall)
 
 

@@ -3,6 +3,7 @@
 import pytest
 from wires import LAT, LON, Scene, bad_radio
 
+from benchmarks.deliveries import Stage, Story
 from link.mavlink_vehicle import MavlinkVehicle
 from link.parameter_file import read_required
 from missions.dialects import DIALECTS, dialect, dumps_for
@@ -182,3 +183,17 @@ def test_a_refused_setting_is_told_with_the_vehicles_reason():
     scene.vehicle.autopilot.parameters.set = lambda *_: False
     with pytest.raises(LinkError, match="it is 10"):
         scene.craft.set_parameter("WP_SPD", 12.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("family", "version"), VERSIONS)
+def test_a_package_is_delivered_under_every_version(family, version, tmp_path):
+    story = Story(
+        autopilot=family, start="bellevue", to="yankee-stadium", soc=0.42, traffic=False, vehicle={"firmware": version}
+    )
+    stage = Stage(story, tmp_path)
+    outcome = stage.fly()
+    assert outcome.delivered, outcome
+    assert stage.craft.station() == "yankee-stadium"
+    assert stage.craft.body.payload_kg == 0.0
+    assert not stage.craft.autopilot.armed
