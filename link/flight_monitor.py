@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from link.replay_monitors import CHECK_EVERY_S, BatteryWatch, LegWatch, Notice, Seconds, WindWatch
+from link.replay_monitors import CHECK_EVERY_S, BatteryWatch, LegWatch, Notice, Seconds, TrustWatch, WindWatch
 from models.telemetry import TelemetryTrack
 from models.wind_filter import FilteredWind
 
@@ -83,6 +83,8 @@ class WindTally:
     Attributes
     ----------
     count : int
+    doubted : int
+        Estimates that the filter's own health called inconsistent, which count nowhere else.
     north, east : float
         Sums of the wind, m/s.
     nis : float
@@ -92,6 +94,7 @@ class WindTally:
     """
 
     count: int = 0
+    doubted: int = 0
     north: float = 0.0
     east: float = 0.0
     nis: float = 0.0
@@ -141,7 +144,7 @@ class FlightMonitor:
         self.legs, self.battery, self.tally = LegWatch(), BatteryWatch(), WindTally()
         self.end_s = math.nan
         self._seconds = Seconds()
-        self._wind_watch = WindWatch(wind)
+        self._wind_watch, self._trust_watch = WindWatch(wind), TrustWatch()
         self._window = math.nan
         self._listener = listener
         self._rows: Thinned[TelemetryTrack] = Thinned(TelemetryTrack.part, TelemetryTrack.joined)
@@ -171,17 +174,20 @@ class FlightMonitor:
         return self._rows.rows()
 
     def course(self) -> FilteredWind:
-        """The estimates to which something was measured, thinned likewise."""
+        """The estimates to which something was measured, and which are consistent, thinned likewise."""
         return self._course.rows()
 
     def _take(self, rows: TelemetryTrack, course: FilteredWind) -> list[Notice]:
-        measured = course.part(np.isfinite(course.nis))
+        seen = course.part(np.isfinite(course.nis))
+        measured = seen.part(seen.trusted)
+        self.tally.doubted += len(seen) - len(measured)
         self.tally.add(measured)
         self._rows.add(rows)
         self._course.add(measured)
         if self._listener is not None and len(rows):
             self._listener(rows, course)
-        return self.legs.feed(rows) + self.battery.feed(rows) + self._wind_watch.feed(course)
+        noticed = self.legs.feed(rows) + self.battery.feed(rows) + self._trust_watch.feed(rows)
+        return noticed + self._wind_watch.feed(course)
 
 
 def pieces(track: TelemetryTrack, length_s: float) -> Iterator[TelemetryTrack]:

@@ -11,9 +11,12 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from link.flight_monitor import FlightMonitor, WindTally, pieces
 from link.logs.log import MAX_EVENTS, LogEvent
 from link.replay_monitors import PERIOD_S, Leg, Notice, PhaseEnergy
+from link.replay_vehicle import VehicleView, no_wind, vehicle_of
 from models.airspeed import AirspeedModel
 from models.calibration_airspeed import identify_airspeed
 from models.calibration_wind import identify_drag
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 
     from link.flight_monitor import Listener
     from link.logs.log import Log, LogSummary
+    from link.logs.vehicle_kind import Kind, Vehicle
     from models.drag import DragModel
     from models.drag_monitor import DragCheck
     from models.energy import Phase
@@ -48,10 +52,12 @@ class Replay:
         The whole log.
     system : int or None
         Whose; None where no vehicle gave telemetry.
+    vehicle : Vehicle
+        What it is.
     seconds : TelemetryTrack
         One row a second, fewer of a very long log.
     wind : FilteredWind
-        The filter's course where something was measured, thinned likewise.
+        The filter's course where something was measured and the filter is consistent, thinned likewise.
     tally : WindTally
         Sums over the whole course.
     measured : dict of str to int
@@ -84,6 +90,7 @@ class Replay:
 
     summary: LogSummary
     system: int | None
+    vehicle: Vehicle
     seconds: TelemetryTrack
     wind: FilteredWind
     tally: WindTally
@@ -129,6 +136,8 @@ class ReplayOptions:
     ----------
     system : int or None
         Vehicle; by default the first.
+    vehicle : str or None
+        What it is, where the log does not say it.
     from_s, to_s : float
         Part of the log, in its own time.
     drag : DragModel or None
@@ -142,6 +151,7 @@ class ReplayOptions:
     """
 
     system: int | None = None
+    vehicle: Kind | None = None
     from_s: float = -math.inf
     to_s: float = math.inf
     drag: DragModel | None = None
@@ -174,11 +184,12 @@ def replay(
     """
     asked = options or ReplayOptions()
     system = choose_system(log.summary, asked.system)
-    air = _find_air(log, system, asked)
+    vehicle = vehicle_of(log.summary, system, asked.vehicle, drag=asked.drag is not None)
+    air = _find_air(log, system, asked, vehicle)
     wind = LiveWind(drag=air.drag, airspeed=air.airspeed, forecast=asked.forecast, settings=asked.settings)
     monitor = FlightMonitor(wind, listener)
     told = _Told(log.summary, system, asked, notice)
-    for track in _tracks(log, system, asked):
+    for track in _tracks(log, system, vehicle, asked.from_s, asked.to_s):
         steps = pieces(track, PERIOD_S) if notice is not None or wait_until is not None else iter((track,))
         for step in steps:
             if wait_until is not None:
@@ -190,6 +201,7 @@ def replay(
     return Replay(
         summary=log.summary,
         system=system,
+        vehicle=vehicle,
         seconds=monitor.seconds(),
         wind=monitor.course(),
         tally=monitor.tally,
@@ -210,22 +222,32 @@ def replay(
     )
 
 
-def flight_blocks(log: Log, system: int | None, from_s: float = -math.inf, to_s: float = math.inf) -> Blocks:
-    """Return the averages that a drag is found in: those of the last `MOST_BLOCKS` seconds of telemetry."""
+def flight_blocks(
+    log: Log,
+    system: int | None,
+    from_s: float = -math.inf,
+    to_s: float = math.inf,
+    *,
+    vehicle: Vehicle | None = None,
+) -> Blocks:
+    """Return the averages that a drag is found in: those of the last `MOST_BLOCKS` seconds of telemetry.
+
+    What the kind of vehicle cannot tell, and what the vehicle did not trust, is unknown in them.
+    """
     maker, parts, count = BlockMaker(PERIOD_S), [Blocks.joined(())], 0
-    for track in log.tracks(from_s, to_s):
-        if track.system == system:
-            parts.append(maker.feed(track))
-            count += len(parts[-1])
+    for track in _tracks(log, system, vehicle or log.summary.vehicle(system), from_s, to_s):
+        parts.append(maker.feed(track))
+        count += len(parts[-1])
         if count > 2 * MOST_BLOCKS:
             parts, count = [Blocks.joined(parts).part(slice(-MOST_BLOCKS, None))], MOST_BLOCKS
     return Blocks.joined([*parts, maker.flush()]).part(slice(-MOST_BLOCKS, None))
 
 
-def _tracks(log: Log, system: int | None, asked: ReplayOptions) -> Iterator[TelemetryTrack]:
-    for track in log.tracks(asked.from_s, asked.to_s):
+def _tracks(log: Log, system: int | None, vehicle: Vehicle, from_s: float, to_s: float) -> Iterator[TelemetryTrack]:
+    view = VehicleView(vehicle, log.summary.doubted.get(system or 0, ()))
+    for track in log.tracks(from_s, to_s):
         if track.system == system and len(track):
-            yield track
+            yield view.see(track)
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,20 +261,31 @@ class _Air:
     reason: str = ""
 
 
-def _find_air(log: Log, system: int | None, asked: ReplayOptions) -> _Air:
+def _find_air(log: Log, system: int | None, asked: ReplayOptions, vehicle: Vehicle) -> _Air:
     """Take what was given, and look for the rest in the whole log."""
     plain = AirspeedModel()
+    nothing = no_wind(vehicle)
+    if nothing:
+        return _Air(None, "none", plain, "plain", nothing)
     if asked.drag is not None or asked.airspeed is not None:
         given = "given" if asked.airspeed is not None else "plain"
         return _Air(asked.drag, "given" if asked.drag is not None else "none", asked.airspeed or plain, given)
-    air = flight_blocks(log, system, asked.from_s, asked.to_s)
+    air = flight_blocks(log, system, asked.from_s, asked.to_s, vehicle=vehicle)
     if not air.flying.any():
         return _Air(None, "none", plain, "plain", "the vehicle does not fly")
     sensor = identify_airspeed(air) if air.winged[air.flying].any() else None
     found, source = (plain, "plain") if sensor is None or sensor.model is None else (sensor.model, "identified")
-    if sensor is not None and air.winged[air.flying].mean() > 0.5:
-        return _Air(None, "none", found, source, f"airspeed: {sensor.reason}")
-    fit = identify_drag(air, PERIOD_S)
+    if sensor is not None and not np.isfinite(air.airspeed_mps[air.flying & air.winged]).any():
+        reason = (
+            f"a {vehicle.kind} ({vehicle.told_by}) without an airspeed sensor that it believes: no wind on its wings"
+        )
+        if vehicle.kind == "fixed wing":
+            return _Air(None, "none", plain, "plain", reason)
+    rotors = air.part(~air.winged)
+    if not np.isfinite(rotors.drag[rotors.flying]).any():
+        airspeed = "" if sensor is None else f"airspeed: {sensor.reason}"
+        return _Air(None, "none", found, source, airspeed or "no lean of a multirotor is known")
+    fit = identify_drag(rotors, PERIOD_S)
     if fit.drag is not None:
         return _Air(fit.drag, "identified", found, source, fit.reason)
     return _Air(NOMINAL_DRAG, "nominal", found, source, fit.reason)
@@ -305,7 +338,10 @@ def _last_words(monitor: FlightMonitor, air: _Air) -> list[Notice]:
     if air.drag_source == "nominal":
         texts.append(f"a nominal drag is used; {air.reason}")
     if not monitor.tally.count and monitor.legs.legs:
-        texts.append("no wind could be measured in this flight")
+        why = f": {air.reason}" if air.drag_source == "none" and air.reason else ""
+        texts.append(f"no wind could be measured in this flight{why}")
+    if monitor.tally.doubted:
+        texts.append(f"the wind is unknown for {monitor.tally.doubted} s in which the filter is inconsistent")
     if monitor.wind.rejected:
         total = sum(monitor.wind.measured.values())
         texts.append(f"{monitor.wind.rejected} of {total} wind measurements were rejected by the gate")

@@ -14,7 +14,7 @@ import numpy as np
 from models.calibration_energy import VERTICAL_MPS
 from models.energy import PHASES, Phase
 from models.telemetry import COLUMN, TelemetryTrack
-from models.wind_filter_blocks import is_flying
+from models.wind_filter_blocks import is_flying, is_trusted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -183,6 +183,7 @@ class LegWatch:
         self.legs: list[Leg] = []
         self._leg: _OpenLeg | None = None
         self._item = math.nan
+        self._up = False
         self._time_s: dict[Phase, float] = dict.fromkeys(PHASES, 0.0)
         self._energy_j: dict[Phase, float] = dict.fromkeys(PHASES, 0.0)
         self._powered = False
@@ -192,6 +193,7 @@ class LegWatch:
         found: list[Notice] = []
         flying = is_flying(rows).tolist()
         for time_s, row, up in zip(rows.time_s.tolist(), rows.values, flying, strict=True):
+            self._up = up
             if self._leg is not None and time_s - self._leg.end_s > LEG_GAP_S:
                 found += self._land(time_s)
             if up:
@@ -211,7 +213,7 @@ class LegWatch:
 
     def close(self, time_s: float) -> list[Notice]:
         """The stream has ended."""
-        return [] if self._leg is None else self._land(time_s, landed=False)
+        return [] if self._leg is None else self._land(time_s, landed=not self._up)
 
     def phases(self) -> dict[Phase, PhaseEnergy]:
         """Time and energy of climb, cruise and descent so far."""
@@ -293,7 +295,7 @@ class WindWatch:
         from models.wind import speed_from
 
         found: list[Notice] = []
-        measured = np.flatnonzero(np.isfinite(course.nis))
+        measured = np.flatnonzero(np.isfinite(course.nis) & course.trusted)
         speed, direction = speed_from(course.wind[measured, 0], course.wind[measured, 1])
         sigma = course.sigma_mps[measured]
         for place, time_s in enumerate(course.time_s[measured].tolist()):
@@ -319,7 +321,31 @@ class WindWatch:
         health = self._wind.filter.health
         if health.verdict == "overconfident" != self._verdict:
             low, high = health.band
-            band = f"95 % band {low:.1f} to {high:.1f}"
-            texts.append(f"the filter is overconfident: mean NIS {health.mean:.1f} of the last minutes, {band}")
+            mean = f"mean NIS {health.mean:.1f}, 95 % band {low:.1f} to {high:.1f}"
+            why = mean if math.isfinite(health.mean) else "measurements far from what it believed"
+            texts.append(f"the filter is overconfident ({why}): the wind is unknown until it is consistent")
         self._verdict = health.verdict
         return [Notice(time_s, "wind", text) for text in texts]
+
+
+class TrustWatch:
+    """Tells when the vehicle in the air stops trusting its own position, and when it does again."""
+
+    def __init__(self) -> None:
+        self._since_s: float | None = None
+
+    def feed(self, rows: TelemetryTrack) -> list[Notice]:
+        """Take seconds; return what was noticed."""
+        found: list[Notice] = []
+        aloft, trusted = is_flying(rows), is_trusted(rows)
+        for time_s, up, sure, gps in zip(
+            rows.time_s.tolist(), aloft.tolist(), trusted.tolist(), rows["gps_ok"].tolist(), strict=True
+        ):
+            if up and not sure and self._since_s is None:
+                self._since_s = time_s
+                what = "its receiver" if gps == 0.0 else "its own position and velocity"
+                found.append(Notice(time_s, "wind", f"the vehicle does not trust {what}: no wind from here"))
+            elif sure and self._since_s is not None:
+                found.append(Notice(time_s, "wind", f"trusted again after {time_s - self._since_s:.0f} s"))
+                self._since_s = None
+        return found

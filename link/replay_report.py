@@ -50,6 +50,7 @@ def as_json(found: Replay) -> dict[str, Any]:
         "systems": list(summary.systems),
         "other_systems": list(summary.others),
         "system": found.system,
+        "vehicle": {"kind": found.vehicle.kind, "told_by": found.vehicle.told_by},
         "start": instant(found, summary.start_s),
         "end": instant(found, summary.end_s),
         "time_base": {
@@ -116,6 +117,7 @@ def _wind_summary(found: Replay) -> dict[str, Any]:
         "forecast": _against_forecast(found),
         "measurements": found.measured,
         "rejected": found.rejected,
+        "inconsistent_s": found.tally.doubted,
         "nis_mean": _known(tally.mean(tally.nis)),
         "nis_band_95": [_known(value) for value in band] if tally.count else None,
     }
@@ -188,7 +190,8 @@ class Table:
         """Write some seconds."""
         for row, time_s in enumerate(rows.time_s.tolist()):
             self._measured = self._measured or bool(course.accepted[row])
-            extra = [*course.wind[row], course.sigma_mps[row]] if self._measured else [math.nan] * 3
+            known = self._measured and bool(course.trusted[row])
+            extra = [*course.wind[row], course.sigma_mps[row]] if known else [math.nan] * 3
             cells = [f"{value:.10g}" if math.isfinite(value) else "" for value in (*rows.values[row], *extra)]
             self._writer.writerow([f"{time_s:.6f}", *cells])
 

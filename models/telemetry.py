@@ -53,7 +53,8 @@ class TelemetrySample:
     armed, landed : float
         1 yes, 0 no.
     fixed_wing : float
-        1 where the vehicle says that it hangs on wings (a plane, a VTOL in forward flight), 0 where on rotors.
+        1 where the vehicle says that it hangs on wings (a plane, a VTOL in forward flight), 0 where on the rotors of a
+        multirotor; `NEITHER` where on something else (a VTOL in transition, a helicopter, wheels, a hull).
     mission_item : float
         Item that is flown to, as the vehicle counts.
     mode : float
@@ -62,6 +63,11 @@ class TelemetrySample:
         Item reached last, as the vehicle counts.
     link_loss : float
         Share of its latest packets that did not arrive, 0 to 1; NaN in logs.
+    gps_ok, ekf_ok : float
+        1 where the vehicle trusts its receiver, and its own estimate of position and velocity, 0 where it does not
+        (`link.logs.trust`).
+    airspeed_ok : float
+        1 where the airspeed is that of a sensor which the vehicle has and believes.
     """
 
     time_s: float
@@ -91,6 +97,9 @@ class TelemetrySample:
     mode: float = math.nan
     mission_reached: float = math.nan
     link_loss: float = math.nan
+    gps_ok: float = math.nan
+    ekf_ok: float = math.nan
+    airspeed_ok: float = math.nan
 
     @property
     def ground_speed_mps(self) -> float:
@@ -104,6 +113,35 @@ QUANTITIES: tuple[str, ...] = tuple(
 """Fields that a vehicle reports."""
 COLUMN = {name: number for number, name in enumerate(QUANTITIES)}
 """Column of each quantity in a track."""
+NEITHER = 0.5
+"""`TelemetrySample.fixed_wing` of what hangs on neither wings nor the rotors of a multirotor."""
+_LIMITS = {
+    "lat_deg": (-90.0, 90.0),
+    "lon_deg": (-180.0, 180.0),
+    "alt_msl_m": (-1000.0, 100_000.0),
+    "height_m": (-20_000.0, 100_000.0),
+    **dict.fromkeys(("vel_north_mps", "vel_east_mps", "vel_down_mps"), (-500.0, 500.0)),
+    **dict.fromkeys(("roll_rad", "pitch_rad", "yaw_rad"), (-7.0, 7.0)),
+    "airspeed_mps": (0.0, 500.0),
+    **dict.fromkeys(("wind_north_mps", "wind_east_mps"), (-100.0, 100.0)),
+    "voltage_v": (0.0, 5000.0),
+    "current_a": (-5000.0, 5000.0),
+    "power_w": (-1e6, 1e6),
+}
+_LOWEST, _HIGHEST = (
+    np.array([_LIMITS.get(name, (-1e12, 1e12))[end] for name in QUANTITIES], dtype=np.float64) for end in (0, 1)
+)
+
+
+def believable(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rows of telemetry, NaN instead of what no aircraft does: damage, or a sensor that never was there.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., quantities)
+        In the order of `QUANTITIES`.
+    """
+    return np.where((values >= _LOWEST) & (values <= _HIGHEST), values, np.nan)  # false for NaN
 
 
 @dataclass(frozen=True, slots=True)

@@ -94,7 +94,8 @@ class WindEstimate:
         Covariance, m2/s2.
     source : str
         ``measured`` in the air, ``held`` where nothing was measured for `HELD_AFTER_S` (landed, say), ``forecast`` before
-        the first measurement.
+        the first measurement, ``inconsistent`` where the innovations are larger than the filter believes they are, so that
+        the numbers are not to be used.
     """
 
     time_s: float
@@ -207,8 +208,10 @@ class WindFilter:
         nis = (innovation.T @ np.linalg.solve(spread, innovation)).item()
         self.health.add(nis)
         self.last_nis = nis
-        if nis > self.settings.gate and not self._persuaded(innovation):
-            return False
+        if nis > self.settings.gate:
+            if not self._persuaded(innovation):
+                return False
+            self.health.restart()
         self._rejected.clear()
         self._filter.update(measured, R=covariance)
         self._last_used_s = self.time_s
@@ -240,6 +243,8 @@ class WindFilter:
         source = "forecast"
         if self._last_used_s is not None:
             source = "measured" if self.time_s - self._last_used_s <= HELD_AFTER_S else "held"
+            if self.health.verdict == "overconfident":
+                source = "inconsistent"
         return WindEstimate(self.time_s, north, east, var_north, covariance, var_east, source)
 
 
@@ -259,6 +264,8 @@ class FilteredWind:
     accepted : ndarray of bool, shape (n,)
     forecast : ndarray, shape (n, 2)
         What it was told to expect, (north, east), m/s.
+    trusted : ndarray of bool, shape (n,)
+        Where the filter's own health did not call the estimate inconsistent.
     """
 
     time_s: NDArray[np.float64]
@@ -267,6 +274,7 @@ class FilteredWind:
     nis: NDArray[np.float64]
     accepted: NDArray[np.bool_]
     forecast: NDArray[np.float64]
+    trusted: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -277,7 +285,7 @@ class FilteredWind:
         unknown = np.full(count, np.nan)
         pairs = np.full((count, 2), np.nan)
         triples, no = np.full((count, 3), np.nan), np.zeros(count, dtype=np.bool_)
-        return cls(unknown, pairs, triples, unknown.copy(), no, pairs.copy())
+        return cls(unknown, pairs, triples, unknown.copy(), no, pairs.copy(), np.ones(count, dtype=np.bool_))
 
     @classmethod
     def joined(cls, parts: Iterable[FilteredWind]) -> FilteredWind:
@@ -295,6 +303,7 @@ class FilteredWind:
         self.time_s[row] = now.time_s
         self.wind[row] = now.north_mps, now.east_mps
         self.covariance[row] = now.var_north, now.cov_north_east, now.var_east
+        self.trusted[row] = now.source != "inconsistent"
 
     @property
     def sigma_mps(self) -> NDArray[np.float64]:

@@ -28,6 +28,9 @@ STUCK_S = 5.0
 """A sensor that has given exactly the same, and not 0, for so long is stuck; held values are at most 2 s old."""
 GAP_PERIODS = 1.5
 """Across a longer pause between samples no acceleration is taken."""
+JUMP_MPS, JUMP_MPS2, JUMP_GAP_S, JUMP_HELD_S = 5.0, 30.0, 2.0, 30.0
+"""A velocity that changes by more than what noise and three times gravity explain is that of a glitch, and is not believed
+for so long; across longer gaps nothing is said."""
 REPEATS_SAMPLES, REPEATS_MPS = 10, 0.3
 """Samples in motion before an airspeed is believed, and how far it must be from the ground speed (RMS)."""
 _VELOCITY, _THRUST, _HEADING = slice(1, 4), slice(4, 6), slice(6, 8)
@@ -96,7 +99,12 @@ def is_flying(track: TelemetryTrack) -> NDArray[np.bool_]:
     fast = np.hypot(track["vel_north_mps"], track["vel_east_mps"]) > 2.0
     guess = np.where(known, high, np.ones(len(track), dtype=bool)) | fast
     landed = track["landed"]
-    return np.asarray(np.where(np.isfinite(landed), landed == 0.0, guess & (track["armed"] != 0.0)), dtype=np.bool_)
+    return np.asarray(np.where(np.isfinite(landed), landed == 0.0, guess) & (track["armed"] != 0.0), dtype=np.bool_)
+
+
+def is_trusted(track: TelemetryTrack) -> NDArray[np.bool_]:
+    """Whether the vehicle does not say that its position and velocity are wrong, shape (samples,)."""
+    return np.asarray((track["gps_ok"] != 0.0) & (track["ekf_ok"] != 0.0), dtype=np.bool_)
 
 
 class BlockMaker:
@@ -113,6 +121,7 @@ class BlockMaker:
         self._rows = np.empty((0, _COLUMNS))
         self._before: NDArray[np.float64] | None = None
         self._velocity_watch, self._attitude_watch = _StuckWatch(), _StuckWatch()
+        self._jump_watch = _JumpWatch()
         self._repeats = np.zeros(2)
 
     def feed(self, track: TelemetryTrack) -> Blocks:
@@ -151,15 +160,20 @@ class BlockMaker:
         rows[:, 0] = time_s
         velocity = np.stack([track["vel_north_mps"], track["vel_east_mps"], track["vel_down_mps"]], axis=1)
         stuck = self._velocity_watch.stuck(time_s, velocity[:, :2])
-        rows[:, _VELOCITY] = np.where(stuck[:, None], np.nan, velocity)
+        doubted = stuck | ~is_trusted(track)
+        doubted |= self._jump_watch.jumped(time_s, np.where(doubted[:, None], np.nan, velocity[:, :2]))
+        rows[:, _VELOCITY] = np.where(doubted[:, None], np.nan, velocity)
         attitude = np.stack([track["roll_rad"], track["pitch_rad"]], axis=1)
         attitude = np.where(self._attitude_watch.stuck(time_s, attitude)[:, None], np.nan, attitude)
         yaw = track["yaw_rad"]
-        rows[:, _THRUST] = thrust_acceleration(attitude[:, 0], attitude[:, 1], yaw)
+        on_rotors = (track["fixed_wing"] == 0.0) | np.isnan(track["fixed_wing"])
+        thrust = thrust_acceleration(attitude[:, 0], attitude[:, 1], yaw)
+        rows[:, _THRUST] = np.where(on_rotors[:, None], thrust, np.nan)
         rows[:, _HEADING] = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
         climb = np.nan_to_num(track["vel_down_mps"])
         rows[:, _AIRSPEED] = np.sqrt(np.maximum(track["airspeed_mps"] ** 2 - climb**2, 0.0))
-        rows[:, _AUTOPILOT] = np.stack([track["wind_north_mps"], track["wind_east_mps"]], axis=1)
+        own = np.stack([track["wind_north_mps"], track["wind_east_mps"]], axis=1)
+        rows[:, _AUTOPILOT] = np.where(doubted[:, None], np.nan, own)
         rows[:, _FLAGS] = np.stack([is_flying(track), track["fixed_wing"] == 1.0], axis=1)
         rows[:, _PLACE] = np.stack([track["lat_deg"], track["lon_deg"], track["height_m"]], axis=1)
         ground = np.hypot(track["vel_north_mps"], track["vel_east_mps"])
@@ -219,6 +233,28 @@ class _StuckWatch:
         found = time_s - since > STUCK_S
         self.now = bool(found[-1])
         return np.asarray(found)
+
+
+class _JumpWatch:
+    """Tells where the velocity has jumped as no vehicle can, and for `JUMP_HELD_S` after."""
+
+    def __init__(self) -> None:
+        self._last = (-math.inf, np.full(2, np.nan))
+        self._until_s = -math.inf
+
+    def jumped(self, time_s: NDArray[np.float64], velocity: NDArray[np.float64]) -> NDArray[np.bool_]:
+        known = np.flatnonzero(np.isfinite(velocity).all(axis=1))
+        until = np.full(len(time_s), self._until_s)
+        if len(known):
+            when = np.concatenate([[self._last[0]], time_s[known]])
+            step = np.diff(when)
+            change = np.hypot(*np.diff(np.concatenate([[self._last[1]], velocity[known]]), axis=0).T)
+            jumps = (step < JUMP_GAP_S) & (change > JUMP_MPS + JUMP_MPS2 * step)  # false for NaN, the first
+            until[known[jumps]] = time_s[known[jumps]] + JUMP_HELD_S
+            self._last = float(time_s[known[-1]]), velocity[known[-1]]
+        until = np.maximum.accumulate(until)
+        self._until_s = float(until[-1])
+        return np.asarray(time_s < until)
 
 
 def _means(rows: NDArray[np.float64], starts: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -9,6 +9,8 @@ import math
 
 HEALTH_WINDOW, HEALTH_CORRELATION = 120, 5.0
 """Innovations that the filter's health is judged by, and how many neighbours of them are as good as one."""
+CALM_COUNT, CALM_MEAN = 20, 3.0
+"""After it was found wrong the filter is trusted again when the mean of so many innovations is below this."""
 
 
 class ConsistencyMonitor:
@@ -26,12 +28,25 @@ class ConsistencyMonitor:
         self.window = window
         self.correlation = correlation
         self._values: list[float] = []
+        self._shaken = False
 
     def add(self, nis: float) -> None:
         """Add one value."""
         self._values.append(nis)
         if len(self._values) > self.window:
             del self._values[0]
+        if self._shaken and len(self._values) >= min(CALM_COUNT, self.window) and self._calm:
+            self._shaken = False
+
+    def restart(self) -> None:
+        """Judge anew, as after the filter was found wrong and followed: not trusted until the innovations are calm."""
+        self._values.clear()
+        self._shaken = True
+
+    @property
+    def _calm(self) -> bool:
+        latest = self._values[-CALM_COUNT:]
+        return sum(latest) / len(latest) < CALM_MEAN
 
     @property
     def mean(self) -> float:
@@ -45,7 +60,12 @@ class ConsistencyMonitor:
 
     @property
     def verdict(self) -> str:
-        """``consistent``, ``overconfident`` (errors larger than believed), ``underconfident``, or ``unknown`` as yet."""
+        """``consistent``, ``overconfident`` (errors larger than believed), ``underconfident``, or ``unknown`` as yet.
+
+        After `restart` it is ``overconfident`` until there are values enough, and small enough, to say otherwise.
+        """
+        if self._shaken:
+            return "overconfident"
         if len(self._values) < min(10, self.window):
             return "unknown"
         low, high = self.band

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
+from copy import deepcopy
 from functools import lru_cache
 from operator import attrgetter
 from typing import TYPE_CHECKING
@@ -31,6 +32,7 @@ from models.wind import height_factor
 from models.wind_field import MIN_PROFILE_M
 from models.wind_filter import FilteredWind, WindEstimate, WindFilter, WindFilterSettings
 from models.wind_filter_blocks import BlockMaker, Blocks
+from models.wind_filter_health import HEALTH_WINDOW
 from models.wind_filter_measurement import PLAIN_SENSOR, measurements, tilt_air_velocity
 
 if TYPE_CHECKING:
@@ -49,6 +51,8 @@ NOMINAL_DRAG = DragModel(relative_sigma=0.35)
 """Where no drag is known: that of a common quadcopter, uncertain by a third."""
 NO_FORECAST = WindFilterSettings(tau_s=1800.0, sigma_mps=5.0)
 """How the wind is taken where nothing is forecast: anything up to a gale, slowly changing."""
+MOST_WIND_MPS = {"tilt": 25.0, "airspeed": 60.0, "autopilot": 60.0}
+"""In more than this nothing of the kind flies: the measurement is wrong, and so may be those before it."""
 DRAG_WINDOW = 300
 """Blocks of flight that the drag is checked with."""
 
@@ -146,6 +150,7 @@ class LiveWind:
         self._taken_s = {"autopilot": -math.inf, "airspeed": -math.inf}
         self._flown: deque[tuple[float, ...]] = deque(maxlen=DRAG_WINDOW)
         self._slots = SlotAverages()
+        self._pending: deque[tuple[WindEstimate, tuple[float, ...]]] = deque()
 
     @property
     def estimate(self) -> WindEstimate | None:
@@ -175,8 +180,14 @@ class LiveWind:
         return self._follow(self._maker.flush())
 
     def observations(self) -> tuple[WindObservation, ...]:
-        """Averages over slots of all that was measured, each counting once, for `models.forecast_update.update_forecast`."""
-        return self._slots.observations()
+        """Averages over slots of all that was measured, each counting once, for `models.forecast_update.update_forecast`.
+
+        What the filter's health has called inconsistent, and the measurements that it was judged by, are left out.
+        """
+        slots = deepcopy(self._slots)
+        for now, place in self._pending:
+            slots.add(now, *place)
+        return slots.observations()
 
     @property
     def stuck(self) -> tuple[str, ...]:
@@ -217,12 +228,26 @@ class LiveWind:
                 course.nis[row] = self.filter.last_nis
             now = self.filter.estimate
             course.put(row, now, self.expected)
-            if course.accepted[row]:
-                self._slots.add(now, *place)
+            self._keep(now, place, accepted=bool(course.accepted[row]))
         return course
+
+    def _keep(self, now: WindEstimate, place: tuple[float, ...], *, accepted: bool) -> None:
+        """Keep an estimate for the averages, once no window of innovations that it lies in can be found inconsistent."""
+        if now.source == "inconsistent":
+            self._pending.clear()
+        elif accepted:
+            self._pending.append((now, place))
+            if len(self._pending) > HEALTH_WINDOW:
+                settled, where = self._pending.popleft()
+                self._slots.add(settled, *where)
 
     def _take(self, found: Measurements, number: int) -> bool:
         """Give the filter one measurement."""
         nn, ne, ee = found.noise[number].tolist()
         north, east = found.wind[number].tolist()
-        return self.filter is not None and self.filter.update((north, east), [[nn, ne], [ne, ee]])
+        if self.filter is None:
+            return False
+        if math.hypot(north, east) > MOST_WIND_MPS[str(found.source[number])]:
+            self.filter.health.restart()
+            return False
+        return self.filter.update((north, east), [[nn, ne], [ne, ee]])

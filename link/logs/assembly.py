@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.telemetry import COLUMN, QUANTITIES, TelemetrySample, TelemetryTrack
+from models.telemetry import COLUMN, QUANTITIES, TelemetrySample, TelemetryTrack, believable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,6 +32,9 @@ SLOW = frozenset(
         "wind_north_mps",
         "wind_east_mps",
         "mission_reached",
+        "gps_ok",
+        "ekf_ok",
+        "airspeed_ok",
     )
 )
 TICK_GAP_S = 0.5
@@ -67,15 +70,18 @@ class Assembler:
     ----------
     system : int
         Whose.
+    lasting : frozenset of str
+        Quantities that are told once when they change, and known until then.
     """
 
-    def __init__(self, system: int) -> None:
+    def __init__(self, system: int, lasting: frozenset[str] = frozenset()) -> None:
         self.system = system
         self._last_time = np.full(len(QUANTITIES), -np.inf)
         self._last_value = np.full(len(QUANTITIES), np.nan)
         self._last_tick = -np.inf
         self._last_main = -np.inf
         self._fresh = np.array([SLOW_FRESH_S if name in SLOW else FRESH_S for name in QUANTITIES])
+        self._fresh[[COLUMN[name] for name in lasting]] = np.inf
 
     def feed(self, stretch: Stretch) -> TelemetryTrack:
         """Take reports not older than those before, and return the samples that they complete."""
@@ -97,6 +103,8 @@ class Assembler:
             fresh = (place >= 0) & (ticks - times[held] <= self._fresh[number])
             values[:, number] = np.where(fresh, column[held], np.nan)
             self._last_time[number], self._last_value[number] = times[-1], column[-1]
+        values = believable(values)
+        values[values[:, COLUMN["airspeed_ok"]] != 1.0, COLUMN["airspeed_mps"]] = np.nan
         power = values[:, COLUMN["voltage_v"]] * values[:, COLUMN["current_a"]]
         values[:, COLUMN["power_w"]] = np.where(np.isfinite(power), power, values[:, COLUMN["power_w"]])
         if len(ticks):
@@ -115,7 +123,9 @@ class Assembler:
         if time_s <= self._last_tick:
             return None
         self._last_tick = time_s
-        row = np.where(time_s - self._last_time <= self._fresh, self._last_value, np.nan).tolist()
+        row = believable(np.where(time_s - self._last_time <= self._fresh, self._last_value, np.nan)).tolist()
+        if row[COLUMN["airspeed_ok"]] != 1.0:
+            row[COLUMN["airspeed_mps"]] = math.nan
         power = row[COLUMN["voltage_v"]] * row[COLUMN["current_a"]]
         if math.isfinite(power):
             row[COLUMN["power_w"]] = power

@@ -18,9 +18,10 @@ import numpy as np
 
 from link.logs.log import LogSummary
 from link.logs.messages import euler
+from link.logs.vehicle_kind import KINDS, Vehicle
 from models.errors import Fault, InputError
 from models.fields import Table, finite, read_toml
-from models.telemetry import QUANTITIES, TelemetryTrack, TimeBase
+from models.telemetry import QUANTITIES, TelemetryTrack, TimeBase, believable
 from models.units import parse_instant
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+
+    from link.logs.vehicle_kind import Kind
 
 SCHEMA = "skyway.log-columns/1"
 PIECE_ROWS = 10_000
@@ -66,6 +69,8 @@ class LogColumns:
         Columns of the velocity in that body frame (forward, left, up).
     payload : ColumnOf or None
         Mass of the package, kg.
+    vehicle : str
+        What it is (`link.logs.vehicle_kind.KINDS`), where the table's author says it.
     """
 
     time: str
@@ -75,6 +80,7 @@ class LogColumns:
     quaternion_enu_flu: tuple[str, ...] = ()
     velocity_flu: tuple[str, ...] = ()
     payload: ColumnOf | None = None
+    vehicle: Kind = "unknown"
 
 
 M100 = LogColumns(
@@ -89,6 +95,7 @@ M100 = LogColumns(
     quaternion_enu_flu=("orientation_x", "orientation_y", "orientation_z", "orientation_w"),
     velocity_flu=("twist_linear_x", "twist_linear_y", "twist_linear_z"),
     payload=ColumnOf("payload", 1e-3),
+    vehicle="multirotor",
 )
 """The DJI Matrice 100 flights of Rodrigues et al. (2021), known by their header."""
 
@@ -121,6 +128,7 @@ def read_columns(path: Path) -> LogColumns:
         quaternion_ned_frd=_several(top, "quaternion_ned_frd", 4),
         quaternion_enu_flu=_several(top, "quaternion_enu_flu", 4),
         velocity_flu=_several(top, "velocity_flu", 3),
+        vehicle=cast("Kind", top.text("vehicle", "unknown", choices=KINDS)),
     )
     top.finish()
     if columns.velocity_flu and not columns.quaternion_enu_flu:
@@ -174,7 +182,8 @@ class CsvLog:
             latest = float(time_s[-1])
             if time_s[0] >= to_s:
                 return
-            track = TelemetryTrack.of_columns(1, time_s, self._values(kept)).between(from_s, to_s)
+            whole = TelemetryTrack.of_columns(1, time_s, self._values(kept))
+            track = TelemetryTrack(1, time_s, believable(whole.values)).between(from_s, to_s)
             if len(track):
                 yield track
 
@@ -183,6 +192,7 @@ class CsvLog:
         count = skipped = back = 0
         first = latest = math.nan
         payloads: list[float] = []
+        hangs: set[float] = set()
         for rows in self._pieces():
             times = self._times(rows)
             good = np.isfinite(times)
@@ -193,7 +203,8 @@ class CsvLog:
             held = np.maximum.accumulate(np.maximum(times[good], -math.inf if math.isnan(latest) else latest))
             back += int((held != times[good]).sum())
             first, latest = float(held[0]) if math.isnan(first) else first, float(held[-1])
-            self._values(kept)
+            hanging = self._values(kept).get("fixed_wing", np.empty(0))
+            hangs |= set(np.unique(hanging[np.isfinite(hanging)])[:4].tolist())
             if self._columns.payload is not None:
                 known = self._numbers(kept, self._columns.payload)
                 payloads += [float(np.nanmedian(known))] if np.isfinite(known).any() else []
@@ -212,7 +223,18 @@ class CsvLog:
             time_base=TimeBase("the table's time column", bool(self._absolute), doubts),
             start_s=first,
             end_s=latest,
+            vehicles={1: self._vehicle(hangs)},
         )
+
+    def _vehicle(self, hangs: set[float]) -> Vehicle:
+        """What it is: what the mapping says, else what its column ``fixed_wing`` holds."""
+        if self._columns.vehicle != "unknown":
+            return Vehicle(self._columns.vehicle, "its columns")
+        if {0.0, 1.0} <= hangs:
+            return Vehicle("VTOL", "its column fixed_wing")
+        told: dict[float, Kind] = {0.0: "multirotor", 1.0: "fixed wing"}
+        kinds = [kind for value, kind in told.items() if value in hangs]
+        return Vehicle(kinds[0], "its column fixed_wing") if kinds else Vehicle()
 
     def _pieces(self) -> Iterator[list[list[str]]]:
         """Read the rows, so many at a time; the header comes first."""

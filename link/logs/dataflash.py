@@ -7,19 +7,22 @@ from __future__ import annotations
 
 import contextlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from link.logs import dataflash_kernels as kernels
-from link.logs.log import MAX_EVENTS, LogEvent, LogSummary
+from link.logs.dataflash_events import EVENT_TYPES, DataFlashEvents
+from link.logs.dataflash_messages import ESTIMATES, SPOKEN, doubting, hovering, quantities
+from link.logs.log import LogEvent, LogSummary
 from link.logs.pieces import HOLD_S, WARM_UP_S, InOrder, read_pieces
-from models.errors import one_line
+from link.logs.stamps import SteadyTimes
+from link.logs.vehicle_kind import KindEvidence
 from models.telemetry import TimeBase
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -53,6 +56,8 @@ PACKED = {
 GPS_EPOCH_S = 315_964_800.0
 LEAP_S = 18.0
 """GPS time is ahead of UTC by so much since 2017."""
+LASTING = frozenset(("armed", "landed", "mode", "fixed_wing"))
+"""Told when they change, and only then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +98,15 @@ class Messages:
     skipped: int
 
 
+@dataclass(slots=True)
+class _Piece:
+    """What was known when a piece of the log began: its place, the latest time before it, and what lasts."""
+
+    place: int
+    latest_s: float
+    lasting: dict[str, float] = field(default_factory=dict)
+
+
 class DataFlash:
     """An ArduPilot DataFlash log.
 
@@ -116,23 +130,26 @@ class DataFlash:
         self._skipped = 0
         self._zero_s: float | None = None
         self._range_s = (math.inf, -math.inf)
-        self._pieces: list[tuple[float, int]] = []
-        self._texts: list[tuple[float, str]] = []
+        self._pieces: list[_Piece] = []
+        self._evidence = KindEvidence()
+        self._events = DataFlashEvents()
+        self._odd_stamps = 0
         self._index()
         self.summary = self._summary()
 
     def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
         """Return the telemetry piece by piece."""
-        samples = InOrder(1)
-        zero_s = self._zero_s or 0.0
-        for _, data, found in read_pieces(self.path, self._find, begin=self._begin(from_s)):
-            reports = {}
-            for name, speak in SPOKEN.items():
-                fields = self._fields(name, data, found)
-                times = _boot_s(fields)
-                with contextlib.suppress(KeyError):  # another generation of the log, without such a field
-                    if times is not None:
-                        reports[name] = times + zero_s, speak(fields)
+        samples = InOrder(1, LASTING)
+        steady = SteadyTimes()
+        begin = self._begin(from_s)
+        for _, data, found in read_pieces(self.path, self._find, begin=begin.place):
+            reports = self._reports(data, found, steady)
+            if begin.lasting and math.isfinite(begin.latest_s):
+                reports["before"] = (
+                    np.array([begin.latest_s + (self._zero_s or 0.0)]),
+                    {name: np.array([value]) for name, value in begin.lasting.items()},
+                )
+                begin.lasting = {}
             track = samples.feed(reports)
             if len(track) and track.time_s[0] >= to_s:
                 return
@@ -143,11 +160,42 @@ class DataFlash:
         if len(part):
             yield part
 
-    def _begin(self, from_s: float) -> int:
-        """Return a place from which everything from a time on, and what has to be known by then, can be read."""
+    def _reports(
+        self, data: NDArray[np.uint8], found: Messages, steady: SteadyTimes
+    ) -> dict[str, tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]]:
+        """What the messages of a piece say, with times of the log."""
+        zero_s = self._zero_s or 0.0
+        stamped = self._stamped(data, found, SPOKEN, steady)
+        reports = {}
+        for name, (_, times, fields) in stamped.items():
+            with contextlib.suppress(KeyError):  # another generation of the log, without such a field
+                for series, (when, columns) in quantities(name, fields, times + zero_s).items():
+                    if name == "MODE" and self._vtol:
+                        columns["fixed_wing"] = hovering(columns["mode"])
+                    left_out = "vel_" if name == "GPS" and self._estimates else "-"
+                    reports[series] = (
+                        when,
+                        {key: values for key, values in columns.items() if not key.startswith(left_out)},
+                    )
+        accuracy = reports.pop("GPA", None)
+        if accuracy is not None and "GPS" in reports:
+            reports["GPS"] = doubting(reports["GPS"], accuracy)
+        return reports
+
+    @property
+    def _estimates(self) -> bool:
+        """Whether the autopilot's filter tells the velocity."""
+        return any(name in self.summary.by_type for name in ESTIMATES)
+
+    @property
+    def _vtol(self) -> bool:
+        return self.summary.vehicle(1).kind == "VTOL"
+
+    def _begin(self, from_s: float) -> _Piece:
+        """Return a piece from which everything from a time on, and what has to be known by then, can be read."""
         wanted_s = from_s - WARM_UP_S - HOLD_S - (self._zero_s or 0.0)
-        before = [place for latest_s, place in self._pieces if latest_s <= wanted_s]
-        return before[-1] if before else 0
+        before = [piece for piece in self._pieces if piece.latest_s <= wanted_s]
+        return before[-1] if before else _Piece(0, -math.inf)
 
     def _find(self, data: NDArray[np.uint8], *, final: bool) -> tuple[Messages, int]:
         most = len(data) // 3 + 1
@@ -155,8 +203,10 @@ class DataFlash:
         count, used, skipped = kernels.find_messages(data, final, self._length, offset, kind)
         return Messages(offset[:count], kind[:count], skipped), used
 
-    def _fields(self, name: str, data: NDArray[np.uint8], found: Messages) -> dict[str, NDArray[Any]]:
-        """Messages of one type in a piece: columns in the units of the log, shape (messages,); empty where there is none."""
+    def _fields(
+        self, name: str, data: NDArray[np.uint8], found: Messages
+    ) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
+        """Messages of one type in a piece: their places, and columns in the units of the log; empty where there is none."""
         for number, form in self._formats.items():
             if form.name == name:
                 rows = found.offset[found.kind == number]
@@ -164,38 +214,63 @@ class DataFlash:
                     continue
                 place = rows[:, None] + np.arange(3, 3 + form.layout.itemsize)
                 table = np.ascontiguousarray(data[place]).view(form.layout)[:, 0]
-                return {
+                return rows, {
                     field: table[field] * factor if factor != 1.0 else table[field]
                     for field, factor in form.factor.items()
                 }
-        return {}
+        return np.empty(0, dtype=np.int64), {}
+
+    def _stamped(
+        self, data: NDArray[np.uint8], found: Messages, names: Iterable[str], steady: SteadyTimes
+    ) -> dict[str, tuple[NDArray[np.int64], NDArray[np.float64], dict[str, NDArray[Any]]]]:
+        """Places, times since the start (NaN: not to be believed) and fields of messages of some types.
+
+        A message without a time of its own has that of the one before it.
+        """
+        tables = {name: self._fields(name, data, found) for name in names}
+        boots = {name: _boot_s(fields) for name, (_, fields) in tables.items() if fields}
+        timed = [name for name, times in boots.items() if times is not None]
+        place = np.concatenate([np.empty(0, np.int64), *(tables[name][0] for name in timed)])
+        order = np.argsort(place, kind="stable")
+        times = np.concatenate([np.empty(0), *(times for times in boots.values() if times is not None)])[order]
+        good = steady.believed(times)
+        self._odd_stamps += int((~good).sum())
+        times = np.where(good, times, np.nan)
+        back = np.empty(len(order), dtype=np.int64)
+        back[order] = np.arange(len(order))
+        cuts = np.cumsum([len(tables[name][0]) for name in timed])[:-1]
+        own = dict(zip(timed, np.split(times[back], cuts) if timed else [], strict=True))
+        known_place, known = place[order][good], times[good]
+        for name in boots:
+            if name not in own:
+                before = np.searchsorted(known_place, tables[name][0]) - 1
+                own[name] = (
+                    np.where(before >= 0, known[np.maximum(before, 0)], known[0]) if len(known) else before * np.nan
+                )
+        return {name: (tables[name][0], own[name], tables[name][1]) for name in boots}
 
     def _index(self) -> None:
         """Go through the log once."""
+        steady = SteadyTimes()
+        names = dict.fromkeys((*SPOKEN, *EVENT_TYPES, "PARM"))
         for base, data, found in read_pieces(self.path, self._find):
-            self._pieces.append((self._range_s[1], base))
+            self._pieces.append(_Piece(base, self._range_s[1], self._events.lasting()))
             self._skipped += found.skipped
             self._counts += np.bincount(found.kind, minlength=256)
             for at in found.offset[found.kind == kernels.FORMAT_TYPE]:
                 form = _format(data[at + 3 : at + kernels.FORMAT_LENGTH].tobytes())
                 if form is not None:
                     self._formats[form[0]] = form[1]
-            for name in SPOKEN:
-                times = _boot_s(self._fields(name, data, found))
-                if times is not None and len(times):
+            stamped = self._stamped(data, found, names, steady)
+            for name, (_, times, _) in stamped.items():
+                if name in SPOKEN and np.isfinite(times).any():
                     low, high = self._range_s
-                    self._range_s = min(low, float(times.min())), max(high, float(times.max()))
-            if self._zero_s is None:
-                self._zero_s = _utc_zero(self._fields("GPS", data, found))
-            if len(self._texts) < MAX_EVENTS:
-                self._read_texts(self._fields("MSG", data, found))
-
-    def _read_texts(self, fields: dict[str, NDArray[Any]]) -> None:
-        times = _boot_s(fields)
-        texts = fields.get("Message", np.empty(0, dtype="S1"))
-        stamps = times if times is not None else np.full(len(texts), self._range_s[0])
-        for time_s, text in zip(stamps.tolist(), texts, strict=False):
-            self._texts.append((time_s, one_line(bytes(text).decode("utf-8", "replace"))))
+                    self._range_s = min(low, float(np.nanmin(times))), max(high, float(np.nanmax(times)))
+            if self._zero_s is None and "GPS" in stamped:
+                self._zero_s = _utc_zero(stamped["GPS"][2], stamped["GPS"][1])
+            for name, value in _parameters(stamped.get("PARM")):
+                self._evidence.parameter(name, value)
+            self._events.see(stamped, self._evidence)
 
     def _names(self) -> dict[str, int]:
         named: dict[str, int] = {}
@@ -207,12 +282,18 @@ class DataFlash:
 
     def _summary(self) -> LogSummary:
         by_type = self._names()
-        doubt = "no GPS time was logged: times count from the start of the autopilot"
-        base = TimeBase("the autopilot's clock, set by GPS")
+        doubts: tuple[str, ...] = ()
+        if self._odd_stamps:
+            doubts += (f"{self._odd_stamps} messages have times far from those around them and are left out",)
+        base = TimeBase("the autopilot's clock, set by GPS", doubts=doubts)
         if self._zero_s is None:
-            base = TimeBase("the autopilot's clock since its start", absolute=False, doubts=(doubt,))
+            doubts = ("no GPS time was logged: times count from the start of the autopilot", *doubts)
+            base = TimeBase("the autopilot's clock since its start", absolute=False, doubts=doubts)
         zero_s, (first_s, last_s) = self._zero_s or 0.0, self._range_s
         known = math.isfinite(first_s)
+        if "QTUN" in by_type:
+            self._evidence.hovers = "messages QTUN"
+        vehicle = self._evidence.vehicle()
         return LogSummary(
             format="dataflash",
             messages=int(self._counts.sum()),
@@ -223,8 +304,23 @@ class DataFlash:
             time_base=base,
             start_s=first_s + zero_s if known else math.nan,
             end_s=last_s + zero_s if known else math.nan,
-            events=tuple(LogEvent(time_s + zero_s, 1, text) for time_s, text in self._texts[:MAX_EVENTS]),
+            events=tuple(
+                LogEvent((first_s if math.isnan(time_s) else time_s) + zero_s, 1, text)
+                for time_s, text in self._events.told(vehicle.kind)
+            ),
+            vehicles={1: vehicle},
+            doubted={1: tuple((begin + zero_s, end + zero_s) for begin, end in self._events.doubted())},
         )
+
+
+def _parameters(
+    stamped: tuple[NDArray[np.int64], NDArray[np.float64], dict[str, NDArray[Any]]] | None,
+) -> Iterator[tuple[str, float]]:
+    """Names and values of messages PARM."""
+    fields = {} if stamped is None else stamped[2]
+    if {"Name", "Value"} <= fields.keys():
+        for name, value in zip(fields["Name"], fields["Value"].tolist(), strict=True):
+            yield bytes(name).split(b"\0")[0].decode("ascii", "replace"), float(value)
 
 
 def _boot_s(fields: dict[str, NDArray[Any]]) -> NDArray[np.float64] | None:
@@ -239,87 +335,17 @@ def _boot_s(fields: dict[str, NDArray[Any]]) -> NDArray[np.float64] | None:
     return None
 
 
-def _utc_zero(fields: dict[str, NDArray[Any]]) -> float | None:
+def _utc_zero(fields: dict[str, NDArray[Any]], boot: NDArray[np.float64]) -> float | None:
     """POSIX seconds of the autopilot's start, through the GPS week, where one was logged."""
-    boot = _boot_s(fields)
     week = fields.get("GWk", fields.get("Week"))
     of_week = fields.get("GMS", fields.get("TimeMS") if "T" in fields else None)
-    if boot is None or week is None or of_week is None:
+    if week is None or of_week is None:
         return None
-    fixed = np.flatnonzero((np.asarray(week) > 1000) & (np.asarray(week) < 5000))
+    status = np.asarray(fields.get("Status", np.full(len(week), 3)))
+    fixed = np.flatnonzero((np.asarray(week) > 1000) & (np.asarray(week) < 5000) & (status >= 2) & np.isfinite(boot))
     if not len(fixed):
         return None
     row = fixed[0]
     utc = GPS_EPOCH_S + float(week[row]) * 604_800.0 + float(of_week[row]) * 1e-3
     leap = LEAP_S if utc > 1_483_228_800.0 else LEAP_S - 1.0
     return utc - leap - float(boot[row])
-
-
-def _attitude(fields: Any) -> dict[str, NDArray[np.float64]]:
-    return {
-        "roll_rad": np.radians(fields["Roll"]),
-        "pitch_rad": np.radians(fields["Pitch"]),
-        "yaw_rad": np.radians(fields["Yaw"]),
-    }
-
-
-def _gps(fields: Any) -> dict[str, NDArray[np.float64]]:
-    fixed = np.asarray(fields["Status"]) >= 3
-    course = np.radians(fields["GCrs"])
-    columns = {
-        "lat_deg": fields["Lat"],
-        "lon_deg": fields["Lng"],
-        "alt_msl_m": fields["Alt"],
-        "vel_north_mps": fields["Spd"] * np.cos(course),
-        "vel_east_mps": fields["Spd"] * np.sin(course),
-        "vel_down_mps": fields["VZ"],
-    }
-    if "RelAlt" in fields:
-        columns["height_m"] = fields["RelAlt"]
-    return {name: np.where(fixed, values, np.nan) for name, values in columns.items()}
-
-
-def _estimate(fields: Any) -> dict[str, NDArray[np.float64]]:
-    core = np.asarray(fields["C"]) == 0 if "C" in fields else np.ones(len(fields["VN"]), dtype=bool)
-    return {
-        f"vel_{name}_mps": np.where(core, fields[key], np.nan)
-        for name, key in (("north", "VN"), ("east", "VE"), ("down", "VD"))
-    }
-
-
-def _wind(fields: Any) -> dict[str, NDArray[np.float64]]:
-    north, east = (np.asarray(fields[key], dtype=np.float64) for key in ("VWN", "VWE"))
-    alive = (north != 0.0) | (east != 0.0)
-    return {"wind_north_mps": np.where(alive, north, np.nan), "wind_east_mps": np.where(alive, east, np.nan)}
-
-
-def _battery(fields: Any) -> dict[str, NDArray[np.float64]]:
-    volts, amperes = (np.asarray(fields[key], dtype=np.float64) for key in ("Volt", "Curr"))
-    if "Vcc" in fields:  # the CURR message of old logs counts in hundredths
-        volts, amperes = volts * 0.01, amperes * 0.01
-    columns = {"voltage_v": volts, "current_a": amperes}
-    connected = bool((volts > 1.0).any()) and bool((amperes != 0.0).any())
-    soc = {"soc": np.asarray(fields["RemPct"], dtype=np.float64) / 100.0} if "RemPct" in fields else {}
-    return (
-        {name: np.where(volts > 1.0, values, np.nan) for name, values in (columns | soc).items()} if connected else {}
-    )
-
-
-def _airspeed(fields: Any) -> dict[str, NDArray[np.float64]]:
-    return {"airspeed_mps": np.where(fields["Airspeed"] > 0.0, fields["Airspeed"], np.nan)}
-
-
-SPOKEN = {
-    "ATT": _attitude,
-    "GPS": _gps,
-    "EKF1": _estimate,
-    "NKF1": _estimate,
-    "XKF1": _estimate,
-    "EKF2": _wind,
-    "NKF2": _wind,
-    "XKF2": _wind,
-    "CURR": _battery,
-    "BAT": _battery,
-    "ARSP": _airspeed,
-}
-"""Messages that telemetry is made of, and what each says."""

@@ -6,8 +6,10 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
+from link.logs.vehicle_kind import Vehicle
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from models.telemetry import TelemetryTrack, TimeBase
 
@@ -58,6 +60,10 @@ class LogSummary:
         Whose clock it is, and its doubts.
     events : tuple of LogEvent
         What the log says in words, at most `MAX_EVENTS`.
+    vehicles : dict of int to Vehicle
+        What each vehicle is.
+    doubted : dict of int to ((float, float), ...)
+        From when to when each vehicle said that it does not trust its position, as in the samples.
     """
 
     format: str
@@ -70,6 +76,12 @@ class LogSummary:
     start_s: float = math.nan
     end_s: float = math.nan
     events: tuple[LogEvent, ...] = field(default=())
+    vehicles: Mapping[int, Vehicle] = field(default_factory=dict)
+    doubted: Mapping[int, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+
+    def vehicle(self, system: int | None) -> Vehicle:
+        """What a vehicle of this log is."""
+        return self.vehicles.get(system or 0, Vehicle())
 
 
 class Log(Protocol):

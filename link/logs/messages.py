@@ -13,6 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from link.logs.modes import ARDUPILOT, HOVER_MODES
+from link.logs.trust import estimate_ok, receiver_ok
+from link.logs.vehicle_kind import MAV_KINDS
+from models.telemetry import NEITHER
 from models.wind import vector
 
 if TYPE_CHECKING:
@@ -24,8 +28,14 @@ Columns = dict[str, "NDArray[np.float64]"]
 
 GROUND_TYPES = (5, 6, 18, 26, 27, 30)
 """MAV_TYPE of an antenna tracker, a ground station, an on-board controller, a gimbal, ADSB, a camera."""
+ROTOR_TYPES, VTOL_TYPES, OTHER_TYPES = (
+    tuple(number for number, kind in MAV_KINDS.items() if kind in kinds)
+    for kinds in (("multirotor",), ("VTOL",), ("helicopter", "rover", "boat", "submarine", "airship"))
+)
 PLANE_TYPES = (1,)
-ROTOR_TYPES = (2, 3, 4, 13, 14, 15, 29, 35)
+EKF_GLITCH, ESTIMATOR_GLITCH, EKF_UNINITIALISED = 1 << 15, 1 << 10, 1 << 10
+PITOT_BIT = 0x10
+"""Of the sensors in SYS_STATUS: present, enabled, healthy."""
 ARMED_FLAG = 128
 _REPEATED_MPS = 1e-3
 """An airspeed so close to the ground speed is the ground speed again: a bridge without a sensor."""
@@ -34,6 +44,11 @@ _REPEATED_MPS = 1e-3
 def _numbers(values: Any) -> Any:
     """Numbers to reckon with: those of a log as an array; that of a live message, of which many come a second, as it is."""
     return values if isinstance(values, int | float) else np.asarray(values, dtype=np.float64)
+
+
+def _whole(values: Any) -> Any:
+    """Whole numbers with bits."""
+    return values if isinstance(values, int) else np.asarray(values).astype(np.int64)
 
 
 def _among(values: Any, wanted: tuple[int, ...]) -> Any:
@@ -117,11 +132,39 @@ def _status(fields: Any) -> Columns:
     volts, amperes, percent = (
         _numbers(fields[name]) for name in ("voltage_battery", "current_battery", "battery_remaining")
     )
+    present, enabled, health = (
+        _whole(fields[f"onboard_control_sensors_{name}"]) for name in ("present", "enabled", "health")
+    )
     return {
         "voltage_v": _real(volts, (volts == 0) | (volts == 65535), 1e-3),
         "current_a": _real(amperes, amperes < 0, 1e-2),
         "soc": _real(percent, (percent < 0) | (percent > 100), 1e-2),
+        "airspeed_ok": _numbers((present & enabled & health & PITOT_BIT) // PITOT_BIT),
     }
+
+
+def _receiver(fields: Any) -> Columns:
+    eph, satellites = (np.asarray(fields[name], dtype=np.float64) for name in ("eph", "satellites_visible"))
+    hdop = np.where(eph >= 65535.0, np.nan, eph / 100.0)
+    error = np.asarray(fields["vel_acc"] if "vel_acc" in _names(fields) else 0.0, dtype=np.float64) / 1000.0
+    return {"gps_ok": receiver_ok(fields["fix_type"], np.where(satellites == 255.0, np.nan, satellites), hdop, error)}
+
+
+def _names(fields: Any) -> Any:
+    """Names of the fields of a message, live or of a log."""
+    return fields.dtype.names if isinstance(fields, np.ndarray) else fields
+
+
+def _ekf_status(fields: Any) -> Columns:
+    return {
+        "ekf_ok": estimate_ok(
+            fields["velocity_variance"], fields["pos_horiz_variance"], fields["flags"], EKF_GLITCH | EKF_UNINITIALISED
+        )
+    }
+
+
+def _estimator_status(fields: Any) -> Columns:
+    return {"ekf_ok": estimate_ok(fields["vel_ratio"], fields["pos_horiz_ratio"], fields["flags"], ESTIMATOR_GLITCH)}
 
 
 def _battery(fields: Any) -> Columns:
@@ -137,9 +180,14 @@ def _heartbeat(fields: Any) -> Columns:
         return {}
     armed = (np.asarray(fields["base_mode"]) & ARMED_FLAG) != 0
     columns = {"armed": _real(armed, nobody), "mode": _real(fields["custom_mode"], nobody)}
-    known = _among(kind, PLANE_TYPES + ROTOR_TYPES)
+    autopilot, mode = (_numbers(fields[name]) for name in ("autopilot", "custom_mode"))
+    by_mode = _among(kind, PLANE_TYPES + VTOL_TYPES) & (np.asarray(autopilot) == ARDUPILOT)
+    wings = _among(kind, PLANE_TYPES) | by_mode
+    hover = by_mode & np.isin(mode, list(HOVER_MODES))
+    known = _among(kind, PLANE_TYPES + ROTOR_TYPES + OTHER_TYPES) | by_mode
     if np.any(known):
-        columns["fixed_wing"] = _real(_among(kind, PLANE_TYPES), np.logical_not(known))
+        hangs = np.where(wings & ~hover, 1.0, np.where(_among(kind, OTHER_TYPES), NEITHER, 0.0))
+        columns["fixed_wing"] = np.where(np.logical_not(known) | nobody, np.nan, hangs)
     return columns
 
 
@@ -147,7 +195,7 @@ def _extended(fields: Any) -> Columns:
     state, vtol = np.asarray(fields["landed_state"]), np.asarray(fields["vtol_state"])
     columns = {"landed": _real(state == 1, state == 0)}
     if np.any(vtol > 0):
-        columns["fixed_wing"] = _real(vtol == 4, vtol == 0)
+        columns["fixed_wing"] = np.select([vtol == 0, vtol == 3, vtol == 4], [np.nan, 0.0, 1.0], NEITHER)
     return columns
 
 
@@ -168,6 +216,9 @@ SPOKEN: Mapping[str, Callable[[Any], Columns]] = {
     "WIND_COV": _wind_cov,
     "SYS_STATUS": _status,
     "BATTERY_STATUS": _battery,
+    "GPS_RAW_INT": _receiver,
+    "EKF_STATUS_REPORT": _ekf_status,
+    "ESTIMATOR_STATUS": _estimator_status,
     "HEARTBEAT": _heartbeat,
     "EXTENDED_SYS_STATE": _extended,
     "MISSION_CURRENT": _mission,

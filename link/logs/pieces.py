@@ -89,10 +89,12 @@ class InOrder:
     ----------
     system : int
         Whose.
+    lasting : frozenset of str
+        As `link.logs.assembly.Assembler` takes it.
     """
 
-    def __init__(self, system: int) -> None:
-        self._assembler = Assembler(system)
+    def __init__(self, system: int, lasting: frozenset[str] = frozenset()) -> None:
+        self._assembler = Assembler(system, lasting)
         self._held: dict[str, tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]] = {}
         self._latest_s = self._done_s = -math.inf
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from link.logs.assembly import Assembler, Stretch
-from link.logs.log import MAX_EVENTS, LogEvent, LogSummary
+from link.logs.log import LogSummary
 from link.logs.messages import SPOKEN, quantities
 from link.logs.tlog import StampCheck, read_frames, scan
-from models.errors import one_line
+from link.logs.tlog_events import TlogEvents
 from models.telemetry import TimeBase
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class Tlog:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._told: set[int] = set()
-        self._events: list[LogEvent] = []
+        self._events = TlogEvents()
         self._climbs: dict[int, float] = defaultdict(float)
         self._clocks: dict[int, _Clock] = defaultdict(_Clock)
         self.index = scan(path, chunk_bytes=PIECE_BYTES, watch=self._watch)
@@ -96,8 +96,7 @@ class Tlog:
             self._told |= {int(system) for system in np.unique(frames.system[frames.rows_of(name)])}
         self._watch_climbs(frames, times)
         self._watch_clocks(frames, times)
-        if len(self._events) < MAX_EVENTS:
-            self._events += _events(frames, times)
+        self._events.see(frames, times)
 
     def _summary(self, index: TlogIndex) -> LogSummary:
         return LogSummary(
@@ -110,7 +109,9 @@ class Tlog:
             time_base=TimeBase("clock of the recorder (ground station)", doubts=self._doubts(index.stamps)),
             start_s=index.first_s,
             end_s=index.last_s,
-            events=tuple(self._events[:MAX_EVENTS]),
+            events=self._events.events(),
+            vehicles=self._events.vehicles(),
+            doubted=self._events.doubted(),
         )
 
     def _doubts(self, check: StampCheck) -> tuple[str, ...]:
@@ -183,17 +184,3 @@ def _stretches(frames: Frames, times: NDArray[np.float64], climbs: Mapping[int, 
             if columns:
                 stretches[int(system)].add(times[rows[chosen]], columns)
     return stretches
-
-
-def _events(frames: Frames, times: NDArray[np.float64]) -> list[LogEvent]:
-    events = []
-    for name in ("STATUSTEXT", "MISSION_ITEM_REACHED"):
-        rows = frames.rows_of(name)[:MAX_EVENTS]
-        fields = frames.decoded(name, rows)
-        for row, values in zip(rows, fields, strict=True):
-            if name == "STATUSTEXT":
-                text = one_line(bytes(values["text"]).rstrip(b"\0").decode("utf-8", "replace"))
-            else:
-                text = f"mission item {int(values['seq'])} reached"
-            events.append(LogEvent(float(times[row]), int(frames.system[row]), text))
-    return sorted(events, key=lambda event: event.time_s)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from link.logs import ulog_kernels as kernels
+from link.logs.vehicle_kind import KindEvidence
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -68,6 +69,8 @@ class ULogContents:
         How often the logger lost data, and for how long in all.
     skipped : int
         Bytes that lie in no message.
+    evidence : KindEvidence
+        What its parameters say of the vehicle.
     """
 
     formats: dict[str, str] = field(default_factory=dict)
@@ -78,6 +81,7 @@ class ULogContents:
     dropouts: int = 0
     dropouts_ms: int = 0
     skipped: int = 0
+    evidence: KindEvidence = field(default_factory=KindEvidence)
 
     def counts(self) -> dict[str, int]:
         """Messages of each topic, all its instances together."""
@@ -110,22 +114,34 @@ class ULogContents:
             if len(body) >= head:
                 (time_us,) = struct.unpack_from("<Q", body, head - 8)
                 self.texts.append((time_us, body[head:].decode("utf-8", "replace")))
+        elif kind == ord("P") and body:
+            self._see_parameter(body)
         elif kind == ord("O") and len(body) >= 2:
             self.dropouts += 1
             self.dropouts_ms += body[0] + 256 * body[1]
 
-    def columns(self, topic: str, data: NDArray[np.uint8], found: Messages) -> dict[str, NDArray[Any]]:
-        """Fields of the first instance of a topic in a piece, shape (messages,) each; empty where there is none, or no sense."""
+    def _see_parameter(self, body: bytes) -> None:
+        """Take a parameter: the length of its key, the key (type and name), the value."""
+        kind, _, name = body[1 : 1 + body[0]].decode("ascii", "replace").partition(" ")
+        value = body[1 + body[0] :]
+        if kind in _TYPES and len(value) == np.dtype(_TYPES[kind]).itemsize:
+            self.evidence.parameter(name, float(np.frombuffer(value, dtype=_TYPES[kind])[0]))
+
+    def columns(
+        self, topic: str, data: NDArray[np.uint8], found: Messages
+    ) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
+        """Return places and fields of the first instance of a topic in a piece; none where it is not there, or makes no sense."""
+        nothing = np.empty(0, dtype=np.int64)
         for number, (name, instance) in self.topics.items():
             if (name, instance) != (topic, 0) or number not in self.lengths:
                 continue
             rows = found.place[found.number == number] + 2
             layout = self._layout(topic)
             if not len(rows) or layout is None or layout.itemsize > self.lengths[number]:
-                return {}
+                return nothing, {}
             table = np.ascontiguousarray(data[rows[:, None] + np.arange(layout.itemsize)]).view(layout)[:, 0]
-            return {str(name): table[name] for name in layout.names or ()}
-        return {}
+            return rows, {str(name): table[name] for name in layout.names or ()}
+        return nothing, {}
 
     def _layout(self, topic: str) -> np.dtype[np.void] | None:
         fields: list[tuple[str, str]] = []

@@ -65,8 +65,9 @@ class WindBook:
 
     @property
     def estimate(self) -> WindEstimate | None:
-        """Newest estimate of the wind at the vehicle; None before the first."""
-        return self.live.estimate
+        """Newest estimate of the wind at the vehicle; None before the first, and where it is not to be believed."""
+        now = self.live.estimate
+        return None if now is None or now.source == "inconsistent" else now
 
     @property
     def observations(self) -> tuple[WindObservation, ...]:

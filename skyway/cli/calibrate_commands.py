@@ -6,15 +6,16 @@ import json
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
 from models.errors import Fault, InputError, one_line
 from skyway.cli import options
-from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, open_any, towards, write
+from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, VehicleKind, open_any, towards, write
 
 if TYPE_CHECKING:
+    from link.logs.vehicle_kind import Kind
     from models.airspeed import AirspeedModel
     from models.calibration_energy import EnergyFit, ModelName, PowerRecord
     from models.drag import DragModel
@@ -58,6 +59,7 @@ def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
         str | None, typer.Option("--wind", help="Wind as it was, m/s@degrees FROM: 4@230.", show_default=False)
     ] = None,
     system: System = None,
+    vehicle: VehicleKind = None,
     columns: Columns = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Write the drag here.", show_default=False)
@@ -66,10 +68,15 @@ def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
     force: Force = False,
 ) -> None:
     from link.replay import choose_system, flight_blocks
+    from link.replay_vehicle import no_wind, vehicle_of
 
     options.refuse_overwriting(output, force=force)
     opened = open_any(log, columns)
-    found = _air_of(flight_blocks(opened, choose_system(opened.summary, system)), wind)
+    chosen = choose_system(opened.summary, system)
+    what = vehicle_of(opened.summary, chosen, cast("Kind | None", vehicle))
+    nothing = no_wind(what)
+    air = flight_blocks(opened, chosen, vehicle=what)
+    found = _Air(None, None, nothing) if nothing else _air_of(air, wind)
     if output is not None and found.known:
         from models.drag_file import drag_file
 

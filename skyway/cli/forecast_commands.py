@@ -75,6 +75,7 @@ def forecast(  # noqa: D103  the help text is FORECAST_HELP
     hours: Annotated[int, typer.Option("--hours", help="How far beyond it.", min=1, max=48)] = 12,
     slot: Annotated[float, typer.Option("--slot", help="Slots of the file at most so long, minutes.")] = 60.0,
     drag: log_options.Drag = None,
+    vehicle: log_options.VehicleKind = None,
     columns: Columns = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Write the forecast here.", show_default=False)
@@ -91,7 +92,7 @@ def forecast(  # noqa: D103  the help text is FORECAST_HELP
     world = log_options.load_named(scenario)
     if not world.wind_sites:
         raise InputError(Fault("the scenario has no wind sites", world.path, remedy="name them in [[wind.sites]]"))
-    air = log_options.air_of(drag)
+    air = log_options.air_of(drag) | {"vehicle": vehicle}
     seen = [one for path in logs or () for one in _observations(path, columns, air)]
     update = _update(world, seen, instant, hours, base, max(60.0 * slot, SLOT_S / 10.0))
     if output is not None:
@@ -113,6 +114,11 @@ def _observations(path: Path, columns: Path | None, air: dict[str, Any]) -> list
     found: list[WindObservation] = []
     for system in log.summary.systems:
         course = replay(log, ReplayOptions(system=system, **air))
+        if course.drag_source == "none" and course.drag_reason and not course.observations:
+            typer.echo(f"skyway: {path}: vehicle {system}: {course.drag_reason}", err=True)
+        if course.tally.doubted:
+            unknown = f"its wind is unknown for {course.tally.doubted} s in which the filter is inconsistent"
+            typer.echo(f"skyway: {path}: vehicle {system}: {unknown}", err=True)
         if course.drag_source == "nominal":
             typer.echo(f"skyway: {path}: vehicle {system}: a nominal drag is used; {course.drag_reason}", err=True)
         found += course.observations

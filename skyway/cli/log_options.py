@@ -25,6 +25,14 @@ Columns = Annotated[
 System = Annotated[
     int | None, typer.Option("--system", help="MAVLink system. Without it: the first.", show_default=False)
 ]
+VehicleKind = Annotated[
+    str | None,
+    typer.Option(
+        "--vehicle",
+        help="What it is, where the log does not say it: multirotor, 'fixed wing', VTOL, ….",
+        show_default=False,
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Answer as JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
 

@@ -8,7 +8,7 @@ import re
 import time
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import typer
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from link.logs.log import Log
+    from link.logs.vehicle_kind import Kind
     from link.replay import Replay, ReplayOptions
     from link.replay_monitors import Notice
 
@@ -47,6 +48,7 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
     begin: log_options.Begin = None,
     end: log_options.End = None,
     system: System = None,
+    vehicle: log_options.VehicleKind = None,
     follow: log_options.Follow = None,
     wind: log_options.Expected = None,
     forecast: log_options.ForecastFile = None,
@@ -75,6 +77,7 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
 
     asked = ReplayOptions(
         system=system,
+        vehicle=cast("Kind | None", vehicle),
         from_s=first,
         to_s=last,
         **log_options.air_of(drag),
@@ -255,7 +258,8 @@ def _tell(found: Replay, path: Path) -> None:
     for doubt in summary.time_base.doubts:
         typer.echo(f"  doubt: {doubt}")
     shown = ", ".join(str(number) for number in summary.systems) or "none"
-    typer.echo(f"  vehicles: {shown}" + ("" if found.system is None else f"; shown: {found.system}"))
+    what = f"{found.vehicle.kind} ({found.vehicle.told_by})"
+    typer.echo(f"  vehicles: {shown}" + ("" if found.system is None else f"; shown: {found.system}, {what}"))
     for number, leg in enumerate(found.legs, 1):
         typer.echo(
             f"  leg {number}: {_clock(leg.start_s - summary.start_s)} to {_clock(leg.end_s - summary.start_s)}, "
@@ -273,7 +277,8 @@ def _tell(found: Replay, path: Path) -> None:
 
 def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
     if not len(found.wind):
-        typer.echo("  wind: not measured")
+        why = f": {found.drag_reason}" if found.drag_source == "none" and found.drag_reason else ""
+        typer.echo(f"  wind: not measured{why}")
         return
     later = "from the whole log, so not as live"
     how = {

@@ -178,8 +178,10 @@ def test_wind_messages_point_the_same_way():
 
 
 def test_unknown_battery_values_are_not_known():
-    told = quantities("SYS_STATUS", {"voltage_battery": 0, "current_battery": -1, "battery_remaining": -1})
-    assert all(math.isnan(float(value)) for value in told.values())
+    sensors = {f"onboard_control_sensors_{name}": 0 for name in ("present", "enabled", "health")}
+    told = quantities("SYS_STATUS", sensors | {"voltage_battery": 0, "current_battery": -1, "battery_remaining": -1})
+    assert all(math.isnan(float(told[name])) for name in ("voltage_v", "current_a", "soc"))
+    assert told["airspeed_ok"] == 0.0
 
 
 def test_an_old_autopilots_vertical_speed_is_turned_and_said_so(tmp_path):

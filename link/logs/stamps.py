@@ -1,0 +1,40 @@
+"""Stamps of an autopilot's own log that are not to be believed, found by those around them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SPIKE_S = 2.0
+"""A stamp this far from the median of five about it is damage: neighbours of a log are that close, or in order."""
+EDGE_S = 60.0
+"""The same at the ends of a stretch, where a pause of the log looks like a spike."""
+
+
+class SteadyTimes:
+    """Tells which stamps of a log, in the order they were written, are to be believed; fed piece by piece."""
+
+    def __init__(self) -> None:
+        self.latest_s = math.nan
+
+    def believed(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which of the next stamps are good, shape (stamps,)."""
+        count = len(time_s)
+        if not count:
+            return np.zeros(0, dtype=np.bool_)
+        if count < 5:
+            near = self.latest_s if math.isfinite(self.latest_s) else float(np.median(time_s))
+            good = np.abs(time_s - near) <= EDGE_S * 60.0
+        else:
+            around = np.lib.stride_tricks.sliding_window_view(np.pad(time_s, 2, mode="reflect"), 5)
+            off = np.abs(time_s - np.partition(around, 2, axis=1)[:, 2])
+            good = off <= SPIKE_S
+            good[:2], good[-2:] = off[:2] <= EDGE_S, off[-2:] <= EDGE_S
+        if good.any():
+            self.latest_s = float(time_s[good][-1])
+        return np.asarray(good, dtype=np.bool_)

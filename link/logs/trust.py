@@ -1,0 +1,64 @@
+"""What a vehicle distrusts of its own navigation, read the same from every kind of message.
+
+Limits of the receiver are those that both autopilots ask for before they fly on it (ArduPilot's EKF checks, PX4's
+``EKF2_REQ_*``); a test ratio of 1 is where either filter rejects a measurement.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+MIN_FIX, MIN_SATELLITES, MAX_HDOP, MAX_SPEED_ERROR_MPS = 3, 6, 3.0, 1.5
+"""A three-dimensional fix; satellites in use; dilution of precision; what the receiver says of its own velocity."""
+REJECTED = 1.0
+"""Ratio of an innovation to the gate of the autopilot's filter."""
+VELOCITY_GOOD, CONSTANT_POSITION = 1 << 1, 1 << 7
+"""Bits of EKF_STATUS_REPORT, ESTIMATOR_STATUS and of PX4's and ArduPilot's logs alike."""
+
+
+def _column(values: Any) -> NDArray[np.float64]:
+    return np.asarray(values, dtype=np.float64)
+
+
+def receiver_ok(
+    fix: Any, satellites: Any = math.nan, hdop: Any = math.nan, speed_error_mps: Any = math.nan
+) -> NDArray[np.float64]:
+    """Whether a receiver is to be believed, 1 or 0; NaN of a figure says nothing.
+
+    Parameters
+    ----------
+    fix : number or array
+        Type of the fix; 3 and above has three dimensions.
+    satellites, hdop, speed_error_mps : number or array
+        Satellites in use, horizontal dilution of precision, accuracy of the velocity as the receiver says it.
+    """
+    bad = _column(fix) < MIN_FIX
+    bad = bad | (_column(satellites) < MIN_SATELLITES) | (_column(hdop) > MAX_HDOP)
+    bad = bad | (_column(speed_error_mps) > MAX_SPEED_ERROR_MPS)
+    return np.where(bad, 0.0, 1.0)
+
+
+def estimate_ok(
+    velocity_ratio: Any = 0.0, position_ratio: Any = 0.0, flags: Any = VELOCITY_GOOD, glitch_bit: int = 0
+) -> NDArray[np.float64]:
+    """Whether the autopilot's filter believes its own horizontal velocity, 1 or 0.
+
+    Parameters
+    ----------
+    velocity_ratio, position_ratio : number or array
+        Innovations over their gates; from 1 the filter rejects the receiver.
+    flags : number or array
+        Solution status: without horizontal velocity, or with a position held constant, there is nothing to believe.
+    glitch_bit : int
+        Bit of the flags that stands for a receiver's glitch.
+    """
+    status = np.asarray(flags).astype(np.int64)
+    bad = (_column(velocity_ratio) >= REJECTED) | (_column(position_ratio) >= REJECTED)
+    bad = bad | ((status & VELOCITY_GOOD) == 0) | ((status & (CONSTANT_POSITION | glitch_bit)) != 0)
+    return np.where(bad, 0.0, 1.0)
