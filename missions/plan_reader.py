@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from missions import fence_items
+from missions import fence_items, landing_pattern
 from missions.commands import GLOBAL_FRAMES, INDEX_COMMANDS, LOCATED_COMMANDS, Command, command_of, frame_of
 from missions.coordinates import to_e7
 from missions.document import MissionDocument
@@ -203,6 +203,9 @@ def _read_items(
 def _expansion(source: Mapping[str, Any], number_here: int, file: str, field: str) -> list[Mapping[str, Any]]:
     """Return the simple items that a ground station worked out for a survey or corridor."""
     kind = str(source.get("complexItemType") or source.get("type"))
+    if kind in landing_pattern.LANDINGS:
+        _check_pattern_version(kind, source, field, file)
+        return landing_pattern.expand(kind, source, file, field)
     style = source.get("TransectStyleComplexItem")
     inner = style.get("Items") if isinstance(style, dict) else source.get("Items")
     if not isinstance(inner, list) or not inner:

@@ -165,7 +165,62 @@ def test_a_survey_whose_items_were_changed_is_written_as_items():
     assert read(rewritten(changed)).mission.items == higher
 
 
-@pytest.mark.parametrize("kind", ["survey", "StructureScan", "fwLandingPattern", "CorridorScan"])
+def landing(**fields):
+    return {
+        "type": "ComplexItem",
+        "complexItemType": "fwLandingPattern",
+        "version": 2,
+        "altitudesAreRelative": True,
+        "landCoordinate": [47.51, 8.51, 0],
+        "landingApproachCoordinate": [47.52, 8.52, 40],
+        "loiterClockwise": False,
+        "loiterRadius": 75,
+        "useLoiterToAlt": True,
+        "valueSetIsDistance": False,
+        **fields,
+    }
+
+
+def test_a_landing_pattern_is_flown_as_qgroundcontrol_expands_it_and_kept_as_one():
+    document = read(plan(item(), landing(stopTakingPhotos=True, stopVideoPhotos=True)))
+    assert [i.command for i in document.mission.items] == [16, 189, 206, 2001, 2501, 31, 21]
+    turn, land = document.mission.items[-2:]
+    assert (turn.params, turn.point, turn.z) == ((1.0, -75.0, 0.0, 1.0), Point.of_degrees(47.52, 8.52), 40.0)
+    assert (land.frame, land.point, land.z) == (Frame.GLOBAL_RELATIVE_ALT, Point.of_degrees(47.51, 8.51), 0.0)
+    assert rewritten(document)["mission"]["items"][1] == landing(stopTakingPhotos=True, stopVideoPhotos=True)
+    assert read(rewritten(document)) == document
+    straight = read(plan(landing(useLoiterToAlt=False, complexItemType="vtolLandingPattern", version=1)))
+    assert [i.command for i in straight.mission.items] == [189, 16, 85]
+
+
+def test_a_landing_pattern_of_the_oldest_form_has_a_loiter_and_two_references():
+    old = landing(
+        version=1, loiterCoordinate=[47.52, 8.52, 500], loiterAltitudeRelative=False, landingAltitudeRelative=True
+    )
+    del old["landingApproachCoordinate"], old["altitudesAreRelative"], old["useLoiterToAlt"]
+    items = read(plan(old)).mission.items
+    assert [(i.command, i.frame) for i in items[1:]] == [(31, Frame.GLOBAL), (21, Frame.GLOBAL_RELATIVE_ALT)]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"version": 3}, "version: is a version of fwLandingPattern that we do not know"),
+        ({"landCoordinate": None}, r"items\[0\].landCoordinate: is not a list"),
+        ({"landCoordinate": [95, 8, 0]}, "latitude is not between -90 and 90"),
+        ({"landingApproachCoordinate": [47.5, 8.5]}, r"is not \[latitude, longitude, altitude\]"),
+        ({"loiterRadius": None}, "loiterRadius: is not a length"),
+        ({"loiterClockwise": 1}, "loiterClockwise: is neither true nor false"),
+        ({"altitudesAreRelative": None}, "altitudesAreRelative: is neither true nor false"),
+        ({"useDoChangeSpeed": True}, "not supported: a landing pattern that changes the speed"),
+    ],
+)
+def test_a_landing_pattern_that_cannot_be_flown_as_it_is_is_refused(wrong, message):
+    with pytest.raises(InputError, match=message):
+        read(plan(landing(**wrong)))
+
+
+@pytest.mark.parametrize("kind", ["survey", "StructureScan", "CorridorScan"])
 def test_a_pattern_without_its_items_is_not_supported_and_named(kind):
     pattern = {"type": "ComplexItem", "complexItemType": kind, "version": 4}
     with pytest.raises(InputError, match=rf"not supported: {kind} \(item 1\)"):
