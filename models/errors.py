@@ -103,6 +103,35 @@ class NoRouteError(InfeasibleError):
     """No composition reaches the destination."""
 
 
+class AuditError(SkywayError):
+    """A planner's answer is not what comes out when it is flown; it is not given.
+
+    Parameters
+    ----------
+    planner : str
+        Whose answer.
+    leg : int or None
+        Which leg, from 1; None is the whole.
+    what : str
+        Which figure, with its unit.
+    claimed, flown : object
+        The two figures, or in words what was claimed and what is.
+    """
+
+    exit_code = 1
+
+    def __init__(self, planner: str, leg: int | None, what: str, claimed: object, flown: object) -> None:
+        where = "the delivery" if leg is None else f"leg {leg}"
+        said, found = (f"{one:.12g}" if isinstance(one, float) else str(one) for one in (claimed, flown))
+        super().__init__(
+            one_line(
+                f"the answer of {planner} is wrong and is not given: {where}: {what}: claimed {said}, flown {found}; "
+                "another planner may have one (--planner); please report this request"
+            )
+        )
+        self.planner, self.leg, self.what, self.claimed, self.flown = planner, leg, what, claimed, flown
+
+
 class PayloadError(InfeasibleError):
     """No drone lifts the package."""
 

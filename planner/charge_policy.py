@@ -17,6 +17,7 @@ import numpy as np
 from models.queue_paths import pack
 from models.wind_ensemble import evenly
 from models.wind_field import ResidualModel
+from planner.audit import World
 from planner.charge_kernels import fly_by_need
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues
 from planner.evaluation_kernels import Sky, plain_sky
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from planner.itinerary import Itinerary
     from planner.outcome import Outcome
     from planner.problem import Problem
+    from planner.typical import Typical
 
 APART_DAYS = 2
 """Members of the record less than so many days apart are no evidence for each other."""
@@ -122,6 +124,15 @@ def queue_sets(problem: Problem, itinerary: Itinerary, worlds: int) -> list[Queu
     return [found[node] for found in sets for node in nodes]
 
 
+def world_of(problem: Problem, itinerary: Itinerary, typical: Typical) -> World:
+    """In which world of ``PROMISING`` a typical course was flown, for its audit."""
+    queues = None
+    if typical.queue is not None:
+        sample = sum(QUEUES[:PROMISING]) + typical.queue
+        queues = problem.queue_paths(stop_nodes(problem, itinerary), sample)
+    return World(typical.member, queues)
+
+
 def rehearse_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Runs:
     """Fly an itinerary as it stands in the worlds in which is counted what a `ChargePolicy` promises."""
     members, sky, paths = rehearsed_worlds(problem, itinerary, errors, runs, worlds=PROMISING)
@@ -130,7 +141,7 @@ def rehearse_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs:
     return Runs(course, weight / weight.sum(), members, sky.queue)
 
 
-def typical_fixed(problem: Problem, itinerary: Itinerary, runs: Runs) -> tuple[int, NDArray[np.float64]]:
+def typical_fixed(problem: Problem, itinerary: Itinerary, runs: Runs) -> Typical:
     """Choose the typical course of an itinerary that is flown as it stands; see `planner.typical`."""
     paths = queue_sets(problem, itinerary, PROMISING)
 
@@ -276,8 +287,8 @@ class ChargePolicy:
         weight = p.probability[members]
         return Rehearsal(course, weight / weight.sum(), members, sky.queue, strain, tables)
 
-    def typical(self, before: Rehearsal) -> tuple[int, NDArray[np.float64]]:
-        """Choose the typical course: (member, course of shape (hops, 7)); see `planner.typical`.
+    def typical(self, before: Rehearsal) -> Typical:
+        """Choose the typical course; see `planner.typical`.
 
         `before` is of the same flights, in the worlds of ``PROMISING``; its tables are used again.
         """

@@ -116,7 +116,7 @@ def charge_ranges(answer: RobustAnswer) -> list[ChargeRange]:
         idle = float(weight[flown][off <= before[flown] + 1e-9].sum() / weight[flown].sum())
         low, high = (weighted_quantile(off, weight[flown], q) for q in (LOW, HIGH))
         station = network.stations[int(network.tail[hop.segments[0]])].id
-        found.append(ChargeRange(station, float(answer.course[number, SOC_OFF]), low, high, idle))
+        found.append(ChargeRange(station, float(answer.typical.course[number, SOC_OFF]), low, high, idle))
     return found
 
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from models.errors import Fault, InfeasibleError, InputError, NoRouteError
+from models.errors import AuditError, Fault, InfeasibleError, InputError, NoRouteError
 from models.units import S_PER_H, S_PER_MIN
-from planner.charge_policy import rehearse_fixed, typical_fixed
+from planner.audit import World, audit
+from planner.charge_policy import rehearse_fixed, typical_fixed, world_of
 from planner.composing import compose
 from planner.course_kernels import TOUCH_DOWN
 from planner.evaluation_truths import USUAL_ERRORS
@@ -109,6 +110,8 @@ def plan(
         The request does not fit the scenario.
     InfeasibleError
         There is no composition; the error names the binding constraint.
+    AuditError
+        Flown once more, the answer is not what it claims to be (`planner.audit`).
     """
     if planner not in PLANNERS:
         raise InputError(
@@ -265,12 +268,20 @@ def _solve(
         runs = rehearse_fixed(same, itinerary, USUAL_ERRORS, FINAL_RUNS)
         if not np.isfinite(runs.course[:, -1, TOUCH_DOWN]).any():
             raise never_leaves(problem, itinerary, grounded_leg(runs.course))
-        member, course = typical_fixed(same, itinerary, runs)
+        typical = typical_fixed(same, itinerary, runs)
         summary = outcome(same, runs.course, runs.weight, (runs.member, runs.queue))
-        notes = _doubts(problem, course, summary)
+        notes = _doubts(problem, typical.course, summary)
         composition = compose(
-            same, itinerary, course, member, summary, planner=planner, planning_time_s=spent, notes=notes
+            same,
+            itinerary,
+            typical.course,
+            typical.member,
+            summary,
+            planner=planner,
+            planning_time_s=spent,
+            notes=notes,
         )
+        audit(composition, same, itinerary, world_of(same, itinerary, typical))
         return PlanResult(composition, itinerary, same, summary, spent, search.looked_at, {})
     queues = problem.queue_paths(range(len(problem.network)), 0)
     if planner == "exact":
@@ -283,12 +294,13 @@ def _solve(
     complete = clairvoyant.complete
     course = fly_true(problem, itinerary, queues)
     if not np.isfinite(course[0, -1, TOUCH_DOWN]):
-        raise never_leaves(problem, itinerary, grounded_leg(course))
+        raise AuditError(planner, None, "arrival, POSIX s", clairvoyant.best_s, "the wind never lets it leave")
     summary = outcome(problem, course, np.ones(1))
     notes = () if complete else (f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is",)
     composition = compose(
         problem, itinerary, course[0], 0, summary, planner=planner, planning_time_s=spent, notes=notes
     )
+    audit(composition, problem, itinerary, World(0, queues, clairvoyant.best_s))
     return PlanResult(composition, itinerary, problem, summary, spent, clairvoyant.looked_at, {}, complete)
 
 
@@ -322,13 +334,14 @@ def _told(answer: RobustAnswer, spent_s: float, looked_at: int, rejected: dict[s
     composition = compose(
         problem,
         itinerary,
-        answer.course,
-        answer.member,
+        answer.typical.course,
+        answer.typical.member,
         summary,
         planner=ROBUST,
         planning_time_s=spent_s,
-        notes=_doubts(problem, answer.course, summary, rehearsed=len(answer.rehearsal.weight)),
+        notes=_doubts(problem, answer.typical.course, summary, rehearsed=len(answer.rehearsal.weight)),
     )
+    audit(composition, problem, itinerary, world_of(problem, itinerary, answer.typical))
     objective = problem.request.objective
     if objective.deadline is not None:
         on_time = summary.on_time(objective.deadline.timestamp())

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from models.airspeed_load import AirspeedLoad
 from models.energy import ScaledEnergy
-from models.errors import InfeasibleError, NoRouteError
+from models.errors import AuditError, InfeasibleError, NoRouteError
 from models.services import State
 from models.units import S_PER_H, S_PER_MIN, from_posix
 from planner.composing import compose
@@ -287,7 +287,7 @@ class GroundReplanner:
             return None, f"{self.request.destination} cannot be used now"
         try:
             itinerary, outcome = self._composed(problem, forecast)
-        except InfeasibleError as error:
+        except (InfeasibleError, AuditError) as error:
             return None, str(error)
         found = best_charges(problem, itinerary, self.settings.epsilon_later)
         return found or Candidate(itinerary, outcome), ""

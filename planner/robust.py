@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from planner.itinerary import Itinerary
     from planner.outcome import Outcome
     from planner.problem import Problem
+    from planner.typical import Typical
 
 MEMBERS = 30
 """Members of the forecast that routes are rehearsed in, at most."""
@@ -119,8 +120,8 @@ class RobustAnswer:
     ----------
     policy : ChargePolicy
         Its itinerary names the charges of the typical course.
-    member, course
-        The typical course, shape (hops, 7), and the member of the forecast that it is flown in.
+    typical : Typical
+        The typical course and the world that it is flown in.
     rehearsal : Rehearsal
         Runs behind the outcome.
     outcome : Outcome
@@ -130,8 +131,7 @@ class RobustAnswer:
     """
 
     policy: ChargePolicy
-    member: int
-    course: NDArray[np.float64]
+    typical: Typical
     rehearsal: Rehearsal
     outcome: Outcome
     candidates: tuple[Candidate, ...]
@@ -224,8 +224,8 @@ class RobustSearch:
         outcome = rehearsal.outcome(self.problem)
         if outcome.p_arrive <= 0.0:
             raise policy.grounded(rehearsal)
-        member, course = policy.typical(rehearsal)
-        return RobustAnswer(policy.with_charges(course), member, course, rehearsal, outcome, tuple(candidates))
+        typical = policy.typical(rehearsal)
+        return RobustAnswer(policy.with_charges(typical.course), typical, rehearsal, outcome, tuple(candidates))
 
     def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:
         """Routes of all worlds, each once, best first.

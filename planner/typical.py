@@ -8,7 +8,7 @@ without gusts and with the vehicle of the model, and the nearest of these is tol
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -46,10 +46,28 @@ class Runs:
     queue: NDArray[np.int64]
 
 
+class Typical(NamedTuple):
+    """The typical course.
+
+    Attributes
+    ----------
+    member : int
+        Of the forecast.
+    queue : int or None
+        Set of queues; None: no course without gusts arrives, and it is one with gusts.
+    course : ndarray, shape (hops, 7)
+        See `planner.course_kernels`.
+    """
+
+    member: int
+    queue: int | None
+    course: NDArray[np.float64]
+
+
 def typical_course(
     runs: Runs, reserve: float, fly: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]]
-) -> tuple[int, NDArray[np.float64]]:
-    """Choose the typical course: (member of the forecast, course of shape (hops, 7)).
+) -> Typical:
+    """Choose the typical course.
 
     Parameters
     ----------
@@ -72,8 +90,8 @@ def typical_course(
     away = _distance(calm[:, :, TOUCH_DOWN], median)
     best = int(np.lexsort((away, low, ~np.isfinite(away)))[0])
     if not np.isfinite(away[best]):
-        return int(member[0]), runs.course[nearest[0]]
-    return int(member[best]), calm[best]
+        return Typical(int(member[0]), None, runs.course[nearest[0]])
+    return Typical(int(member[best]), int(queue[best]), calm[best])
 
 
 def _distance(landings: NDArray[np.float64], median: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ Made from the commands themselves; `skyway COMMAND --help` says the same.
 | exit code | meaning |
 | --- | --- |
 | 0 | done |
-| 1 | the answer is no: no route, no drone lifts the package, errors found in a mission |
+| 1 | the answer is no: no route, no drone lifts the package, errors found in a mission; or an answer that fails its audit |
 | 2 | wrong usage or input; one line per fault on stderr, nothing is written |
 | 3 | the vehicle or the link to it failed |
 | 130 | interrupted |

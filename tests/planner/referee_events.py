@@ -50,6 +50,8 @@ class Model:
             bounds=Bounds(self.low, self.high),
             options={"mip_rel_gap": 1e-9, "time_limit": 120.0},
         )
+        if found.status == 1:
+            raise TimeoutError
         assert found.status in (0, 2), found.message  # solved, or infeasible
         return math.inf if found.status == 2 else float(found.fun)
 
