@@ -31,6 +31,8 @@ _NO_VEHICLES = frozenset((_GROUND_STATION, 18, 26, 27, 30, 31, 32, 33, 34, 36, 3
 autopilot's firmware."""
 _MAX_SYSTEMS = 255
 _RADIOS = frozenset(("RADIO", "RADIO_STATUS"))
+_CHUNK, _CHUNK_S = 50, 1.0
+"""Characters of a piece of a long text, and how long the next piece may take."""
 _MAX_TEXTS = 200
 _GUEST_S = 0.002
 """So long at most a guest's words wait while we wait for the vehicle's."""
@@ -73,7 +75,9 @@ class Peer:
     said: int = 0
     latest: dict[str, Message] = field(default_factory=dict)
     round_trip: RoundTrip = field(default_factory=RoundTrip)
+    text_s: float = -math.inf
     _text: tuple[int, int] = (0, 0)
+    _text_open: bool = False
 
     @property
     def target(self) -> Target:
@@ -90,7 +94,11 @@ class Peer:
         fresh = self.said - said
         return [text for _, text in self.texts[-fresh:]] if fresh > 0 else []
 
-    def take_text(self, message: Message) -> None:
+    def text_unfinished(self, now_s: float) -> bool:
+        """Whether more of the newest text may come."""
+        return self._text_open and now_s < self.text_s + _CHUNK_S
+
+    def take_text(self, message: Message, now_s: float) -> None:
         """Take a STATUSTEXT; chunks of one text (MAVLink 2) are put together."""
         severity, text = message["severity"], message["text"]
         number, chunk = message["id"], message["chunk_seq"]
@@ -100,7 +108,8 @@ class Peer:
             self.texts.append((severity, text))
             self.said += 1
             del self.texts[:-_MAX_TEXTS]
-        self._text = (number, chunk)
+        self._text, self.text_s = (number, chunk), now_s
+        self._text_open = bool(number) and len(text) >= _CHUNK
 
 
 class Guest(Protocol):
@@ -250,7 +259,7 @@ class Connection:
             return
         self._count(peer, message, now)
         if name == "STATUSTEXT":
-            peer.take_text(message)
+            peer.take_text(message, now)
         peer.latest[name] = message
         for listener in self.listeners:
             listener(peer, message)

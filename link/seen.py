@@ -133,6 +133,7 @@ class Seen:
         self._expected: dict[str, tuple[frozenset[str], float]] = {}
         self._was: dict[str, str] = {}
         self._tells_ids = False
+        self._told_texts = 0
         beat = self.peer.latest.get("HEARTBEAT")
         if beat is not None:
             self._note_state(beat)
@@ -235,6 +236,20 @@ class Seen:
     def texts(self) -> list[str]:
         """What it has said, the newest last; only the last 200 are kept."""
         return [text for _, text in self.peer.texts]
+
+    def new_texts(self) -> list[tuple[int, str]]:
+        """What it has said since this was asked last: MAV_SEVERITY and text, the oldest first.
+
+        A long text comes in pieces: the newest one is kept back as long as more of it may come.
+        """
+        peer = self.peer
+        kept_back = int(peer.text_unfinished(self.connection.clock.now_s()))
+        fresh = peer.said - kept_back - self._told_texts
+        if fresh <= 0:
+            return []
+        self._told_texts += fresh
+        end = len(peer.texts) - kept_back
+        return peer.texts[max(end - fresh, 0) : end]
 
     def its_messages(self, rates_hz: Mapping[int, float] = RATES_HZ) -> dict[int, float]:
         """Return the messages that telemetry is made of, as its autopilot has them: PX4 tells the wind by another."""

@@ -122,6 +122,10 @@ class Vehicle(Protocol):
         """What it has said, the newest last."""
         ...
 
+    def new_texts(self) -> list[tuple[int, str]]:
+        """What it has said since this was asked last: MAV_SEVERITY and text, the oldest first."""
+        ...
+
     def request_telemetry(self, rates_hz: Mapping[int, float] = ...) -> tuple[int, ...]:
         """Ask for the messages that telemetry is made of; returns the ids of those refused."""
         ...

@@ -44,7 +44,7 @@ class Export:
 
 
 def leg_mission(
-    composition: Composition, number: int, dialect: Dialect, options: MissionOptions | None = None
+    composition: Composition, index: int, dialect: Dialect, options: MissionOptions | None = None
 ) -> Export:
     """Return the mission of one leg: what `fly` uploads before each take-off.
 
@@ -55,8 +55,8 @@ def leg_mission(
     ----------
     composition : Composition
         The plan.
-    number : int
-        Which leg, from 0.
+    index : int
+        Of `composition.services`, from 0; people are told the number of a leg, from 1.
     dialect : Dialect
         For which autopilot.
     options : MissionOptions, optional
@@ -68,15 +68,14 @@ def leg_mission(
         No such leg, or a ground height that is needed is unknown.
     """
     legs = len(composition.services)
-    if not 0 <= number < legs:
-        remedy = f"the plan has legs 0 to {legs - 1}"
-        raise InputError(Fault("no such leg", field="leg", value=number, remedy=remedy))
+    if not 0 <= index < legs:
+        raise InputError(Fault("no such leg", field="index", value=index, remedy=f"an index from 0 to {legs - 1}"))
     build = LegBuilder(composition, dialect, options or MissionOptions())
-    service = composition.services[number]
+    service = composition.services[index]
     build.check_elevations((service,))
-    document = build.leg(service, last=number == legs - 1)
+    document = build.leg(service, last=index == legs - 1)
     parameters = dialect.parameters(build.needs((service,), document))
-    return Export((document,), parameters, build.warnings((service,)), _hold_notes(composition, (number,)))
+    return Export((document,), parameters, build.warnings((service,)), _hold_notes(composition, (index,)))
 
 
 def whole_mission(composition: Composition, dialect: Dialect, options: MissionOptions | None = None) -> Export:
@@ -154,7 +153,7 @@ def _one_document(build: LegBuilder, items: Sequence[MissionItem], lowest_home_m
 
 def _mission_per_leg(composition: Composition, dialect: Dialect, options: MissionOptions | None) -> Export:
     LegBuilder(composition, dialect, options or MissionOptions()).check_elevations(composition.services)
-    exports = [leg_mission(composition, number, dialect, options) for number in range(len(composition.services))]
+    exports = [leg_mission(composition, index, dialect, options) for index in range(len(composition.services))]
     strictest: dict[str, Parameter] = {}
     for parameter in (parameter for export in exports for parameter in export.parameters):
         known = strictest.get(parameter.name)
@@ -200,6 +199,6 @@ def _hold_notes(composition: Composition, numbers: Iterable[int]) -> tuple[str, 
             parts.append(f"charge {stop.recharge_s / 60:.1f} min to {100 * stop.soc_to:.0f} %")
         if stop.hold_s:
             parts.append(f"stay {stop.hold_s / 60:.1f} min")
-        parts.append(f"then arm for leg {number} with at least {100 * stop.soc_to:.0f} %")
+        parts.append(f"then arm for leg {number + 1} with at least {100 * stop.soc_to:.0f} %")
         notes.append(f"at {stop.station}: {', '.join(parts)}")
     return tuple(notes)

@@ -9,6 +9,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from models.antimeridian import line_geometry
 from models.errors import Fault, InputError, one_line
 from models.fields import finite
 from models.files import read_text, write_atomically
@@ -24,6 +25,8 @@ MAX_PADS = 10_000
 MAX_FAULTS = 100
 """A file with more faults is not read to its end."""
 GEOJSON_ENDINGS = (".geojson", ".json")
+_KINDS = {"Point": ("Point",), "LineString": ("LineString", "MultiLineString")}
+"""Kinds of geometry that count as one: a line across the antimeridian has two parts."""
 BOTH_WAYS = ("", "yes", "true", "1")
 ONE_WAY = ("no", "false", "0")
 STATION_FIELDS = ("id", "name", "lat", "lon", "elevation_m", "pads", "holding_spots", "recharge_power_w")
@@ -191,7 +194,7 @@ def _geojson_rows(
     for number, feature in enumerate(features(read_geojson(path), str(path))):
         place = Fault("", str(path), None, f"features[{number}]")
         geometry, properties = feature.get("geometry"), feature.get("properties")
-        if not isinstance(geometry, dict) or geometry.get("type") != kind:
+        if not isinstance(geometry, dict) or geometry.get("type") not in _KINDS[kind]:
             continue
         scalars = properties if isinstance(properties, dict) else {}
         row = {str(key): str(value) for key, value in scalars.items() if isinstance(value, str | int | float)}
@@ -263,7 +266,7 @@ def to_geojson(network: Network) -> dict[str, Any]:
         if both and tail > head:
             continue
         a, b = network.stations[tail], network.stations[head]
-        line = {"type": "LineString", "coordinates": [[a.lon, a.lat], [b.lon, b.lat]]}
+        line = line_geometry(((a.lat, a.lon), (b.lat, b.lon)))
         properties = {
             "from": a.id,
             "to": b.id,

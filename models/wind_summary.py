@@ -7,6 +7,7 @@ The length of the mean vector is not a speed that anybody meets: winds from all 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,7 +18,7 @@ from models.weighted import weighted_quantile
 from models.wind import height_factor, speed_from, vector
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -73,6 +74,13 @@ class WindSummary:
     north_mps: float
     east_mps: float
 
+    def as_data(self) -> dict[str, float | None]:
+        """What `summary_from` makes the same words of again: mean speed, p10, p90, direction."""
+        return {
+            "mean_mps": self.mean_mps, "p10_mps": self.p10_mps, "p90_mps": self.p90_mps, "from_deg": self.from_deg,
+            "sector_share": self.sector_share,
+        }  # fmt: skip
+
     def components(self, course_deg: float) -> tuple[float, float]:
         """Mean wind along a course (tailwind positive) and across it (from its left positive), m/s."""
         angle = np.radians(course_deg)
@@ -87,6 +95,15 @@ class WindSummary:
     def __str__(self) -> str:
         """``8 (5 to 11) m/s from 200°``; see `models.services.Wind`."""
         return str(self.wind)
+
+
+def summary_from(data: Mapping[str, float | None]) -> WindSummary | None:
+    """Return the summary of what `WindSummary.as_data` told; None where its speeds are unknown. The mean vector is not kept."""
+    speeds = [data.get(name) for name in ("mean_mps", "p10_mps", "p90_mps")]
+    mean, low, high = (math.nan if speed is None else speed for speed in speeds)
+    if not math.isfinite(mean + low + high):
+        return None
+    return WindSummary(mean, low, high, data.get("from_deg"), data.get("sector_share") or 0.0, math.nan, math.nan)
 
 
 def summarise_wind(

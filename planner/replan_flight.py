@@ -164,6 +164,7 @@ class FlightReplanner:
             "wanted_mps": min(max(wanted, 1.0), reach.drone.max_ground_speed_mps),
             "wind_north_mps": float(reach.expected(north)[0]),
             "wind_east_mps": float(reach.expected(east)[0]),
+            "wind_mean_mps": float(reach.expected(np.hypot(north, east))[0]),
             "bearing_deg": float(bearing),
             "energy_factor": reach.belief.factor,
             "energy_sigma": reach.belief.sigma,
@@ -177,10 +178,9 @@ class FlightReplanner:
         if not due or abs(wanted - airborne.commanded_mps) < settings.speed_step_mps:
             return None
         self._speed_s = airborne.time_s
-        wind = math.hypot(figures["wind_north_mps"], figures["wind_east_mps"])
         reason = (
             f"ground speed {airborne.commanded_mps:.1f} to {wanted:.1f} m/s: that is the planned airspeed in a wind now "
-            f"put at {wind:.1f} m/s"
+            f"put at {figures['wind_mean_mps']:.1f} m/s"
         )
         return Decision("speed", reason, figures, speed_mps=round(wanted, 1))
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from models.errors import SkywayError
 from models.units import parse_instant
+from models.wind_summary import summary_from
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -103,6 +104,24 @@ def speed(north: float | None, east: float | None) -> float | None:
 def direction(north: float | None, east: float | None) -> float | None:
     """Return where a wind comes FROM, degrees clockwise from north; None where it is unknown."""
     return None if north is None or east is None else math.degrees(math.atan2(-east, -north)) % 360.0
+
+
+def forecast_words(data: Mapping[str, Any], prefix: str = "forecast_") -> str | None:
+    """Return a summary of a forecast in the words that every wind is told in; None where the journal has none."""
+    told = {name: number(data, f"{prefix}{name}") for name in ("mean_mps", "p10_mps", "p90_mps", "from_deg")}
+    found = summary_from(told | {"sector_share": share(data, f"{prefix}sector_share")})
+    return None if found is None else str(found)
+
+
+def measured_words(data: Mapping[str, Any]) -> str | None:
+    """Return the wind of a track as it was measured at the vehicle, with its sigma; None where it was not."""
+    north, east = number(data, "wind_north_mps"), number(data, "wind_east_mps")
+    length, comes_from, sigma = speed(north, east), direction(north, east), number(data, "wind_sigma_mps")
+    source = text(data, "wind_source")
+    if length is None or comes_from is None or source not in (None, "measured", "held"):
+        return None
+    earlier = ", measured earlier" if source == "held" else ""
+    return f"{length:.1f}{'' if sigma is None else f' ± {sigma:.1f}'} m/s from {round(comes_from) % 360:03d}°{earlier}"
 
 
 def timed(records: tuple[Record, ...]) -> Iterator[tuple[float, Record]]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import UTC, tzinfo
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from models.errors import Fault, InputError
+from models.units import clock_text, from_posix
 from skyway import flight_report_fields as of
 
 if TYPE_CHECKING:
@@ -98,22 +100,24 @@ def journal_name(composition: Composition, now: datetime) -> str:
     return f"{now:%Y-%m-%d-%H%M%S}-{composition.origin}-{composition.destination}.jsonl"
 
 
-def line_of(record: Record) -> str | None:
-    """Tell a record of the journal as a plain line; None for those that a person need not see."""
-    data = record.data
-    clock = record.time[11:19]
+SHOWN = frozenset({"state", "change", "reboot", "link", "turn", "check", "waits", "upload"})
+"""Events that a person sees as a line; what else a person must know is told by the supervisor itself."""
+
+
+def line_of(record: Record, zone: tzinfo = UTC) -> str | None:
+    """Tell a record of the journal as a plain line, its time in a zone; None for those that a person need not see."""
+    data, at_s = record.data, of.instant_s(record.time)
+    clock = "unknown time" if at_s is None else clock_text(from_posix(at_s), zone)
     if record.event == "track" and of.number(data, "left_s") is not None:
         left_min = (of.number(data, "left_s") or 0.0) / 60.0
         return (
             f"{clock}  {record.state:<12} {_figure(data, 'height_m')} m, {_figure(data, 'ground_speed_mps', 1)} m/s, "
             f"{_percent(of.share(data, 'soc'))}; {data.get('destination')} in {left_min:.1f} min "
             f"({of.number(data, 'late_s') or 0.0:+.0f} s), landing with {_percent(of.share(data, 'soc_land'))} "
-            f"(planned {_percent(of.share(data, 'planned_soc_land'))}), {_figure(data, 'cross_track_m')} m off the way"
-            f"{_wind(data)}"
+            f"(planned {_percent(of.share(data, 'planned_soc_land'))}), {_figure(data, 'cross_track_m')} m off the way, "
+            f"wind {of.measured_words(data) or 'not measured'} (forecast {of.forecast_words(data) or 'unknown'})"
         )
-    if record.event not in ("state", "change", "reboot", "link", "turn"):
-        return None  # what else a person must know is told by the supervisor itself
-    return f"{clock}  {record.state:<12} {record.reason}"
+    return f"{clock}  {record.state:<12} {record.reason}" if record.event in SHOWN else None
 
 
 def _percent(value: float | None) -> str:
@@ -123,13 +127,3 @@ def _percent(value: float | None) -> str:
 def _figure(data: dict[str, Any], key: str, digits: int = 0) -> str:
     value = of.number(data, key)
     return "unknown" if value is None else f"{value:.{digits}f}"
-
-
-def _wind(data: dict[str, Any]) -> str:
-    north, east = of.number(data, "wind_north_mps"), of.number(data, "wind_east_mps")
-    speed, direction = of.speed(north, east), of.direction(north, east)
-    if speed is None or direction is None:
-        return ""
-    expected = of.speed(of.number(data, "forecast_north_mps"), of.number(data, "forecast_east_mps"))
-    forecast = "unknown" if expected is None else f"{expected:.1f}"
-    return f", wind {speed:.1f} m/s from {direction:.0f}° (forecast {forecast})"

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 INK = "#1b2a41"
 MUTED = "#9aa5b1"
+MUTED_INK = "#5d6875"
 ROUTE = "#d1495b"
 CALM = "#2e86ab"
 ZONE = "#e8b4b8"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import textwrap
-from datetime import timedelta
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from zoneinfo import ZoneInfo
@@ -12,16 +11,31 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from models import geodesy
-from skyway.pictures import CALM, INK, MUTED, ROUTE, ZONE, ZONE_INK, LabelPlacer, new_figure, plain_axes, save_figure
+from models.antimeridian import about, middle_longitude, wrapped
+from skyway.pictures import (
+    CALM,
+    INK,
+    MUTED,
+    MUTED_INK,
+    ROUTE,
+    ZONE,
+    ZONE_INK,
+    LabelPlacer,
+    new_figure,
+    plain_axes,
+    save_figure,
+)
+from skyway.plot_charge import draw_charge
 
 if TYPE_CHECKING:
-    from datetime import datetime
+    from collections.abc import Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
 
     from models.scenario import Scenario
     from models.services import Composition
+    from skyway.charge_band import ChargeBand
 
 _Line: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 
@@ -37,21 +51,34 @@ def plot_network(scenario: Scenario, path: Path) -> None:
     """Draw stations, segments and no-fly zones."""
     net = scenario.network
     frame = _with_zones(_frame(net.lon, net.lat, 0.45), scenario)
+    lon = about(net.lon, frame.middle)
     figure = new_figure(WIDTH_IN, _height_in(frame) + 0.9)
     axes = figure.add_subplot()
     _draw_network(axes, scenario, frame, segment_alpha=0.5)
     both = len({tuple(sorted(pair)) for pair in zip(net.tail.tolist(), net.head.tolist(), strict=True)})
     axes.set_title(f"{scenario.name}: {len(net)} stations, {both} segments", color=INK, loc="left")
-    placer = LabelPlacer(axes, net.lon, net.lat)
-    _name_zones(placer, scenario)
+    placer = LabelPlacer(axes, lon, net.lat)
+    _name_zones(placer, scenario, frame)
     if len(net) <= MOST_LABELS:
-        for station in net.stations:
-            placer.place(station.id, station.lon, station.lat, fontsize=7, color=INK, zorder=5)
+        for station, x in zip(net.stations, lon.tolist(), strict=True):
+            placer.place(station.id, x, station.lat, fontsize=7, color=INK, zorder=5)
     save_figure(figure, path)
 
 
-def plot_composition(composition: Composition, scenario: Scenario, path: Path) -> None:
-    """Draw the route on the part of the network round it, and the state of charge over time below it."""
+def plot_composition(composition: Composition, scenario: Scenario, path: Path, band: ChargeBand | None = None) -> None:
+    """Draw the route on the part of the network round it, and the state of charge over time below it.
+
+    Parameters
+    ----------
+    composition : Composition
+        The plan: its typical course.
+    scenario : Scenario
+        Where it was made.
+    path : Path
+        FILE.svg or FILE.png.
+    band : ChargeBand, optional
+        How the charge differs over the simulated deliveries.
+    """
     places = [composition.stations[key] for key in composition.route]
     lon, lat = np.array([place.lon for place in places]), np.array([place.lat for place in places])
     frame = _frame(lon, lat, 0.9, least=0.15)
@@ -60,13 +87,29 @@ def plot_composition(composition: Composition, scenario: Scenario, path: Path) -
     upper, lower = figure.subplots(2, 1, height_ratios=(tall, _CHARGE_IN))
     zone = ZoneInfo(scenario.timezone)
     _draw_network(upper, scenario, frame, segment_alpha=0.25)
-    _draw_charge(lower, composition, zone)
-    hours, minutes = divmod(round(composition.delivery_time_s / 60.0), 60)
-    time = f"{hours} h {minutes} min" if hours else f"{minutes} min"
-    title = f"{composition.origin} > {composition.destination}, {composition.payload_kg:g} kg by {composition.drone}: "
-    upper.set_title(f"{title}{time}, {composition.distance_m / 1000:.1f} km", color=INK, loc="left")
-    _draw_route(upper, composition, scenario)
+    draw_charge(lower, composition, zone, band)
+    upper.set_title(_headline(composition, zone), color=INK, loc="left", fontsize=11)
+    _draw_route(upper, composition, scenario, frame)
     save_figure(figure, path)
+
+
+def _headline(composition: Composition, zone: ZoneInfo) -> str:
+    """What is to be expected first: on average, half and 95 % by when; the length of the typical course where that is unknown."""
+    who = f"{composition.origin} > {composition.destination}, {composition.payload_kg:g} kg by {composition.drone}"
+    arrival = composition.arrival
+    if arrival.mean is None or arrival.p50 is None or arrival.p95 is None:
+        expected = f"typical course {_minutes(composition.delivery_time_s)}"
+    else:
+        expected = (
+            f"on average {_minutes((arrival.mean - composition.depart).total_seconds())}, half by "
+            f"{arrival.p50.astimezone(zone):%H:%M}, 95 % by {arrival.p95.astimezone(zone):%H:%M %Z}"
+        )
+    return f"{who}, {composition.distance_m / 1000:.1f} km\n{expected}"
+
+
+def _minutes(seconds: float) -> str:
+    hours, minutes = divmod(round(seconds / 60.0), 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 
 class Frame(NamedTuple):
@@ -76,6 +119,11 @@ class Frame(NamedTuple):
     east: float
     south: float
     north: float
+
+    @property
+    def middle(self) -> float:
+        """Longitude in the middle; others are drawn within 180 degrees of it."""
+        return (self.west + self.east) / 2.0
 
     @property
     def stretch(self) -> float:
@@ -90,6 +138,7 @@ def _frame(lon: NDArray[np.float64], lat: NDArray[np.float64], squareness: float
     """
     if not len(lon):
         return Frame(-1.0, 1.0, -1.0, 1.0)
+    lon = about(lon, middle_longitude(lon))
     tight = Frame(float(lon.min()), float(lon.max()), float(lat.min()), float(lat.max()))
     size = max((tight.east - tight.west) * tight.stretch, tight.north - tight.south, least)
     wide = 0.57 * max(tight.east - tight.west, squareness * size / tight.stretch)
@@ -102,12 +151,26 @@ def _with_zones(frame: Frame, scenario: Scenario) -> Frame:
     """Widen a frame so that zones at its rim are shown whole."""
     west, east, south, north = frame
     near = 0.1 * (east - west), 0.1 * (north - south)
-    zones = scenario.network.zones
-    for zone in zones.polygons if zones is not None else ():
-        left, bottom, right, top = zone.bounds
+    for left, bottom, right, top in (_bounds(ring) for _, ring in _rings(scenario, frame)):
         if left < east + near[0] and right > west - near[0] and bottom < north + near[1] and top > south - near[1]:
             west, east, south, north = min(west, left), max(east, right), min(south, bottom), max(north, top)
     return Frame(west, east, south, north)
+
+
+def _rings(scenario: Scenario, frame: Frame) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """Outer rings of the zones with the number of their zone, each moved by whole turns next to a frame; shape (points, 2)."""
+    zones = scenario.network.zones
+    for number, polygon in enumerate(zones.polygons if zones is not None else ()):
+        for part in getattr(polygon, "geoms", [polygon]):
+            ring = np.array(part.exterior.coords)[:, :2]
+            middle = (ring[:, 0].min() + ring[:, 0].max()) / 2.0
+            yield number, ring - (360.0 * round((middle - frame.middle) / 360.0), 0.0)
+
+
+def _bounds(ring: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    west, south = ring.min(axis=0).tolist()
+    east, north = ring.max(axis=0).tolist()
+    return west, south, east, north
 
 
 def _height_in(frame: Frame) -> float:
@@ -116,34 +179,29 @@ def _height_in(frame: Frame) -> float:
 
 
 def _degrees(value: float, names: str) -> str:
+    value = wrapped(value)
     return f"{abs(value):.6g}° {names[0] if value >= 0 else names[1]}"
 
 
 def _draw_network(axes: Any, scenario: Scenario, frame: Frame, *, segment_alpha: float) -> None:
     """Segments, zones, stations, axes and a scale; no names."""
     from matplotlib.collections import LineCollection
-    from shapely.geometry import mapping
 
     net = scenario.network
+    lon = about(net.lon, frame.middle)
+    ends = about(net.lon[net.head], lon[net.tail])
     lines = np.stack(
-        (
-            np.column_stack((net.lon[net.tail], net.lat[net.tail])),
-            np.column_stack((net.lon[net.head], net.lat[net.head])),
-        ),
-        axis=1,
+        (np.column_stack((lon[net.tail], net.lat[net.tail])), np.column_stack((ends, net.lat[net.head]))), axis=1
     )
     axes.add_collection(LineCollection(list(lines), colors=MUTED, linewidths=0.6, alpha=segment_alpha, zorder=1))
-    for polygon in net.zones.polygons if net.zones is not None else ():
-        parts = mapping(polygon)["coordinates"]
-        rings = [parts[0]] if polygon.geom_type == "Polygon" else [part[0] for part in parts]
-        for ring in rings:
-            x, y = zip(*((point[0], point[1]) for point in ring), strict=True)
-            axes.fill(x, y, color=ZONE, alpha=0.7, linewidth=0, zorder=0)
+    for number, (_, ring) in enumerate(_rings(scenario, frame)):
+        label = None if number else "no-fly zone"
+        axes.fill(ring[:, 0], ring[:, 1], color=ZONE, alpha=0.7, linewidth=0, zorder=0, label=label)
     charging = net.pads > 0
-    axes.plot(net.lon[charging], net.lat[charging], "o", color=CALM, markersize=4, zorder=2, label="station with pads")
+    axes.plot(lon[charging], net.lat[charging], "o", color=CALM, markersize=4, zorder=2, label="station with pads")
     if not charging.all():
-        axes.plot(net.lon[~charging], net.lat[~charging], "s", color=INK, markersize=5, zorder=2, label="no pads")
-        axes.legend(fontsize=7, loc="upper left", frameon=False)
+        axes.plot(lon[~charging], net.lat[~charging], "s", color=INK, markersize=5, zorder=2, label="no pads")
+    axes.legend(fontsize=7, loc="upper left", frameon=True, edgecolor="none", framealpha=0.8)
     axes.set_xlim(frame.west, frame.east)
     axes.set_ylim(frame.south, frame.north)
     axes.set_aspect(1.0 / frame.stretch)
@@ -177,31 +235,66 @@ def _draw_scale(axes: Any, frame: Frame) -> None:
     )
 
 
-def _name_zones(placer: LabelPlacer, scenario: Scenario) -> None:
+def _name_zones(placer: LabelPlacer, scenario: Scenario, frame: Frame) -> None:
     zones = scenario.network.zones
     for name, polygon in zip(zones.names, zones.polygons, strict=True) if zones is not None else ():
         inside = polygon.representative_point()
         short = textwrap.fill(name, 16)
         placer.centre(
-            short, inside.x, inside.y, fontsize=6, color=ZONE_INK, zorder=1, clip_on=True, annotation_clip=True
+            short,
+            float(about(inside.x, frame.middle)),
+            inside.y,
+            fontsize=6,
+            color=ZONE_INK,
+            zorder=1,
+            clip_on=True,
+            annotation_clip=True,
         )
 
 
-def _draw_route(axes: Any, composition: Composition, scenario: Scenario) -> None:
-    """Legs, stops with what is done there, and the wind of each leg."""
-    places, net = composition.stations, scenario.network
+def _draw_route(axes: Any, composition: Composition, scenario: Scenario, frame: Frame) -> None:
+    """Legs, stops with what is done there, diverts, the other stations, and the wind of each leg."""
+    net = scenario.network
+    diverts = dict.fromkeys(name for service in composition.services for name in service.diverts)
+    places = {s.id: (s.lon, s.lat) for s in net.stations if s.id in diverts}
+    places |= {key: (place.lon, place.lat) for key, place in composition.stations.items()}
+    at = {key: (float(about(lon, frame.middle)), lat) for key, (lon, lat) in places.items()}
     lines: list[_Line] = []
-    for service in composition.services:
-        path = [(places[key].lon, places[key].lat) for key in (service.origin, *service.via, service.destination)]
-        axes.plot(*zip(*path, strict=True), "-", color=ROUTE, linewidth=2.2, zorder=3)
-        axes.plot(*zip(*path, strict=True), "o", color=ROUTE, markersize=3.5, zorder=3)
+    for number, service in enumerate(composition.services):
+        path = [at[key] for key in (service.origin, *service.via, service.destination)]
+        x, y = zip(*path, strict=True)
+        label = None if number else "leg, stations overflown"
+        axes.plot(x, y, "-o", color=ROUTE, linewidth=2.2, markersize=3.5, zorder=3, label=label)
         lines += list(pairwise(path))
     landings = dict.fromkeys(key for service in composition.services for key in (service.origin, service.destination))
-    for key in landings:
-        axes.plot(places[key].lon, places[key].lat, "o", color=ROUTE, markersize=8, zorder=5, markeredgecolor="white")
-    lines += _draw_wind_arrows(axes, composition)
-    placer = LabelPlacer(axes, net.lon, net.lat, lines)
-    _name_zones(placer, scenario)
+    aside = [key for key in diverts if key not in composition.route and key in at]
+    for keys, mark, size, label in ((landings, "o", 8, "lands, or begins"), (aside, "D", 6, "divert station")):
+        if keys:
+            x, y = zip(*(at[key] for key in keys), strict=True)
+            colour = ROUTE if mark == "o" else CALM
+            axes.plot(x, y, mark, color=colour, markersize=size, zorder=5, markeredgecolor="white", label=label)
+    lines += _draw_wind_arrows(axes, composition, at)
+    axes.legend(fontsize=7, loc="upper left", frameon=True, edgecolor="none", framealpha=0.8)
+    placer = LabelPlacer(axes, about(net.lon, frame.middle), net.lat, lines)
+    _name_zones(placer, scenario, frame)
+    _name_stops(placer, composition, at, landings)
+    inside = [s for s in net.stations if _within(frame, float(about(s.lon, frame.middle)), s.lat)]
+    for station in inside if len(inside) <= MOST_LABELS else ():
+        if station.id not in composition.route:
+            east = float(about(station.lon, frame.middle))
+            name = f"{station.id} (divert)" if station.id in diverts else station.id
+            points, tone = (6.5, INK) if station.id in diverts else (5.5, MUTED_INK)
+            placer.place(name, east, station.lat, zorder=5, fontsize=points, color=tone)
+
+
+def _within(frame: Frame, x: float, y: float) -> bool:
+    return frame.west < x < frame.east and frame.south < y < frame.north
+
+
+def _name_stops(
+    placer: LabelPlacer, composition: Composition, at: dict[str, tuple[float, float]], landings: dict[str, None]
+) -> None:
+    """Name the stations of the route, and what is done there."""
     paper = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.8}
     stops = {stop.station: stop for stop in composition.stops}
     charging = [key for key in landings if key in stops and stops[key].recharge_s > 0]
@@ -212,32 +305,32 @@ def _draw_route(axes: Any, composition: Composition, scenario: Scenario) -> None
             stop = stops[key]
             text += f"\n{100 * stop.soc_from:.0f} > {100 * stop.soc_to:.0f} % in {stop.recharge_s / 60:.0f} min"
             text += f"\nwait {stop.wait_s / 60:.0f} min" if stop.wait_s >= 90 else ""
-        size = (8 if len(landings) <= 8 else 7) if key in landings else 6.5
-        placer.place(text, places[key].lon, places[key].lat, gap=7, fontsize=size, color=INK, zorder=6, bbox=paper)
+        font_pt = (8.0 if len(landings) <= 8 else 7.0) if key in landings else 6.5
+        placer.place(text, *at[key], gap=7, fontsize=font_pt, color=INK, zorder=6, bbox=paper)
 
 
-def _draw_wind_arrows(axes: Any, composition: Composition) -> list[_Line]:
+def _draw_wind_arrows(axes: Any, composition: Composition, at: dict[str, tuple[float, float]]) -> list[_Line]:
     """One arrow per leg beside its middle: where its wind prevails to blow to, as long as it is strong on average.
 
     A leg whose wind has no prevailing direction has no arrow; a key says how strong a wind is.
 
     Returns the arrows as lines.
     """
-    places = composition.stations
     winds = [(service, service.wind.from_deg) for service in composition.services if service.wind.from_deg is not None]
     if not winds:
         return []
     services = [service for service, _ in winds]
-    ends = [(places[service.origin], places[service.destination]) for service in services]
+    ends = np.array([(at[service.origin], at[service.destination]) for service in services])
     angle = np.radians([from_deg + 180.0 for _, from_deg in winds])
     speed = np.array([service.wind.speed_mps for service in services])
     west, east = axes.get_xlim()
     low, high = axes.get_ylim()
     stretch = math.cos(math.radians((low + high) / 2.0))
     wide = (east - west) * stretch
-    course = np.array([math.atan2(b.lat - a.lat, (b.lon - a.lon) * stretch) for a, b in ends]) + math.pi / 2.0
-    x = np.array([(a.lon + b.lon) / 2 for a, b in ends]) + 0.03 * wide * np.cos(course) / stretch
-    y = np.array([(a.lat + b.lat) / 2 for a, b in ends]) + 0.03 * wide * np.sin(course)
+    step = ends[:, 1] - ends[:, 0]
+    course = np.arctan2(step[:, 1], step[:, 0] * stretch) + math.pi / 2.0
+    x = ends[:, :, 0].mean(axis=1) + 0.03 * wide * np.cos(course) / stretch
+    y = ends[:, :, 1].mean(axis=1) + 0.03 * wide * np.sin(course)
     arrows = axes.quiver(
         x,
         y,
@@ -257,41 +350,3 @@ def _draw_wind_arrows(axes: Any, composition: Composition) -> list[_Line]:
     half = 0.5 * speed / _ARROW_SCALE * wide
     dx, dy = half * np.sin(angle) / stretch, half * np.cos(angle)
     return [((i - u, j - v), (i + u, j + v)) for i, j, u, v in zip(x, y, dx, dy, strict=True)]
-
-
-def _draw_charge(axes: Any, composition: Composition, zone: ZoneInfo) -> None:
-    """State of charge over minutes since the departure, by what the drone does."""
-    begin = composition.depart
-
-    def minutes(instant: datetime) -> float:
-        return (instant - begin).total_seconds() / 60.0
-
-    pieces: list[tuple[str, datetime, float, datetime, float]] = []
-    stops = {stop.station: stop for stop in composition.stops}
-    for service in composition.services:
-        stop = stops.pop(service.origin, None)
-        if stop is not None:
-            pad = stop.arrive + timedelta(seconds=stop.wait_s)
-            off = pad + timedelta(seconds=stop.recharge_s)
-            pieces.append(("wait or hold", stop.arrive, stop.soc_from, pad, stop.soc_from))
-            pieces.append(("charge", pad, stop.soc_from, off, stop.soc_to))
-            pieces.append(("wait or hold", off, stop.soc_to, service.depart, stop.soc_to))
-        pieces.append(("fly", service.depart, service.soc_depart, service.arrive, service.soc_arrive))
-    colours = {"fly": INK, "wait or hold": MUTED, "charge": CALM}
-    seen: set[str] = set()
-    for what, start, soc_start, end, soc_end in pieces:
-        if end <= start:
-            continue
-        label = what if what not in seen else None
-        seen.add(what)
-        ends = [minutes(start), minutes(end)]
-        axes.plot(ends, [100 * soc_start, 100 * soc_end], "-", color=colours[what], linewidth=2, label=label)
-    reserve = 100.0 * composition.reserve_soc
-    axes.axhline(reserve, color=ROUTE, linewidth=1.0, linestyle="--", label=f"reserve, {reserve:.0f} %")
-    axes.set_ylim(0, 103)
-    axes.set_xlim(0, 1.01 * minutes(composition.arrive))
-    axes.set_xlabel(f"minutes after {begin.astimezone(zone):%Y-%m-%d %H:%M %Z}", fontsize=8)
-    axes.set_ylabel("state of charge, %", fontsize=8)
-    axes.grid(color=MUTED, alpha=0.3, linewidth=0.5)
-    axes.legend(fontsize=7, ncols=4, loc="upper right", frameon=True, edgecolor="none", framealpha=0.8)
-    plain_axes(axes)

@@ -1,9 +1,10 @@
-"""A composition as GeoJSON: legs as lines, stations as points."""
+"""A composition as GeoJSON: legs as lines, numbered from 1, stations as points."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from models.antimeridian import line_geometry
 from models.units import iso
 
 if TYPE_CHECKING:
@@ -14,13 +15,14 @@ def route_geojson(composition: Composition) -> dict[str, Any]:
     """Return a FeatureCollection that any map program shows."""
     stops = {stop.station: stop for stop in composition.stops}
     items: list[dict[str, Any]] = []
-    for service in composition.services:
+    for number, service in enumerate(composition.services, start=1):
         places = [composition.stations[key] for key in (service.origin, *service.via, service.destination)]
         items.append(
             {
                 "type": "Feature",
-                "geometry": {"type": "LineString", "coordinates": [[place.lon, place.lat] for place in places]},
+                "geometry": line_geometry([(place.lat, place.lon) for place in places]),
                 "properties": {
+                    "leg": number,
                     "from": service.origin,
                     "to": service.destination,
                     "depart": iso(service.depart),
@@ -29,6 +31,7 @@ def route_geojson(composition: Composition) -> dict[str, Any]:
                     "ground_speed_mps": service.ground_speed_mps,
                     "soc_depart": service.soc_depart,
                     "soc_arrive": service.soc_arrive,
+                    "diverts": list(service.diverts),
                 },
             }
         )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from link.supervisor.departure import make_leg
 from link.supervisor.legs import Leg
 from link.supervisor.modelled_use import ModelledUse
+from link.supervisor.parameter_changes import changes_of
 from link.supervisor.states import IN_AIR, State, Turn
 from link.supervisor.wind_book import observations_of
 from models.composition_file import from_json
@@ -82,6 +83,7 @@ def _meet(ctx: Context) -> None:
 def restore(ctx: Context, records: Sequence[Record]) -> None:
     """Bring back what the journal knows: plan, place, energy, wind, and the leg under way."""
     ctx.flight = max(record.flight for record in records)
+    ctx.parameters = changes_of(records)
     for record in records:
         data = record.data
         if record.event == "vehicle":

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from link.supervisor.foreign import follows_a_landing, refuse_on_ground
 from link.supervisor.gauge import read_gauge
 from link.supervisor.legs import station_at
+from link.supervisor.parameter_changes import ParameterChanges
 from link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State, Turn
 from link.supervisor.track import write_track
+from link.supervisor.vehicle_texts import NOTICE, SEVERITIES, TextLog
 from link.supervisor.voltage import VoltageWatch
 from models.composition_file import to_json
 from models.errors import LinkError, VehicleTimeoutError
@@ -91,6 +93,12 @@ class Context:
         The delivery is one that was begun by an earlier run of the program.
     stop_after_leg : bool
         The operator wants it to stay at the next landing.
+    parameters : ParameterChanges
+        Parameters changed on the vehicle, and those about to be.
+    texts : TextLog
+        What the vehicle says in words.
+    question : str or None
+        What the operator has been asked and has not answered.
     """
 
     vehicle: Vehicle
@@ -127,6 +135,9 @@ class Context:
     uid: int = 0
     asked_once: bool = False
     stop_after_leg: bool = False
+    parameters: ParameterChanges = field(default_factory=ParameterChanges)
+    texts: TextLog = field(default_factory=TextLog)
+    question: str | None = None
     divert_to: str | None = None
     turned: bool = False
     landed_at: str | None = None
@@ -172,6 +183,7 @@ class Context:
             said = str(replace(change, ours=own)) + ("" if own == change.ours else ": it has landed")
             self.note("change", said, what=change.what, before=change.before, after=change.after, ours=own)
         self._after_reboot()
+        self._hear_texts()
         self._listen()
         self._count_use()
         write_track(self)
@@ -224,6 +236,14 @@ class Context:
         self.note("reboot", "the vehicle has restarted: identified, checked and uploaded anew before it flies again")
         self.request_telemetry()
 
+    def _hear_texts(self) -> None:
+        """Tell what the vehicle says: a refusal that is repeated 200 times is one line, with its count."""
+        for said in self.texts.hear(self.vehicle.new_texts(), self.clock.now_s()):
+            word = SEVERITIES[min(max(said.severity, 0), len(SEVERITIES) - 1)]
+            self.note("text", str(said), text=said.text, severity=word, count=said.count)
+            if said.severity <= NOTICE:
+                self.tell(f"the vehicle says: {said}")
+
     def request_telemetry(self) -> None:
         """Ask for the messages of the state we are in."""
         try:
@@ -239,6 +259,9 @@ class Context:
         if self.operator.interrupts > self.interrupts:
             first = not self.stop_after_leg
             self.interrupts = self.operator.interrupts
+            if first and self.on_ground and self.state in (State.CONNECTING, *ON_GROUND):
+                self.note("operator", "Ctrl-C on the ground")
+                raise Turn(State.STOPPED, f"Ctrl-C: the vehicle stays at {self.heading_for}, disarmed")
             if first:
                 self.stop_after_leg = True
                 self.note("operator", "Ctrl-C: the vehicle stays at the next landing")
@@ -252,6 +275,30 @@ class Context:
             self.words.pop()
             self.stop_after_leg = False
             self.note("operator", "go: the delivery goes on")
+
+    def answer(self, question: str, words: tuple[str, ...]) -> str:
+        """Let time pass until the operator says one of some words.
+
+        Raises
+        ------
+        Turn
+            Nobody is there any more who could say one.
+        """
+        self.note("operator", f"asked: {question}", question=question, answers=list(words))
+        self.operator.ask(question)
+        self.question = question
+        try:
+            while True:
+                while self.words:
+                    word = self.words.pop(0)
+                    if word in words:
+                        return word
+                    self.operator.ask(f"please answer {', '.join(words)}")
+                if not self.operator.present:
+                    raise Turn(State.STOPPED, f"nobody is there any more to answer: {question}")
+                self.tick()
+        finally:
+            self.question = None
 
     @property
     def heading_for(self) -> str:

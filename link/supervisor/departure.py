@@ -7,13 +7,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from link.mission_words import MissionKind
+from link.supervisor.briefing import Checklist, brief
 from link.supervisor.foreign import refuse_foreign
 from link.supervisor.legs import Leg, plan_leg, with_places
 from link.supervisor.modelled_use import ModelledUse
+from link.supervisor.parameter_changes import apply
 from link.supervisor.preflight import run_checks
 from link.supervisor.states import State, Turn
 from link.verified import UploadState
-from models.errors import LinkError, VehicleTimeoutError
+from models.errors import CommandRefusedError, LinkError, VehicleTimeoutError
 
 if TYPE_CHECKING:
     from link.supervisor.context import After, Context
@@ -62,16 +64,17 @@ def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService
 def preflight(ctx: Context) -> After:
     """Go through the list until all is in order; what cannot come right stops, with the reason."""
     service, leg = make_leg(ctx)
-    begun_s = ctx.clock.now_s()
+    begun_s, shown = ctx.clock.now_s(), Checklist(ctx)
     while True:
         waited_s = ctx.clock.now_s() - begun_s
         try:
-            checks = run_checks(ctx, service, leg)
+            checks = [shown.take(check) for check in run_checks(ctx, service, leg)]
         except LinkError as error:
             if isinstance(error, VehicleTimeoutError):
                 ctx.unanswered(error)
             if waited_s >= (UNKNOWN_PATIENCE_S if isinstance(error, VehicleTimeoutError) else CHECK_PATIENCE_S):
                 return State.STOPPED, f"preflight: {error}"
+            shown.waits(f"the list is not finished: {error}", CHECK_PATIENCE_S - waited_s)
             ctx.wait(CHECK_AGAIN_S)
             continue
         wrong = [check for check in checks if not check.ok]
@@ -80,15 +83,15 @@ def preflight(ctx: Context) -> After:
             ctx.must_answer("; ".join(map(str, unknown)))
         elif not wrong or any(not check.waits for check in wrong):
             break  # else what is wrong may follow from what is not known
-        if waited_s >= (UNKNOWN_PATIENCE_S if len(unknown) == len(wrong) else CHECK_PATIENCE_S):
+        patience_s = UNKNOWN_PATIENCE_S if len(unknown) == len(wrong) else CHECK_PATIENCE_S
+        if waited_s >= patience_s:
             break
+        shown.waits("; ".join(map(str, wrong)), patience_s - waited_s)
         ctx.wait(CHECK_AGAIN_S)
     data = [{"name": c.name, "verdict": c.verdict, "said": c.said} for c in checks]
     ctx.note("preflight", "; ".join(map(str, wrong)) or "all in order", checks=data, failsafes=ctx.failsafes)
     if not wrong:
         return State.UPLOADING, "preflight in order"
-    for check in wrong:
-        ctx.tell(str(check))
     return _after_preflight(ctx, wrong[0], "; ".join(map(str, wrong)), service)
 
 
@@ -166,16 +169,18 @@ def ready(ctx: Context) -> After:
     if leg is None:
         return State.PREFLIGHT, "the leg is prepared anew"
     mandate = ctx.mandate
+    brief(ctx, leg)
     must = mandate.asking == "each" or (mandate.asking == "once" and not ctx.asked_once)
-    if must:
+    if must or (mandate.asking != "never" and ctx.parameters.unasked):
         if not ctx.operator.present:
             return State.STOPPED, "nobody is there to allow the take-off (--yes for rehearsals)"
+        count = len(ctx.parameters.proposed)
+        sets = "" if not count else f"set {count} parameter{'s' if count > 1 else ''} as listed, and "
         question = (
-            f"take off from {leg.origin} to {leg.destination}: {leg.planned_s / 60:.0f} min, landing with about "
+            f"{sets}take off from {leg.origin} to {leg.destination}: {leg.planned_s / 60:.0f} min, landing with about "
             f"{100 * leg.planned_soc:.0f} %; yes or no?"
         )
-        ctx.operator.ask(question)
-        answer = ctx_answer(ctx, ("yes", "y", "no", "n"))
+        answer = ctx.answer(question, ("yes", "y", "no", "n"))
         ctx.note("operator", f"asked to {question} answered {answer}")
         if answer.startswith("n"):
             return State.STOPPED, f"the operator does not allow the take-off to {leg.destination}"
@@ -184,18 +189,11 @@ def ready(ctx: Context) -> After:
             return State.REPLANNING, "the charge has fallen while waiting for the operator"
     if ctx.stop_after_leg:
         return State.STOPPED, f"the operator asked to stay at {ctx.station}"
+    try:
+        apply(ctx)
+    except LinkError as error:
+        return State.STOPPED, f"a parameter that the leg to {leg.destination} needs could not be set: {error}"
     return State.ARMING, f"to {leg.destination}"
-
-
-def ctx_answer(ctx: Context, words: tuple[str, ...]) -> str:
-    """Let time pass until the operator says one of some words."""
-    while True:
-        while ctx.words:
-            word = ctx.words.pop(0)
-            if word in words:
-                return word
-            ctx.operator.ask(f"please answer {', '.join(words)}")
-        ctx.tick()
 
 
 def arming(ctx: Context) -> After:
@@ -214,7 +212,9 @@ def arming(ctx: Context) -> After:
     ctx.note(
         "leg", f"flight {ctx.flight}: {leg.origin} to {leg.destination}",
         origin=leg.origin, destination=leg.destination, via=list(leg.via),
-        planned_s=leg.planned_s, planned_soc=leg.planned_soc, soc=ctx.soc, told_soc=ctx.told_soc, ground_speed_mps=leg.commanded_mps,
+        planned_s=leg.planned_s, planned_soc=leg.planned_soc,
+        wind=ctx.wind.on_way(leg.mission.way, ctx.now_s, leg.planned_s).as_data(), wind_origin=ctx.wind.origin,
+        soc=ctx.soc, told_soc=ctx.told_soc, ground_speed_mps=leg.commanded_mps,
         way=[list(point) for point in leg.mission.way], last=leg.last, **ctx.standing(),
     )  # fmt: skip
     problem = _start(ctx)
@@ -227,21 +227,34 @@ def arming(ctx: Context) -> After:
 
 
 def _start(ctx: Context) -> str:
-    """Arm and start until it is in the air; returns why it is not.
+    """Arm and start until it is in the air; as long as the vehicle only refuses it is asked again.
 
-    An order whose answer was lost may have been carried out: one that is armed is given time to take off before it is
-    told again.
+    What it says is heard meanwhile. An order whose answer was lost may have been carried out: one that is armed is given
+    time to take off before it is told again.
+
+    Returns
+    -------
+    str
+        Why it did not take off; nothing where it did.
     """
-    problem = ""
-    for _ in range(STARTS):
+    problem, tries = "", 0
+    end = ctx.clock.now_s() + ARM_PATIENCE_S
+    while tries < STARTS:
+        if ctx.stop_after_leg:
+            return "the operator asked to stay"
         try:
-            ctx.vehicle.start(ARM_PATIENCE_S)
+            ctx.vehicle.start()
+            tries += 1
             problem = "it does not take off"
         except LinkError as error:
-            problem = str(error)
-            ctx.note("start", problem)
+            refused = isinstance(error, CommandRefusedError)
+            tries += int(not refused or ctx.clock.now_s() >= end)
             if isinstance(error, VehicleTimeoutError):
                 ctx.unanswered(error)
+            elif str(error) != problem:
+                ctx.note("start", str(error))
+                ctx.tell(str(error))
+            problem = str(error)
             ctx.wait(2.0)
             if not ctx.vehicle.armed:
                 continue

@@ -1,8 +1,11 @@
-"""What a vehicle does by itself when nobody speaks with it any more, told from the parameters it has."""
+"""What a vehicle does by itself, told from the settings it has: without us, without its pilot, and with little charge."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+
+from missions.dialects import dialect
+from missions.parameters import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -11,12 +14,13 @@ if TYPE_CHECKING:
 
 READ = {
     "px4": (
-        "data-link-exceptions", "data-link-action", "data-link-timeout", "low-battery-action", "critical-battery",
-        "emergency-battery",
+        "data-link-exceptions", "data-link-action", "data-link-timeout", "remote-control-exceptions", "remote-control-action",
+        "low-battery-action", "low-battery", "critical-battery", "emergency-battery",
     ),
     "ardupilot": (
-        "ground-station-failsafe", "ground-station-timeout", "failsafe-options", "low-battery-action", "low-battery",
-        "critical-battery-action", "critical-battery", "battery-capacity",
+        "ground-station-failsafe", "ground-station-timeout", "failsafe-options", "remote-control-action", "low-battery-action",
+        "low-battery", "low-battery-voltage", "critical-battery-action", "critical-battery", "critical-battery-voltage",
+        "battery-capacity",
     ),
 }  # fmt: skip
 """Settings that decide it (`missions.settings`), by autopilot."""
@@ -38,8 +42,15 @@ _ARDUPILOT_GCS = {
     0: "goes on as it is", 1: "returns", 3: "returns", 4: "returns or lands", 5: "lands", 6: "lands by its landing sequence",
     7: "stops",
 }  # fmt: skip
-_ARDUPILOT_BATTERY = {0: "only warns", 1: "lands", 2: "returns", 3: "returns", 4: "returns", 5: "stops its motors"}
-_CONTINUES_IN_AUTO, _CONTINUES_LANDING = 2, 8
+_ARDUPILOT_RC = {
+    0: "goes on as it is", 1: "returns", 2: "goes on as it is", 3: "lands", 4: "returns", 5: "returns or lands",
+    6: "lands by its landing sequence", 7: "stops, or lands",
+}  # fmt: skip
+_ARDUPILOT_BATTERY = {
+    0: "only warns", 1: "lands", 2: "returns", 3: "returns", 4: "returns or lands", 5: "stops its motors",
+    6: "lands by its landing sequence, or returns", 7: "stops, or lands",
+}  # fmt: skip
+_RC_CONTINUES_IN_AUTO, _CONTINUES_IN_AUTO = 1, 2
 
 
 def read_failsafes(vehicle: Vehicle) -> dict[str, float]:
@@ -47,34 +58,116 @@ def read_failsafes(vehicle: Vehicle) -> dict[str, float]:
     return vehicle.read_settings(READ[vehicle.family.name])
 
 
+def in_our_units(family: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Return parameters, by name and in the autopilot's units, as settings by key and in ours; others are left out."""
+    table = dialect(family).settings
+    known = ((table.find(name), value) for name, value in values.items())
+    return {found[0].key: value / UNITS[found[1].unit] for found, value in known if found is not None}
+
+
 def when_left(family: str, values: Mapping[str, float]) -> str:
     """Say in one sentence what a vehicle in its mission does when our program ends, and with it its heartbeat."""
     if not values:
         return "what it does then is not known: its failsafe parameters could not be read"
-    return _px4(values) if family == "px4" else _ardupilot(values)
+    low = _px4_low(values) if family == "px4" else _ardupilot_stage("low", values)
+    return f"{without_us(family, values)}; {low}"
 
 
-def _px4(values: Mapping[str, float]) -> str:
-    action = int(values.get("data-link-action", -1))
-    battery = _PX4_BATTERY.get(int(values.get("low-battery-action", 0)), "does what COM_LOW_BAT_ACT says")
-    low = f"at critical battery ({100 * values.get('critical-battery', 0):.0f} %) it {battery}"
-    if finishes_alone("px4", values):
-        why = "COM_DLL_EXCEPT" if int(values.get("data-link-exceptions", 0)) & 1 else "NAV_DLL_ACT 0"
-        return f"it finishes its mission, lands and disarms there ({why}); {low}"
-    after = f"{values.get('data-link-timeout', 10):.0f} s without us"
-    return f"after {after} it {_PX4_ACTIONS.get(action, 'does what NAV_DLL_ACT says')} (NAV_DLL_ACT); {low}"
+def by_itself(family: str, values: Mapping[str, float]) -> list[str]:
+    """Say what the vehicle does by itself in a mission, a line for each cause: what an operator reads before a take-off."""
+    if not values:
+        return ["what it does by itself is not known: its failsafe parameters could not be read"]
+    stages = [_ardupilot_stage(stage, values) for stage in ("low", "critical")]
+    return [
+        f"link to us lost: {without_us(family, values)}",
+        f"remote control lost: {_without_pilot(family, values)}",
+        *(_px4_battery(values) if family == "px4" else stages),
+    ]
 
 
-def _ardupilot(values: Mapping[str, float]) -> str:
-    enabled = int(values.get("ground-station-failsafe", 0))
-    battery = _ARDUPILOT_BATTERY.get(int(values.get("low-battery-action", 0)), "does what BATT_FS_LOW_ACT says")
-    share = values.get("low-battery", 0.0) / max(values.get("battery-capacity", 1.0), 1.0)
-    low = f"at low battery ({100 * share:.0f} %) it {battery}" if share > 0.0 else "it has no threshold of low battery"
-    if enabled == 0 or int(values.get("failsafe-options", 0)) & _CONTINUES_IN_AUTO:
-        why = "FS_GCS_ENABLE 0" if enabled == 0 else "FS_OPTIONS"
-        return f"it finishes its mission, lands and disarms there ({why}); {low}"
-    action = _ARDUPILOT_GCS.get(enabled, "does what FS_GCS_ENABLE says")
-    return f"after {values.get('ground-station-timeout', 5):.0f} s without us it {action} (FS_GCS_ENABLE); {low}"
+def without_us(family: str, values: Mapping[str, float]) -> str:
+    """Say what it does in its mission without our heartbeat."""
+    px4 = family == "px4"
+    action, exceptions = ("data-link-action", "data-link-exceptions") if px4 else (
+        "ground-station-failsafe", "failsafe-options",
+    )  # fmt: skip
+    alone = finishes_alone(family, values)
+    if alone is None:
+        return "not known: the parameters that decide it were not told"
+    if alone:
+        excepted = int(values.get(exceptions, 0)) & (1 if px4 else _CONTINUES_IN_AUTO)
+        why = _name(family, exceptions) if excepted else f"{_name(family, action)} 0"
+        return f"it finishes its mission, lands and disarms there ({why})"
+    wait = values.get("data-link-timeout" if px4 else "ground-station-timeout")
+    after = "some time" if wait is None else f"{wait:.0f} s"
+    return f"after {after} without us it {_action(family, action, _PX4_ACTIONS if px4 else _ARDUPILOT_GCS, values)}"
+
+
+def _without_pilot(family: str, values: Mapping[str, float]) -> str:
+    """Say what it does in its mission without its remote control."""
+    px4 = family == "px4"
+    exceptions, bit = ("remote-control-exceptions", 1) if px4 else ("failsafe-options", _RC_CONTINUES_IN_AUTO)
+    if int(values.get(exceptions, 0)) & bit:
+        return f"it goes on with its mission ({_name(family, exceptions)})"
+    action = "remote-control-action"
+    if action not in values or (exceptions not in values and values[action] != 0):
+        return "not known: the parameters that decide it were not told"
+    if values[action] == 0:
+        return f"it goes on with its mission ({_name(family, action)} 0)"
+    return f"it {_action(family, action, _PX4_ACTIONS if px4 else _ARDUPILOT_RC, values)}"
+
+
+def _name(family: str, key: str) -> str:
+    return dialect(family).settings[key].names[0].name
+
+
+def _action(family: str, key: str, words: Mapping[int, str], values: Mapping[str, float]) -> str:
+    """What a setting makes it do, with the name of its parameter."""
+    name = _name(family, key)
+    if key not in values:
+        return f"does what {name} says, which was not told"
+    value = int(values[key])
+    return f"{words[value]} ({name})" if value in words else f"does what {name} {value} says"
+
+
+def _percent(values: Mapping[str, float], key: str) -> str:
+    return f"{100 * values[key]:.0f} %" if key in values else f"{_name('px4', key)}, not told"
+
+
+def _px4_low(values: Mapping[str, float]) -> str:
+    action = _action("px4", "low-battery-action", _PX4_BATTERY, values)
+    return f"at critical battery ({_percent(values, 'critical-battery')}) it {action}"
+
+
+def _px4_battery(values: Mapping[str, float]) -> list[str]:
+    """Say what PX4 does at each threshold: one parameter decides for all three."""
+    low, critical, emergency = (_percent(values, f"{stage}-battery") for stage in ("low", "critical", "emergency"))
+    action = _action("px4", "low-battery-action", _PX4_BATTERY | {3: "returns", 5: "returns"}, values)
+    returns = values.get("low-battery-action") in (3, 5)
+    return [
+        f"battery low ({low}): it only warns",
+        f"battery critical ({critical}): it {action}",
+        f"battery emergency ({emergency}): it {'lands (COM_LOW_BAT_ACT)' if returns else action}",
+    ]
+
+
+def _ardupilot_stage(stage: str, values: Mapping[str, float]) -> str:
+    """Say what ArduPilot does at one of its two stages: by charge left, by voltage, or not at all."""
+    charge, volts, capacity = (
+        values.get(key) for key in (f"{stage}-battery", f"{stage}-battery-voltage", "battery-capacity")
+    )
+    at = []
+    if charge:
+        at.append(f"{100 * charge / capacity:.0f} %" if capacity else f"{charge:g} mAh left")
+    if volts:
+        at.append(f"{volts:g} V")
+    if charge is None or volts is None:
+        at.append("thresholds not all told")
+    if not at:
+        names = ", ".join(_name("ardupilot", key) for key in (f"{stage}-battery", f"{stage}-battery-voltage"))
+        return f"battery {stage}: no threshold is set ({names}): it does nothing"
+    action = _action("ardupilot", f"{stage}-battery-action", _ARDUPILOT_BATTERY, values)
+    return f"battery {stage} ({' or '.join(at)}): it {action}"
 
 
 def finishes_alone(family: str, values: Mapping[str, float]) -> bool | None:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from link.supervisor.air import LEARN_SOC
-from link.supervisor.departure import ctx_answer
 from link.supervisor.states import State
 from models.errors import LinkError
 
@@ -99,8 +98,6 @@ def _deliver(ctx: Context) -> After:
                 break
         ctx.note("release", "the gripper is open")
         return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.soc:.0f} %"
-    if ctx.operator.present:
-        ctx.operator.ask(f"is the package taken off at {destination}? done")
-        ctx_answer(ctx, ("done",))
+    ctx.answer(f"is the package taken off at {destination}? done", ("done",))
     ctx.note("release", "by a person")
     return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.soc:.0f} %"

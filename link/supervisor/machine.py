@@ -9,6 +9,7 @@ from link.supervisor import air, charging, contact, departure, ground, landing
 from link.supervisor.context import Context
 from link.supervisor.journal import SCHEMA, read_journal
 from link.supervisor.mandate import Outcome
+from link.supervisor.parameter_changes import restore_at_end
 from link.supervisor.states import ENDS, IN_AIR, State, Turn, check
 from link.supervisor.wind_book import WindBook
 from models.composition_file import to_json
@@ -131,6 +132,7 @@ class Supervisor:
             except LinkError as error:
                 after, reason = self._failed(error)
             self._go(after, reason)
+        restore_at_end(ctx)
         ctx.note("end", self.reason, outcome=str(ctx.state), station=ctx.station, flights=ctx.flight)
         return Outcome(str(ctx.state), self.reason, ctx.station, ctx.flight)
 

@@ -44,7 +44,9 @@ class Mandate:
     asking : str
         ``each`` take-off, ``once``, or ``never``.
     set_parameters : bool
-        Set parameters that a leg needs, after asking where somebody is there.
+        Set parameters that a leg needs, told before the take-off and asked for with it.
+    restore_parameters : bool
+        Give the vehicle back at the end what was set.
     manual_pads : bool
         Charging is done by people.
     """
@@ -59,6 +61,7 @@ class Mandate:
     replanning: ReplanSettings | None = field(default_factory=ReplanSettings)
     asking: Asking = "once"
     set_parameters: bool = True
+    restore_parameters: bool = True
     manual_pads: bool = False
 
 

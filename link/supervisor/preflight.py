@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from link.supervisor.failsafes import finishes_alone, read_failsafes
+from link.supervisor.failsafes import finishes_alone, in_our_units, read_failsafes, when_left
+from link.supervisor.parameter_changes import ParameterChange
 from models import geodesy
 from models.errors import InputError, LinkError, VehicleTimeoutError
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from link.supervisor.context import Context
     from link.supervisor.legs import LegMission
-    from models.services import DroneService
+    from models.services import Composition, DroneService
 
 Verdict = Literal["ok", "no", "unknown"]
 AT_PLACE_M = 60.0
@@ -59,17 +60,23 @@ class Check:
         return f"{self.name}: {mark}: {self.said}"
 
 
-def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> list[Check]:
-    """Go through the list; parameters that will not do are set where that is allowed.
+def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator[Check]:
+    """Go through the list, entry by entry; nothing is changed on the vehicle.
 
     Raises
     ------
     LinkError
         The vehicle did not answer.
     """
-    checks = [*_identity(ctx), *_position(ctx, service), _battery(ctx, service), *_wind(ctx, service)]
-    checks += [*_parameters(ctx, leg), _failsafe(ctx), _mission(ctx, leg), _diverts(ctx, service), _pads(ctx, service)]
-    return checks
+    yield from _identity(ctx)
+    yield from _position(ctx, service)
+    yield _battery(ctx, service)
+    yield from _wind(ctx, service)
+    yield from _parameters(ctx, leg)
+    yield _failsafe(ctx)
+    yield _mission(ctx, leg)
+    yield _diverts(ctx, service)
+    yield _pads(ctx, service)
 
 
 def _identity(ctx: Context) -> Iterator[Check]:
@@ -113,9 +120,11 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
     ground = station.elevation_m
     height = ctx.sample.alt_msl_m if ctx.sample is not None else math.nan
     if ground is not None and math.isfinite(height) and abs(height - ground) > HOME_HEIGHT_M:
-        yield Check(
-            "home", "no", f"the vehicle puts the ground at {height:.0f} m, the station has {ground:.0f} m", waits=True
+        said = (
+            f"the vehicle puts the ground at {height:.0f} m above the sea, {service.origin} has {ground:.0f} m: set its home "
+            "height, or correct the station's elevation"
         )
+        yield Check("home", "no", said, waits=True)
     else:
         yield Check("home", "ok", moves)
 
@@ -146,15 +155,20 @@ def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:
         north, east = wind.wind_at(plan.stations[name].lat, plan.stations[name].lon, wind.slot_at(ctx.now_s))
         speeds.append(np.hypot(north, east))
     highest = np.max(speeds, axis=0)
-    mean, p_over = float(wind.probability @ highest), float(wind.probability @ (highest > drone.wind_limit_mps))
-    source = {"measured": "measured", "held": "measured on an earlier leg", "forecast": "forecast"}[ctx.wind.source]
-    said = f"{mean:.1f} m/s ({source}), above {drone.wind_limit_mps:g} m/s with probability {p_over:.2f}"
+    p_over = float(wind.probability @ (highest > drone.wind_limit_mps))
+    told = ctx.wind.on_way(_way(plan, service), ctx.now_s, service.distance_m / max(service.ground_speed_mps, 1.0))
+    said = f"{told} ({ctx.wind.origin}), above {drone.wind_limit_mps:g} m/s with probability {p_over:.2f}"
     yield Check("wind", "no" if p_over > 0.5 else "ok", said, waits=True)
 
 
+def _way(plan: Composition, service: DroneService) -> list[tuple[float, float]]:
+    places = [plan.stations[name] for name in (service.origin, *service.via, service.destination)]
+    return [(place.lat, place.lon) for place in places]
+
+
 def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:
-    """Read what the leg needs; set what will not do where that is allowed, and read it back."""
-    changed = 0
+    """Read what the leg needs; what will not do is proposed to be set, where that is allowed."""
+    proposed = []
     for check in ctx.vehicle.check_required(leg.parameters):
         name = check.wanted.name
         if check.absent:
@@ -162,20 +176,21 @@ def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:
         elif check.actual is None:
             yield Check(f"parameter {name}", "unknown", check.problem, waits=True)
         elif not check.ok and check.to_set is not None and ctx.mandate.set_parameters:
-            ctx.vehicle.set_parameter(name, check.to_set)
-            ctx.note("parameter", f"{name} set from {check.actual:g} to {check.to_set:g}: {check.wanted.why}")
-            changed += 1
+            proposed.append(ParameterChange(name, check.actual, check.to_set, check.wanted.why))
         elif not check.ok:
             yield Check(f"parameter {name}", "no", check.problem)
-    said = f"{len(leg.parameters)} read" + (f", {changed} set and read back" if changed else "")
-    yield Check("parameters", "ok", said)
+    ctx.parameters.proposed = tuple(proposed)
+    names = ", ".join(setting.name for setting in proposed)
+    yield Check(
+        "parameters", "ok", f"{len(leg.parameters)} read" + (f", {len(proposed)} to set: {names}" if names else "")
+    )
 
 
 def _failsafe(ctx: Context) -> Check:
-    from link.supervisor.failsafes import when_left
-
-    ctx.failsafes = read_failsafes(ctx.vehicle)
+    """Tell what it does without us, as it will be with the parameters that are to be set."""
     family = ctx.vehicle.family.name
+    proposed = in_our_units(family, {setting.name: setting.after for setting in ctx.parameters.proposed})
+    ctx.failsafes = {key: proposed.get(key, value) for key, value in read_failsafes(ctx.vehicle).items()}
     alone = finishes_alone(family, ctx.failsafes)
     said = when_left(family, ctx.failsafes)
     if alone is None:

@@ -25,6 +25,9 @@ def write_track(ctx: Context) -> None:
         "armed": s.armed == 1.0, "landed": s.landed == 1.0,
         "forecast_north_mps": expected[0], "forecast_east_mps": expected[1],
     }  # fmt: skip
+    for name, updated in (("forecast", False), ("believed", True)):
+        told = ctx.wind.forecast_at(s.time_s, s.lat_deg, s.lon_deg, updated=updated).as_data() if ctx.place else {}
+        data |= {f"{name}_{key}": value for key, value in told.items()}
     if estimate is not None:
         data |= {
             "wind_north_mps": estimate.north_mps, "wind_east_mps": estimate.east_mps,

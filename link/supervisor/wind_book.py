@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from models import geodesy
 from models.forecast_update import update_forecast
 from models.wind_field import WindObservation
 from models.wind_filter_live import LiveWind, forecast_of, settings_for
+from models.wind_summary import Passage, WindSummary, summarise_wind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,6 +78,26 @@ class WindBook:
         """All that was measured, each averaged over a slot, carried to cruise height."""
         measured = self.live.observations()
         return (*self.earlier, *(one.at_height(self.cruise_height_m, self.exponent) for one in measured))
+
+    def forecast_at(self, time_s: float, lat_deg: float, lon_deg: float, *, updated: bool) -> WindSummary:
+        """Summarise what the first forecast, or the updated one, says of cruise height at a place and an instant."""
+        ensemble = self.forecast(time_s) if updated else self.base
+        here = (Passage(lat_deg, lon_deg, time_s, time_s),)
+        return summarise_wind(ensemble, here, self.cruise_height_m, self.exponent)
+
+    def on_way(self, way: Sequence[tuple[float, float]], begin_s: float, duration_s: float) -> WindSummary:
+        """Summarise the winds expected along a way that is flown from an instant on, by the updated forecast."""
+        points = np.array(way)
+        length, bearing = geodesy.inverse(points[:-1, 0], points[:-1, 1], points[1:, 0], points[1:, 1])
+        ends = begin_s + duration_s * np.concatenate(([0.0], np.cumsum(length))) / max(float(length.sum()), 1.0)
+        lat, lon = geodesy.midpoint(points[:-1, 0], points[:-1, 1], bearing, length)
+        passages = [Passage(*map(float, one)) for one in zip(lat, lon, ends[:-1], ends[1:], strict=True)]
+        return summarise_wind(self.forecast(begin_s), passages, self.cruise_height_m, self.exponent)
+
+    @property
+    def origin(self) -> str:
+        """Where a wind that is told before a take-off comes from, for a person: it is never measured there and then."""
+        return "forecast, corrected by what earlier legs measured" if self.observations else "forecast"
 
     @property
     def source(self) -> str:

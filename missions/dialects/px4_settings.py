@@ -24,6 +24,8 @@ SETTINGS = Settings(
         Setting("data-link-action", "what it does without a data link", (Name("NAV_DLL_ACT"),)),
         Setting("data-link-timeout", "how long it waits for a data link, s", (Name("COM_DL_LOSS_T"),)),
         Setting("remote-control-exceptions", "where a lost remote control does not matter", (Name("COM_RCL_EXCEPT"),)),
+        Setting("remote-control-action", "what it does without a remote control", (Name("NAV_RCL_ACT"),)),
+        Setting("low-battery", "share of charge at low battery", (Name("BAT_LOW_THR"),)),
         Setting("low-battery-action", "what it does at critical battery", (Name("COM_LOW_BAT_ACT"),)),
         Setting("critical-battery", "share of charge at critical battery", (Name("BAT_CRIT_THR"),)),
         Setting("emergency-battery", "share of charge at emergency", (Name("BAT_EMERGEN_THR"),)),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
+import os
 import queue
 import signal
 import sys
@@ -14,6 +16,8 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+_MAX_TYPED = 200
+
 
 class Console:
     """Whoever types.
@@ -24,11 +28,20 @@ class Console:
         Whether anybody is to be asked; otherwise nobody is there.
     show : callable
         Takes a line for the person.
+    keys : bool
+        Read key by key at a terminal, for a panel that shows what is typed; `reading_keys` must be entered then.
+
+    Attributes
+    ----------
+    typed : str
+        The line that is being typed.
     """
 
-    def __init__(self, *, listens: bool, show: Callable[[str], None] = typer.echo) -> None:
+    def __init__(self, *, listens: bool, show: Callable[[str], None] = typer.echo, keys: bool = False) -> None:
         self.interrupts = 0
+        self.typed = ""
         self._show = show
+        self._keys = keys and listens and sys.stdin.isatty()
         self._words: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._ended = not listens
         if listens:
@@ -36,10 +49,50 @@ class Console:
 
     def _read(self) -> None:
         with contextlib.suppress(OSError, ValueError):
-            for line in sys.stdin:
-                if line.strip():
-                    self._words.put(line.strip())
+            if self._keys:
+                self._read_keys()
+            else:
+                for line in sys.stdin:
+                    self._say(line)
         self._ended = True
+
+    def _say(self, line: str) -> None:
+        if line.strip():
+            self._words.put(line.strip())
+
+    def _read_keys(self) -> None:
+        """Read key by key: what is typed stands in the panel, which the terminal's own echo would disturb."""
+        decoder = codecs.getincrementaldecoder("utf-8")(errors="replace")
+        while data := os.read(sys.stdin.fileno(), 1024):
+            for key in decoder.decode(data):
+                if key in "\r\n":
+                    line, self.typed = self.typed, ""
+                    self._say(line)
+                elif key in "\x7f\b":
+                    self.typed = self.typed[:-1]
+                elif key == "\x15":  # Ctrl-U
+                    self.typed = ""
+                elif key == "\x04" and not self.typed:  # Ctrl-D
+                    return
+                elif key.isprintable() and len(self.typed) < _MAX_TYPED:
+                    self.typed += key
+
+    @contextlib.contextmanager
+    def reading_keys(self) -> Iterator[None]:
+        """Have the terminal give each key at once, without an echo, where keys are read; as it was, at the end."""
+        if not self._keys:
+            yield
+            return
+        import termios
+        import tty
+
+        terminal = sys.stdin.fileno()
+        before = termios.tcgetattr(terminal)
+        tty.setcbreak(terminal)  # Ctrl-C stays a signal
+        try:
+            yield
+        finally:
+            termios.tcsetattr(terminal, termios.TCSADRAIN, before)
 
     @property
     def present(self) -> bool:

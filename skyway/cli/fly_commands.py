@@ -6,6 +6,7 @@ import json
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
+from zoneinfo import ZoneInfo
 
 import typer
 
@@ -14,20 +15,24 @@ from skyway.cli import options
 from skyway.cli.aboard import AsJson, Link, linked
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from datetime import datetime
 
     from link.mavlink_vehicle import MavlinkVehicle
+    from link.pads import TcpPads
     from link.supervisor import Mandate, Outcome
     from models.clock import Clock
     from models.pad_service import PadService
+    from models.services import Composition
     from skyway.cli.console import Console
+    from skyway.cli.flight_view import FlightView
 
 FLY_HELP = """Fly a plan leg by leg, learn the wind on the way, and plan anew where that is better.
 
 Before each leg a list is gone through, the mission is uploaded and read back, and a divert station is known for every
-point of the way. Everything is written into a journal; a flight that was interrupted goes on with --resume. The take-off
-is asked for once, with --manual each time. Ctrl-C lands and stays at the next station, twice leaves the vehicle alone.
+point of the way. Parameters that are set are told and asked for with the take-off: once, with --manual each time; they are
+restored at the end. Everything is written into a journal; a flight that was interrupted goes on with --resume. Ctrl-C stays
+where it stands, or lands and stays at the next station; twice in the air leaves the vehicle alone.
 
 \b
 Examples:
@@ -78,6 +83,9 @@ Elevation = Annotated[
     ),
 ]
 Keep = Annotated[bool, typer.Option("--keep-parameters", help="Set no parameter; stop where one will not do.")]
+NoRestore = Annotated[
+    bool, typer.Option("--no-restore", help="Leave the parameters that were set; otherwise restored at the end.")
+]
 
 
 @linked
@@ -99,62 +107,150 @@ def fly(
     release: Release = "gripper",
     elevation: Elevation = None,
     keep_parameters: Keep = False,
+    no_restore: NoRestore = False,
     as_json: AsJson = False,
 ) -> None:
     """Fly a plan (the help text is `FLY_HELP`)."""
-    from link.supervisor import Journal, Mandate, Supervisor
+    from link.supervisor import Mandate
     from missions.mission_options import MissionOptions
     from models.composition_file import load
-    from models.units import from_posix
     from planner.replan import DEFAULT_PLANNER, ReplanSettings
     from skyway import flying
     from skyway.cli.console import Console
     from skyway.cli.flight_view import view_for
-    from skyway.flight_report import write_report
 
-    if manual and yes:
-        raise InputError(Fault("--manual and --yes exclude each other", remedy="give one of them"))
-    if resume is not None and journal is not None:
-        raise InputError(Fault("--journal and --resume exclude each other", remedy="a resumed journal goes on"))
+    _refuse_together(
+        manual=manual, yes=yes, journal=journal, resume=resume, keep=keep_parameters, no_restore=no_restore
+    )
     options.refuse_overwriting(journal, report, force=False)
     begun = None if resume is None else _begun(resume)
     composition = load(plan)
     region = flying.scenario_of(composition, scenario)
+    if yes:
+        _refuse_questions(composition, pads, release)
+    _check_words(planner, wind, forecast)
+    service = _pad_service(pads)
     request = flying.request_of(composition, region)
-    view, take, say = view_for(as_json=as_json)
-    console = Console(listens=not yes, show=say)
+    how = MissionOptions(release=release, elevation_m=flying.heights(region, elevation))
     drag_model = flying.read_drag_file(drag)
-    heights = flying.heights(region, elevation)
-    with link.aboard() as vehicle:
-        clock = _clock(vehicle, console)
-        now = from_posix(clock.posix_s())
-        mandate = Mandate(
+
+    def mandate(now: datetime) -> Mandate:
+        return Mandate(
             composition=composition,
             scenario=region,
             request=request,
             forecast=options.wind_forecast(region, begun or now, wind, forecast, None, None),
-            options=MissionOptions(release=release, elevation_m=heights),
+            options=how,
             drag=drag_model,
             planner=planner or DEFAULT_PLANNER,
             replanning=None if no_replan else ReplanSettings(),
             asking="never" if yes else "each" if manual else "once",
             set_parameters=not keep_parameters,
-            manual_pads=pads == "manual",
+            restore_parameters=not no_restore,
+            manual_pads=service is None,
         )
-        if drag_model is None:
+
+    view = view_for(as_json=as_json, zone=ZoneInfo(region.timezone))
+    console = Console(listens=not yes, show=view.say, keys=view.lives)
+    view.typed = lambda: console.typed
+    with console.reading_keys(), view.shown():
+        outcome, path = _flown(
+            link, mandate, service, console, view, resume or journal, report, resumes=resume is not None
+        )
+    _end(outcome, path, report, as_json=as_json)
+
+
+def _flown(
+    link: Link,
+    mandate_at: Callable[[datetime], Mandate],
+    pads: TcpPads | None,
+    console: Console,
+    view: FlightView,
+    path: Path | None,
+    report: Path | None,
+    *,
+    resumes: bool,
+) -> tuple[Outcome, Path]:
+    """Connect and fly; returns how it ended, and where its journal is."""
+    from link.supervisor import Journal, Supervisor
+    from models.units import from_posix
+    from skyway.flight_report import write_report
+    from skyway.flying import journal_name
+
+    view.doing(f"connecting: {link.connect}")
+    with link.aboard() as vehicle:
+        view.doing("listening: telemetry, and the time of the vehicle")
+        clock = _clock(vehicle, console)
+        now = from_posix(clock.posix_s())
+        mandate = mandate_at(now)
+        if not (resumes or mandate.asking == "never" or console.present):
+            remedy = "type at a terminal, or --yes for rehearsals"
+            raise InputError(Fault("nobody can answer: standard input has ended", remedy=remedy))
+        if mandate.drag is None:
             console.tell("no --drag: the wind is taken as forecast, unless the autopilot itself tells it")
-        path = resume or journal or _journal_path(link.record, flying.journal_name(composition, now))
-        book = Journal(path, clock.posix_s, resume=resume is not None)
-        book.listeners.append(take)
+        path = path or _journal_path(link.record, journal_name(mandate.composition, now))
+        book = Journal(path, clock.posix_s, resume=resumes)
+        book.listeners.append(view.take)
         console.tell(f"journal: {path}")
         try:
-            with console.counting_interrupts(), view.shown(), _pads(pads, mandate, console, clock) as service:
-                outcome = Supervisor(mandate, vehicle, clock, service, console, book, resume=resume is not None).run()
+            with console.counting_interrupts(), _served(pads, mandate, console, clock) as service:
+                supervisor = Supervisor(
+                    mandate, vehicle, clock, service, console, book, resume=resumes, on_tick=view.tick
+                )
+                return supervisor.run(), path
         finally:
             book.close()
             if report is not None and book.count:  # also of a flight that broke off
-                write_report(path, report, scenario=region)
-    _end(outcome, path, report, as_json=as_json)
+                write_report(path, report, scenario=mandate.scenario)
+
+
+def _refuse_together(
+    *, manual: bool, yes: bool, journal: Path | None, resume: Path | None, keep: bool, no_restore: bool
+) -> None:
+    """Refuse options that contradict each other."""
+    if manual and yes:
+        raise InputError(Fault("--manual and --yes exclude each other", remedy="give one of them"))
+    if resume is not None and journal is not None:
+        raise InputError(Fault("--journal and --resume exclude each other", remedy="a resumed journal goes on"))
+    if keep and no_restore:
+        remedy = "--keep-parameters sets none, so nothing is left to be restored"
+        raise InputError(Fault("--keep-parameters and --no-restore exclude each other", remedy=remedy))
+
+
+def _refuse_questions(composition: Composition, pads: str, release: str) -> None:
+    """With --yes nobody is listened to: refuse what could only be answered by a person, and would be waited for."""
+    charges = [stop.station for stop in composition.stops if stop.recharge_s > 0.0]
+    if pads == "manual" and charges:
+        problem = f"--yes and --pads manual exclude each other: at {', '.join(charges)} nobody could say charged"
+        raise InputError(Fault(problem, field="--pads", value=pads, remedy="--pads tcp:HOST:PORT, or leave --yes out"))
+    if release == "operator":
+        problem = "--yes and --release operator exclude each other: nobody could say that the package is taken off"
+        raise InputError(
+            Fault(problem, field="--release", value=release, remedy="--release gripper, or leave --yes out")
+        )
+
+
+def _check_words(planner: str, wind: str | None, forecast: Path | None) -> None:
+    """Find out before a vehicle is spoken with what would fail in the midst of a delivery."""
+    from planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS
+
+    known = [name for name in PLANNERS if wind is not None or name not in CLAIRVOYANT_PLANNERS]
+    if planner and planner not in known:
+        problem = (
+            "needs the wind as it will be, which nobody knows in a flight" if planner in PLANNERS else "no such planner"
+        )
+        raise InputError(Fault(problem, field="--planner", value=planner, remedy=f"one of {', '.join(known)}"))
+    if wind is not None:
+        options.parse_wind(wind)
+    if forecast is not None and not forecast.is_file():
+        raise InputError(Fault("no such file", str(forecast), field="--forecast"))
+
+
+def _pad_service(pads: str) -> TcpPads | None:
+    """The pad service of an address; None where people tend the pads."""
+    from link.pads import TcpPads
+
+    return None if pads == "manual" else TcpPads(pads)
 
 
 def _clock(vehicle: MavlinkVehicle, console: Console) -> Clock:
@@ -189,13 +285,13 @@ def _journal_path(folder: Path, name: str) -> Path:
 
 
 @contextmanager
-def _pads(text: str, mandate: Mandate, console: Console, clock: Clock) -> Iterator[PadService]:
+def _served(pads: TcpPads | None, mandate: Mandate, console: Console, clock: Clock) -> Iterator[PadService]:
     """Serve the pads that were asked for, and hang up at the end."""
-    from link.pads import ManualPads, TcpPads
+    from link.pads import ManualPads
 
-    if text != "manual":
-        with closing(TcpPads(text)) as service:
-            yield service
+    if pads is not None:
+        with closing(pads):
+            yield pads
         return
     known = {station.id: station.pads for station in mandate.scenario.network.stations}
     yield ManualPads(console.ask, known, clock.posix_s)

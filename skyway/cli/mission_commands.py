@@ -46,7 +46,7 @@ def mission(
     plan: Annotated[Path, typer.Argument(help="Composition, as skyway plan writes it.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .plan or .waypoints.")],
     whole: Annotated[bool, typer.Option("--whole", help="All legs (the default).")] = False,
-    leg: Annotated[int | None, typer.Option("--leg", help="One leg alone, from 0.")] = None,
+    leg: Annotated[int | None, typer.Option("--leg", help="One leg alone, numbered from 1.")] = None,
     autopilot: Annotated[Autopilot, typer.Option(help="Who will fly it.")] = Autopilot.PX4,
     firmware: Annotated[
         str,
@@ -98,13 +98,23 @@ def mission(
     )
     composition, flown_by = load(plan), dialect(autopilot.value)
     if leg is not None:
-        export = leg_mission(composition, leg, flown_by, options)
+        export = leg_mission(composition, _leg_index(leg, len(composition.services)), flown_by, options)
     elif armed_hold:
         export = armed_mission(composition, flown_by, options)
     else:
         export = whole_mission(composition, flown_by, options)
     settings = dumps_for(flown_by, export.parameters, firmware or flown_by.released)
     _write_export(export, settings, output, force=force)
+
+
+def _leg_index(number: int, legs: int) -> int:
+    """Index of a leg that a person has typed: they count from 1."""
+    from models.errors import Fault, InputError
+
+    if not 1 <= number <= legs:
+        known = "the plan has one leg: 1" if legs == 1 else f"legs are numbered from 1: the plan has legs 1 to {legs}"
+        raise InputError(Fault("no such leg", field="--leg", value=number, remedy=known))
+    return number - 1
 
 
 def _elevations(given: Sequence[str]) -> dict[str, float]:
@@ -132,7 +142,7 @@ def _write_export(export: Export, parameters: str, output: Path, *, force: bool)
     count = len(export.documents)
     targets = [
         output if count == 1 else output.with_name(f"{output.stem}.leg{number}{output.suffix}")
-        for number in range(count)
+        for number in range(1, count + 1)
     ]
     settings = output.with_suffix(".param")
     planned = [file for pair in zip(export.documents, targets, strict=True) for file in files_of(*pair)]
@@ -326,9 +336,9 @@ def _print_report(report: CheckReport) -> None:
 
     for finding in report.findings:
         typer.echo(str(finding))
-    for number, leg in enumerate(report.legs):
+    for number, leg in enumerate(report.legs, start=1):
         cells = [
-            f"flight {number}: items {leg.item_from} to {leg.item_to}",
+            f"leg {number}: items {leg.item_from} to {leg.item_to}",
             f"{leg.distance_m / 1000:.2f} km",
         ]
         if leg.time_s is not None and leg.energy_j is not None and leg.soc_end is not None:

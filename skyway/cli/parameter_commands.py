@@ -1,7 +1,8 @@
-"""Commands about a vehicle's parameters: ``params get``, ``params set`` and ``params diff``."""
+"""Commands about a vehicle's parameters: ``params get``, ``params set``, ``params diff`` and ``params restore``."""
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,7 @@ import typer
 
 from skyway.cli.aboard import AsJson, Link, Yes, linked
 
-params = typer.Typer(help="Read, set and compare parameters.", no_args_is_help=True)
+params = typer.Typer(help="Read, set, compare and restore parameters.", no_args_is_help=True)
 
 
 @params.command("get")
@@ -97,3 +98,64 @@ def params_diff(
         typer.echo(f"{len(rows)} of {len(wanted)} differ" if rows else f"all {len(wanted)} are as the file says")
     if rows:
         raise typer.Exit(1)
+
+
+@params.command("restore")
+@linked
+def params_restore(
+    link: Link,
+    journal: Annotated[Path, typer.Argument(help="Journal of a flight: recordings/….jsonl.")],
+    yes: Yes = False,
+    as_json: AsJson = False,
+) -> None:
+    """Give a vehicle back the parameters that a flight has changed and not restored; each is read back.
+
+    A value that somebody has set since is left as it is.
+
+    \b
+    Examples:
+      skyway params restore recordings/delivery.jsonl --yes --connect tcp:127.0.0.1:5760
+    """  # noqa: D301
+    from datetime import UTC, datetime
+
+    from link.supervisor import Journal, read_journal
+    from link.supervisor.parameter_changes import changes_of, restore_all
+    from models.errors import CommandRefusedError, LinkError
+    from skyway.cli.link_report import print_json
+
+    records = read_journal(journal).records
+    changes = changes_of(records)
+    rows: list[dict[str, object]] = []
+    problem = ""
+    if changes.before:
+        with link.aboard() as vehicle:
+            if not yes:
+                rows = [
+                    {"name": name, "now": vehicle.parameter(name).value, "before": value, "done": "would be restored"}
+                    for name, value in changes.before.items()
+                ]
+            elif vehicle.armed:
+                raise CommandRefusedError(
+                    "restore parameters", "it is armed: its failsafes stay as they are in a flight"
+                )
+            else:
+                book = Journal(journal, lambda: datetime.now(UTC).timestamp(), resume=True)
+
+                def told(name: str, done: str, sentence: str, value: float) -> None:
+                    book.write(records[-1].state, "parameter", sentence, flight=records[-1].flight,
+                               data={"name": name, "done": done, "value": value})  # fmt: skip
+                    rows.append({"name": name, "now": value, "before": changes.before[name], "done": done})
+
+                with closing(book):
+                    problem = restore_all(vehicle, changes, told)
+    if as_json:
+        print_json("parameters-restore/1", ok=not problem, parameters=rows, problem=problem or None)
+    else:
+        for row in rows:
+            typer.echo(f"{row['name']}: {row['now']:.9g} (before the flight: {row['before']:.9g}) {row['done']}")
+        if not changes.before:
+            typer.echo("nothing to restore: the journal tells of no parameter that is still changed")
+        elif not yes:
+            typer.echo("add --yes to restore")
+    if problem:
+        raise LinkError(f"not all parameters were restored: {problem}")

@@ -168,9 +168,10 @@ def plan(
 
         _write(geojson, json.dumps(route_geojson(composition), indent=1) + "\n", force=force)
     if plot is not None:
+        from skyway.charge_band import charge_band
         from skyway.plot_map import plot_composition
 
-        plot_composition(composition, result.problem.scenario, plot)
+        plot_composition(composition, result.problem.scenario, plot, charge_band(result))
     from skyway.cli import plan_reasons
 
     if as_json:

@@ -51,6 +51,26 @@ def test_what_is_typed_wrongly_is_refused_before_anything_is_opened(planned, tmp
     assert "no such file" in told("--resume", "nowhere.jsonl")
     (tmp_path / "there.jsonl").write_text("")
     assert "exists already" in told("--journal", "there.jsonl")
+    assert "exclude each other" in told("--keep-parameters", "--no-restore")
+    assert "no such planner" in told("--planner", "fastest")
+    assert "nobody knows in a flight" in told("--planner", "exact")
+    assert "--wind" in told("--wind", "strong")
+    assert "no such file" in told("--forecast", "nowhere.csv")
+    assert "--pads" in told("--pads", "udp:here")
+    assert not (tmp_path / "recordings").exists()
+
+
+def test_what_only_a_person_could_answer_is_refused_where_nobody_is_listened_to(skyway, tmp_path):
+    longer = list(PLAN)
+    longer[longer.index("city-hall")] = "jacobi"
+    assert skyway(*longer).code == 0
+    answer = skyway("fly", "plan.json", *NOBODY, "--pads", "manual", "--yes")
+    assert answer.code == 2
+    assert "nobody could say charged" in answer.err
+    assert "--pads tcp:HOST:PORT" in answer.err
+    answer = skyway("fly", "plan.json", *NOBODY, "--pads", "tcp:127.0.0.1:1", "--yes", "--release", "operator")
+    assert answer.code == 2
+    assert "package is taken off" in answer.err
     assert not (tmp_path / "recordings").exists()
 
 
@@ -148,6 +168,11 @@ def typed(command, answers, cwd, longest_s=240.0):
     return code, said
 
 
+def held(there):
+    store = there.world.vehicles[1].autopilot.parameters
+    return {one.name: one.value for one in map(store.at, range(len(store)))}
+
+
 def fly_command(there, *more):
     return [
         sys.executable, "-m", "skyway", "fly", "plan.json", "--connect", f"tcp:127.0.0.1:{there.port}", "--pads", there.pads,
@@ -208,3 +233,70 @@ def test_json_is_a_record_a_line_and_the_outcome_at_the_end(planned, tmp_path):
     assert outcome["delivered"] is True
     assert outcome["station"] == "city-hall"
     assert "landed at city-hall" in run.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_from_a_pipe_that_has_ended_nobody_can_answer_and_that_is_said_at_once(autopilot, planned, tmp_path):
+    with Served(autopilot) as there:
+        begun = time.monotonic()
+        run = subprocess.run(
+            fly_command(there), cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120.0, check=False
+        )  # fmt: skip
+        assert time.monotonic() - begun < 60.0
+        assert there.world.vehicles[1].station() == "bellevue"
+    assert run.returncode == 2
+    assert "nobody can answer" in run.stderr
+
+
+@pytest.mark.slow
+def test_a_yes_from_a_pipe_is_an_answer_and_all_it_answers_to_stands_before_it(planned, tmp_path):
+    with Served("px4") as there:
+        run = subprocess.run(
+            fly_command(there), cwd=tmp_path, input="yes\n", capture_output=True, text=True, timeout=240.0, check=False
+        )
+    assert run.returncode == 0, run.stdout + run.stderr
+    before = run.stdout.split("yes or no?")[0]
+    for word in (
+        "connecting",
+        "home: ok",
+        "wind: ok",
+        "diverts on the way",
+        "MPC_XY_VEL_MAX 12 > 20",
+        "link to us lost",
+        "EDT",
+    ):
+        assert word in before, word
+    assert "parameters restored and read back" in run.stdout
+    assert "\x1b" not in run.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_ctrl_c_before_the_answer_leaves_it_on_the_ground_and_the_terminal_as_it_was(autopilot, planned, tmp_path):
+    with Served(autopilot) as there:
+        before = held(there)
+        code, said = typed(fly_command(there), [("yes or no?", "\x03")], tmp_path)
+        assert not there.world.vehicles[1].autopilot.armed
+        assert held(there) == before
+    assert code == 1, said
+    assert "Ctrl-C: the vehicle stays at bellevue, disarmed" in said
+
+
+@pytest.mark.slow
+def test_ctrl_c_while_it_connects_ends_it_at_once(planned, tmp_path):
+    command = fly_command(type("", (), {"port": 1, "pads": "tcp:127.0.0.1:1"}))
+    command[command.index("--connect") + 1] = f"udpin:127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
+    code, said = typed(command, [("connecting", "\x03")], tmp_path, 60.0)
+    assert code == 130, said
+    assert "interrupted" in said
+
+
+@pytest.mark.slow
+def test_the_panel_lives_before_the_vehicle_is_found(planned, tmp_path):
+    command = fly_command(type("", (), {"port": 1, "pads": "tcp:127.0.0.1:1"}))
+    command[command.index("--connect") + 1] = f"udpin:127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
+    code, said = typed(command, [], tmp_path, 60.0)
+    assert code == 3, said
+    assert "(0:03)" in said  # it counts the seconds
+    assert "no heartbeat" in said

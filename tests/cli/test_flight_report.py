@@ -350,6 +350,7 @@ def test_the_live_table_sets_expected_beside_actual(records):
     )
     assert rows["off the way"][1] == f"{track.data['cross_track_m']:.1f} m"
     assert "±" in rows["wind"][1]
+    assert re.fullmatch(r"\d+ \(\d+ to \d+\) m/s(, variable direction| from \d{3}°)", rows["wind"][0])
     assert f"{track.data['late_s']:+.0f} s" in rows["flight time"][1]
 
 

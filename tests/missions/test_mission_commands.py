@@ -49,13 +49,13 @@ def test_a_composition_becomes_one_plan_for_px4_with_its_parameters(run, plan_js
 
 def test_ardupilot_gets_a_mission_per_leg_with_fence_and_rally_files(run, plan_json, tmp_path):
     result = run("mission", plan_json, "-o", "out.waypoints", "--autopilot", "ardupilot", "--whole")
-    assert written(result)[:3] == ["out.leg0.waypoints", "out.leg0.fence.waypoints", "out.leg0.rally.waypoints"]
-    assert mission_file.read(tmp_path / "out.leg1.waypoints").fence.polygons
+    assert written(result)[:3] == ["out.leg1.waypoints", "out.leg1.fence.waypoints", "out.leg1.rally.waypoints"]
+    assert mission_file.read(tmp_path / "out.leg2.waypoints").fence.polygons
     assert "RALLY_LIMIT_KM,0" in (tmp_path / "out.param").read_text()
 
 
 def test_one_leg_alone(run, plan_json, tmp_path):
-    assert run("mission", plan_json, "-o", "leg.plan", "--leg", "1", "--width", "0").exit_code == 0
+    assert run("mission", plan_json, "-o", "leg.plan", "--leg", "2", "--width", "0").exit_code == 0
     document = mission_file.read(tmp_path / "leg.plan")
     assert len(document.mission.items) == 7
     assert not document.fence
@@ -78,9 +78,11 @@ def test_nothing_is_overwritten_without_force(run, plan_json, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--leg", "7"], "no such leg"),
-        (["--leg", "0", "--whole"], "exclude each other"),
-        (["--leg", "0", "--armed-hold"], "exclude each other"),
+        (["--leg", "7"], "legs are numbered from 1: the plan has legs 1 to 2"),
+        (["--leg", "0"], "legs are numbered from 1"),
+        (["--leg", "-1"], "legs are numbered from 1"),
+        (["--leg", "1", "--whole"], "exclude each other"),
+        (["--leg", "1", "--armed-hold"], "exclude each other"),
         (["--width", "3"], "is not between 20"),
         (["--elevation", "mast"], "is not ID=METRES"),
         (["--elevation", "mast=high"], "is not ID=METRES"),
@@ -161,7 +163,7 @@ def test_a_sound_mission_checks_with_exit_code_0(run, plan_json):
     result = run("check", "out.plan", "--drone", "m200-v2", "--wind", "5@270", "--payload", "1")
     assert result.exit_code == 0
     assert result.stdout.splitlines()[-1] == "ok"
-    assert "flight 0: items 0 to 5" in result.stdout
+    assert "leg 1: items 0 to 5" in result.stdout
 
 
 def test_errors_give_exit_code_1_and_json_says_the_same(run, plan_json):

@@ -1,0 +1,82 @@
+"""What the vehicle says in words (STATUSTEXT): shown when it is new, counted when it is said again."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+NOTICE = 5
+"""MAV_SEVERITY from which on (downwards) a person is told: emergency 0 to notice 5; info 6 and debug 7 are journaled."""
+SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
+AGAIN_S = 30.0
+"""A text that goes on being said is told again after so long, then after twice as long, and so on."""
+_QUIET_S = 600.0
+"""One that was not said for so long counts as new."""
+_MAX_TEXTS = 500
+_FIGURE = re.compile(r"[-+]?\d+\.\d+")
+
+
+@dataclass(slots=True)
+class Said:
+    """One text, said once or more.
+
+    Attributes
+    ----------
+    text : str
+        As it was said last.
+    severity : int
+        MAV_SEVERITY.
+    count : int
+        How often.
+    """
+
+    text: str
+    severity: int
+    count: int = 0
+    heard_s: float = -math.inf
+    told_s: float = -math.inf
+    told_count: int = 0
+    wait_s: float = AGAIN_S
+
+    def __str__(self) -> str:
+        times = f" ({self.count} times)" if self.count > 1 else ""
+        return f"{self.text}{times}"
+
+
+@dataclass(slots=True)
+class TextLog:
+    """The texts of one vehicle.
+
+    Texts that differ only in a figure with a decimal point count as the same one.
+    """
+
+    latest: Said | None = None
+    _said: dict[str, Said] = field(default_factory=dict)
+
+    def hear(self, texts: Iterable[tuple[int, str]], now_s: float) -> list[Said]:
+        """Take what was said since the last time; returns what a person, or the journal, is to be told now."""
+        for severity, text in texts:
+            key = _FIGURE.sub("#", text)
+            said = self._said.get(key)
+            if said is None or now_s > said.heard_s + _QUIET_S:
+                said = self._said[key] = Said(text, severity)
+            said.text, said.severity, said.heard_s = text, severity, now_s
+            said.count += 1
+            self.latest = said
+        while len(self._said) > _MAX_TEXTS:
+            del self._said[next(iter(self._said))]
+        return list(self._due(now_s))
+
+    def _due(self, now_s: float) -> Iterator[Said]:
+        for said in self._said.values():
+            if said.count == said.told_count or now_s < said.told_s + (said.wait_s if said.told_count else 0.0):
+                continue
+            if said.told_count:
+                said.wait_s *= 2.0
+            said.told_s, said.told_count = now_s, said.count
+            yield said
