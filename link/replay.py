@@ -17,12 +17,12 @@ from link.flight_monitor import FlightMonitor, WindTally, pieces
 from link.logs.log import MAX_EVENTS, LogEvent
 from link.replay_monitors import PERIOD_S, Leg, Notice, PhaseEnergy
 from link.replay_vehicle import VehicleView, no_wind, vehicle_of
-from models.airspeed import AirspeedModel
 from models.calibration_airspeed import identify_airspeed
 from models.calibration_wind import identify_drag
 from models.errors import Fault, InputError
 from models.wind_filter_blocks import BlockMaker, Blocks
 from models.wind_filter_live import NOMINAL_DRAG, LiveWind
+from models.wind_filter_measurement import PLAIN_SENSOR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from link.flight_monitor import Listener
     from link.logs.log import Log, LogSummary
     from link.logs.vehicle_kind import Kind, Vehicle
+    from models.airspeed import AirspeedModel
     from models.drag import DragModel
     from models.drag_monitor import DragCheck
     from models.energy import Phase
@@ -263,7 +264,7 @@ class _Air:
 
 def _find_air(log: Log, system: int | None, asked: ReplayOptions, vehicle: Vehicle) -> _Air:
     """Take what was given, and look for the rest in the whole log."""
-    plain = AirspeedModel()
+    plain = PLAIN_SENSOR
     nothing = no_wind(vehicle)
     if nothing:
         return _Air(None, "none", plain, "plain", nothing)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.airspeed import AirspeedModel
-from models.calibration_wind import course_spread_deg
+from models.calibration_wind import MIN_SPREAD_DEG, course_spread_deg
 from models.wind_filter_measurement import MIN_AIRSPEED_MPS
 
 if TYPE_CHECKING:
@@ -31,8 +31,9 @@ KNOT_S = 120.0
 KNOT_SIGMA_MPS = 1.5
 """How much it may change from knot to knot."""
 SIGMA_MPS = 0.7
-MIN_SPREAD_DEG = 60.0
 MAX_FACTOR_SIGMA = 0.03
+ALIKE = 10.0
+"""How many neighbouring seconds of side slip are as good as one."""
 STEADY_RAD_S = math.radians(8.0)
 """The heading is compared where the course turns no faster than this."""
 
@@ -89,6 +90,8 @@ def identify_airspeed(air: Blocks) -> AirspeedFit:
         heading_offset_rad=offset,
         sigma_mps=float(np.clip(scatter, 0.2, 3.0)),
         slip_sigma_rad=slip_sigma,
+        factor_sigma=sigma,
+        heading_sigma_rad=slip_sigma / math.sqrt(max(float(steady.sum()) / ALIKE, 1.0)),
     )
     reason = f"found from {len(part)} s on wings on courses that differ by {spread:.0f}°"
     return AirspeedFit(reason, model, sigma, north, east)

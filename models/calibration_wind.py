@@ -35,6 +35,8 @@ FAST_MPS = 8.0
 """Quadratic drag is fitted where airspeeds differ by more than this."""
 MIN_BLOCKS = 60
 MIN_SPEED_MPS = 3.0
+MIN_SPREAD_DEG = 60.0
+"""On courses that differ by less, drag and wind are told apart by nothing but take-off and landing."""
 MAX_RELATIVE_SIGMA = 0.20
 """A drag that is less sure than this is not identified."""
 
@@ -50,7 +52,7 @@ class DragFit:
     reason : str
         Why not, or what it was found from.
     drag : DragModel or None
-        None where it was not identified.
+        As sure as it is for this flight; `models.drag.DragModel.another_flight` for the next. None where it was not identified.
     relative_sigma : float
         Relative standard deviation of the drag at the typical airspeed; infinite where nothing was fitted.
     wind_north_mps, wind_east_mps : float
@@ -101,11 +103,11 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
         return DragFit(identified=False, reason=reason, course_spread_deg=spread, blocks=count)
     fit = _Fit(time_s, velocity, drag, yaw, quadratic=_spread(velocity) > FAST_MPS)
     model, relative, wind = fit.solve(period_s)
-    if relative > MAX_RELATIVE_SIGMA or model is None:
-        turn = (
-            "" if spread >= 60.0 else f"; the courses flown differ by {spread:.0f}° only: fly out and back, or a circle"
-        )
-        reason = f"the drag is uncertain by {relative:.0%} (limit {MAX_RELATIVE_SIGMA:.0%}){turn}"
+    one_course = spread < MIN_SPREAD_DEG
+    if relative > MAX_RELATIVE_SIGMA or model is None or one_course:
+        turn = f"the courses flown differ by {spread:.0f}° only: fly out and back, or a circle"
+        unsure = f"the drag is uncertain by {relative:.0%} (limit {MAX_RELATIVE_SIGMA:.0%})"
+        reason = "; ".join([unsure] * (relative > MAX_RELATIVE_SIGMA) + [turn] * one_course)
         return DragFit(
             identified=False,
             reason=reason,
@@ -156,7 +158,11 @@ def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0
     if linear <= 0.0:
         raise InputError("the drone does not lean against the wind that is given")
     residual = air.drag[good] - linear * (air.velocity - wind)[good]
-    return DragModel(linear_per_s=linear, sigma_mps2=float(np.sqrt((residual**2).mean())), period_s=period_s)
+    return DragModel(
+        linear_per_s=linear,
+        sigma_mps2=float(np.sqrt((residual**2).mean())),
+        period_s=period_s,
+    )
 
 
 def tune_filter(
@@ -249,6 +255,8 @@ class _Fit:
         value = float(c1 + c2 * typical)
         relative = math.sqrt(max(float(slope @ covariance @ slope), 0.0)) / value
         mean = wind.mean(axis=0)
+        number = int(free[:2].sum())  # places of the two biases among what was free
+        level = math.sqrt(max(0.5 * float(np.trace(covariance[number : number + 2, number : number + 2])), 0.0))
         model = DragModel(
             linear_per_s=float(c1),
             quadratic_per_m=float(max(c2, 0.0)),
@@ -257,6 +265,7 @@ class _Fit:
             sigma_mps2=float(np.clip(_white(left, period_s) * self.sigma, 0.05, 3.0)),
             period_s=period_s,
             relative_sigma=float(min(relative, 1.0)),
+            bias_sigma_mps2=float(min(level, 5.0)),
         )
         return (model if math.isfinite(relative) else None), relative, (float(mean[0]), float(mean[1]))
 

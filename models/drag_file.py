@@ -30,14 +30,18 @@ class AirFile:
 
 
 def drag_file(drag: DragModel | None, notes: Sequence[str] = (), airspeed: AirspeedModel | None = None) -> str:
-    """Write a drag, an airspeed sensor, or both as TOML, with notes as comments."""
+    """Write a drag, an airspeed sensor, or both as TOML, with notes as comments, as sure as they are for another flight."""
     lines = [*(f"# {note}" for note in notes), f'schema = "{SCHEMA}"']
     if drag is not None:
+        drag = drag.another_flight()
         lines += [f"{item.name} = {float(getattr(drag, item.name))!r}" for item in fields(drag)]
     if airspeed is not None:
+        airspeed = airspeed.another_flight()
         lines += ["", "[airspeed]", f"factor = {airspeed.factor!r}"]
         lines += [f"heading_offset_deg = {math.degrees(airspeed.heading_offset_rad)!r}"]
         lines += [f"sigma_mps = {airspeed.sigma_mps!r}", f"slip_sigma_deg = {math.degrees(airspeed.slip_sigma_rad)!r}"]
+        lines += [f"factor_sigma = {airspeed.factor_sigma!r}"]
+        lines += [f"heading_sigma_deg = {math.degrees(airspeed.heading_sigma_rad)!r}"]
     return "\n".join(lines) + "\n"
 
 
@@ -77,7 +81,7 @@ def read_air(path: Path) -> AirFile:
 
 
 def _drag(top: Table) -> dict[str, float]:
-    known = DragModel()
+    known = DragModel().another_flight()
     return {
         "linear_per_s": top.number("linear_per_s", low=0.0, high=10.0),
         "quadratic_per_m": top.number("quadratic_per_m", 0.0, low=0.0, high=10.0),
@@ -85,17 +89,22 @@ def _drag(top: Table) -> dict[str, float]:
         "bias_right_mps2": top.number("bias_right_mps2", 0.0, low=-5.0, high=5.0),
         "sigma_mps2": top.number("sigma_mps2", known.sigma_mps2, above=0.0, high=20.0),
         "period_s": top.number("period_s", known.period_s, low=0.1, high=60.0),
-        "relative_sigma": top.number("relative_sigma", 0.0, low=0.0, high=1.0),
+        "relative_sigma": top.number("relative_sigma", known.relative_sigma, low=0.0, high=1.0),
+        "bias_sigma_mps2": top.number("bias_sigma_mps2", known.bias_sigma_mps2, low=0.0, high=5.0),
     }
 
 
 def _airspeed(part: Table) -> dict[str, float]:
-    known = AirspeedModel()
+    known = AirspeedModel().another_flight()
     values = {
         "factor": part.number("factor", 1.0, low=0.2, high=5.0),
         "heading_offset_rad": math.radians(part.number("heading_offset_deg", 0.0, low=-180.0, high=180.0)),
         "sigma_mps": part.number("sigma_mps", known.sigma_mps, above=0.0, high=20.0),
         "slip_sigma_rad": math.radians(part.number("slip_sigma_deg", 5.0, above=0.0, high=90.0)),
+        "factor_sigma": part.number("factor_sigma", known.factor_sigma, low=0.0, high=1.0),
+        "heading_sigma_rad": math.radians(
+            part.number("heading_sigma_deg", math.degrees(known.heading_sigma_rad), low=0.0, high=180.0)
+        ),
     }
     part.finish()
     return values

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.calibration_wind import course_spread_deg
+from models.calibration_wind import MIN_SPREAD_DEG, course_spread_deg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-MIN_SPREAD_DEG = 60.0
 MIN_POINTS = 30
 TOLERANCE = 0.10
 """A factor closer to 1 than this is not worth telling."""

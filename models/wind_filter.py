@@ -17,9 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from models import wind_filter_systematic as systematic
 from models.errors import Fault, InputError
 from models.wind import speed_from
 from models.wind_filter_health import HEALTH_CORRELATION, HEALTH_WINDOW, ConsistencyMonitor
+from models.wind_filter_systematic import Dependence
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -28,6 +30,10 @@ if TYPE_CHECKING:
 
 GATE_99 = 9.21034037197618
 """99 % quantile of chi-squared with 2 degrees of freedom: -2 ln 0.01."""
+STATES = 4 + systematic.COUNT
+"""Slow wind (north, east), gust (north, east), and the systematic errors of the measurements."""
+WIND = np.concatenate([np.eye(2), np.eye(2), np.zeros((2, systematic.COUNT))], axis=1)
+"""The wind of a state: slow part and gust, shape (2, STATES)."""
 HELD_AFTER_S = 30.0
 """An estimate to which nothing was measured for so long is called held."""
 
@@ -133,6 +139,9 @@ class WindFilter:
         Forecast at the start, TOWARDS.
     settings : WindFilterSettings
         How the wind wanders.
+    systematic_sigma : array_like, shape (systematic.COUNT,), optional
+        Standard deviation of each error that stays the same through the flight (`models.wind_filter_systematic`); by default
+        the measurements have none.
 
     Attributes
     ----------
@@ -143,7 +152,12 @@ class WindFilter:
     """
 
     def __init__(
-        self, start_s: float, north_mps: float, east_mps: float, settings: WindFilterSettings | None = None
+        self,
+        start_s: float,
+        north_mps: float,
+        east_mps: float,
+        settings: WindFilterSettings | None = None,
+        systematic_sigma: ArrayLike | None = None,
     ) -> None:
         from filterpy.kalman import KalmanFilter
 
@@ -153,11 +167,17 @@ class WindFilter:
         self.last_nis = math.nan
         self._forecast = (north_mps, east_mps)
         self._last_used_s: float | None = None
+        self._scaled_by = (-1, -1)
         self._rejected: list[tuple[float, NDArray[np.float64]]] = []
-        self._filter: Any = KalmanFilter(dim_x=4, dim_z=2, dim_u=4)
-        self._filter.x = np.array([[north_mps], [east_mps], [0.0], [0.0]])
+        sigma = (
+            np.zeros(systematic.COUNT) if systematic_sigma is None else np.asarray(systematic_sigma, dtype=np.float64)
+        )
+        self._systematic_variance = sigma**2
+        self._filter: Any = KalmanFilter(dim_x=STATES, dim_z=2, dim_u=STATES)
+        self._filter.x = np.zeros((STATES, 1))
+        self._filter.x[:2, 0] = north_mps, east_mps
         self._filter.P = np.diag(self._variances())
-        self._filter.H = np.concatenate([np.eye(2), np.eye(2)], axis=1)
+        self._filter.H = WIND
 
     def predict(self, time_s: float, forecast: tuple[float, float] | None = None) -> WindEstimate:
         """Let time pass, under the forecast for that time where it is given; time that goes backwards stands still."""
@@ -168,21 +188,25 @@ class WindFilter:
         """Do what `predict` does without an answer."""
         self._forecast = forecast or self._forecast
         step_s = max(time_s - self.time_s, 0.0)
-        slow, gust = (math.exp(-step_s / tau_s) for tau_s in (self.settings.tau_s, self.settings.gust_tau_s))
-        keep = np.array([slow, slow, gust, gust])
+        taus = (self.settings.tau_s, self.settings.gust_tau_s, systematic.TAU_S)
+        keep = np.repeat([math.exp(-step_s / tau_s) for tau_s in taus], (2, 2, systematic.COUNT))
         noise = np.diag((1.0 - keep**2) * self._variances())
-        target = np.array([[self._forecast[0]], [self._forecast[1]], [0.0], [0.0]])
+        target = np.zeros((STATES, 1))
+        target[:2, 0] = self._scale() @ self._forecast
         self._filter.predict(u=target, B=np.diag(1.0 - keep), F=np.diag(keep), Q=noise)
         self.time_s = max(time_s, self.time_s)
 
     def _variances(self) -> NDArray[np.float64]:
-        """Stationary variances of the slow wind and of the gusts that go with it, shape (4,)."""
+        """Stationary variances of the slow wind, of the gusts that go with it, and of systematic errors, shape (STATES,)."""
         given = self.settings
         speed = math.hypot(float(self._filter.x[0, 0]), float(self._filter.x[1, 0]))
         gust = max(given.gust_intensity * speed, given.gust_floor_mps)
-        return np.array([given.sigma_mps**2, given.sigma_mps**2, gust**2, gust**2])
+        wind = [given.sigma_mps**2, given.sigma_mps**2, gust**2, gust**2]
+        return np.concatenate([wind, self._systematic_variance])
 
-    def update(self, wind: tuple[float, float], noise: ArrayLike) -> bool:
+    def update(
+        self, wind: tuple[float, float], noise: ArrayLike, depends: Dependence | None = None, row: int = 0
+    ) -> bool:
         """Take a measurement for the present time.
 
         Parameters
@@ -190,7 +214,9 @@ class WindFilter:
         wind : (float, float)
             (north, east) TOWARDS, m/s; not finite is no measurement.
         noise : array_like, shape (2, 2) or scalar
-            Its covariance, m2/s2.
+            Covariance of what is new in it, m2/s2.
+        depends, row : Dependence, int, optional
+            How it depends on the systematic errors: that row of `depends`; by default it does not.
 
         Returns
         -------
@@ -202,7 +228,9 @@ class WindFilter:
         if not (np.isfinite(measured).all() and np.isfinite(covariance).all()):
             return False
         covariance = np.eye(2) * covariance if covariance.ndim == 0 else covariance
-        seen = self._filter.H
+        seen = WIND.copy()
+        if depends is not None:
+            seen[:, 4:] = depends.sensitivity[row]
         innovation = measured - seen @ self._filter.x
         spread = seen @ self._filter.P @ seen.T + covariance
         nis = (innovation.T @ np.linalg.solve(spread, innovation)).item()
@@ -213,9 +241,19 @@ class WindFilter:
                 return False
             self.health.restart()
         self._rejected.clear()
-        self._filter.update(measured, R=covariance)
+        self._filter.update(measured, R=covariance, H=seen)
         self._last_used_s = self.time_s
+        if depends is not None and depends.scale[row] >= 0:
+            self._scaled_by = int(depends.scale[row]), int(depends.turn[row])
         return True
+
+    def _scale(self) -> NDArray[np.float64]:
+        """Return the matrix k R(o) by which the sensor that was used last scales and turns the wind, shape (2, 2)."""
+        scale, turn = self._scaled_by
+        errors = self._filter.x[4:, 0]
+        size = max(1.0 + float(errors[scale]), systematic.LEAST_SCALE) if scale >= 0 else 1.0
+        angle = float(errors[turn]) if turn >= 0 else 0.0
+        return size * np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
     def _persuaded(self, innovation: NDArray[np.float64]) -> bool:
         """Count a rejection; after too many of them in a row widen the covariance of the slow wind."""
@@ -230,16 +268,24 @@ class WindFilter:
     @property
     def estimate(self) -> WindEstimate:
         """The wind now, gust included."""
-        return self._estimate(self._filter.H)
+        return self._estimate(WIND)
 
     @property
     def steady(self) -> WindEstimate:
         """The slow part of the wind, which lasts when the gust is over."""
-        return self._estimate(np.eye(2, 4))
+        return self._estimate(np.eye(2, STATES))
 
     def _estimate(self, seen: NDArray[np.float64]) -> WindEstimate:
-        (north,), (east,) = (seen @ self._filter.x).tolist()
-        (var_north, covariance), (_, var_east) = (seen @ self._filter.P @ seen.T).tolist()
+        """Tell the wind R(-o) s / k of a part s of the state, by the derivative of which the covariance follows."""
+        scale, turn = self._scaled_by
+        unscale = np.linalg.inv(self._scale())
+        north, east = (unscale @ seen @ self._filter.x)[:, 0].tolist()
+        slope = unscale @ seen
+        if scale >= 0:
+            slope[:, 4 + scale] -= np.array([north, east]) * math.hypot(*unscale[:, 0].tolist())
+        if turn >= 0:
+            slope[:, 4 + turn] -= np.array([-east, north])
+        (var_north, covariance), (_, var_east) = (slope @ self._filter.P @ slope.T).tolist()
         source = "forecast"
         if self._last_used_s is not None:
             source = "measured" if self.time_s - self._last_used_s <= HELD_AFTER_S else "held"
@@ -323,6 +369,8 @@ def filter_log(
     noise: NDArray[np.float64],
     forecast: NDArray[np.float64],
     settings: WindFilterSettings | None = None,
+    depends: Dependence | None = None,
+    systematic_sigma: NDArray[np.float64] | None = None,
 ) -> FilteredWind:
     """Run the filter over a whole log at once; the same answer as `WindFilter`, thousands of times faster.
 
@@ -334,6 +382,8 @@ def filter_log(
         Measurements (NaN: none) and their covariances (north-north, north-east, east-east).
     forecast : ndarray, shape (2,) or (n, 2)
         What the wind reverts to.
+    depends, systematic_sigma : Dependence, ndarray of shape (systematic.COUNT,), optional
+        How the measurements depend on systematic errors, and how large these may be; by default there are none.
     """
     from models.wind_filter_kernels import run_filter
 
@@ -342,11 +392,17 @@ def filter_log(
     result = FilteredWind.empty(count)
     result.time_s[:] = time_s
     result.forecast[:] = forecast
+    sigma = np.zeros(0) if systematic_sigma is None else np.asarray(systematic_sigma, dtype=np.float64)
+    depends = Dependence.none(count, len(sigma)) if depends is None or not len(sigma) else depends
     run_filter(
         result.time_s,
         np.ascontiguousarray(wind, dtype=np.float64),
         np.ascontiguousarray(noise, dtype=np.float64),
         result.forecast,
+        np.ascontiguousarray(depends.sensitivity[:, :, : len(sigma)]),
+        depends.scale,
+        depends.turn,
+        sigma,
         (
             given.tau_s,
             given.sigma_mps,

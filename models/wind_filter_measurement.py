@@ -23,7 +23,8 @@ AUTOPILOT_EVERY_S = 10.0
 """The autopilot's estimate is a filtered one: it is taken this often and no oftener."""
 SAME_SENSOR_S = 30.0
 """Where airspeed told the wind so shortly before, the autopilot's estimate is made of the same and not taken again."""
-PLAIN_SENSOR = AirspeedModel()
+PLAIN_SENSOR = AirspeedModel(factor_sigma=0.08, heading_sigma_rad=math.radians(6.0))
+"""A sensor that nobody has calibrated, as it reads."""
 MIN_AIRSPEED_MPS = 8.0
 """Below this a plane does not fly on its wings."""
 
@@ -41,12 +42,18 @@ class Measurements:
         Covariance: north-north, north-east, east-east.
     source : ndarray of str, shape (n,)
         ``tilt``, ``airspeed`` or ``autopilot``.
+    velocity : ndarray, shape (n, 2)
+        Over the ground, (north, east), m/s.
+    yaw_rad : ndarray, shape (n,)
+        Heading.
     """
 
     time_s: NDArray[np.float64]
     wind: NDArray[np.float64]
     noise: NDArray[np.float64]
     source: NDArray[np.str_]
+    velocity: NDArray[np.float64]
+    yaw_rad: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -150,11 +157,18 @@ def measurements(
         np.concatenate([part.wind for part in parts])[order],
         np.concatenate([part.noise for part in parts])[order],
         np.concatenate([part.source for part in parts])[order],
+        np.concatenate([part.velocity for part in parts])[order],
+        np.concatenate([part.yaw_rad for part in parts])[order],
     )
 
 
 def _chosen(
-    air: Blocks, wind: NDArray[np.float64], noise: NDArray[np.float64], where: NDArray[np.bool_], source: str
+    air: Blocks,
+    wind: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    where: NDArray[np.bool_],
+    source: str,
 ) -> Measurements:
     good = where & np.isfinite(wind).all(axis=1) & np.isfinite(noise).all(axis=1)
-    return Measurements(air.time_s[good], wind[good], noise[good], np.full(int(good.sum()), source))
+    named = np.full(int(good.sum()), source)
+    return Measurements(air.time_s[good], wind[good], noise[good], named, air.velocity[good], air.yaw_rad[good])

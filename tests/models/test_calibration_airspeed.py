@@ -72,7 +72,7 @@ def test_a_file_reads_back_what_was_written(tmp_path, drag):
     path = tmp_path / "drag.toml"
     path.write_text(drag_file(drag, ["found in flight.tlog"], model))
     found = read_air(path)
-    assert found.drag == drag
+    assert found.drag == (None if drag is None else drag.another_flight())
     assert found.airspeed.factor == model.factor
     assert found.airspeed.heading_offset_rad == pytest.approx(model.heading_offset_rad)
     if drag is None:
