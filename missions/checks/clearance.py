@@ -47,6 +47,21 @@ class _Knot:
 
 def check_clearance(mission: Mission, route: Route, stations: Sequence[Station]) -> Iterator[Finding]:
     """Check every flight between the places whose ground is known."""
+    for leg, knots in _flights(mission, route, stations):
+        yield from _check_flight(knots, _own_clearance(leg, knots))
+
+
+def items_over_stations(mission: Mission, route: Route, stations: Sequence[Station]) -> frozenset[int]:
+    """Items over known ground: how high above it they are is judged here, not by the heights of the ends."""
+    if not stations:
+        return frozenset()
+    flights = _flights(mission, route, stations)
+    return frozenset(knot.item for _, knots in flights for knot in knots[1:] if knot.ground_m)
+
+
+def _flights(
+    mission: Mission, route: Route, stations: Sequence[Station]
+) -> Iterator[tuple[RouteLeg, tuple[_Knot, ...]]]:
     near = NearStations(stations)
     start_m = 0.0
     home_m = mission.home.altitude_m if mission.home is not None else None
@@ -54,9 +69,8 @@ def check_clearance(mission: Mission, route: Route, stations: Sequence[Station])
         # where home is above sea level, so that the stations on the way can be compared with the heights
         at_start_m = near.ground_m(leg.start)
         zero_m = home_m if at_start_m is None else at_start_m - start_m
-        knots = _knots(mission, leg, start_m, zero_m, near)
-        yield from _check_flight(knots, _own_clearance(leg, knots))
-        start_m = (_landing_ground_m(mission, leg) or 0.0) if leg.ground_hold_s is not None else 0.0
+        yield leg, _knots(mission, leg, start_m, zero_m, near)
+        start_m = next_ground_m(mission, leg)
         if leg.ground_hold_s is None:
             home_m = None  # home moves at the next arming, and only a station tells how high it is there
 
@@ -68,7 +82,7 @@ def _knots(
     steps = leg.steps[:-1] if leg.landing == "return" else leg.steps  # the height of a return is the vehicle's own
     if leg.start is None or not steps:
         return ()
-    landing_m = _landing_ground_m(mission, leg)
+    landing_m = landing_ground_m(mission, leg)
     lat, lon = np.array([step.point.lat for step in steps]), np.array([step.point.lon for step in steps])
     from_start, _ = geodesy.inverse(leg.start.lat, leg.start.lon, lat, lon)
     to_end, _ = geodesy.inverse(lat[-1], lon[-1], lat, lon)
@@ -92,7 +106,12 @@ def _height_m(mission: Mission, step: Step) -> float:
     return math.nan if mission.items[step.item].frame in _TERRAIN else step.height_m
 
 
-def _landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
+def next_ground_m(mission: Mission, leg: RouteLeg) -> float:
+    """Ground that the next flight leaves, as it counts heights: 0 where home moved there, or nothing is known."""
+    return (landing_ground_m(mission, leg) or 0.0) if leg.ground_hold_s is not None else 0.0
+
+
+def landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
     """Ground of the landing, where its altitude says so: many files carry any altitude there.
 
     Below zero it can be nothing else; above, only where the vehicle comes down to it from straight above.
@@ -112,11 +131,11 @@ def _landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
 
 
 def _own_clearance(leg: RouteLeg, knots: Sequence[_Knot]) -> float:
-    """Least height that the mission keeps over the two ends of a flight; 0 where an end is not known."""
-    if leg.landing != "land" or len(knots) < 2:
+    """Least height that the mission keeps where it knows the ground; 0 where an end is not known."""
+    if leg.landing != "land" or len(knots) < 2 or knots[1].ground_m is None or knots[-1].ground_m is None:
         return 0.0
-    ends = [knot.height_m - knot.ground_m for knot in (knots[1], knots[-1]) if knot.ground_m is not None]
-    return max(0.0, min(ends)) if len(ends) == 2 and all(map(math.isfinite, ends)) else 0.0
+    over = [knot.height_m - knot.ground_m for knot in knots[1:] if knot.ground_m is not None]
+    return max(0.0, min(over)) if all(map(math.isfinite, over)) else 0.0
 
 
 def _check_flight(knots: Sequence[_Knot], own_m: float) -> Iterator[Finding]:
@@ -150,7 +169,9 @@ def _check_segment(way: Sequence[_Knot], own_m: float) -> Iterator[Finding]:
 def _check_open_end(known: _Knot, other: _Knot) -> Iterator[Finding]:
     """Judge a way between a place of known ground and one of unknown ground."""
     ground = known.ground_m
-    if ground and known.height_m > ground >= other.height_m:  # 0 is told by the check of heights
+    if ground and known.height_m <= ground:  # 0 is told by the check of heights
+        yield _finding("error", known.item, known.height_m, ground, 0.0)
+    elif ground and other.height_m <= ground:
         yield _finding("warning", other.item, other.height_m, ground, 0.0)
 
 

@@ -7,17 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from missions.checks.clearance import items_over_stations, next_ground_m
 from missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
 from missions.finding import Finding
 from models import geodesy
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from missions.checks.route import Route, RouteLeg, Step
     from missions.document import MissionDocument
     from missions.mission import Mission, MissionItem
     from models.drone import Drone
+    from models.network import Station
 
 AUTOPILOT_MAX_SPEED_MPS = 20.0
 FAR_FROM_HOME_M = 10_000.0
@@ -116,19 +118,23 @@ def check_reach(route: Route, drone: Drone) -> Iterator[Finding]:
         )
 
 
-def check_heights(mission: Mission, route: Route) -> Iterator[Finding]:
+def check_heights(mission: Mission, route: Route, stations: Sequence[Station] = ()) -> Iterator[Finding]:
     """Check heights above home, take-off heights, and references that cannot be resolved."""
+    over_stations = items_over_stations(mission, route, stations)
     known_ground = mission.home is not None and mission.home.altitude_m is not None
     seen: set[int] = set()
     absolute: list[int] = []
+    start_m = 0.0
     for leg in route.legs:
-        lowest_m = _lowest_ground_m(leg)
+        lowest_m = min(start_m, _lowest_ground_m(leg))
+        leaves_m, start_m = start_m, next_ground_m(mission, leg)
         for step in leg.steps:
             if step.item in seen:
                 continue
             seen.add(step.item)
             if not math.isnan(step.height_m):
-                yield from _height(step, mission.items[step.item], lowest_m)
+                known = step.item in over_stations
+                yield from _height(step, mission.items[step.item], leaves_m, -math.inf if known else lowest_m)
             elif not known_ground and not math.isnan(mission.items[step.item].z):
                 absolute.append(step.item)
     if absolute:
@@ -147,10 +153,10 @@ def _lowest_ground_m(leg: RouteLeg) -> float:
     return min(0.0, end) if math.isfinite(end) else 0.0
 
 
-def _height(step: Step, item: MissionItem, lowest_m: float) -> Iterator[Finding]:
+def _height(step: Step, item: MissionItem, leaves_m: float, lowest_m: float) -> Iterator[Finding]:
     flies_on = item.command not in LAND_COMMANDS and item.command != Command.NAV_RETURN_TO_LAUNCH
-    if item.command in TAKEOFF_COMMANDS and step.height_m < lowest_m + LOW_TAKEOFF_M:
-        message = f"takes off to {step.height_m:g} m: PX4 refuses less than {LOW_TAKEOFF_M:g} m"
+    if item.command in TAKEOFF_COMMANDS and step.height_m < leaves_m + LOW_TAKEOFF_M:
+        message = f"takes off to {step.height_m - leaves_m:g} m: PX4 refuses less than {LOW_TAKEOFF_M:g} m"
         yield Finding("error", step.item, "takeoff-too-low", message, "climb higher")
     elif flies_on and step.height_m <= lowest_m:
         yield Finding(

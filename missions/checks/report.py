@@ -128,7 +128,7 @@ def check(
             Finding("warning", None, "not-for-the-air", message, "name the drone that flies it, if one does")
         )
     else:
-        findings += check_heights(mission, route)
+        findings += check_heights(mission, route, flown_by.stations)
         findings += check_clearance(mission, route, flown_by.stations)
         findings += _of_the_vehicle(mission, route, legs, flown_by)
     if autopilot is not None:

@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from test_one_builder import random_plan
 
 from missions import FlightConditions, MissionOptions, armed_mission, check, dialect, leg_mission, whole_mission
 from missions.commands import Command, Frame
@@ -64,6 +66,13 @@ def test_the_ground_of_stations_is_known_with_the_scenario_and_whatever_a_landin
     assert ("error", 1) in sloped(60.0, [60.0], 0.0, home=uphill, stations=hill)[0]
 
 
+def test_a_place_below_the_station_under_it_is_an_error_whatever_lies_around_it():
+    hill = Station("hill", "hill", 46.0, 8.05, 300.0)
+    found, ok = sloped(60.0, [70.0, 60.0, 70.0, 60.0], 0.0, stations=(STATIONS[0], hill))
+    assert ("error", 2) in found
+    assert not ok
+
+
 def test_the_altitude_of_a_landing_that_means_nothing_is_not_taken_for_ground():
     assert sloped(50.0, [50.0, 50.0], 50.0)[0] == []
     assert sloped(30.0, [30.0], 100.0)[0] == []
@@ -83,3 +92,18 @@ def test_own_missions_are_clear_in_every_form(small, family, form, end):
     for conditions in (FlightConditions(M200_V2), FlightConditions(M200_V2, stations=known)):
         report = check(documents[0], dialect=dialect(family), conditions=conditions)
         assert not [f for f in report.findings if f.code == "below-clearance"]
+
+
+@pytest.mark.parametrize("family", ["px4", "ardupilot"])
+@pytest.mark.parametrize("form", [whole_mission, armed_mission])
+def test_heights_of_own_missions_over_wild_ground_are_never_blamed(small, family, form):
+    rng = np.random.default_rng(3)
+    for _ in range(12):
+        plan = random_plan(small, rng)
+        known = tuple(Station(a, a, p.lat, p.lon, p.elevation_m, pads=1) for a, p in plan.stations.items())
+        for document in form(plan, dialect(family), MissionOptions(corridor_width_m=None)).documents:
+            for stations in ((), known):
+                conditions = FlightConditions(M200_V2, stations=stations)
+                codes = {f.code for f in check(document, dialect=dialect(family), conditions=conditions).findings}
+                assert not codes & {"below-clearance", "takeoff-too-low"}
+                assert not (stations and "not-above-ground" in codes)
