@@ -17,11 +17,19 @@ from models.wind_filter_health import chi2_band
 if TYPE_CHECKING:
     from link.replay import Replay
     from link.replay_monitors import Leg
+    from link.replay_prediction import Prediction
     from models.telemetry import TelemetryTrack
     from models.wind_filter import FilteredWind
 
 SCHEMA = "skyway.replay/1"
-ESTIMATED = ("estimated_wind_north_mps", "estimated_wind_east_mps", "estimated_sigma_mps")
+ESTIMATED = (
+    "estimated_wind_north_mps",
+    "estimated_wind_east_mps",
+    "estimated_sigma_mps",
+    "estimated_var_north_m2ps2",
+    "estimated_cov_north_east_m2ps2",
+    "estimated_var_east_m2ps2",
+)
 CORRELATED = 10.0
 """So many neighbouring innovations of a real log are as good as one."""
 MAX_WINDS = 2000
@@ -102,6 +110,7 @@ def _winds(found: Replay) -> list[dict[str, Any]]:
             "speed_mps": _known(speed[place]),
             "from_deg": _known(direction[place], 1),
             "sigma_mps": _known(wind.sigma_mps[row]),
+            "covariance_m2ps2": [_known(value) for value in wind.covariance[row]],
         }
         for place, row in enumerate(rows)
     ]
@@ -172,6 +181,20 @@ def _energy(found: Replay) -> dict[str, Any]:
     }
 
 
+def prediction_json(made: Prediction) -> dict[str, Any]:
+    """Return a prediction as plain JSON values."""
+    return {
+        "drone": made.drone.id,
+        "mass_kg": _known(made.mass_kg),
+        "predicted_wh": _known(made.total_j / J_PER_WH),
+        "predicted_by_phase_wh": {name: _known(energy / J_PER_WH) for name, energy in made.predicted_j.items()},
+        "measured_wh": _known(made.measured_j / J_PER_WH),
+        "error": _known(made.error, 4),
+        "predicted_soc_used": _known(made.predicted_soc),
+        "measured_soc_used": _known(made.measured_soc),
+    }
+
+
 class Table:
     """Writes a row a second as the replay goes: the vehicle's own quantities, and the wind estimated then.
 
@@ -191,7 +214,8 @@ class Table:
         for row, time_s in enumerate(rows.time_s.tolist()):
             self._measured = self._measured or bool(course.accepted[row])
             known = self._measured and bool(course.trusted[row])
-            extra = [*course.wind[row], course.sigma_mps[row]] if known else [math.nan] * 3
+            told = [*course.wind[row], course.sigma_mps[row], *course.covariance[row]]
+            extra = told if known else [math.nan] * len(ESTIMATED)
             cells = [f"{value:.10g}" if math.isfinite(value) else "" for value in (*rows.values[row], *extra)]
             self._writer.writerow([f"{time_s:.6f}", *cells])
 

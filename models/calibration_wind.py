@@ -8,15 +8,14 @@ looks for drag, bias and a wind that changes slowly, all at once, and says how s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from models.drag import DragModel
 from models.errors import Fault, InputError
-from models.wind_filter import WindFilterSettings, filter_log
-from models.wind_filter_measurement import tilt_wind
+from models.wind_filter import WindFilterSettings
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -163,41 +162,6 @@ def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0
         sigma_mps2=float(np.sqrt((residual**2).mean())),
         period_s=period_s,
     )
-
-
-def tune_filter(
-    air: Blocks, drag: DragModel, wind: NDArray[np.float64], forecast: NDArray[np.float64]
-) -> tuple[DragModel, WindFilterSettings]:
-    """Choose noise and time constant so that the filter's density of the known wind is greatest.
-
-    The Gaussian log density punishes both errors and a covariance that does not mean what it says, so that the choice is not
-    the smallest error bought with false certainty.
-
-    Parameters
-    ----------
-    air, drag
-        The flight, and its drag.
-    wind : ndarray, shape (blocks, 2)
-        Known wind.
-    forecast : ndarray, shape (2,)
-        What the filter is to revert to.
-    """
-    sigma = float(np.sqrt(np.nanmean((wind - forecast) ** 2)))
-    best: tuple[float, DragModel, WindFilterSettings] | None = None
-    for factor in (0.5, 0.75, 1.0, 1.5, 2.0, 3.0):
-        model = replace(drag, sigma_mps2=drag.sigma_mps2 * factor)
-        taken = tilt_wind(air, model)
-        truth = wind[np.searchsorted(air.time_s, taken.time_s)]
-        for tau_s in (5.0, 10.0, 20.0, 40.0, 80.0, 160.0):
-            settings = WindFilterSettings(tau_s=tau_s, sigma_mps=max(sigma, 0.1))
-            course = filter_log(taken.time_s, taken.wind, taken.noise, forecast, settings)
-            nn, ne, ee = course.covariance.T
-            cost = float(np.nanmean(course.nees(truth) + np.log(nn * ee - ne * ne)))
-            if best is None or cost < best[0]:
-                best = cost, model, settings
-    if best is None:
-        raise InputError("nothing was measured in this flight")
-    return best[1], best[2]
 
 
 def course_spread_deg(velocity: NDArray[np.float64]) -> float:

@@ -41,7 +41,7 @@ Examples:
 
   skyway calibrate energy flight1.tlog flight2.tlog --mass 4.69 --payload 0 --payload 0.8 -o drones.toml
 
-  skyway calibrate energy m100_*.csv --mass 3.68 --model momentum --json
+  skyway calibrate energy m100_*.csv --mass 3.68 --id m100 --name "DJI Matrice 100" --battery 130 -o m100.toml
 """
 MOST_SAMPLES = 300_000
 """Of a longer log every second, fourth, … sample is taken."""
@@ -140,6 +140,13 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
         Path | None, typer.Option("--drones", help="Fleet file with the drone to start from.", show_default=False)
     ] = None,
     drone: Annotated[str, typer.Option("--drone", help="Drone to start from.")] = "m200-v2",
+    identity: Annotated[
+        str | None, typer.Option("--id", help="Id of the drone that is written.", show_default=False)
+    ] = None,
+    name: Annotated[str | None, typer.Option("--name", help="Its name.", show_default=False)] = None,
+    battery: Annotated[
+        float | None, typer.Option("--battery", help="Nameplate energy of its batteries, Wh.", show_default=False)
+    ] = None,
     model: Annotated[
         Literal["best", "endurance", "momentum"], typer.Option("--model", help="Which is written.")
     ] = "best",
@@ -152,18 +159,17 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    from dataclasses import replace
-
     from models.calibration_energy import MODELS, calibrated, drone_file, fit_energy, published_errors
 
     options.refuse_overwriting(output, force=force)
     if not 0.3 <= density <= 2.0:
         raise InputError(Fault("out of range", field="--air-density", value=density, remedy="0.3 to 2.0 kg/m3"))
-    base = _base_drone(drones, drone)
-    if mass is not None:
-        if not 0.05 <= mass <= 1000.0:
-            raise InputError(Fault("out of range", field="--mass", value=mass, remedy="0.05 to 1000 kg"))
-        base = replace(base, mass_kg=mass)
+    if mass is not None and not 0.05 <= mass <= 1000.0:
+        raise InputError(Fault("out of range", field="--mass", value=mass, remedy="0.05 to 1000 kg"))
+    if battery is not None and not 1.0 <= battery <= 1e6:
+        raise InputError(Fault("out of range", field="--battery", value=battery, remedy="Wh, 1 to 1000000"))
+    start = _base_drone(drones, drone)
+    base = _this_aircraft(start, mass, identity, name, battery, writes=output is not None)
     records = [
         _record(path, number, len(logs), base.mass_kg, payload, system, columns) for number, path in enumerate(logs)
     ]
@@ -177,6 +183,8 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
             notes.append(
                 f"error on a flight left out: worst {fits[chosen].worst:.1%}, median {fits[chosen].median:.1%}"
             )
+        if written.id != start.id:
+            notes.append(f"not measured, but those of {start.id}: package, airspeeds, wind limit, time to recharge")
         write(output, drone_file(written, notes), force=force)
     published = published_errors(records, density)
     if as_json:
@@ -217,6 +225,11 @@ def _tell_air(found: _Air) -> None:
         drag = found.drag
         typer.echo(f"  drag: linear {drag.linear_per_s:.4f} 1/s, quadratic {drag.quadratic_per_m:.5f} 1/m")
         typer.echo(f"  level bias forward {drag.bias_forward_mps2:+.3f}, right {drag.bias_right_mps2:+.3f} m/s²")
+        later = drag.another_flight()
+        typer.echo(
+            f"  on another flight of this aircraft the drag may differ by ± {later.relative_sigma:.0%}, the level by "
+            f"± {later.bias_sigma_mps2:.2f} m/s² (written with the drag)"
+        )
     if found.airspeed is not None:
         offset = math.degrees(found.airspeed.heading_offset_rad)
         typer.echo(
@@ -226,7 +239,7 @@ def _tell_air(found: _Air) -> None:
         from models.wind import speed_from
 
         speed, direction = (float(value) for value in speed_from(*found.wind))
-        typer.echo(f"  sure to ± {found.sigma:.1%}; mean wind {speed:.1f} m/s from {direction:.0f}°")
+        typer.echo(f"  in this flight sure to ± {found.sigma:.1%}; mean wind {speed:.1f} m/s from {direction:.0f}°")
 
 
 def _base_drone(path: Path | None, name: str) -> Drone:
@@ -238,6 +251,34 @@ def _base_drone(path: Path | None, name: str) -> Drone:
     if name not in known:
         raise InputError(Fault("no such drone", field="--drone", value=name, remedy="one of " + ", ".join(known)))
     return known[name]
+
+
+SAME_MASS = 0.03
+"""A drone whose mass differs by more than this share is another aircraft."""
+
+
+def _this_aircraft(
+    base: Drone, mass: float | None, identity: str | None, name: str | None, battery_wh: float | None, *, writes: bool
+) -> Drone:
+    """Return the drone that flew; one of another mass does not keep name and battery of the one it was started from."""
+    from dataclasses import replace
+
+    from models.units import J_PER_WH
+
+    flew = replace(
+        base,
+        id=identity or base.id,
+        name=name or identity or base.name,
+        mass_kg=base.mass_kg if mass is None else mass,
+        battery_j=base.battery_j if battery_wh is None else battery_wh * J_PER_WH,
+    )
+    other = abs(flew.mass_kg / base.mass_kg - 1.0) > SAME_MASS
+    missing = [option for option, given in (("--id", identity), ("--battery", battery_wh)) if given is None]
+    if writes and other and missing:
+        problem = f"{flew.mass_kg:g} kg is not {base.name} ({base.mass_kg:g} kg)"
+        remedy = f"say which aircraft it is: {' and '.join(missing)} (and --name), or start from another --drone"
+        raise InputError(Fault(problem, field="--mass", value=mass, remedy=remedy))
+    return flew
 
 
 def _record(

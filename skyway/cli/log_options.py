@@ -14,6 +14,7 @@ from skyway.cli import options
 
 if TYPE_CHECKING:
     from link.logs.log import Log
+    from models.drone import Drone
     from models.scenario import Scenario
     from models.wind_ensemble import WindEnsemble
 
@@ -60,6 +61,13 @@ ScenarioName = Annotated[
 Drag = Annotated[
     Path | None, typer.Option("--drag", help="Drag of the drone, from calibrate wind.", show_default=False)
 ]
+DroneFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--drone", help="Predict the energy of the flight with this fleet file (or a drone's id).", show_default=False
+    ),
+]
+Carried = Annotated[float, typer.Option("--payload", help="Package that was carried, kg, for --drone.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw the flight: FILE.png or FILE.svg.", show_default=False)]
 TableFile = Annotated[Path | None, typer.Option("--csv", help="Write a table, one row a second.", show_default=False)]
 Connect = Annotated[
@@ -82,6 +90,22 @@ def air_of(path: Path | None) -> dict[str, Any]:
         return {}
     found = read_air(path)
     return {"drag": found.drag, "airspeed": found.airspeed}
+
+
+def drone_of(named: Path) -> Drone:
+    """Read the one drone of a fleet file, or return a built-in drone by its id."""
+    from models.fleet import BUILT_IN, read_fleet
+
+    if str(named) in BUILT_IN:
+        return BUILT_IN[str(named)]
+    if named.suffix != ".toml" and not named.exists():
+        remedy = "a fleet file, or one of " + ", ".join(BUILT_IN)
+        raise InputError(Fault("no such drone", field="--drone", value=str(named), remedy=remedy))
+    drones = read_fleet(named)
+    if len(drones) > 1:
+        names = ", ".join(drone.id for drone in drones)
+        raise InputError(Fault("holds several drones", str(named), field="--drone", value=names, remedy="keep one"))
+    return drones[0]
 
 
 def load_named(name: str | None) -> Scenario:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from link.logs.vehicle_kind import Kind
     from link.replay import Replay, ReplayOptions
     from link.replay_monitors import Notice
+    from link.replay_prediction import Prediction
 
 REPLAY_HELP = """Go through a flight log as if it were live: legs, battery, wind, events.
 
@@ -35,6 +36,8 @@ Examples:
   skyway replay flight.tlog --from 00:05:00 --to 00:10:00 --wind 6@270 --plot flight.png
 
   skyway replay flight.tlog --speed 10 --follow wind,battery --drag drag.toml
+
+  skyway replay flight.tlog --drone drones.toml --payload 0.8
 
   skyway replay flight.tlog --connect udpout:127.0.0.1:14550 --control 5790
 """
@@ -54,6 +57,8 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
     forecast: log_options.ForecastFile = None,
     scenario: log_options.ScenarioName = None,
     drag: log_options.Drag = None,
+    drone: log_options.DroneFile = None,
+    payload: log_options.Carried = 0.0,
     columns: Columns = None,
     plot: log_options.Plot = None,
     csv: log_options.TableFile = None,
@@ -67,6 +72,7 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
     options.check_picture(plot)
     options.refuse_overwriting(plot, csv, force=force)
     _check_control(control, connect)
+    predicted_by = None if drone is None else log_options.drone_of(drone)
     opened = open_any(log, columns)
     first, last = _part(opened, begin, end)
     if connect is not None:
@@ -90,12 +96,18 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
         from skyway.plot_replay import plot_replay
 
         plot_replay(found, plot)
-    if as_json:
-        from link.replay_report import as_json as report
+    from link.replay_prediction import predict
+    from link.replay_report import as_json as report
+    from link.replay_report import prediction_json
 
-        typer.echo(json.dumps(report(found), allow_nan=False))
-    else:
-        _tell(found, log)
+    prediction = None if predicted_by is None else predict(found, predicted_by, payload)
+    if as_json:
+        document = report(found) | ({} if prediction is None else {"prediction": prediction_json(prediction)})
+        typer.echo(json.dumps(document, allow_nan=False))
+        return
+    _tell(found, log)
+    if prediction is not None:
+        _tell_prediction(prediction)
 
 
 def _go_through(
@@ -273,6 +285,18 @@ def _tell(found: Replay, path: Path) -> None:
     _tell_wind(found, facts["wind_summary"])
     for event in found.events:
         typer.echo(f"  {_clock(event.time_s - summary.start_s)}  {event.text}")
+
+
+def _tell_prediction(made: Prediction) -> None:
+    measured = "not in the log" if math.isnan(made.measured_j) else f"{made.measured_j / 3600.0:.1f} Wh"
+    apart = "" if math.isnan(made.error) else f", {made.error:+.1%}"
+    typer.echo(
+        f"  {made.drone.id} at {made.mass_kg:.2f} kg predicts {made.total_j / 3600.0:.1f} Wh; measured {measured}{apart}"
+    )
+    for name, energy in made.predicted_j.items():
+        typer.echo(f"    {name}: {energy / 3600.0:.1f} Wh predicted")
+    used = "" if math.isnan(made.measured_soc) else f"; the log says {100.0 * made.measured_soc:.0f} %"
+    typer.echo(f"    of the battery: {100.0 * made.predicted_soc:.0f} % predicted{used}")
 
 
 def _tell_wind(found: Replay, facts: dict[str, object]) -> None:

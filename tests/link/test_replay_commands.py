@@ -1,5 +1,6 @@
 """The commands replay and calibrate, as a person types them."""
 
+import csv
 import json
 import shutil
 import socket
@@ -226,3 +227,45 @@ def test_calibrate_energy_lists_every_m100_flight(skyway, shared_data):
     assert report["models"]["momentum"]["worst"] <= 0.10
     assert report["models"]["momentum"]["median"] <= 0.024
     assert all(flight["published_error"] is not None for flight in report["flights"])
+
+
+def test_a_drone_of_another_mass_does_not_keep_name_and_battery_of_the_one_it_was_started_from(
+    skyway, flight, tmp_path
+):
+    asked = ("calibrate", "energy", flight, "--payload", "0", "--mass", "3.68", "-o", "m100.toml")
+    refused = skyway(*asked, code=2)
+    assert "3.68 kg is not DJI Matrice 200 V2" in refused
+    assert "--id and --battery" in refused
+    assert not (tmp_path / "m100.toml").exists()
+    skyway(*asked, "--id", "m100", "--name", "DJI Matrice 100", "--battery", "130")
+    (drone,) = read_fleet(tmp_path / "m100.toml")
+    assert (drone.id, drone.name, drone.mass_kg) == ("m100", "DJI Matrice 100", 3.68)
+    assert drone.battery_j == pytest.approx(130.0 * 3600.0)
+    assert "not measured, but those of m200-v2" in (tmp_path / "m100.toml").read_text()
+    assert "out of range" in skyway(*asked, "--force", "--id", "m100", "--battery", "0", code=2)
+
+
+def test_a_drone_file_predicts_a_log_of_a_flight_that_it_was_not_fitted_to(skyway, shared_data, tmp_path):
+    logs = sorted((shared_data / "power").glob("*.csv"))
+    who = ("--mass", "3.68", "--id", "m100", "--battery", "130", "--model", "momentum")
+    skyway("calibrate", "energy", *logs[:4], *who, "-o", "m100.toml")
+    report = json.loads(skyway("replay", logs[4], "--drone", "m100.toml", "--payload", "0.5", "--json"))["prediction"]
+    assert report["drone"] == "m100"
+    assert report["mass_kg"] == pytest.approx(4.18)
+    assert report["error"] == pytest.approx(report["predicted_wh"] / report["measured_wh"] - 1.0, abs=1e-3)
+    assert abs(report["error"]) < 0.10
+    assert "m100 at 4.18 kg predicts" in skyway("replay", logs[4], "--drone", "m100.toml", "--payload", "0.5")
+
+
+def test_a_prediction_needs_a_drone_and_a_package_that_it_carries(skyway, flight):
+    assert "no such drone" in skyway("replay", flight, "--drone", "m999", code=2)
+    assert "m200-v2 carries 0 to 1.45 kg" in skyway("replay", flight, "--drone", "m200-v2", "--payload", "9", code=2)
+    assert "predicts" in skyway("replay", flight, "--drone", "m200-v2")
+
+
+def test_the_table_of_a_replay_holds_the_covariance_of_the_wind(skyway, flight, tmp_path):
+    skyway("replay", flight, "--csv", "flight.csv")
+    with (tmp_path / "flight.csv").open() as stream:
+        rows = [row for row in csv.DictReader(stream) if row["estimated_sigma_mps"]]
+    half = [0.5 * (float(row["estimated_var_north_m2ps2"]) + float(row["estimated_var_east_m2ps2"])) for row in rows]
+    assert half == pytest.approx([float(row["estimated_sigma_mps"]) ** 2 for row in rows], rel=1e-6)

@@ -9,13 +9,12 @@ import pytest
 from drone_truth import fly
 
 from link.logs.reader import open_log
-from models.calibration_wind import fit_known_wind, identify_drag, tune_filter
+from models.calibration_wind import fit_known_wind, identify_drag
 from models.drag import DragModel, thrust_acceleration
 from models.drag_file import drag_file, read_drag
 from models.errors import InputError
-from models.wind_filter import filter_log
 from models.wind_filter_blocks import Blocks, blocks
-from models.wind_filter_health import chi2_band
+from models.wind_filter_live import LiveWind
 from models.wind_filter_measurement import tilt_wind
 
 CHI2_95 = -2.0 * math.log(0.05)
@@ -142,45 +141,33 @@ def hover(shared_data):
     air = blocks(track)
     number = np.floor(track.time_s - track.time_s[0]).astype(int)
     wind = np.stack([np.bincount(number, mast[:, part]) / np.bincount(number) for part in (0, 1)], axis=1)
-    return air, wind
+    return track, air, wind
 
 
-def independent(values: np.ndarray) -> float:
-    """How many independent values a correlated series is as good as, by its integrated autocorrelation time."""
-    off = values - values.mean()
-    correlation = np.correlate(off, off, "full")[len(off) - 1 :] / (off @ off)
-    end = int(np.argmax(correlation < 0.05))
-    return len(values) / (1.0 + 2.0 * float(correlation[1:end].sum()))
+def test_beside_the_mast_the_filter_as_a_replay_uses_it_beats_a_5_second_tilt_fit(hover):
+    """Drag from the first third and the mast's mean wind there, scored on the rest; the plain fit: 0.43 and 0.81 m/s.
 
-
-def test_beside_the_mast_the_filter_beats_a_5_second_tilt_fit(hover):
-    """Fitted on the first third against the mast, scored on the rest; figures of the plain fit: 0.43 and 0.81 m/s.
-
-    The errors of neighbouring seconds are alike (eddies pass between mast and drone), so that the band of the mean NEES is that
-    of as many values as are independent.
+    Nothing of the filter is tuned to the mast. Its covariance has room for a drag and a level of another flight, which here are those
+    of the same one; so it may be wider than the errors, and must not be narrower.
     """
-    air, wind = hover
+    track, air, wind = hover
     count = len(air)
     first = slice(0, count // 3)
-    forecast = wind[first].mean(axis=0)
-    drag = fit_known_wind(air.part(first), wind[first])
-    drag, settings = tune_filter(air.part(first), drag, wind[first], forecast)
-    taken = tilt_wind(air, drag)
-    truth = wind[np.searchsorted(air.time_s, taken.time_s)]
-    course = filter_log(taken.time_s, taken.wind, taken.noise, forecast, settings)
+    mean = np.broadcast_to(wind[first].mean(axis=0), wind[first].shape)
+    drag = fit_known_wind(air.part(first), mean)
+    course = LiveWind(drag=drag.another_flight()).feed(track)
+    truth = wind[np.searchsorted(air.time_s, course.time_s)]
     for begin in (count // 3, count // 2):
-        rest = taken.time_s >= air.time_s[begin]
+        rest = course.time_s >= air.time_s[begin]
         miss = (course.wind - truth)[rest]
         vector = math.sqrt((miss**2).sum(axis=1).mean())
         speed = math.sqrt(((np.hypot(*course.wind[rest].T) - np.hypot(*truth[rest].T)) ** 2).mean())
         nees = course.nees(truth)[rest]
-        low, high = chi2_band(independent(nees))
         inside = float((nees <= CHI2_95).mean())
         print(
-            f"from block {begin}: speed RMSE {speed:.3f}, vector RMSE {vector:.3f} m/s, NEES {nees.mean():.2f} (band {low:.2f} to "
-            f"{high:.2f}, {independent(nees):.0f} independent), {inside:.1%} in the 95 % ellipse, {drag} {settings}"
+            f"from block {begin}: speed {speed:.3f}, vector {vector:.3f} m/s, NEES {nees.mean():.2f}, {inside:.1%} inside, {drag}"
         )
         assert speed <= 0.40
         assert vector <= 0.65
-        assert low < nees.mean() < high
-        assert inside == pytest.approx(0.95, abs=0.02)
+        assert nees.mean() <= 2.7
+        assert inside >= 0.93
