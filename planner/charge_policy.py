@@ -21,7 +21,7 @@ from planner.audit import World
 from planner.charge_kernels import fly_by_need
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues
 from planner.evaluation_kernels import Sky, plain_sky
-from planner.itinerary import fly_as_it_stands, hops_of, no_waits, stop_nodes
+from planner.itinerary import fly_as_it_stands, held_in_the_air, hops_of, no_waits, stop_nodes
 from planner.need_kernels import Known, need_tables
 from planner.no_route import grounded_leg, never_leaves
 from planner.outcome import outcome
@@ -253,7 +253,11 @@ class ChargePolicy:
             learned,
             truth.in_flight,
         )
-        return flown[0], flown[1]
+        course, strain = flown[0], flown[1]
+        if start is None:
+            held = held_in_the_air(truth, course)
+            course[held], strain[held] = np.inf, 0.0
+        return course, strain
 
     def rehearse(
         self,

@@ -11,6 +11,7 @@ import numpy as np
 from models.queue_paths import no_queue, pack
 from models.weighted import weighted_quantile
 from planner.course_kernels import (
+    TAKE_OFF,
     TOUCH_DOWN,
     Hops,
     Queues,
@@ -113,7 +114,15 @@ def _fly(
     start = (float(problem.depart_s), float(problem.soc))
     cost = (float(problem.soc_per_s), float(problem.soc_fixed))
     hops = hops_of(problem, itinerary)
-    return fly_under(sky or plain_sky(len(members)), problem.air, members, hops, queues, waits, start, cost)
+    course = fly_under(sky or plain_sky(len(members)), problem.air, members, hops, queues, waits, start, cost)
+    course[held_in_the_air(problem, course)] = math.inf
+    return course
+
+
+def held_in_the_air(problem: Problem, course: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which runs the wind lets begin only later, though the drone is in the air and cannot hold, shape (runs,)."""
+    late = course[:, 0, TAKE_OFF] > problem.depart_s + 1e-3
+    return np.asarray(late if problem.in_flight else np.zeros_like(late))
 
 
 def hops_of(problem: Problem, itinerary: Itinerary) -> Hops:

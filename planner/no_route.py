@@ -74,6 +74,13 @@ def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc:
             f"({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of {problem.air.airspeed_mps:g} m/s"
         )
         return NoRouteError(message, constraint="wind")
+    if problem.in_flight and leg == 0:
+        message = (
+            f"{begin} the wind on {where} forbids it now in all of the forecast: above the limit of {drone.id} "
+            f"({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of {problem.air.airspeed_mps:g} m/s, and a drone in "
+            f"the air cannot hold"
+        )
+        return NoRouteError(message, constraint="wind")
     message = (
         f"{begin} {where} is never begun within the forecast: when the wind allows it and the charge is enough, {b} is "
         f"likely to have neither a free pad nor a holding spot"

@@ -237,6 +237,11 @@ def _doubts(problem: Problem, course: NDArray[np.float64], summary: Outcome, *, 
             f"flown as it stands, {100.0 * broken:.2g} % of deliveries land below the reserve, {100.0 * problem.epsilon:g} % "
             "were asked for: decide the charge again at each stop"
         )
+    if problem.in_flight and summary.p_arrive < 1.0 - problem.epsilon:
+        doubts.append(
+            f"in {100.0 * (1.0 - summary.p_arrive):.2g} % of deliveries the wind forbids the first leg now, and a drone in the "
+            "air cannot hold: be ready to divert"
+        )
     if not np.isfinite(course[-1, TOUCH_DOWN]) or course[-1, TOUCH_DOWN] > problem.depart_s + HORIZON_H * S_PER_H:
         doubts.append(f"the delivery takes longer than the {HORIZON_H} h that the forecast covers: do not rely on it")
     return tuple(doubts)

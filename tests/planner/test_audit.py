@@ -8,10 +8,10 @@ from datetime import timedelta
 import numpy as np
 import pytest
 from referee_worlds import KINDS, SLOTS_MIN, instance
-from worlds import make_request, make_wind, make_world
+from worlds import DEPART, make_request, make_wind, make_world
 
 from models.errors import AuditError, InfeasibleError
-from models.services import Composition
+from models.services import Composition, State
 from planner import plan as planning
 from planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS, plan
 
@@ -139,6 +139,23 @@ def test_honest_answers_pass_in_any_wind(seeds, slots_min):
                 continue
     assert min(given.values()) >= len(seeds), given
     print(given)
+
+
+@pytest.mark.parametrize("planner", ["shortest", "pfs", "pfs-charge-aware", "pfs-strict"])
+def test_a_drone_in_the_air_is_never_said_to_hold_for_the_wind(planner):
+    scenario, request, wind = delivery(planner)
+    a, b = scenario.network.stations[:2]
+    here = State(DEPART, None, (0.5 * (a.lat + b.lat), 0.5 * (a.lon + b.lon)), 0.8)
+    request = replace(request, state=here, payload_kg=0.3)
+    north = wind.north.copy()
+    north[:3, 0] = 14.0  # above the limit now, in most of the forecast
+    result = plan(scenario, request, planner=planner, forecast=replace(wind, north=north))
+    assert result.composition.services[0].depart == DEPART
+    assert result.outcome.p_arrive == pytest.approx(0.4, abs=0.05)
+    assert any("cannot hold" in note for note in result.composition.notes)
+    north[:, 0] = 14.0
+    with pytest.raises(InfeasibleError, match="stranded" if planner == "pfs-strict" else "cannot hold"):
+        plan(scenario, request, planner=planner, forecast=replace(wind, north=north))
 
 
 def test_an_audit_takes_no_more_than_milliseconds(monkeypatch):

@@ -19,7 +19,7 @@ from planner.exact import ExactSearch
 from planner.ies import ExhaustiveSearch
 
 HOURS = 14.0
-SEEDS = pytest.mark.parametrize("seeds", [range(3), pytest.param(range(100, 400), marks=pytest.mark.slow)])
+SEEDS = pytest.mark.parametrize("seeds", [range(3), pytest.param(range(100, 200), marks=pytest.mark.slow)])
 FEW = pytest.mark.parametrize("seeds", [range(1), pytest.param(range(500, 512), marks=pytest.mark.slow)])
 
 
