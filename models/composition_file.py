@@ -70,15 +70,15 @@ def to_json(composition: Composition) -> dict[str, Any]:
             "mean": _iso_or_none(c.arrival.mean),
             "p50": _iso_or_none(c.arrival.p50),
             "p95": _iso_or_none(c.arrival.p95),
-            "delivery_mean_s": _figure_json(c.arrival.delivery_mean),
-            "delivery_p50_s": _figure_json(c.arrival.delivery_p50),
-            "delivery_p95_s": _figure_json(c.arrival.delivery_p95),
+            "delivery_mean_s": figure_json(c.arrival.delivery_mean),
+            "delivery_p50_s": figure_json(c.arrival.delivery_p50),
+            "delivery_p95_s": figure_json(c.arrival.delivery_p95),
             "runs": c.arrival.runs,
         },
         "on_time_probability": c.on_time_probability,
-        "on_time": _figure_json(c.on_time),
+        "on_time": figure_json(c.on_time),
         "success_probability": c.success_probability,
-        "success": _figure_json(c.success),
+        "success": figure_json(c.success),
         "planning_time_s": c.planning_time_s,
         "notes": list(c.notes),
     }
@@ -125,7 +125,8 @@ def _wind_json(wind: Wind) -> dict[str, float | None]:
     return {"speed_mps": wind.speed_mps, "p10_mps": wind.p10_mps, "p90_mps": wind.p90_mps, "from_deg": wind.from_deg}
 
 
-def _figure_json(figure: Figure | None) -> dict[str, float] | None:
+def figure_json(figure: Figure | None) -> dict[str, float] | None:
+    """Return a figure as plain JSON values: value, 95 % interval, standard error, and what of it another seed would show."""
     if figure is None:
         return None
     parts = {"value": figure.value, "low": figure.low, "high": figure.high}

@@ -35,10 +35,15 @@ class Figure:
         """How far the farther end of the interval is from the value."""
         return max(self.high - self.value, self.value - self.low)
 
+    @property
+    def rest(self) -> Figure:
+        """The probability that it is not so."""
+        return Figure(1.0 - self.value, 1.0 - self.high, 1.0 - self.low, self.error, self.seed_error)
+
     def scaled(self, factor: float) -> Figure:
         """The same in another unit."""
-        parts = (self.value, self.low, self.high, self.error, self.seed_error)
-        return Figure(*(factor * part for part in parts))
+        low, high = sorted((factor * self.low, factor * self.high))
+        return Figure(factor * self.value, low, high, abs(factor) * self.error, abs(factor) * self.seed_error)
 
 
 def certain(value: float) -> Figure:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from datetime import datetime
 
+    from models.figure import Figure
     from models.scenario import Scenario
     from models.wind_forecast import WindEnsemble
     from planner.request import Request
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 STEP_S = 1800.0
 """Between departures that are tried."""
+LEAST_WINDOW_S = 60.0
+"""Of a shorter window nobody has anything."""
 MOST_TRIED = 25
 """Departures that are tried at most; in a longer window they are farther apart."""
 
@@ -34,15 +37,20 @@ class Departure:
     ----------
     depart : datetime
         When.
-    delivery_s : float
-        Mean delivery time from then; infinite where there is no route.
+    delivery : Figure or None
+        Mean delivery time from then, s; None where there is no route.
     p_on_time : float
         Probability to keep the deadline, 1 without one.
     """
 
     depart: datetime
-    delivery_s: float
+    delivery: Figure | None
     p_on_time: float
+
+    @property
+    def delivery_s(self) -> float:
+        """Mean delivery time from then; infinite where there is no route."""
+        return math.inf if self.delivery is None else self.delivery.value
 
 
 def plan_within(
@@ -83,13 +91,13 @@ def plan_within(
     InfeasibleError
         No departure has a route; the error of the first.
     """
-    if not 0.0 < window_s <= 86_400.0:
-        value = f"{window_s / 3600.0:g} h"
-        raise InputError(Fault("out of range", field="depart-window", value=value, remedy="above 0, up to 24 h"))
+    if not LEAST_WINDOW_S <= window_s <= 86_400.0:
+        remedy = "from 1 min to 24 h, such as 2h"
+        raise InputError(Fault("out of range", field="depart-window", value=f"{window_s:g} s", remedy=remedy))
     if request.state.position is not None:
         raise InputError(Fault("a drone in the air cannot wait for its departure", field="depart-window"))
-    count = min(math.floor(window_s / STEP_S + 1e-9) + 1, MOST_TRIED)
-    step = window_s / max(count - 1, 1) if count == MOST_TRIED else STEP_S
+    count = min(max(math.floor(window_s / STEP_S + 1e-9), 1) + 1, MOST_TRIED)
+    step = min(window_s / (count - 1), STEP_S) if count < MOST_TRIED else window_s / (count - 1)
     best: PlanResult | None = None
     best_loss = (math.inf, math.inf)
     first_error: InfeasibleError | None = None
@@ -102,12 +110,12 @@ def plan_within(
             result = plan(scenario, moved, planner=planner, forecast=wind)
         except InfeasibleError as error:
             first_error = first_error or error
-            tried.append(Departure(depart, math.inf, 0.0))
+            tried.append(Departure(depart, None, 0.0))
         else:
             taken = result.outcome.mean_s - depart.timestamp()
             late = result.outcome.quantile_s(0.95) - depart.timestamp()
             on_time = request.objective.on_time(result.outcome)
-            tried.append(Departure(depart, taken, on_time))
+            tried.append(Departure(depart, result.outcome.delivery, on_time))
             kind = request.objective.kind
             loss = (taken, late) if kind == "mean" else (late, taken) if kind == "p95" else (1.0 - on_time, taken)
             if loss < best_loss:

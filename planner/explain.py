@@ -12,10 +12,12 @@ from models.errors import NoRouteError
 from models.weighted import weighted_quantile
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN
 from planner.exact import ExactSearch
+from planner.outcome import later
 from planner.robust import LARGE, RobustSearch
 from planner.speeds import TrueSpeeds
 
 if TYPE_CHECKING:
+    from models.figure import Figure
     from planner.result import PlanResult
     from planner.robust import Candidate, RobustAnswer
 
@@ -35,7 +37,7 @@ class ChargeRange:
     station : str
         Where.
     nominal, low, high : float
-        Charge on leaving: of the typical course, and between which it is in 8 of 10 rehearsed runs.
+        Charge on leaving: of the typical course, and between which it is in 8 of 10 simulated deliveries.
     idle : float
         Share of the runs that leave again without charging.
     """
@@ -57,19 +59,19 @@ class StopReason:
         Where.
     runner_up : tuple of str or None
         Stops of the best route without this one, None where there is none.
-    later_s : float
-        How much later that one arrives in the mean.
+    later : Figure or None
+        How much later that one arrives on average, s; None where there is none.
     idle : float
-        Share of the rehearsed runs that leave again without charging.
+        Share of the simulated deliveries that leave again without charging.
     leaves, expected, margin, reserve : float
-        Charge with which those that charge leave, in the mean, and what it is for: what the next flight takes; what is kept
+        Charge with which those that charge leave, on average, and what it is for: what the next flight takes; what is kept
         for worse winds, gusts and the vehicle's own error; what must be left on landing (with the way on, at a target
         without pads). All runs count where none charges.
     """
 
     station: str
     runner_up: tuple[str, ...] | None
-    later_s: float
+    later: Figure | None
     idle: float
     leaves: float
     expected: float
@@ -85,9 +87,9 @@ class WaitAndSee:
     ----------
     bound_s : float
         Mean delivery time of the exact planner that is told each member and a sampled queue, or a proved bound of it:
-        no policy is better in the mean without gusts.
+        no policy is better on average without gusts.
     plan_s : float
-        Of the plan, over its rehearsed runs.
+        Of the plan, over its simulated deliveries.
     worlds : int
         Told to it.
     """
@@ -127,22 +129,22 @@ def stop_reasons(result: PlanResult) -> list[StopReason]:
         return []
     problem, policy = answer.policy.problem, answer.policy
     search = RobustSearch(problem)
-    best = answer.candidates[0].outcome.mean_s
+    best = answer.candidates[0].outcome
     found = []
     for number, hop in enumerate(policy.itinerary):
         if number == 0:
             continue
         node = int(problem.network.tail[hop.segments[0]])
         runner_up: tuple[str, ...] | None = None
-        later = np.inf
+        later_by: Figure | None = None
         try:
             other = search.finalists(search.candidates(without=node))[0]
         except NoRouteError:
             pass
         else:
-            runner_up, later = stop_names(other), other.outcome.mean_s - best
+            runner_up, later_by = stop_names(other), later(other.outcome, best)
         station = problem.network.stations[node].id
-        found.append(StopReason(station, runner_up, later, *_charge_at(answer, number)))
+        found.append(StopReason(station, runner_up, later_by, *_charge_at(answer, number)))
     return found
 
 
@@ -220,9 +222,11 @@ class Bought:
         The other one.
     drone, drone_there : str
         Drones that the robust plan and the other one take.
-    mean_s, mean_there_s : float
-        Mean delivery times of both.
-    broken, broken_there : float
+    mean, mean_there : Figure
+        Mean delivery times of both, s.
+    sooner : Figure
+        How much earlier the robust plan arrives on average, s; negative: later.
+    broken, broken_there : Figure
         Share of deliveries that break the reserve by the robust plan and by the other.
     stops, stops_there : int
         Stops on the way.
@@ -233,19 +237,15 @@ class Bought:
     planner: str
     drone: str
     drone_there: str
-    mean_s: float
-    mean_there_s: float
-    broken: float
-    broken_there: float
+    mean: Figure
+    mean_there: Figure
+    sooner: Figure
+    broken: Figure
+    broken_there: Figure
     stops: int
     stops_there: int
     recharge_s: float
     recharge_there_s: float
-
-    @property
-    def sooner_s(self) -> float:
-        """How much earlier the robust plan arrives in the mean; negative: later."""
-        return self.mean_there_s - self.mean_s
 
 
 def bought(robust: PlanResult, other: PlanResult) -> Bought:
@@ -256,10 +256,11 @@ def bought(robust: PlanResult, other: PlanResult) -> Bought:
         planner=theirs.planner,
         drone=mine.drone,
         drone_there=theirs.drone,
-        mean_s=robust.outcome.mean_s - robust.problem.depart_s,
-        mean_there_s=there.mean_s - robust.problem.depart_s,
-        broken=1.0 - robust.outcome.p_success,
-        broken_there=1.0 - there.p_success,
+        mean=robust.outcome.delivery,
+        mean_there=there.delivery,
+        sooner=later(there, robust.outcome),
+        broken=robust.outcome.success.rest,
+        broken_there=there.success.rest,
         stops=len(mine.stops),
         stops_there=len(theirs.stops),
         recharge_s=mine.recharge_time_s,

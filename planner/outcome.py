@@ -127,3 +127,15 @@ def outcome(
         kept=np.asarray(kept[arrived].all(axis=1)),
         crossed=None if groups is None else Crossed(weight[arrived], *(group[arrived] for group in groups)),
     )
+
+
+def later(one: Outcome, other: Outcome) -> Figure:
+    """How much later one arrives than another on average, s; where both were flown in the same deliveries, delivery by delivery."""
+    if one.crossed is None or other.crossed is None or not len(one.weight) or not len(other.weight):
+        return certain(one.mean_s - other.mean_s)
+    same = one.crossed.day.shape == other.crossed.day.shape
+    if same and (one.crossed.day == other.crossed.day).all() and (one.crossed.queue == other.crossed.queue).all():
+        return one.crossed.difference(one.arrival_s, other.arrival_s)
+    a, b = one.delivery, other.delivery
+    value, error = one.mean_s - other.mean_s, math.hypot(a.error, b.error)
+    return Figure(value, value - 2.0 * error, value + 2.0 * error, error, math.hypot(a.seed_error, b.seed_error))

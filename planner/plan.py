@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from models.errors import AuditError, Fault, InfeasibleError, InputError, NoRouteError
-from models.units import S_PER_H, S_PER_MIN
+from models.formatting import later_text
+from models.units import S_PER_H
 from planner.audit import World, audit
 from planner.charge_policy import rehearse_fixed, typical_fixed, world_of
 from planner.composing import compose
@@ -21,7 +22,7 @@ from planner.explain import alternatives
 from planner.ies import ExhaustiveSearch
 from planner.itinerary import fly_true
 from planner.no_route import grounded_leg, never_leaves
-from planner.outcome import outcome
+from planner.outcome import later, outcome
 from planner.pfs import ForwardSearch
 from planner.pfs_strict import StrictForwardSearch
 from planner.problem import HORIZON_H, Problem
@@ -168,8 +169,14 @@ def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -
         drone = scenario.drone(request.drone)
         skyline([drone], request.payload_kg)
         return [drone]
-    chosen = skyline(scenario.drones, request.payload_kg)
-    for drone in scenario.drones:
+    speed = request.airspeed_mps or 0.0
+    able = [drone for drone in scenario.drones if drone.max_airspeed_mps >= speed - 1e-9]
+    able = able or [max(scenario.drones, key=lambda drone: drone.max_airspeed_mps)]  # `Problem` refuses
+    rejected |= {
+        drone.id: f"flies {drone.max_airspeed_mps:g} m/s at most" for drone in scenario.drones if drone not in able
+    }
+    chosen = skyline(able, request.payload_kg)
+    for drone in able:
         if drone.max_payload_kg < request.payload_kg:
             rejected[drone.id] = f"lifts {drone.max_payload_kg:g} kg at most"
         elif drone not in chosen:
@@ -208,9 +215,7 @@ def _best(
     best = min(range(len(drones)), key=lambda number: objective.loss(outcomes[number]))
     for number, drone in enumerate(drones):
         if number != best:
-            later = (outcomes[number].mean_s - outcomes[best].mean_s) / S_PER_MIN
-            how = f"{later:.1f} min later" if later >= 0.0 else f"{-later:.1f} min earlier"
-            rejected[drone] = f"arrives {how} in the mean"
+            rejected[drone] = later_text(later(outcomes[number], outcomes[best]))
     return best
 
 

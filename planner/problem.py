@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
+from difflib import get_close_matches
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from models.errors import Fault, InputError
 from models.flight import Air, air_over
 from models.queue_paths import QueuePath, no_queue, sample_sets
 from models.queues import forecast_waits
-from models.units import S_PER_H
+from models.units import MPS_PER_KMH, S_PER_H
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -31,6 +32,8 @@ HORIZON_H = 48
 """Hours of wind and queues that are looked at; a delivery takes less."""
 LEAST_EPSILON = 1e-6
 """Nobody is surer than that: neither gusts nor the number of arrivals at a station have a greatest value."""
+LEAST_KMH = 30.0
+"""An airspeed that no drone flies may be in km/h from here on."""
 IN_FLIGHT = "in-flight"
 """Id of the node that stands for a drone in the air."""
 
@@ -76,6 +79,7 @@ class Problem:
         self.reserve = request.reserve_soc
         self.epsilon = max(request.epsilon, LEAST_EPSILON)
         state = request.state
+        _check_against(scenario, request, drone)
         self.in_flight = state.position is not None
         self.depart_s = state.time.timestamp()
         self.soc = state.soc
@@ -251,6 +255,25 @@ class Problem:
     def with_ensemble(self, ensemble: WindEnsemble) -> Problem:
         """Return the same problem in another wind."""
         return Problem(self.scenario, self.request, self.drone, ensemble)
+
+
+def _check_against(scenario: Scenario, request: Request, drone: Drone) -> None:
+    """Refuse what does not fit the drone or the network."""
+    faults = []
+    speed = request.airspeed_mps
+    if speed is not None and speed > drone.max_airspeed_mps + 1e-9:
+        problem = f"{drone.id} flies {drone.max_airspeed_mps:g} m/s at most"
+        meant = f"did you mean {speed * MPS_PER_KMH:.3g} m/s ({speed:g} km/h)?"
+        fits = speed * MPS_PER_KMH <= drone.max_airspeed_mps and speed >= LEAST_KMH
+        remedy = meant if fits else f"up to {drone.max_airspeed_mps:g} m/s"
+        faults.append(Fault(problem, field="airspeed_mps", value=speed, remedy=remedy))
+    for key in request.state.busy_pads:
+        if key not in scenario.network.index:
+            close = get_close_matches(key, scenario.network.index, 1)
+            remedy = f"did you mean {close[0]!r}?" if close else "name stations by their id"
+            faults.append(Fault("no such station", field="state.busy_pads", value=key, remedy=remedy))
+    if faults:
+        raise InputError(faults)
 
 
 class ExpectedWaits:

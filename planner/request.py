@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from numbers import Real
+from typing import TYPE_CHECKING, Any
 
 from models.errors import Fault, InputError
 from planner.objective import Objective
@@ -13,6 +15,16 @@ if TYPE_CHECKING:
 
 DEFAULT_RESERVE_SOC = 0.2
 DEFAULT_EPSILON = 1e-3
+RECHARGES = ("full", "enough")
+LEAST_SOC = 0.01
+"""A state of charge between 0 and this is a slip of the pen: percent were meant, or a fraction of one."""
+YEARS = (1900, 2200)
+"""Departures beyond these years are slips of the pen."""
+MOST_BUSY = 1000
+"""Drones at one station."""
+MOST_SEED = 2**64 - 1
+LATEST_DEADLINE_H = 48
+"""After the departure: as far as forecasts are looked at."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,19 +70,100 @@ class Request:
     objective: Objective = field(default_factory=Objective)
 
     def __post_init__(self) -> None:
-        faults = []
-
-        def check(field: str, value: float, low: float, high: float, remedy: str) -> None:
-            if not low <= value <= high:
-                faults.append(Fault("out of range", field=field, value=value, remedy=remedy))
-
-        check("payload_kg", self.payload_kg, 0.0, 1000.0, "kilograms, 0 or more")
-        check("reserve_soc", self.reserve_soc, 0.0, 0.95, "a fraction from 0 to 0.95 (--reserve 0 to 95 percent)")
-        check("state.soc", self.state.soc, 0.0, 1.0, "a fraction from 0 to 1 (--soc 0 to 100 percent)")
-        check("epsilon", self.epsilon, 0.0, 0.5, "a probability from 0 to 0.5")
+        faults = [*_check_state(self.state), *_check_objective(self)]
+        payload = "kilograms, 0 or more"
+        faults += _check("payload_kg", self.payload_kg, 0.0, 1000.0, payload, _divided(self.payload_kg, 1000.0, 1000.0))
+        faults += _check_fraction("reserve_soc", self.reserve_soc, 0.95, "--reserve 0 to 95 percent")
+        faults += _check(
+            "epsilon", self.epsilon, 0.0, 0.5, "a probability from 0 to 0.5", _divided(self.epsilon, 100.0, 0.5)
+        )
         if self.airspeed_mps is not None:
-            check("airspeed_mps", self.airspeed_mps, 1.0, 150.0, "metres per second, 1 to 150")
-        if (self.state.station is None) == (self.state.position is None):
-            faults.append(Fault("either a station or a position must be given", field="state"))
+            meant = _divided(self.airspeed_mps, 3.6, 150.0)
+            faults += _check("airspeed_mps", self.airspeed_mps, 1.0, 150.0, "metres per second, 1 to 150", meant)
+        if self.recharge not in RECHARGES:
+            lower = str(self.recharge).strip().lower()
+            remedy = f"did you mean '{lower}'?" if lower in RECHARGES else "'full' or 'enough'"
+            faults.append(Fault("is not known", field="recharge", value=self.recharge, remedy=remedy))
+        if not _is_count(self.seed, MOST_SEED):
+            faults.append(Fault("out of range", field="seed", value=self.seed, remedy="a whole number, 0 or more"))
         if faults:
             raise InputError(faults)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _is_count(value: Any, most: int) -> bool:
+    """Whether it is a whole number of any kind, from 0 up."""
+    try:
+        return not isinstance(value, bool) and 0 <= operator.index(value) <= most
+    except TypeError:
+        return False
+
+
+def _check(field: str, value: float, low: float, high: float, remedy: str, meant: str | None = None) -> list[Fault]:
+    """Faults of a number that must lie in a range; `meant` is what it may mean in another unit."""
+    if not _is_number(value):
+        return [Fault("is no number", field=field, value=value, remedy=remedy)]
+    if low <= value <= high:
+        return []
+    return [Fault("out of range", field=field, value=value, remedy=f"{remedy}{meant or ''}")]
+
+
+def _divided(value: float, by: float, most: float) -> str | None:
+    """What a number may mean that was given in a unit so many times smaller."""
+    return f"; did you mean {value / by:g}?" if _is_number(value) and 0.0 < value / by <= most else None
+
+
+def _check_fraction(field: str, value: float, high: float, option: str) -> list[Fault]:
+    """Faults of a state of charge: percent taken for a fraction, and the other way round."""
+    remedy = f"a fraction from 0 to {high:g} ({option})"
+    meant = f"; did you mean {value / 100.0:g}?" if _is_number(value) and 1.0 < value <= 100.0 * high else None
+    faults = _check(field, value, 0.0, high, remedy, meant)
+    if not faults and field == "reserve_soc" and 0.0 < value < LEAST_SOC:  # a battery may be as empty as that
+        remedy = f"did you mean {min(100.0 * value, high):g}?"
+        faults = [
+            Fault(f"is a fraction, and {100.0 * value:g} % is hardly anything", field=field, value=value, remedy=remedy)
+        ]
+    return faults
+
+
+def _check_state(state: State) -> list[Fault]:
+    faults = _check_fraction("state.soc", state.soc, 1.0, "--soc 0 to 100 percent")
+    if (state.station is None) == (state.position is None):
+        faults.append(Fault("either a station or a position must be given", field="state"))
+    if state.position is not None:
+        for name, value, most in zip(("lat", "lon"), state.position, (90.0, 180.0), strict=False):
+            faults += _check(f"state.position.{name}", value, -most, most, f"degrees, {-most:g} to {most:g}")
+    if state.time.tzinfo is None:
+        remedy = "give it a time zone: datetime(2013, 7, 10, 18, tzinfo=UTC)"
+        faults.append(
+            Fault("the time has no UTC offset", field="state.time", value=state.time.isoformat(), remedy=remedy)
+        )
+    elif not YEARS[0] <= state.time.year <= YEARS[1]:
+        remedy = f"a year from {YEARS[0]} to {YEARS[1]}"
+        faults.append(Fault("out of range", field="state.time", value=state.time.isoformat(), remedy=remedy))
+    for station, count in state.busy_pads.items():
+        if not _is_count(count, MOST_BUSY):
+            remedy = f"how many drones are there, a whole number from 0 to {MOST_BUSY}"
+            faults.append(Fault("out of range", field=f"state.busy_pads[{station!r}]", value=count, remedy=remedy))
+    return faults
+
+
+def _check_objective(request: Request) -> list[Fault]:
+    asked: object = request.objective
+    if not isinstance(asked, Objective):
+        remedy = "Objective('mean'), Objective('p95') or Objective('on-time', deadline)"
+        return [Fault("is no objective", field="objective", value=asked, remedy=remedy)]
+    deadline, time = asked.deadline, request.state.time
+    if deadline is None or time.tzinfo is None:
+        return []
+    value = deadline.isoformat()
+    if deadline.tzinfo is None:
+        return [Fault("the deadline has no UTC offset", field="objective", value=value, remedy="give it a time zone")]
+    if not 0.0 < (deadline - time).total_seconds() <= LATEST_DEADLINE_H * 3600.0:
+        what = "before the departure" if deadline <= time else f"more than {LATEST_DEADLINE_H} h after the departure"
+        remedy = f"the departure is at {time.isoformat()}"
+        return [Fault(f"the deadline is {what}", field="objective", value=value, remedy=remedy)]
+    return []

@@ -36,7 +36,8 @@ def skyline(drones: Sequence[Drone], payload_kg: float) -> list[Drone]:
     able = [drone for drone in drones if drone.max_payload_kg >= payload_kg]
     if not able:
         most = max((drone.max_payload_kg for drone in drones), default=0.0)
-        raise PayloadError(f"no drone lifts {payload_kg:g} kg: the fleet's heaviest payload is {most:g} kg")
+        grams = f"; {payload_kg:g} g are {payload_kg / 1000.0:g} kg" if payload_kg / 1000.0 <= most else ""
+        raise PayloadError(f"no drone lifts {payload_kg:g} kg: the fleet's heaviest payload is {most:g} kg{grams}")
     with_price = all(drone.price_per_km is not None for drone in able)
     values = [qualities(drone, with_price=with_price) for drone in able]
     window: list[int] = []

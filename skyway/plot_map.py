@@ -12,6 +12,7 @@ import numpy as np
 
 from models import geodesy
 from models.antimeridian import about, middle_longitude, wrapped
+from models.formatting import headline
 from skyway.pictures import (
     CALM,
     INK,
@@ -96,20 +97,7 @@ def plot_composition(composition: Composition, scenario: Scenario, path: Path, b
 def _headline(composition: Composition, zone: ZoneInfo) -> str:
     """What is to be expected first: on average, half and 95 % by when; the length of the typical course where that is unknown."""
     who = f"{composition.origin} > {composition.destination}, {composition.payload_kg:g} kg by {composition.drone}"
-    arrival = composition.arrival
-    if arrival.mean is None or arrival.p50 is None or arrival.p95 is None:
-        expected = f"typical course {_minutes(composition.delivery_time_s)}"
-    else:
-        expected = (
-            f"on average {_minutes((arrival.mean - composition.depart).total_seconds())}, half by "
-            f"{arrival.p50.astimezone(zone):%H:%M}, 95 % by {arrival.p95.astimezone(zone):%H:%M %Z}"
-        )
-    return f"{who}, {composition.distance_m / 1000:.1f} km\n{expected}"
-
-
-def _minutes(seconds: float) -> str:
-    hours, minutes = divmod(round(seconds / 60.0), 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
+    return f"{who}, {composition.distance_m / 1000:.1f} km\n{headline(composition, zone)}"
 
 
 class Frame(NamedTuple):

@@ -13,6 +13,7 @@ import typer
 from models.errors import Fault, InputError, one_line
 from skyway.cli import options
 from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, VehicleKind, open_any, towards, write
+from skyway.cli.sheet import Column, Sheet
 
 if TYPE_CHECKING:
     from link.logs.vehicle_kind import Kind
@@ -358,14 +359,16 @@ def _tell_energy(
     output: Path | None,
 ) -> None:
     typer.echo("error of the energy of each flight, by a fit to the others:")
-    typer.echo(f"  {'flight':32} {'kg':>6} {'s':>6} {'Wh':>7} {'endurance':>10} {'momentum':>10} {'published':>10}")
+    columns = [Column("flight", justify="left"), Column("mass", "kg"), Column("time", "s"), Column("energy", "Wh")]
+    sheet = Sheet([*columns, Column("endurance"), Column("momentum"), Column("published")])
     for number, record in enumerate(records):
         errors = [fits[name].left_out_error[number] for name in fits] + [published[number]]
-        cells = " ".join(f"{error:>+10.1%}" if math.isfinite(error) else f"{'-':>10}" for error in errors)
-        name = Path(record.name).name[-32:]
-        typer.echo(f"  {name:32} {record.mass_kg:6.2f} {record.total_s:6.0f} {record.total_j / 3600.0:7.1f} {cells}")
+        cells = [f"{error:+.1%}" if math.isfinite(error) else "-" for error in errors]
+        figures = f"{record.mass_kg:.2f}", f"{record.total_s:.0f}", f"{record.total_j / 3600.0:.1f}"
+        sheet.add(Path(record.name).name, *figures, *cells)
         if record.idle_s > 5.0:
-            typer.echo(f"  {'':32} {record.idle_s:.0f} s with the motors off are left out")
+            sheet.note(f"  {record.idle_s:.0f} s with the motors off are left out")
+    sheet.show()
     if len(records) > 1:
         for name, fit in fits.items():
             typer.echo(f"  {name}: worst {fit.worst:.1%}, median {fit.median:.1%}")

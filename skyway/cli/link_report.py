@@ -8,10 +8,8 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 import typer
-from rich import box
-from rich.table import Table
 
-from skyway.cli.tables import console, print_table
+from skyway.cli.sheet import Column, Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -49,13 +47,13 @@ def show_plan(part: Part, differences: Sequence[Difference]) -> None:
         for difference in differences[:_FEW]:
             typer.echo(f"  {on_board(difference)}")
         return
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1))
-    for name in ("item", "command", "latitude", "longitude", "height", "on board"):
-        table.add_column(name, justify="left" if name in ("command", "on board") else "right", no_wrap=True)
+    left = ("command", "on board")
+    names = ("item", "command", "latitude", "longitude", "height", "on board")
+    sheet = Sheet([Column(name, justify="left" if name in left else "right") for name in names], names=2)
     for number, item in enumerate(part.items):
         found = [difference for difference in differences if difference.item == number]
-        table.add_row(str(number), item.name, *_place(item), _on_board_of_item(found))
-    print_table(console(), table)
+        sheet.add(str(number), item.name, *_place(item), _on_board_of_item(found))
+    sheet.show()
     more = [difference for difference in differences if difference.item is None or difference.item >= len(part)]
     for difference in more[:_FEW]:
         typer.echo(f"  {on_board(difference)}")

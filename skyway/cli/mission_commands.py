@@ -391,27 +391,24 @@ def show(
 def _print_table(document: MissionDocument) -> None:
     import math
 
-    from rich.console import Console
-    from rich.table import Table
-
     from missions.commands import frame_name
+    from skyway.cli.sheet import Column, Sheet
 
     home = document.mission.home
     if home is not None:
         altitude = "unknown" if home.altitude_m is None else f"{home.altitude_m:g} m"
         typer.echo(f"home {home.point}, ground {altitude}")
-    table = Table(box=None, header_style="bold")
-    for heading in ("item", "command", "frame", "p1", "p2", "p3", "p4", "latitude", "longitude", "altitude"):
-        table.add_column(heading, justify="left" if heading in ("command", "frame") else "right")
+    left = ("command", "frame")
+    names = ("item", "command", "frame", "p1", "p2", "p3", "p4", "latitude", "longitude", "altitude")
+    sheet = Sheet([Column(name, justify="left" if name in left else "right") for name in names], names=2)
     for number, item in enumerate(document.mission.items):
         numbers = ("" if math.isnan(value) else f"{value:g}" for value in item.params)
         point = item.point
         place = (f"{point.lat:.7f}", f"{point.lon:.7f}") if point else ("", "")
         height = f"{item.z:g}" if item.is_located and not math.isnan(item.z) else ""
-        table.add_row(str(number), item.name, frame_name(item.frame), *numbers, *place, height)
+        sheet.add(str(number), item.name, frame_name(item.frame), *numbers, *place, height)
     if document.mission.items:
-        console = Console()
-        Console(width=console.width if console.is_terminal else 200).print(table)
+        sheet.show()
     for number, area in enumerate(document.fence.areas):
         kind = "stay inside" if area.inclusion else "stay outside"
         what = f"{len(area.vertices)} vertices" if hasattr(area, "vertices") else f"circle of {area.radius_m:g} m"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from contextlib import contextmanager
@@ -34,6 +33,8 @@ TYPED = {
     "payload_kg": "--payload",
     "reserve_soc": "--reserve",
     "state.soc": "--soc",
+    "state.time": "--depart",
+    "recharge": "--recharge",
     "airspeed_mps": "--airspeed",
     "seed": "--seed",
     "drone": "--drone",
@@ -61,8 +62,12 @@ def _as_typed(fault: Fault) -> Fault:
 
 def percent(value: float, option: str, *, high: float = 100.0) -> float:
     """Turn percent, as typed, into a fraction; an `InputError` names the option."""
-    if not 0.0 <= value <= high or math.isnan(value):
+    if not 0.0 <= value <= high:
         raise InputError(Fault("out of range", field=option, value=value, remedy=f"percent from 0 to {high:g}"))
+    if 0.0 < value <= 1.0:
+        meant = f"{100.0 * value:g}" if 100.0 * value <= high else f"{high:g}"
+        problem = f"is in percent, and {value:g} % is hardly anything"
+        raise InputError(Fault(problem, field=option, value=value, remedy=f"did you mean {option} {meant}?"))
     return value / 100.0
 
 
@@ -97,12 +102,14 @@ def load_scenario(path: Path | None) -> Scenario:
 
 
 def hint_at_warnings(scenario: Scenario, path: Path | None) -> None:
-    """Say in one line on stderr that the input has warnings, and which command tells them."""
+    """Say in one line on stderr that the input has warnings, and which command tells them.
+
+    Those of the built-in scenario are nothing that a person could mend.
+    """
     count = len(scenario.warnings)
-    if count:
+    if count and path is not None:
         what = "1 warning" if count == 1 else f"{count} warnings"
-        where = "" if path is None else f" {path}"
-        typer.echo(f"skyway: {what} about the input, see: skyway scenario check{where}", err=True)
+        typer.echo(f"skyway: {what} about the input, see: skyway scenario check {path}", err=True)
 
 
 def refuse_overwriting(*paths: Path | None, force: bool) -> None:
@@ -185,13 +192,14 @@ def _instant(text: str, option: str) -> datetime:
 
 
 def parse_duration(text: str, option: str) -> float:
-    """Seconds of a length of time as typed: ``45min``, ``2h``, ``1.5h``, ``90`` (minutes)."""
-    import re
-
+    """Seconds of a length of time as typed with its unit: ``45min``, ``2h``, ``1.5h``."""
     found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(h|min|m|s)?\s*", text)
     if found is None:
         raise InputError(Fault("is no length of time", field=option, value=text, remedy="such as 90min or 2h"))
-    return float(found[1]) * {"h": 3600.0, "min": 60.0, "m": 60.0, "s": 1.0, None: 60.0}[found[2]]
+    if found[2] is None:
+        meant = f"{found[1]}h or {found[1]}min"
+        raise InputError(Fault("has no unit", field=option, value=text, remedy=f"did you mean {meant}?"))
+    return float(found[1]) * {"h": 3600.0, "min": 60.0, "m": 60.0, "s": 1.0}[found[2]]
 
 
 def parse_objective(text: str) -> Objective:

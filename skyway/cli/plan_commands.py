@@ -178,7 +178,7 @@ def plan(
         document = to_json(composition) | plan_reasons.as_json(result, tried, alternatives, explain=explain)
         typer.echo(json.dumps(document, indent=1, allow_nan=False))
         return
-    from skyway.cli.tables import print_plan
+    from skyway.cli.plan_view import print_plan
 
     print_plan(result)
     plan_reasons.print_more(result, tried, alternatives, explain=explain)
@@ -234,7 +234,7 @@ def compare(
         ]
         typer.echo(json.dumps({"schema": "skyway.compare/1", "plans": plans}, indent=1, allow_nan=False))
     else:
-        from skyway.cli.tables import print_comparison
+        from skyway.cli.comparison_view import print_comparison
 
         print_comparison(answers)
     if all(answer.result is None for answer in answers):
@@ -260,7 +260,9 @@ def _ask(
     from planner.request import Request
 
     if recharge not in ("full", "enough"):
-        raise InputError(Fault("is not known", field="--recharge", value=recharge, remedy="full or enough"))
+        lower = recharge.strip().lower()
+        remedy = f"did you mean {lower}?" if lower in ("full", "enough") else "full or enough"
+        raise InputError(Fault("is not known", field="--recharge", value=recharge, remedy=remedy))
     mode: Literal["full", "enough"] = "full" if recharge == "full" else "enough"
     scenario, origin = options.place(scenario, start, "--from")
     scenario, destination = options.place(scenario, to, "--to")
@@ -277,10 +279,6 @@ def _ask(
             seed=seed,
             objective=options.parse_objective(objective),
         )
-    due = request.objective.deadline
-    if due is not None and due <= state.time:
-        remedy = f"the departure is at {state.time.isoformat()}"
-        raise InputError(Fault("the deadline is before the departure", None, None, "--objective", objective, remedy))
     return scenario, request
 
 

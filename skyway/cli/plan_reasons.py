@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from rich import box
-from rich.table import Table
-
+from models.composition_file import figure_json
+from models.formatting import later_text, minutes, percent, share
 from models.units import J_PER_WH, iso
-from skyway.cli.tables import console, duration, percent, print_table, say
+from skyway.cli.sheet import Column, Sheet, say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +38,12 @@ def as_json(result: PlanResult, tried: Sequence[Departure], count: int, *, expla
         found["bound"] = vars(bound) | {"gap": bound.gap}
     if tried:
         found["departures"] = [
-            {"depart": iso(one.depart), "delivery_mean_s": _finite(one.delivery_s), "p_on_time": one.p_on_time}
+            {
+                "depart": iso(one.depart),
+                "delivery_mean_s": _finite(one.delivery_s),
+                "delivery_mean": None if one.delivery is None else figure_json(one.delivery),
+                "p_on_time": one.p_on_time,
+            }
             for one in tried
         ]
     if count > 1:
@@ -51,10 +55,16 @@ def as_json(result: PlanResult, tried: Sequence[Departure], count: int, *, expla
         from planner.explain import charge_ranges, stop_reasons
 
         found["explanation"] = {
-            "stops": [vars(one) | {"later_s": _finite(one.later_s)} for one in stop_reasons(result)],
+            "stops": [_reason_json(one) for one in stop_reasons(result)],
             "charges": [] if result.robust is None else [vars(one) for one in charge_ranges(result.robust)],
         }
     return found
+
+
+def _reason_json(one: StopReason) -> dict[str, object]:
+    found = {name: value for name, value in vars(one).items() if name != "later"}
+    later = None if one.later is None else figure_json(one.later)
+    return found | {"later_s": None if one.later is None else one.later.value, "later": later}
 
 
 def _finite(value: float) -> float | None:
@@ -62,48 +72,53 @@ def _finite(value: float) -> float | None:
 
 
 def _print_departures(result: PlanResult, tried: Sequence[Departure]) -> None:
-    out = console()
     zone = ZoneInfo(result.problem.scenario.timezone)
     deadline = result.problem.request.objective.deadline
-    say(out, "")
-    say(out, "Departures tried (mean delivery time" + (", on time):" if deadline else "):"))
+    columns = [Column("departure", justify="left"), Column("delivery on average", "min")]
+    columns += [Column("on time")] if deadline else []
+    sheet = Sheet([*columns, Column("", justify="left")])
     for one in tried:
-        chosen = "  < chosen" if one.depart == result.composition.depart else ""
-        time = duration(one.delivery_s) if one.delivery_s < float("inf") else "no route"
-        on_time = f"  {percent(one.p_on_time, 1):>8}" if deadline else ""
-        say(out, f"  {one.depart.astimezone(zone):%Y-%m-%d %H:%M}  {time:>9}{on_time}{chosen}")
+        chosen = "< chosen" if one.depart == result.composition.depart else ""
+        time = "no route" if one.delivery is None else minutes(one.delivery)
+        on_time = [percent(one.p_on_time)] if deadline else []
+        sheet.add(f"{one.depart.astimezone(zone):%Y-%m-%d %H:%M}", time, *on_time, chosen)
+    say("")
+    sheet.show()
 
 
 def _print_alternatives(result: PlanResult, count: int) -> None:
     from planner.explain import stop_names
     from planner.plan import alternative_plans
 
-    out = console()
     plans = alternative_plans(result, count)
-    say(out, "")
+    say("")
     if len(plans) == 1:
         if result.robust is None:
-            say(out, f"The planner {result.composition.planner} has one answer; robust compares routes")
+            say(f"The planner {result.composition.planner} has one answer; robust compares routes")
         else:
-            say(out, "No alternative: no other route that was found is better in anything (mean, p95, reserve, energy)")
+            say(
+                "No alternative: no other route that was found is better in anything (mean, 95th percentile, reserve, energy)"
+            )
         return
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1))
-    for name in ("", "stops at", "mean", "p95", "reserve kept", "Wh"):
-        table.add_column(name, justify="left" if name in ("", "stops at") else "right", no_wrap=True)
+    columns = [
+        Column(""),
+        Column("stops at", justify="left"),
+        Column("on average", "min"),
+        Column("95 % within", "min"),
+    ]
+    sheet = Sheet([*columns, Column("reserve", "kept", words="reserve kept {}"), Column("energy", "Wh")], names=2)
     for number, plan in enumerate(plans):
-        c, outcome, begin = plan.composition, plan.outcome, plan.problem.depart_s
-        table.add_row(
+        stops = stop_names(plan.robust.candidates[0]) if plan.robust else plan.composition.route[1:-1]
+        sheet.add(
             str(number + 1),
-            " > ".join(stop_names(plan.robust.candidates[0])) or "no stop"
-            if plan.robust
-            else " > ".join(c.route[1:-1]),
-            duration(outcome.mean_s - begin),
-            duration(outcome.quantile_s(0.95) - begin),
-            percent(outcome.p_success, 1),
+            " > ".join(stops) or "no stop",
+            minutes(plan.outcome.delivery),
+            minutes(plan.outcome.delivery_quantile(0.95)).split(" ± ", maxsplit=1)[0],
+            share(plan.outcome.success),
             f"{_energy_wh(plan):.0f}",
         )
-    say(out, "Alternatives, none of them worse in everything: (1 is the plan above)")
-    print_table(out, table)
+    say("Alternatives, each better than the others in something (1 is the plan above):")
+    sheet.show()
 
 
 def _energy_wh(plan: PlanResult) -> float:
@@ -115,35 +130,33 @@ def _energy_wh(plan: PlanResult) -> float:
 def _print_reasons(result: PlanResult) -> None:
     from planner.explain import stop_reasons
 
-    out = console()
-    say(out, "")
+    say("")
     if result.robust is None:
-        say(out, f"The planner {result.composition.planner} gives no reasons; robust does")
+        say(f"The planner {result.composition.planner} gives no reasons; robust does")
         return
     for one in stop_reasons(result):
-        say(out, f"{one.station}: {_why_here(one)}")
-        say(out, f"  {_why_so_much(one)}")
+        say(f"{one.station}: {_why_here(one)}")
+        say(f"  {_why_so_much(one)}")
     if not result.composition.stops:
-        say(out, "No stop is needed: the charge is enough for the whole way")
+        say("No stop is needed: the charge is enough for the whole way")
 
 
 def _why_here(one: StopReason) -> str:
-    if one.runner_up is None:
-        return "there is no way without this stop"
-    way = " > ".join(one.runner_up) or "no stop at all"
-    if one.later_s >= 0.0:
-        return f"without it the best way stops at {way} and arrives {one.later_s / 60.0:.1f} min later in the mean"
-    return f"without it a way by {way} arrives {-one.later_s / 60.0:.1f} min earlier in the mean, but is less safe"
+    if one.runner_up is None or one.later is None:
+        return "there is no route without this stop"
+    way = "the best route stops at " + ", ".join(one.runner_up) if one.runner_up else "the best route has no stop"
+    safety = "" if one.later.value >= 0.0 else ", but is less safe"
+    return f"without this stop {way}: {later_text(one.later)}{safety}"
 
 
 def _why_so_much(one: StopReason) -> str:
     """What the charge at a stop is for."""
     parts = (
-        f"{percent(one.leaves)} in the mean: {percent(one.expected)} for the flight, {percent(one.margin)} in case of worse wind, "
-        f"gusts or a hungry vehicle, {percent(one.reserve)} that must be left on landing"
+        f"{percent(one.leaves)} on average: {percent(one.expected)} for the flight, {percent(one.margin)} for stronger wind, "
+        f"gusts and a vehicle that takes more energy, {percent(one.reserve)} that must be left on landing"
     )
     if one.idle >= 1.0 - 1e-9:
-        return f"it never charges there in the rehearsed runs, and leaves with {parts}"
+        return f"the drone never charges here in the simulated deliveries, and leaves with {parts}"
     if one.idle > 0.5:
-        return f"{percent(one.idle)} of runs leave at once; the others, in worse wind, charge to {parts}"
-    return f"it charges to {parts}"
+        return f"{percent(one.idle)} of the deliveries leave at once; the others charge to {parts}"
+    return f"the drone charges to {parts}"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from models.errors import InputError
 from skyway.cli import options
 from skyway.cli.plan_commands import Depart, Force, Forecast, ScenarioArgument, Truth, WindOption
+from skyway.cli.sheet import Column, Sheet, say
 
 if TYPE_CHECKING:
     from models.scenario import Scenario
@@ -86,19 +87,11 @@ def network(
 
 def _print_network(world: Scenario) -> None:
     import numpy as np
-    from rich import box
-    from rich.table import Table
-
-    from skyway.cli.tables import console, print_table, say
 
     net = world.network
-    out = console()
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1))
-    for name in ("id", "name", "lat", "lon", "ground m", "pads", "spots", "segments", "nearest"):
-        justify: Literal["left", "right"] = "left" if name in ("id", "name", "nearest") else "right"
-        most, least = {"id": (20, 8), "name": (32, 10), "nearest": (26, 10)}.get(name, (9, len(name)))
-        least = {"lat": 8, "lon": 9}.get(name, least)
-        table.add_column(name, justify=justify, no_wrap=True, overflow="ellipsis", min_width=least, max_width=most)
+    left = ("id", "name", "nearest")
+    names = ("id", "name", "lat", "lon", "ground m", "pads", "spots", "segments", "nearest")
+    sheet = Sheet([Column(name, justify="left" if name in left else "right") for name in names], names=2)
     for number, s in enumerate(net.stations):
         segments = slice(int(net.first[number]), int(net.first[number + 1]))
         nearest = "none"
@@ -106,7 +99,7 @@ def _print_network(world: Scenario) -> None:
             best = segments.start + int(np.argmin(net.distance_m[segments]))
             nearest = f"{net.stations[int(net.head[best])].id} {net.distance_m[best] / 1000:.1f} km"
         height = "unknown" if s.elevation_m is None else f"{s.elevation_m:.0f}"
-        table.add_row(
+        sheet.add(
             s.id,
             s.name,
             f"{s.lat:.4f}",
@@ -117,20 +110,19 @@ def _print_network(world: Scenario) -> None:
             str(segments.stop - segments.start),
             nearest,
         )
-    print_table(out, table)
-    say(out, "")
+    sheet.show()
+    say("")
     zones = len(net.zones.names) if net.zones is not None else 0
     both = len({tuple(sorted(pair)) for pair in zip(net.tail.tolist(), net.head.tolist(), strict=True)})
     parts = len(net.parts())
     joined = "all joined" if parts == 1 else f"in {parts} parts"
     if len(net.distance_m):
         lengths = f"{net.distance_m.min() / 1000:.1f} to {net.distance_m.max() / 1000:.1f} km"
-        say(out, f"{len(net)} stations, {both} segments ({lengths}), {joined}, {zones} no-fly zones")
+        say(f"{len(net)} stations, {both} segments ({lengths}), {joined}, {zones} no-fly zones")
     else:
-        say(out, f"{len(net)} stations, no segments, {zones} no-fly zones")
+        say(f"{len(net)} stations, no segments, {zones} no-fly zones")
     for drone in world.drones:
         say(
-            out,
             f"{drone.id}: {drone.name} of {drone.provider}, lifts {drone.max_payload_kg:g} kg, "
             f"still-air range {drone.flight_range_m / 1000:.1f} km fully loaded, wind up to {drone.wind_limit_mps:g} m/s, "
             f"recharge {drone.recharge_full_s / 3600:.2f} h",
@@ -157,7 +149,8 @@ def wind(
         true, day = options.true_wind(world, instant, truth)
         ensemble = options.wind_forecast(world, instant, constant, forecast, true, day)
     options.hint_at_warnings(world, scenario)
-    from skyway.wind_summary import hourly, print_wind
+    from skyway.cli.wind_view import print_wind
+    from skyway.wind_summary import hourly
 
     rows = hourly(ensemble, world, hours, true)
     if plot is not None:
@@ -194,7 +187,7 @@ def check(
         typer.echo(f"warning: {warning}", err=True)
     record = "no wind record" if world.history is None else f"wind of {world.history.covers}"
     drones = "1 drone" if len(world.drones) == 1 else f"{len(world.drones)} drones"
-    typer.echo(f"{world.path}: {world.name}: {len(world.network)} stations, {drones}, {record}: ready to plan")
+    say(f"{world.path}: {world.name}: {len(world.network)} stations, {drones}, {record}: ready to plan")
 
 
 def _check_json(folder: Path | None) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from skyway.cli.aboard import AsJson, Line, linked
+from skyway.cli.sheet import width
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 _EVERY_S, _LINE_EVERY_S, _ASK_EVERY_S = 0.5, 1.0, 5.0
 _SILENT_S = 5.0
 _UNKNOWN = "unknown"
+WIDE = 110
+"""Columns from which on the table has a row for each vehicle."""
 
 
 @linked
@@ -204,8 +207,15 @@ def _table(watched: _Watch) -> Table:
 
     rows = watched.rows()
     table = Table(caption="\n".join(watched.remarks()) or None, caption_style="bold red")
+    if rows and (width() or WIDE) < WIDE:  # a narrow terminal: a line for each value, nothing broken within words
+        table.add_column("vehicle")
+        for row in rows:
+            table.add_column(_cells(row)[0], overflow="fold")
+        for name, *cells in zip(_COLUMNS[1:], *(_cells(row)[1:] for row in rows), strict=True):
+            table.add_row(name, *cells)
+        return table
     for name in _COLUMNS if rows else ("waiting for a heartbeat",):
-        table.add_column(name)
+        table.add_column(name, overflow="fold")
     for row in rows:
         table.add_row(*_cells(row))
     return table

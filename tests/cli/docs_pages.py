@@ -71,6 +71,7 @@ def run(command: str) -> tuple[int, str, str]:
     from skyway.cli.main import main
 
     out, err = io.StringIO(), io.StringIO()
+    os.environ.pop("COLUMNS", None)  # as in a pipe: complete
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main(arguments(command))
     return code, out.getvalue(), err.getvalue()
