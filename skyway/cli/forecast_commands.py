@@ -165,7 +165,7 @@ def _distance_m(world: Scenario, one: WindObservation) -> float:
 
 
 def _rows(update: Update) -> list[dict[str, Any]]:
-    """Mean wind and spread over the middle of the network, at cruise height, before and after."""
+    """Wind over the middle of the network, at cruise height, before and after."""
     from skyway.wind_summary import over_region
 
     rows = []
@@ -180,17 +180,18 @@ def _rows(update: Update) -> list[dict[str, Any]]:
     return rows
 
 
-def _wind_of(ensemble: WindEnsemble, north: Any, east: Any, slot: int) -> dict[str, float]:
-    from models.wind import speed_from
+def _wind_of(ensemble: WindEnsemble, north: Any, east: Any, slot: int) -> dict[str, float | None]:
+    """Summary of one slot (`models.wind_summary`), and the spread of the members about their mean vector."""
+    from models.wind_summary import summary_of
 
-    weight = ensemble.probability
-    mean_north, mean_east = float(weight @ north[:, slot]), float(weight @ east[:, slot])
-    variance = float(weight @ ((north[:, slot] - mean_north) ** 2 + (east[:, slot] - mean_east) ** 2))
-    speed, direction = (float(value) for value in speed_from(mean_north, mean_east))
+    found = summary_of(north[:, slot], east[:, slot], ensemble.probability)
+    off = (north[:, slot] - found.north_mps) ** 2 + (east[:, slot] - found.east_mps) ** 2
     return {
-        "speed_mps": round(speed, 3),
-        "from_deg": round(direction, 1),
-        "sigma_mps": round(math.sqrt(0.5 * variance), 3),
+        "speed_mps": round(found.mean_mps, 3),
+        "p10_mps": round(found.p10_mps, 3),
+        "p90_mps": round(found.p90_mps, 3),
+        "from_deg": None if found.from_deg is None else round(found.from_deg, 1),
+        "sigma_mps": round(math.sqrt(0.5 * float(ensemble.probability @ off)), 3),
     }
 
 
@@ -238,6 +239,7 @@ def _as_json(update: Update) -> dict[str, Any]:
 
 
 def _tell(update: Update, output: Path | None) -> None:
+    from models.services import Wind
     from models.units import from_posix, iso
 
     count = len(update.seen)
@@ -247,13 +249,13 @@ def _tell(update: Update, output: Path | None) -> None:
     for row in _field(update):
         wind = f"{row['speed_mps']:.1f} ± {row['sigma_mps']:.1f} m/s from {row['from_deg']:.0f}°"
         typer.echo(f"  {row['site']}: {wind} at {update.before.height_m:g} m")
-    typer.echo("  over the middle of the network, at cruise height (mean vector ± spread of the members):")
+    typer.echo("  over the middle of the network, at cruise height, before and after:")
     for row in _rows(update):
-        cells = [
-            f"{row[name]['speed_mps']:4.1f} ± {row[name]['sigma_mps']:.1f} m/s from {row[name]['from_deg']:3.0f}°"
+        before, after = (
+            Wind(row[name]["speed_mps"], row[name]["from_deg"], row[name]["p10_mps"], row[name]["p90_mps"])
             for name in ("before", "after")
-        ]
-        typer.echo(f"  +{row['hours']:2d} h: {cells[0]}  →  {cells[1]}")
+        )
+        typer.echo(f"  +{row['hours']:2d} h: {before}  →  {after}")
     typer.echo("use -o FILE to write it" if output is None else f"written to {output}: skyway plan --forecast {output}")
 
 
