@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from link.encoded_sample import encode
-from link.logs.tlog import StampCheck, read_frames
+from link.logs.tlog import read_frames
+from link.logs.tlog_stamps import StampCheck
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -67,7 +68,8 @@ class TlogPackets:
         begin, shift_s = self._index.offset_at(from_s)
         check = StampCheck(shift_s)
         self._held = []
-        for frames in read_frames(self._path, begin=begin, chunk_bytes=WINDOW_BYTES):
+        memory = self._index.beginning.copy() if begin == 0 else None
+        for frames in read_frames(self._path, begin=begin, chunk_bytes=WINDOW_BYTES, memory=memory):
             times = check.clean(frames.time_s)
             wanted = frames.offset >= 0
             if self._system is not None:

@@ -69,12 +69,19 @@ class MessageFormat:
     factor: dict[str, float]
 
 
+_SIZES = np.full(256, -1, dtype=np.int64)
+for _letter, (_kind, _count, _) in PACKED.items():
+    _SIZES[ord(_letter)] = np.dtype((_kind, (_count,)) if _count > 1 else _kind).itemsize
+
+
+def _text(part: bytes) -> str:
+    return part.split(b"\0")[0].decode("ascii", "replace")
+
+
 def _format(body: bytes) -> tuple[int, MessageFormat] | None:
     """Read a FMT message; None where it makes no sense."""
     length = body[1]
-    name, letters, columns = (
-        part.split(b"\0")[0].decode("ascii", "replace") for part in (body[2:6], body[6:22], body[22:86])
-    )
+    name, letters, columns = (_text(part) for part in (body[2:6], body[6:22], body[22:86]))
     names = columns.split(",") if columns else []
     if len(names) != len(letters) or len(set(names)) != len(names) or not set(letters) <= PACKED.keys():
         return None
@@ -124,7 +131,10 @@ class DataFlash:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._length = np.zeros(256, dtype=np.int64)
+        self._packed = np.zeros(256, dtype=np.int64)
         self._length[kernels.FORMAT_TYPE] = kernels.FORMAT_LENGTH
+        self._packed[kernels.FORMAT_TYPE] = kernels.FORMAT_LENGTH - 3
+        self._named: dict[int, str] = {}
         self._formats: dict[int, MessageFormat] = {}
         self._counts = np.zeros(256, dtype=np.int64)
         self._skipped = 0
@@ -200,7 +210,7 @@ class DataFlash:
     def _find(self, data: NDArray[np.uint8], *, final: bool) -> tuple[Messages, int]:
         most = len(data) // 3 + 1
         offset, kind = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.uint8)
-        count, used, skipped = kernels.find_messages(data, final, self._length, offset, kind)
+        count, used, skipped = kernels.find_messages(data, final, self._length, self._packed, _SIZES, offset, kind)
         return Messages(offset[:count], kind[:count], skipped), used
 
     def _fields(
@@ -258,7 +268,9 @@ class DataFlash:
             self._skipped += found.skipped
             self._counts += np.bincount(found.kind, minlength=256)
             for at in found.offset[found.kind == kernels.FORMAT_TYPE]:
-                form = _format(data[at + 3 : at + kernels.FORMAT_LENGTH].tobytes())
+                body = data[at + 3 : at + kernels.FORMAT_LENGTH].tobytes()
+                self._named[body[0]] = _text(body[2:6])
+                form = _format(body)
                 if form is not None:
                     self._formats[form[0]] = form[1]
             stamped = self._stamped(data, found, names, steady)
@@ -275,8 +287,8 @@ class DataFlash:
     def _names(self) -> dict[str, int]:
         named: dict[str, int] = {}
         for number in np.flatnonzero(self._counts):
-            form = self._formats.get(int(number))
-            name = "FMT" if number == kernels.FORMAT_TYPE else f"UNKNOWN_{number}" if form is None else form.name
+            known = self._named.get(int(number), f"UNKNOWN_{number}")
+            name = "FMT" if number == kernels.FORMAT_TYPE else known
             named[name] = named.get(name, 0) + int(self._counts[number])
         return named
 

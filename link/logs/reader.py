@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -48,7 +50,7 @@ def format_of(path: Path) -> str:
     if _is_text(head):
         return "csv"
     ending = path.suffix.lower()
-    found = {".tlog": "tlog", ".bin": "dataflash"}.get(ending)
+    found = {".tlog": "tlog", ".bin": "dataflash", ".ulg": "ulog"}.get(ending) or _inside(head)
     if found is None:
         remedy = "a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"
         raise InputError(Fault("is no flight log that is known", str(path), remedy=remedy))
@@ -86,6 +88,26 @@ def open_log(path: Path, columns: LogColumns | None = None) -> Log:
     from link.logs.csv_log import CsvLog
 
     return CsvLog(path, columns)
+
+
+def _inside(head: bytes) -> str | None:
+    """Tell a log whose beginning is cut or damaged by what follows: a whole frame behind a stamp, a message that is a format."""
+    from link.logs import tlog_kernels as kernels
+    from link.logs.dialect import crc_extras
+
+    extras, data = crc_extras(), np.frombuffer(head, dtype=np.uint8)
+    for at in np.flatnonzero((data == kernels.V1) | (data == kernels.V2)).tolist():
+        if at < 8 or at + kernels.LONGEST > len(data):
+            continue
+        total = kernels.announced(data, at)
+        number = data[at + 5] if data[at] == kernels.V1 else data[at + 7] | data[at + 8].astype(int) << 8
+        if (
+            data[at - 8] == 0
+            and extras[number] >= 0
+            and kernels.frame_is_good(data, at, total, extras, kernels.CRC_TABLE)
+        ):
+            return "tlog"
+    return "dataflash" if b"\xa3\x95\x80" in head else None
 
 
 def _is_text(head: bytes) -> bool:

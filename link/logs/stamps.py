@@ -27,6 +27,10 @@ class SteadyTimes:
         count = len(time_s)
         if not count:
             return np.zeros(0, dtype=np.bool_)
+        near = self.latest_s if math.isfinite(self.latest_s) else float(time_s[0])
+        if (np.abs(np.diff(time_s, prepend=near)) <= SPIKE_S).all():  # false for NaN
+            self.latest_s = float(time_s[-1])
+            return np.ones(count, dtype=np.bool_)
         if count < 5:
             near = self.latest_s if math.isfinite(self.latest_s) else float(np.median(time_s))
             good = np.abs(time_s - near) <= EDGE_S * 60.0

@@ -15,6 +15,8 @@ import numpy as np
 
 from link.logs import tlog_kernels as kernels
 from link.logs.dialect import crc_extras, message_type, name_of
+from link.logs.tlog_beginning import beginning
+from link.logs.tlog_stamps import StampCheck
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -89,6 +91,10 @@ class ScanState:
     clock: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
     kept: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(2048, dtype=np.uint8))
 
+    def copy(self) -> ScanState:
+        """Return the same, to be changed."""
+        return ScanState(self.state.copy(), self.clock.copy(), self.kept.copy())
+
 
 def read_frames(
     path: Path, *, chunk_bytes: int = CHUNK_BYTES, begin: int = 0, memory: ScanState | None = None
@@ -104,7 +110,7 @@ def read_frames(
     begin : int
         Where to begin, at the stamp before a frame; 0 is the start of the log.
     memory : ScanState, optional
-        Filled with the counts of what was skipped.
+        What the parser remembers where it begins; filled with the counts of what was skipped.
 
     Raises
     ------
@@ -161,6 +167,8 @@ class TlogIndex:
         Times, never decreasing; places from which the log can be read on; how far the clock had been set back by then.
     stamps : StampCheck
         What was found wrong with the stamps.
+    beginning : ScanState
+        What the parser remembered at the start of the log.
     """
 
     messages: int
@@ -174,59 +182,12 @@ class TlogIndex:
     seek_offset: NDArray[np.int64]
     seek_shift_s: NDArray[np.float64]
     stamps: StampCheck
+    beginning: ScanState
 
     def offset_at(self, time_s: float) -> tuple[int, float]:
         """Return a place in the log before everything recorded at `time_s` or later, and the clock's shift there."""
         point = int(np.searchsorted(self.seek_time_s, time_s, side="left")) - 1
         return (int(self.seek_offset[point]), float(self.seek_shift_s[point])) if point >= 0 else (0, 0.0)
-
-
-class StampCheck:
-    """Makes stamps into times that never decrease.
-
-    A stamp is believed within 30 days of the last one believed (the first: of the median of its chunk) and within a minute of
-    the median of five, else it is taken as the one before. Steps back of up to `JITTER_S` are held; where the clock was set back by more, what follows is shifted.
-
-    Parameters
-    ----------
-    shift_s : float
-        Shift already in force where the reading begins.
-    """
-
-    REACH_S = 30 * 86_400.0
-    JITTER_S = 1.0
-    SPIKE_S = 60.0
-
-    def __init__(self, shift_s: float = 0.0) -> None:
-        self.shift_s = shift_s
-        self.last_s = math.nan
-        self.highest_s = -math.inf
-        self.disbelieved = 0
-        self.held = 0
-        self.set_back: list[float] = []
-
-    def clean(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the times of stamps, shape (messages,)."""
-        if not len(time_s):
-            return time_s
-        middle = float(np.median(time_s)) if math.isnan(self.last_s) else self.last_s
-        good = np.abs(time_s - middle) <= self.REACH_S
-        if len(time_s) >= 5:
-            around = np.lib.stride_tricks.sliding_window_view(np.pad(time_s, 2, mode="reflect"), 5)
-            good &= np.abs(time_s - np.median(around, axis=1)) <= self.SPIKE_S
-        self.disbelieved += int((~good).sum())
-        place = np.maximum.accumulate(np.where(good, np.arange(len(time_s)), -1))
-        filled = np.where(place >= 0, time_s[place], middle)
-        step = np.diff(filled, prepend=middle if not math.isnan(self.last_s) else filled[0])
-        jumps = np.where(step < -self.JITTER_S, -step, 0.0)
-        self.set_back += jumps[jumps > 0.0].tolist()
-        self.held += int(((step < 0.0) & (jumps == 0.0)).sum())
-        times = filled + self.shift_s + np.cumsum(jumps)
-        times = np.maximum.accumulate(np.maximum(times, self.highest_s))
-        self.shift_s += float(jumps.sum())
-        self.highest_s = float(times[-1])
-        self.last_s = float(filled[-1])
-        return np.asarray(times)
 
 
 def scan(
@@ -251,7 +212,8 @@ def scan(
     InputError
         The file cannot be read.
     """
-    memory, check = ScanState(), StampCheck()
+    memory, check = beginning(path, ScanState()), StampCheck()
+    begun = memory.copy()
     types: Counter[int] = Counter()
     systems = np.zeros(256, dtype=np.int64)
     points = [np.empty((3, 0))]
@@ -283,6 +245,7 @@ def scan(
         seek_offset=seek_offset.astype(np.int64),
         seek_shift_s=seek_shift_s,
         stamps=check,
+        beginning=begun,
     )
 
 

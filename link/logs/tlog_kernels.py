@@ -36,6 +36,8 @@ POS, BUFFERED, EXPECTED, HAVE_LAST, LAST_BAD, ENDED, BAD, BAD_BYTES, STAMP_BYTES
 """Places in the state: next byte of the chunk, bytes kept back, bytes the parser wants, whether a good message came
 yet, whether the last one was bad, whether the log is over, bad records, their bytes, bytes passed looking for a stamp."""
 STATE_SIZE = 9
+HEADER = 18
+"""Bytes from a stamp to the end of the longest header."""
 FRAME = 1024
 """Where in the parser's memory a complete frame is laid."""
 
@@ -214,7 +216,7 @@ def _place_of(data: NDArray[np.uint8], kept: NDArray[np.uint8], found: int, stat
 
 
 @compiled
-def _announced(data: NDArray[np.uint8], at: int) -> int:
+def announced(data: NDArray[np.uint8], at: int) -> int:
     """Bytes of the frame whose header begins at `at`; 0 where none does."""
     if data[at] == V2:
         return int(data[at + 1]) + 12 + 13 * (int(data[at + 2]) & SIGNED)
@@ -266,7 +268,7 @@ def scan_chunk(
             break
         at = state[POS]
         if state[BUFFERED] == 0 and size - at >= LONGEST:
-            total = _announced(data, at)
+            total = announced(data, at)
             if total >= state[EXPECTED]:
                 state[POS] = at + total
                 state[EXPECTED] = 12 if data[at] == V2 else 8
@@ -284,6 +286,56 @@ def scan_chunk(
             _record(kept, FRAME, found, base + place if place >= 0 else -1, row, state, clock, out)
             row += 1
     return row
+
+
+@compiled
+def read_one(
+    data: NDArray[np.uint8],
+    state: NDArray[np.int64],
+    clock: NDArray[np.float64],
+    kept: NDArray[np.uint8],
+    crc_extra: NDArray[np.int16],
+    table: NDArray[np.int64],
+) -> int:
+    """Read one message, stamp and all, as `scan_chunk` does; returns its length, 0 for a bad record, -1 where there is none."""
+    size = len(data)
+    _take_stamp(data, size, size, state, clock)
+    found = _buffered_message(data, size, state, kept, crc_extra, table)
+    if found > 0:
+        state[HAVE_LAST] = 1
+        state[LAST_BAD] = 0
+        clock[1] = clock[0]
+    return found
+
+
+@compiled
+def walk(
+    data: NDArray[np.uint8], size: int, at: int, final: bool, known: NDArray[np.int16], seen: NDArray[np.bool_]
+) -> tuple[int, int]:
+    """Go from header to header; returns a place and the bytes to the next one where a type is met first, or where it ends.
+
+    The bytes are 0 where the piece is over, and -1 where the log is.
+    """
+    while at + 14 < size:
+        if not final and at + HEADER > size:
+            break
+        length = int(data[at + 9]) + 8
+        if data[at + 8] == V1:
+            number = int(data[at + 13])
+            length += 8
+        elif data[at + 8] == V2:
+            if at + HEADER > size:
+                return at, -1
+            number = int(data[at + 15]) | (int(data[at + 16]) << 8) | (int(data[at + 17]) << 16)
+            length += 12 + 13 * (int(data[at + 10]) & SIGNED)
+        else:
+            at += 1
+            continue
+        if number < DENSE_IDS and known[number] >= 0 and not seen[number]:
+            seen[number] = True
+            return at, length
+        at += length
+    return at, 0
 
 
 @compiled

@@ -11,8 +11,9 @@ import numpy as np
 from link.logs.assembly import Assembler, Stretch
 from link.logs.log import LogSummary
 from link.logs.messages import SPOKEN, quantities
-from link.logs.tlog import StampCheck, read_frames, scan
+from link.logs.tlog import read_frames, scan
 from link.logs.tlog_events import TlogEvents
+from link.logs.tlog_stamps import StampCheck
 from models.telemetry import TimeBase
 
 if TYPE_CHECKING:
@@ -79,7 +80,8 @@ class Tlog:
         begin, shift_s = self.index.offset_at(from_s - WARM_UP_S) if math.isfinite(from_s) else (0, 0.0)
         check = StampCheck(shift_s)
         assemblers: dict[int, Assembler] = {}
-        for frames in read_frames(self.path, begin=begin, chunk_bytes=PIECE_BYTES):
+        memory = self.index.beginning.copy() if begin == 0 else None
+        for frames in read_frames(self.path, begin=begin, chunk_bytes=PIECE_BYTES, memory=memory):
             times = check.clean(frames.time_s)
             for system, stretch in _stretches(frames, times, self._climbs).items():
                 if system not in assemblers:

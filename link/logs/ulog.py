@@ -12,7 +12,7 @@ from link.logs.log import LogEvent, LogSummary
 from link.logs.pieces import HOLD_S, WARM_UP_S, InOrder, read_pieces
 from link.logs.stamps import SteadyTimes
 from link.logs.ulog_events import ULogEvents
-from link.logs.ulog_format import HEADER_BYTES, MAGIC, ULogContents, find_in_piece
+from link.logs.ulog_format import HEADER_BYTES, MAGIC, ULogContents, ULogScan, last_sync
 from link.logs.ulog_messages import REPLACED, SPOKEN
 from models.errors import Fault, InputError
 from models.telemetry import TimeBase
@@ -53,6 +53,7 @@ class ULogFile:
         try:
             with path.open("rb") as stream:
                 head = stream.read(HEADER_BYTES)
+            self._scan = ULogScan(last_sync(path))
         except OSError as error:
             raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
         if len(head) < HEADER_BYTES or not head.startswith(MAGIC):
@@ -62,7 +63,7 @@ class ULogFile:
         self._id = 1
         self._spoken: set[str] = set()
         self._range_us = (math.inf, -math.inf)
-        self._pieces: list[tuple[float, int, dict[str, float]]] = []
+        self._pieces: list[tuple[float, int, ULogScan, dict[str, float]]] = []
         self._odd_stamps = 0
         self._zero_s, self._time_base = self._index()
         self.summary = self._summary()
@@ -71,9 +72,9 @@ class ULogFile:
         """Return the telemetry piece by piece."""
         samples = InOrder(self._id, LASTING)
         steady = SteadyTimes()
-        latest_us, place, lasting = self._begin(from_s)
+        latest_us, place, scan, lasting = self._begin(from_s)
         topics = [topic for topic in SPOKEN if topic in self._spoken and REPLACED.get(topic) not in self._spoken]
-        for _, data, found in read_pieces(self.path, find_in_piece, begin=place):
+        for _, data, found in read_pieces(self.path, scan.copy(), begin=place):
             reports = self._reports(data, found, topics, steady)
             if lasting and math.isfinite(latest_us):
                 known = {name: np.array([value]) for name, value in lasting.items()}
@@ -125,19 +126,22 @@ class ULogFile:
         parts = np.split(stamps, cuts)
         return {topic: (part, columns) for part, (topic, (_, columns)) in zip(parts, tables.items(), strict=True)}
 
-    def _begin(self, from_s: float) -> tuple[float, int, dict[str, float]]:
+    def _begin(self, from_s: float) -> tuple[float, int, ULogScan, dict[str, float]]:
         """Return what was known at a place from which everything from a time on can be read, and that place."""
         wanted_us = (from_s - WARM_UP_S - HOLD_S - self._zero_s) * 1e6
         before = [piece for piece in self._pieces if piece[0] <= wanted_us]
-        return before[-1] if before else (-math.inf, HEADER_BYTES, {})
+        return before[-1] if before else (-math.inf, HEADER_BYTES, self._scan, {})
 
     def _index(self) -> tuple[float, TimeBase]:
         """Go through the log once; find UTC through the receiver, where it ever had a fix."""
         wanted = dict.fromkeys((*SPOKEN, *RECEIVERS))
         zeros: dict[str, NDArray[np.float64]] = {topic: np.empty(0) for topic in RECEIVERS}
         steady = SteadyTimes()
-        for base, data, found in read_pieces(self.path, find_in_piece, begin=HEADER_BYTES):
-            self._pieces.append((self._range_us[1], base, self._events.lasting()))
+        scan = self._scan.copy()
+        begun = self._scan.copy()
+        for base, data, found in read_pieces(self.path, scan, begin=HEADER_BYTES):
+            self._pieces.append((self._range_us[1], base, begun, self._events.lasting()))
+            begun = scan.copy()
             self._log.see(data, found)
             self._log.skipped += found.skipped
             stamped = self._stamped(data, found, wanted, steady)

@@ -1,14 +1,13 @@
 """The ULog container: its messages found, damaged or not, and the topics in them as columns.
 
-pyulog reads good logs well, but on some damaged ones it never comes back, so the container is read here; on good logs the
-counts are the same.
+pyulog reads a log into memory whole, and on some damaged ones it never comes back, so the container is read here, message by
+message as it does: on whole logs and on damaged ones the counts are the same.
 
 Source: ULog file format, https://docs.px4.io/main/en/dev_log/ulog_file_format.html
 """
 
 from __future__ import annotations
 
-import re
 import struct
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -19,17 +18,17 @@ from link.logs import ulog_kernels as kernels
 from link.logs.vehicle_kind import KindEvidence
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
 MAGIC = b"ULog\x01\x12\x35"
 HEADER_BYTES = 16
-KINDS = b"BFIMPQADRLCSO"
-"""Types of message."""
 MAX_TEXTS = 5000
 SYNC = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 """A whole sync message."""
-_SYNC = np.frombuffer(SYNC, dtype=np.uint8)
-_KNOWN = np.isin(np.arange(256), list(KINDS))
+_SYNC = np.frombuffer(SYNC, dtype=np.uint8)[3:]
+LOOK_BYTES = 1024 * 1024
 MAX_FIELDS = 2000
 MAX_DEPTH = 8
 _TYPES = {
@@ -46,7 +45,31 @@ _TYPES = {
     "bool": "u1",
     "char": "u1",
 }
-_FIELD = re.compile(r"^([A-Za-z]\w*)(?:\[(\d{1,4})\])? +(\w+)$")
+MAX_ARRAY = 0xFFFF
+
+Fields = list[tuple[str, int, str]]
+"""Type, length of an array (0: none) and name of each field."""
+
+
+def _read_format(text: str) -> tuple[str, Fields] | None:
+    """Read the fields of a type of topic as pyulog does; None where it refuses them."""
+    parts = text.split(":")
+    if len(parts) < 2:
+        return None
+    fields: Fields = []
+    for one in filter(None, parts[1].split(";")):
+        words = one.split(" ")
+        if len(words) < 2:
+            return None
+        kind, bracket, rest = words[0].partition("[")
+        count = 0
+        if bracket:
+            number = rest.split("]")[0] if "]" in rest else rest[:-1]
+            if not number.strip().isdigit() or int(number) > MAX_ARRAY:
+                return None
+            count = int(number)
+        fields.append((kind, count, words[1]))
+    return parts[0], fields
 
 
 @dataclass(slots=True)
@@ -55,14 +78,14 @@ class ULogContents:
 
     Attributes
     ----------
-    formats : dict of str to str
-        Fields of each type of topic, as the log writes them.
+    formats : dict of str to Fields
+        Fields of each type of topic.
     topics : dict of int to (str, int)
         Name and instance behind each number of a subscription.
     number : dict of int to int
         Data messages of each subscription.
-    lengths : dict of int to int
-        Bytes of the shortest of them.
+    layouts : dict of int to numpy.dtype
+        How the data of each subscription are packed; messages of another length are damage.
     texts : list of (int, str)
         Logged messages: microseconds, text.
     dropouts, dropouts_ms : int
@@ -73,10 +96,10 @@ class ULogContents:
         What its parameters say of the vehicle.
     """
 
-    formats: dict[str, str] = field(default_factory=dict)
+    formats: dict[str, Fields] = field(default_factory=dict)
     topics: dict[int, tuple[str, int]] = field(default_factory=dict)
     number: dict[int, int] = field(default_factory=dict)
-    lengths: dict[int, int] = field(default_factory=dict)
+    layouts: dict[int, np.dtype[np.void]] = field(default_factory=dict)
     texts: list[tuple[int, str]] = field(default_factory=list)
     dropouts: int = 0
     dropouts_ms: int = 0
@@ -89,26 +112,34 @@ class ULogContents:
         for number, count in self.number.items():
             name = self.topics[number][0]
             named[name] = named.get(name, 0) + count
-        return dict(sorted(named.items()))
+        return {name: count for name, count in sorted(named.items()) if count}
 
     def see(self, data: NDArray[np.uint8], found: Messages) -> None:
         """Take notice of the messages of a piece."""
-        for row in np.flatnonzero(found.kind != ord("D")):
+        since: dict[int, int] = {}
+        for row in np.flatnonzero(found.kind != ord("D")).tolist():
             at, size = int(found.place[row]), int(found.size[row])
-            self._see_one(int(found.kind[row]), data[at : at + size].tobytes())
-        for number in np.unique(found.number[found.number >= 0]).tolist():
-            if number in self.topics:
-                mine = found.number == number
-                self.number[number] = self.number.get(number, 0) + int(mine.sum())
-                shortest = int(found.size[mine].min()) - 2
-                self.lengths[number] = min(self.lengths.get(number, shortest), shortest)
+            subscribed = self._see_one(int(found.kind[row]), data[at : at + size].tobytes())
+            if subscribed is not None:
+                since[subscribed] = at
+        for number, layout in self.layouts.items():
+            mine = (found.number == number) & (found.size == layout.itemsize + 2)
+            count = int((mine & (found.place > since.get(number, -1))).sum())
+            self.number[number] = self.number.get(number, 0) + count
 
-    def _see_one(self, kind: int, body: bytes) -> None:
+    def _see_one(self, kind: int, body: bytes) -> int | None:
+        """Take one message that holds no data; returns the number of a subscription that it begins anew."""
         if kind == ord("F"):
-            name, _, fields = body.decode("ascii", "replace").partition(":")
-            self.formats[name] = fields
-        elif kind == ord("A") and len(body) > 3:
-            self.topics[body[1] + 256 * body[2]] = (body[3:].decode("ascii", "replace"), body[0])
+            found = _read_format(body.decode("utf-8", "ignore"))
+            if found is not None:
+                self.formats[found[0]] = found[1]
+        elif kind == ord("A") and len(body) >= 3:
+            number, topic = body[1] + 256 * body[2], body[3:].decode("utf-8", "ignore")
+            layout = self._layout(topic)
+            if layout is not None:
+                self.topics[number], self.layouts[number] = (topic, body[0]), layout
+                self.number[number] = 0
+                return number
         elif kind in {ord("L"), ord("C")} and len(self.texts) < MAX_TEXTS:
             head = 9 if kind == ord("L") else 11
             if len(body) >= head:
@@ -119,6 +150,7 @@ class ULogContents:
         elif kind == ord("O") and len(body) >= 2:
             self.dropouts += 1
             self.dropouts_ms += body[0] + 256 * body[1]
+        return None
 
     def _see_parameter(self, body: bytes) -> None:
         """Take a parameter: the length of its key, the key (type and name), the value."""
@@ -133,12 +165,12 @@ class ULogContents:
         """Return places and fields of the first instance of a topic in a piece; none where it is not there, or makes no sense."""
         nothing = np.empty(0, dtype=np.int64)
         for number, (name, instance) in self.topics.items():
-            if (name, instance) != (topic, 0) or number not in self.lengths:
+            if (name, instance) != (topic, 0):
                 continue
-            rows = found.place[found.number == number] + 2
-            layout = self._layout(topic)
-            if not len(rows) or layout is None or layout.itemsize > self.lengths[number]:
-                return nothing, {}
+            layout = self.layouts[number]
+            rows = found.place[(found.number == number) & (found.size == layout.itemsize + 2)] + 2
+            if not len(rows):
+                continue
             table = np.ascontiguousarray(data[rows[:, None] + np.arange(layout.itemsize)]).view(layout)[:, 0]
             return rows, {str(name): table[name] for name in layout.names or ()}
         return nothing, {}
@@ -147,7 +179,7 @@ class ULogContents:
         fields: list[tuple[str, str]] = []
         if not self._add_fields(topic, "", fields, 0):
             return None
-        while fields and fields[-1][0].rsplit(".", 1)[-1].startswith("_padding"):
+        while fields and fields[-1][0].startswith("_padding"):
             fields.pop()
         names = [name for name, _ in fields]
         return np.dtype(fields) if fields and len(set(names)) == len(names) else None
@@ -156,14 +188,8 @@ class ULogContents:
         """Add the fields of a type, those of the types within it in their places."""
         if topic not in self.formats or depth > MAX_DEPTH:
             return False
-        for part in self.formats[topic].split(";"):
-            if not part.strip():
-                continue
-            match = _FIELD.match(part.strip())
-            if match is None:
-                return False
-            kind, count, name = match.groups()
-            names = [f"{before}{name}"] if count is None else [f"{before}{name}[{step}]" for step in range(int(count))]
+        for kind, count, name in self.formats[topic]:
+            names = [f"{before}{name}[{step}]" for step in range(count)] if count else [f"{before}{name}"]
             for one in names:
                 if len(fields) >= MAX_FIELDS:
                     return False
@@ -195,13 +221,47 @@ class Messages:
     skipped: int
 
 
-def find_in_piece(data: NDArray[np.uint8], *, final: bool) -> tuple[Messages, int]:
-    """Find the messages of a piece that begins at one; returns them and the bytes done with."""
-    most = len(data) // 3 + 1
-    place, kind, size = np.empty(most, np.int64), np.empty(most, np.uint8), np.empty(most, np.int64)
-    count, used, skipped = kernels.find_messages(data, final, _KNOWN, _SYNC, place, kind, size)
-    place, kind, size = place[:count], kind[:count], size[:count]
-    mine = (kind == ord("D")) & (size >= 2)
-    number = np.full(count, -1, dtype=np.int64)
-    number[mine] = data[place[mine]] + 256 * data[place[mine] + 1].astype(np.int64)
-    return Messages(place, kind, size, number, skipped), used
+class ULogScan:
+    """Finds the messages of a log piece by piece (a `link.logs.pieces.Scan`).
+
+    Parameters
+    ----------
+    last_sync : int
+        Place of the last sync sequence of the log, -1: nowhere; damage is left at the next one.
+    """
+
+    def __init__(self, last_sync: int) -> None:
+        self._state = np.zeros(kernels.STATE_SIZE, dtype=np.int64)
+        self._state[[kernels.BASE, kernels.LAST_SYNC]] = HEADER_BYTES, last_sync
+
+    def copy(self) -> ULogScan:
+        """Return one that goes on from the same place."""
+        other = ULogScan(-1)
+        other._state[:] = self._state
+        return other
+
+    def __call__(self, data: NDArray[np.uint8], *, final: bool) -> tuple[Messages, int]:
+        """Find the messages of the next piece; returns them and the bytes done with."""
+        most = len(data) // 3 + 1
+        place, kind, size = np.empty(most, np.int64), np.empty(most, np.uint8), np.empty(most, np.int64)
+        count, used, skipped = kernels.find_messages(data, final, _SYNC, self._state, place, kind, size)
+        place, kind, size = place[:count], kind[:count], size[:count]
+        mine = kind == ord("D")
+        number = np.full(count, -1, dtype=np.int64)
+        number[mine] = data[place[mine]] + 256 * data[place[mine] + 1].astype(np.int64)
+        return Messages(place, kind, size, number, skipped), used
+
+
+def last_sync(path: Path) -> int:
+    """Place of the last sync sequence of a log, -1: nowhere. Looked for from the end, where one is near."""
+    sequence = _SYNC.tobytes()
+    with path.open("rb") as stream:
+        end = stream.seek(0, 2)
+        while end > 0:
+            begin = max(end - LOOK_BYTES, 0)
+            stream.seek(begin)
+            found = stream.read(end - begin + len(sequence) - 1).rfind(sequence)
+            if found >= 0:
+                return begin + found
+            end = begin
+    return -1

@@ -88,18 +88,21 @@ def mixed_log(seed: int, count: int, *, garbage: float = 0.0, signed: bool = Tru
     return log.data
 
 
-def counted_by_pymavlink(path: Path, *, indexed: bool = False) -> tuple[dict[str, int], int]:
+def counted_by_pymavlink(path: Path) -> tuple[dict[str, int], int]:
     """Messages by type, and bad records, as pymavlink counts them.
 
-    `indexed` opens the log as ``mavlink_connection`` does, which first looks through the log for an index; the bytes that
-    this leaves in its parser can cost it the first messages of a log that mixes versions. Without, it just reads.
+    It opens a log by ``mavlink_connection``, which first looks through the whole of it for an index; where it cannot, by its
+    plain reader.
     """
     from pymavlink import mavutil
 
     before = os.environ.get("MAVLINK20")
     os.environ["MAVLINK20"] = "1"  # else a log that begins with version 1 is read without the types of version 2
     mavutil.set_dialect("all")
-    log = mavutil.mavlink_connection(str(path), dialect="all") if indexed else mavutil.mavlogfile(str(path))
+    try:
+        log = mavutil.mavlink_connection(str(path), dialect="all")
+    except AttributeError:  # its index found a header, and no message behind it
+        log = mavutil.mavlogfile(str(path))
     counts: Counter[str] = Counter()
     with contextlib.redirect_stdout(io.StringIO()):
         while (message := log.recv_msg()) is not None:
