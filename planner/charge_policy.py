@@ -51,7 +51,7 @@ BANDWIDTH = 1.5
 the wind's changes from hour to hour have heavier tails. Chosen on held-out days: the reserve is kept in 999 of 1,000."""
 CHOOSING, PROMISING = range(2)
 """Sets of worlds: those in which routes are compared, and others in which is counted what the chosen one promises."""
-QUEUES = (32, 128)
+QUEUES = (32, 64)
 """Sampled sets of queues in each: what is promised is told to people, and its error is mostly that of the queues."""
 _GUSTS = 0x47
 
