@@ -329,7 +329,7 @@ class WindWatch:
 
 
 class TrustWatch:
-    """Tells when the vehicle in the air stops trusting its own position, and when it does again."""
+    """Tells when the position of a vehicle in the air is no more to be trusted, and when it is again."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None
@@ -343,9 +343,9 @@ class TrustWatch:
         ):
             if up and not sure and self._since_s is None:
                 self._since_s = time_s
-                what = "its receiver" if gps == 0.0 else "its own position and velocity"
-                found.append(Notice(time_s, "wind", f"the vehicle does not trust {what}: no wind from here"))
+                poor, doubted = "the receiver's fix is lost or poor", "the vehicle does not trust its own position"
+                found.append(Notice(time_s, "wind", f"{poor if gps == 0.0 else doubted}: no wind from here"))
             elif sure and self._since_s is not None:
-                found.append(Notice(time_s, "wind", f"trusted again after {time_s - self._since_s:.0f} s"))
+                found.append(Notice(time_s, "wind", f"position trusted again after {time_s - self._since_s:.0f} s"))
                 self._since_s = None
         return found
