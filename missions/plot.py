@@ -10,9 +10,11 @@ import numpy as np
 from missions.checks.route import fly
 from missions.geofence import FencePolygon
 from models import geodesy
+from models.antimeridian import about, middle_longitude, wrapped
 from models.errors import Fault, InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
     from missions.checks.route import Route
@@ -53,35 +55,48 @@ def plot(document: MissionDocument, path: Path, *, title: str = "", force: bool 
         raise InputError(Fault(f"cannot be written: {error.strerror or error}", str(path))) from None
 
 
+def _middle(document: MissionDocument, route: Route) -> float:
+    """Longitude in the middle of what is drawn: about the antimeridian, east lies beyond 180 degrees."""
+    places = [step.point for step in route.steps] + [p.point for p in document.rally.points]
+    for area in document.fence.areas:
+        places += list(area.vertices) if isinstance(area, FencePolygon) else [area.center]
+    return middle_longitude([place.lon for place in places])
+
+
 def _map(axes: Any, document: MissionDocument, route: Route) -> None:
+    middle = _middle(document, route)
+
+    def east(points: Iterable[Point]) -> Any:
+        return about([point.lon for point in points], middle)
+
     for area in document.fence.areas:
         colour = "tab:green" if area.inclusion else "tab:red"
         if isinstance(area, FencePolygon):
-            outline = [(vertex.lon, vertex.lat) for vertex in (*area.vertices, area.vertices[0])]
+            outline = [(vertex.lat, vertex.lon) for vertex in (*area.vertices, area.vertices[0])]
         else:
             turns = np.linspace(0.0, 360.0, 73)
-            ring = [geodesy.direct(area.center.lat, area.center.lon, t, area.radius_m) for t in turns]
-            outline = [(lon, lat) for lat, lon in ring]
-        lon, lat = zip(*outline, strict=True)
+            outline = [geodesy.direct(area.center.lat, area.center.lon, t, area.radius_m) for t in turns]
+        lat, far = zip(*outline, strict=True)
+        lon = about(far, middle)
         axes.fill(lon, lat, facecolor=colour, alpha=0.08)
         axes.plot(lon, lat, color=colour, linewidth=1.0, linestyle="--")
     for number, leg in enumerate(route.legs):
         points = [step.point for step in leg.steps]
         points = [leg.start, *points] if leg.start else points
         colour = f"C{number % 10}"
-        axes.plot([p.lon for p in points], [p.lat for p in points], color=colour, marker=".", linewidth=1.5)
+        axes.plot(east(points), [p.lat for p in points], color=colour, marker=".", linewidth=1.5)
     labels: dict[Point, list[int]] = {}
     for step in route.steps:
         labels.setdefault(step.point, []).append(step.item)
     for point, items in list(labels.items())[:MAX_LABELS]:
         text = ", ".join(str(item) for item in dict.fromkeys(items[:6]))
-        axes.annotate(text, (point.lon, point.lat), textcoords="offset points", xytext=(4, 4), fontsize=7)
+        axes.annotate(text, (float(east([point])[0]), point.lat), textcoords="offset points", xytext=(4, 4), fontsize=7)
     home = document.mission.home
     if home is not None:
-        axes.plot([home.point.lon], [home.point.lat], "k^", label="home")
+        axes.plot(east([home.point]), [home.point.lat], "k^", label="home")
     if document.rally.points:
         axes.plot(
-            [p.point.lon for p in document.rally.points],
+            east(p.point for p in document.rally.points),
             [p.point.lat for p in document.rally.points],
             "b*",
             label="rally points",
@@ -89,6 +104,7 @@ def _map(axes: Any, document: MissionDocument, route: Route) -> None:
     low, high = axes.get_ylim()
     axes.set_aspect(1.0 / max(math.cos(math.radians((low + high) / 2.0)), 0.01), adjustable="datalim")
     axes.ticklabel_format(useOffset=False)
+    axes.xaxis.set_major_formatter(lambda value, _: f"{wrapped(value):.6g}")
     axes.set_xlabel("longitude, degrees")
     axes.set_ylabel("latitude, degrees")
     if axes.get_legend_handles_labels()[0]:

@@ -82,27 +82,39 @@ def write_report(
     from skyway.flight_report_picture import picture
 
     document = flight(journal, logs=logs, plan=plan)
-    zones = _zones(document, scenario)
+    scenario = scenario or _built_in(document)
+    zones = None if scenario is None else _zones(scenario)
+    if scenario is not None:
+        _add_stations(document, scenario)
     write_atomically(report, page(document, zones), force=force)
     if plot is not None:
         write_atomically(plot, picture(document, zones), force=force)
     return document
 
 
-def _zones(document: dict[str, Any], scenario: Scenario | None) -> list[dict[str, Any]] | None:
-    """Return the no-fly zones that the plan knew; None where its scenario is not at hand.
+def _built_in(document: dict[str, Any]) -> Scenario | None:
+    """Return the built-in scenario, if the plan was made in it; None where its scenario is not at hand.
 
     No path out of the journal is opened: it may come from anybody.
     """
     from skyway.cli.options import BUILT_IN, load_scenario
 
     told = document["delivery"]["scenario"]
-    if scenario is None and told["path"] == BUILT_IN:
-        scenario = load_scenario(None)
-        if scenario.sha256 != told["sha256"]:
-            return None
-    if scenario is None:
+    if told["path"] != BUILT_IN:
         return None
+    scenario = load_scenario(None)
+    return scenario if scenario.sha256 == told["sha256"] else None
+
+
+def _add_stations(document: dict[str, Any], scenario: Scenario) -> None:
+    """Put the other stations of the scenario beside those that the plan names."""
+    known = document["planned"]["stations"]
+    for station in scenario.network.stations:
+        known.setdefault(station.id, {"lat": station.lat, "lon": station.lon, "name": station.name})
+
+
+def _zones(scenario: Scenario) -> list[dict[str, Any]]:
+    """Return the no-fly zones that the plan knew."""
     zones = scenario.network.zones
     if zones is None:
         return []

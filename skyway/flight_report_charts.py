@@ -81,7 +81,7 @@ def _charge(document: dict[str, Any], common: dict[str, Any]) -> Chart:
             expected += [
                 (leg["depart_s"], 100.0 * leg["soc_depart"]), (landing_s, 100.0 * leg["planned_soc"]), (landing_s, None)
             ]  # fmt: skip
-    courses = [Course("first plan", "planned", planned), _actual(document, "soc", 100.0)]
+    courses = [Course("first plan, typical course", "planned", planned), _actual(document, "soc", 100.0)]
     if document["series"]["truth"]["time_s"]:
         true = Course("true (simulation)", "true", _points(document["series"]["truth"], "soc", 100.0), _GAP_S)
         courses.append(true)
@@ -129,11 +129,12 @@ def _wind_speed(document: dict[str, Any], common: dict[str, Any]) -> Chart:
     if truth["time_s"]:
         courses.append(Course("true (simulation)", "true", _winds(truth, "wind", of.speed), _GAP_S))
     courses += [
-        Course("forecast", "planned", _winds(track, "forecast", of.speed), _GAP_S),
-        Course("forecast, updated", "expected", _winds(track, "believed", of.speed), _GAP_S),
+        Course("forecast, mean speed", "planned", _points(track, "forecast_mean_mps"), _GAP_S),
+        Course("forecast, updated", "expected", _points(track, "believed_mean_mps"), _GAP_S),
     ]
-    band = Band("two sigma", "actual", sigma, _GAP_S)
-    return Chart("Wind at the vehicle", "m/s", courses=courses, bands=[band], low=0.0, **common)
+    spread = list(zip(track["time_s"], track["forecast_p10_mps"], track["forecast_p90_mps"], strict=True))
+    bands = [Band("forecast, 10 to 90 %", "planned", spread, _GAP_S), Band("two sigma", "actual", sigma, _GAP_S)]
+    return Chart("Wind at the vehicle", "m/s", courses=courses, bands=bands, low=0.0, **common)
 
 
 def _wind_direction(document: dict[str, Any], common: dict[str, Any]) -> Chart:
@@ -142,7 +143,7 @@ def _wind_direction(document: dict[str, Any], common: dict[str, Any]) -> Chart:
     courses = [Course("estimate", "actual", _unwound(_winds(track, "wind", of.direction)), _GAP_S)]
     if truth["time_s"]:
         courses.append(Course("true (simulation)", "true", _unwound(_winds(truth, "wind", of.direction)), _GAP_S))
-    courses.append(Course("forecast", "planned", _unwound(_winds(track, "forecast", of.direction)), _GAP_S))
+    courses.append(Course("forecast, prevailing", "planned", _unwound(_points(track, "forecast_from_deg")), _GAP_S))
     return Chart(
         "Wind comes from", "°", courses=courses, low=0.0, high=360.0, step=90.0, **common
     )  # fmt: skip

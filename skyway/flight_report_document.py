@@ -159,6 +159,7 @@ def _totals(
             "charge_s": of.number(planned, "recharge_time_s"), "lowest_soc": of.share(planned, "min_soc"),
             "flights": len({stop["station"] for stop in of.tables(planned, "stops") if "station" in stop}) + 1
             if of.tables(planned, "legs") else None,
+            "arrive_mean_s": of.instant_s(arrival.get("mean")),
             "arrive_p50_s": of.instant_s(arrival.get("p50")), "arrive_p95_s": of.instant_s(arrival.get("p95")),
         },
         "actual": {
@@ -187,6 +188,9 @@ def _legs(records: tuple[Record, ...], series: dict[str, Any]) -> list[dict[str,
                     "soc_depart": of.share(data, "soc"), "planned_soc": of.share(data, "planned_soc"),
                     "soc_land": None, "used_soc": None, "modelled_soc": None, "diverts": of.words(data, "diverts"),
                     "ground_speed_mps": of.number(data, "ground_speed_mps"), "way": of.places(data, "way"),
+                    "forecast": {
+                        "words": of.forecast_words(of.table(data, "wind"), ""), "origin": of.text(data, "wind_origin"),
+                    },
                 }
             )  # fmt: skip
         elif record.event == "landed" and legs and legs[-1]["land_s"] is None:
@@ -197,7 +201,7 @@ def _legs(records: tuple[Record, ...], series: dict[str, Any]) -> list[dict[str,
         elif record.event == "energy" and legs and legs[-1]["flight"] == record.flight:
             legs[-1] |= {"used_soc": of.number(data, "used_soc"), "modelled_soc": of.number(data, "modelled_soc")}
     for leg in legs:
-        leg["wind"] = wind_errors(series, leg["depart_s"], leg["land_s"])
+        leg["wind"] = {"forecast": leg.pop("forecast")} | wind_errors(series, leg["depart_s"], leg["land_s"])
         leg["most_cross_track_m"] = _largest(series["track"], "cross_track_m", leg["depart_s"], leg["land_s"])
     return legs
 

@@ -91,7 +91,7 @@ def map_picture(document: dict[str, Any], zones: list[dict[str, Any]] | None) ->
     stations = document["planned"]["stations"]
     tracks = _tracks(document)
     ways = _planned_ways(document)
-    route = {name for leg in (*document["planned"]["legs"], *document["legs"]) for name in _names(leg)}
+    route = _on_route(document)
     on_route = [(at["lat"], at["lon"]) for name, at in stations.items() if name in route]
     everything = [at for way in (*tracks, *ways) for at in way] + on_route
     if not everything:
@@ -114,12 +114,23 @@ def map_entries(document: dict[str, Any], zones: list[dict[str, Any]] | None) ->
         ("first plan", "line planned"), ("way as uploaded", "line expected"), ("flown", "line actual"),
         ("landed here", "station landed"), ("on the way or planned", "station passed"),
     ]  # fmt: skip
+    diverts, route = _diverts(document), _on_route(document)
+    found += [("divert station", "station divert")] if diverts - route else []
+    found += [("other station", "station other")] if set(document["planned"]["stations"]) - route - diverts else []
     decided = {d["action"] for d in document["decisions"] if d["where"] == "flight"}
     if decided - _AWAY:
         found.append(("decision in flight", "turn-mark"))
     if decided & _AWAY:
         found.append(("sent elsewhere", "turn-away"))
     return [*found, ("no-fly zone", "zone")] if zones else found
+
+
+def _on_route(document: dict[str, Any]) -> set[str]:
+    return {name for leg in (*document["planned"]["legs"], *document["legs"]) for name in _names(leg)}
+
+
+def _diverts(document: dict[str, Any]) -> set[str]:
+    return {name for leg in document["legs"] for name in leg["diverts"]}
 
 
 def _names(leg: dict[str, Any]) -> list[str]:
@@ -189,17 +200,19 @@ def _stations(frame: Frame, document: dict[str, Any], route: set[str]) -> list[s
     landed = {leg["landed_at"] for leg in document["legs"] if leg["landed_at"]}
     parts = []
     taken: list[tuple[float, float, float]] = []
+    diverts = _diverts(document)
     ordered = sorted(
-        document["planned"]["stations"].items(), key=lambda item: (item[0] not in landed, item[0] not in route)
+        document["planned"]["stations"].items(),
+        key=lambda item: (item[0] not in landed, item[0] not in route, item[0] not in diverts),
     )
     for name, station in ordered:
         x, y = frame.xy((station["lat"], station["lon"]))
         if not (0.0 <= x <= WIDTH and 0.0 <= y <= frame.height):
             continue
-        kind = "landed" if name in landed else "passed" if name in route else "other"
+        kind = "landed" if name in landed else "passed" if name in route else "divert" if name in diverts else "other"
         title = f"{name}: {station['name']}" if station["name"] else name
         text = ""
-        if name in route or name in landed:
+        if kind != "other":
             wide = _LABEL_PX * len(name) + 12.0
             right = x + wide < WIDTH and not any(abs(y - v) < 15.0 and u < x + wide and x < u + w for u, v, w in taken)
             taken.append((x if right else x - wide, y, wide))

@@ -125,7 +125,7 @@ def _head(document: dict[str, Any]) -> str:
         ("lowest charge at a landing", "lowest_soc", percent),
     )  # fmt: skip
     cells = "".join(
-        f"<div><dt>{name}</dt><dd><b>{safe(show(actual[key]))}</b><span>planned {safe(show(planned[key]))}</span></dd></div>"
+        f"<div><dt>{name}</dt><dd><b>{safe(show(actual[key]))}</b><span>typical course {safe(show(planned[key]))}</span></dd></div>"
         for name, key, show in lines
     )
     last = document["outcome"]["time"]
@@ -133,8 +133,27 @@ def _head(document: dict[str, Any]) -> str:
         f'<header><span class="badge {good}">{safe(_headline(document))}</span>'
         f"<h1>{safe(delivery['from'] or UNKNOWN)} to {safe(delivery['to'] or UNKNOWN)}</h1>"
         f"<p>{safe(outcome['reason'] or 'no reason is told')} ({safe(where)}, {safe(last[:10])} {safe(last[11:19])} UTC)</p>"
+        f"<p><b>{safe(_expectation(document))}</b></p>"
         f'<p class="soft">{safe(", ".join(what))}</p><dl class="totals">{cells}</dl></header>'
     )
+
+
+def _expectation(document: dict[str, Any]) -> str:
+    """Say how long it took beside what was expected: on average, and by when half and 95 % of such deliveries arrive."""
+    planned, actual = document["totals"]["planned"], document["totals"]["actual"]
+    arrives = [planned[f"arrive_{name}_s"] for name in ("mean", "p50", "p95")]
+    begun = planned["depart_s"]
+    if begun is None or None in arrives:
+        return "What was to be expected is unknown."
+    mean, half, most = (_minutes(at_s - begun) for at_s in arrives)
+    took = actual["delivery_s"] if document["outcome"]["delivered"] else None
+    arrived = "It did not arrive" if took is None else f"It took {_minutes(took)}"
+    return f"{arrived}; expected at the first plan: {mean} on average, half within {half}, 95 % within {most}."
+
+
+def _minutes(seconds: float) -> str:
+    hours, minutes = divmod(round(seconds / 60.0), 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 
 def _story(document: dict[str, Any]) -> str:
@@ -198,13 +217,14 @@ def _legs(document: dict[str, Any]) -> str:
 
 
 def _winds(document: dict[str, Any]) -> str:
-    def told(wind: dict[str, float] | None) -> str:
-        return UNKNOWN if wind is None else f"{wind['speed_mps']:.1f} m/s from {wind['from_deg']:.0f}°"
+    def told(wind: dict[str, Any] | None, without: str = UNKNOWN) -> str:
+        origin = "" if wind is None or not wind.get("origin") else f" ({wind['origin']})"
+        return without if wind is None or wind["words"] is None else f"{wind['words']}{origin}"
 
     head = (
         "flight",
-        "forecast",
-        "estimate",
+        "expected at the take-off",
+        "measured",
         "sigma",
         "true (simulation)",
         "forecast was off by",
@@ -212,18 +232,21 @@ def _winds(document: dict[str, Any]) -> str:
     )
     body = [
         (
-            str(leg["flight"]), told(wind["forecast"]), told(wind["estimate"]), figure(wind["estimate_sigma_mps"], "m/s"),
+            str(leg["flight"]), told(wind["forecast"]), told(wind["estimate"], "not measured"), figure(wind["estimate_sigma_mps"], "m/s"),
             told(wind["truth"]), figure(wind["forecast_rms_mps"], "m/s"), figure(wind["estimate_rms_mps"], "m/s"),
         )
         for leg in document["legs"] for wind in (leg["wind"],)
     ]  # fmt: skip
-    note = "Means over each flight; off by: root mean square of the difference of the two vectors, the gusts of the truth included."
+    note = (
+        "Mean speed (10 to 90 %) and prevailing direction of each flight; off by: root mean square of the difference of the two "
+        "vectors, that of the forecast its mean vector, the gusts of the truth included."
+    )
     return rows(head, body, "nttntnn") + f'<p class="soft">{note}</p>'
 
 
 def _stops(document: dict[str, Any]) -> str:
     planned = {stop["station"]: stop for stop in document["planned"]["stops"]}
-    head = ("station", "landed", "left", "waited", "planned", "charged for", "planned", "charge", "planned")
+    head = ("station", "landed", "left", "waited", "typical", "charged for", "typical", "charge", "typical")
     body = []
     for stop in document["stops"]:
         was = planned.get(stop["station"])

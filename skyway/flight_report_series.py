@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 _QUANTITIES = (
     "height_m", "ground_speed_mps", "power_w", "forecast_north_mps", "forecast_east_mps", "wind_north_mps",
     "wind_east_mps", "wind_sigma_mps", "believed_north_mps", "believed_east_mps", "left_s", "late_s", "cross_track_m",
-    "commanded_mps", "energy_factor",
+    "commanded_mps", "energy_factor", "forecast_mean_mps", "forecast_p10_mps", "forecast_p90_mps", "forecast_from_deg",
+    "believed_mean_mps",
 )  # fmt: skip
 _SHARES = ("soc", "soc_land", "planned_soc_land", "p_below_reserve")
 _SAME_S = 10.0
@@ -95,21 +96,21 @@ def _known(value: float) -> float | None:
 
 
 def wind_errors(series: dict[str, Any], begin_s: float, end_s: float | None) -> dict[str, Any]:
-    """Return the mean winds of a flight, and how far estimate and forecast were from the truth (RMS of the vector)."""
+    """Return the winds of a flight, and how far estimate and forecast were from the truth (RMS of the vector).
+
+    Estimate and truth are summarised as a forecast is: mean speed, 10 and 90 %, prevailing direction.
+    """
     track, truth = series["track"], series["truth"]
     rows = [
         i for i, at_s in enumerate(track["time_s"])
         if at_s >= begin_s and (end_s is None or at_s <= end_s) and track["wind_north_mps"][i] is not None
     ]  # fmt: skip
     found: dict[str, Any] = {}
-    for name in ("wind", "forecast"):
-        key = "estimate" if name == "wind" else name
-        pairs = [(track[f"{name}_north_mps"][i], track[f"{name}_east_mps"][i]) for i in rows]
-        found[key] = _mean(pairs)
+    found["estimate"] = _summary([(track["wind_north_mps"][i], track["wind_east_mps"][i]) for i in rows])
     sigmas = [s for i in rows if (s := track["wind_sigma_mps"][i]) is not None]
     found["estimate_sigma_mps"] = sum(sigmas) / len(sigmas) if sigmas else None
     near = [(i, j) for i, j in _nearest([track["time_s"][i] for i in rows], rows, truth["time_s"])]
-    found["truth"] = _mean([(truth["wind_north_mps"][j], truth["wind_east_mps"][j]) for _, j in near])
+    found["truth"] = _summary([(truth["wind_north_mps"][j], truth["wind_east_mps"][j]) for _, j in near])
     for name, key in (("wind", "estimate_rms_mps"), ("forecast", "forecast_rms_mps")):
         found[key] = _rms(track, truth, name, near)
     return found
@@ -126,16 +127,17 @@ def _nearest(times: list[float], rows: list[int], true_times: list[float]) -> li
     return found
 
 
-def _mean(pairs: list[tuple[Any, Any]]) -> dict[str, float] | None:
-    known = [(north, east) for north, east in pairs if north is not None and east is not None]
-    if not known:
+def _summary(pairs: list[tuple[Any, Any]]) -> dict[str, Any] | None:
+    """Summarise winds as every wind is; None without any."""
+    import numpy as np
+
+    from models.wind_summary import summary_of
+
+    known = np.array([(north, east) for north, east in pairs if north is not None and east is not None])
+    if not len(known):
         return None
-    north = sum(pair[0] for pair in known) / len(known)
-    east = sum(pair[1] for pair in known) / len(known)
-    return {
-        "north_mps": north, "east_mps": east, "speed_mps": math.hypot(north, east),
-        "from_deg": of.direction(north, east) or 0.0,
-    }  # fmt: skip
+    found = summary_of(known[:, 0], known[:, 1], np.ones(len(known)))
+    return {"north_mps": found.north_mps, "east_mps": found.east_mps, **found.as_data(), "words": str(found)}
 
 
 def _rms(

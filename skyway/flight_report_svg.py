@@ -246,6 +246,8 @@ def swatch(style: str, place: str = "") -> str:
 MARKS = {
     "station landed": '<g class="station landed"><circle cx="12" cy="6" r="5"/></g>',
     "station passed": '<g class="station passed"><circle cx="12" cy="6" r="5"/></g>',
+    "station divert": '<g class="station divert"><circle cx="12" cy="6" r="5"/></g>',
+    "station other": '<g class="station other"><circle cx="12" cy="6" r="3"/></g>',
     "turn-mark": '<path class="turn-mark" d="M12 1L17 6L12 11L7 6Z"/>',
     "turn-away": '<path class="turn-away" d="M12 0L18 11H6Z"/>',
 }

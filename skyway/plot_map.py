@@ -80,8 +80,9 @@ def plot_composition(composition: Composition, scenario: Scenario, path: Path, b
     band : ChargeBand, optional
         How the charge differs over the simulated deliveries.
     """
-    places = [composition.stations[key] for key in composition.route]
-    lon, lat = np.array([place.lon for place in places]), np.array([place.lat for place in places])
+    shown = [(place.lon, place.lat) for place in (composition.stations[key] for key in composition.route)]
+    shown += _diverts(composition, scenario).values()
+    lon, lat = np.array(shown).T
     frame = _frame(lon, lat, 0.9, least=0.15)
     tall = _height_in(frame)
     figure = new_figure(WIDTH_IN, tall + _CHARGE_IN + 1.2)
@@ -240,12 +241,17 @@ def _name_zones(placer: LabelPlacer, scenario: Scenario, frame: Frame) -> None:
         )
 
 
+def _diverts(composition: Composition, scenario: Scenario) -> dict[str, tuple[float, float]]:
+    """Longitude and latitude of the divert stations of all legs."""
+    names = {name for service in composition.services for name in service.diverts}
+    return {s.id: (s.lon, s.lat) for s in scenario.network.stations if s.id in names}
+
+
 def _draw_route(axes: Any, composition: Composition, scenario: Scenario, frame: Frame) -> None:
     """Legs, stops with what is done there, diverts, the other stations, and the wind of each leg."""
     net = scenario.network
-    diverts = dict.fromkeys(name for service in composition.services for name in service.diverts)
-    places = {s.id: (s.lon, s.lat) for s in net.stations if s.id in diverts}
-    places |= {key: (place.lon, place.lat) for key, place in composition.stations.items()}
+    diverts = _diverts(composition, scenario)
+    places = diverts | {key: (place.lon, place.lat) for key, place in composition.stations.items()}
     at = {key: (float(about(lon, frame.middle)), lat) for key, (lon, lat) in places.items()}
     lines: list[_Line] = []
     for number, service in enumerate(composition.services):

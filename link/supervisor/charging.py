@@ -52,7 +52,7 @@ def charging(ctx: Context) -> After:
     compared = ctx.charged
     while True:
         _hear_charged(ctx)
-        if isinstance(ctx.pads, ManualPads) and not ctx.operator.present:
+        if isinstance(ctx.pads, ManualPads) and not ctx.attended:
             return State.STOPPED, f"it must be charged at {ctx.station}, and nobody is there to say charged"
         try:
             told = ctx.pads.charge(ctx.station or "", _drone(ctx), target)

@@ -276,6 +276,11 @@ class Context:
             self.stop_after_leg = False
             self.note("operator", "go: the delivery goes on")
 
+    @property
+    def attended(self) -> bool:
+        """Whether an answer may come: somebody is there, or has said something that is not yet taken."""
+        return self.operator.present or bool(self.words)
+
     def answer(self, question: str, words: tuple[str, ...]) -> str:
         """Let time pass until the operator says one of some words.
 
@@ -294,7 +299,7 @@ class Context:
                     if word in words:
                         return word
                     self.operator.ask(f"please answer {', '.join(words)}")
-                if not self.operator.present:
+                if not self.attended:
                     raise Turn(State.STOPPED, f"nobody is there any more to answer: {question}")
                 self.tick()
         finally:

@@ -172,7 +172,7 @@ def ready(ctx: Context) -> After:
     brief(ctx, leg)
     must = mandate.asking == "each" or (mandate.asking == "once" and not ctx.asked_once)
     if must or (mandate.asking != "never" and ctx.parameters.unasked):
-        if not ctx.operator.present:
+        if not ctx.attended:
             return State.STOPPED, "nobody is there to allow the take-off (--yes for rehearsals)"
         count = len(ctx.parameters.proposed)
         sets = "" if not count else f"set {count} parameter{'s' if count > 1 else ''} as listed, and "

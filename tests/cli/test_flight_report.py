@@ -6,6 +6,7 @@ import json
 import math
 import random
 import re
+from datetime import datetime
 from html.parser import HTMLParser
 from xml.etree import ElementTree as ET
 
@@ -370,3 +371,40 @@ def test_a_terminal_gets_the_table_and_a_pipe_gets_lines(records, capsys):
     assert "expected" not in plain
     assert "off the way" in plain
     assert "\x1b" not in plain
+
+
+def test_the_page_begins_with_what_was_expected_and_what_came(flown, tmp_path):
+    document = write_report(flown, tmp_path / "report.html")
+    text = html.unescape((tmp_path / "report.html").read_text())
+    arrival = json.loads(flown.read_text().splitlines()[0])["data"]["composition"]
+    begun = datetime.fromisoformat(arrival["depart"])
+    minutes = {
+        name: round((datetime.fromisoformat(arrival["arrival"][name]) - begun).total_seconds() / 60.0)
+        for name in ("mean", "p50", "p95")
+    }
+    took = round(document["totals"]["actual"]["delivery_s"] / 60.0)
+
+    def told(value):
+        return f"{value // 60} h {value % 60} min" if value >= 60 else f"{value} min"
+
+    assert (
+        f"It took {told(took)}; expected at the first plan: {told(minutes['mean'])} on average, half within "
+        f"{told(minutes['p50'])}, 95 % within {told(minutes['p95'])}." in text
+    )
+    assert "typical course" in text
+    assert ">planned 0:" not in text
+
+
+def test_winds_of_the_page_are_told_as_everywhere_and_not_measured_is_no_wind(flown, tmp_path):
+    def unmeasured(line):
+        data = {
+            key: value for key, value in line["data"].items() if not key.startswith("wind_n") and key != "wind_east_mps"
+        }
+        return line | {"data": data} if line["event"] == "track" else line
+
+    leg = flight(flown)["legs"][0]
+    words = r"\d+ \(\d+ to \d+\) m/s(, variable direction| from \d{3}°)|\d+\.\d m/s from \d{3}°"
+    assert re.fullmatch(words, leg["wind"]["forecast"]["words"])
+    assert re.fullmatch(words, leg["wind"]["estimate"]["words"])
+    write_report(changed(flown, tmp_path, unmeasured), tmp_path / "report.html")
+    assert "not measured" in (tmp_path / "report.html").read_text()

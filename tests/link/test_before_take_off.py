@@ -14,7 +14,7 @@ from link.supervisor.vehicle_texts import TextLog
 from sim_stub.faults import parse_fault
 
 SHORT = {"start": "bellevue", "to": "city-hall"}
-COUNTERS = ("STAT_", "LND_FLIGHT_T", "COM_FLIGHT_UUID")
+COUNTERS = ("STAT_", "LND_FLIGHT_T", "COM_FLIGHT_UUID", "MIS_TOTAL", "FENCE_TOTAL", "RALLY_TOTAL")
 """What an autopilot counts in parameters by itself."""
 BOTH = ["px4", pytest.param("ardupilot", marks=pytest.mark.slow)]
 
