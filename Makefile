@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo test slow check bench docs clean
+.PHONY: setup demo test slow check bounds bench docs clean
 
 setup: $(STAMP)
 
@@ -34,6 +34,13 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+# Whatever reaches a kernel once more, with every index checked: the tests, then random requests for so long. Kernels that check have
+# cache files of their own (models/kernel_cache.py): nothing unchecked runs here and nothing checked elsewhere.
+FUZZ_S ?= 150
+bounds: setup
+	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -q -n auto tests/planner tests/models tests/link/test_log_readers.py tests/link/test_tlog.py
+	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m benchmarks.fuzz --seconds $(FUZZ_S)
 
 bench: setup
 	$(BIN)/python -m benchmarks

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import selectors
 import socket
 import time
 from typing import TYPE_CHECKING, Any
 
 from models.errors import Fault, InputError, LinkError
+from models.json_text import json_text
 
 if TYPE_CHECKING:
     from link.replay_player import Player
@@ -116,7 +116,7 @@ class ControlServer:
         for line in lines:
             reply = self._player.command(line.decode("utf-8", "replace"))
             try:
-                client.sendall(json.dumps(reply).encode() + b"\n")
+                client.sendall(json_text(reply).encode() + b"\n")
             except OSError:
                 self._drop(client)
                 return

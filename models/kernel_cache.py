@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from llvmlite import binding
 from numba.core import config as settings
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.runtime.nrt import rtsys
 
@@ -69,19 +69,26 @@ class _Library(JITCodeLibrary):
 JITCPUCodegen._library_class = _Library
 
 
+def _checks_bounds() -> bool:
+    return bool(getattr(settings, "BOUNDSCHECK", 0))
+
+
 class _Files(FunctionCache):
     """Files of one kernel; valid for these versions of its source and of its callees'."""
 
     def __init__(self, function: Callable[..., Any], sources: frozenset[str]) -> None:
         super().__init__(function)
-        files = self._cache_file
         foreign = sorted(sources - {function.__code__.co_filename})
+        stamp = self._cache_file._source_stamp
         if foreign:
-            files._source_stamp = (*files._source_stamp, *(_digest(path) for path in foreign))
+            stamp = (*stamp, *(_digest(path) for path in foreign))
+        # Files of their own: two processes that write the same index at the same time lose entries or swap code.
+        name = self._impl.filename_base + (".checked" if _checks_bounds() else "")
+        self._cache_file = IndexDataCacheFile(self.cache_path, name, stamp)
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         """What a compiled kernel is found by: also whether it checks the bounds of arrays, which numba leaves out."""
-        return (*super()._index_key(sig, codegen), bool(getattr(settings, "BOUNDSCHECK", 0)))
+        return (*super()._index_key(sig, codegen), _checks_bounds())
 
 
 class KernelCache:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from models.antimeridian import line_geometry
 from models.errors import Fault, InputError, one_line
 from models.fields import finite
 from models.files import read_text, write_atomically
+from models.json_text import json_text
 from models.network import Network, Station, coordinate_faults
 from models.zones import features, read_geojson
 
@@ -279,7 +279,7 @@ def to_geojson(network: Network) -> dict[str, Any]:
 
 def write_geojson(network: Network, path: Path, *, force: bool = False) -> None:
     """Write stations and segments as GeoJSON."""
-    write_atomically(path, json.dumps(to_geojson(network), indent=1) + "\n", force=force)
+    write_atomically(path, json_text(to_geojson(network), indent=1) + "\n", force=force)
 
 
 def write_stations_csv(network: Network, path: Path, *, force: bool = False) -> None:

@@ -6,14 +6,17 @@ A *service* is one flight of one drone from a take-off to the next landing; stat
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Literal
 
+from models.errors import AuditError
 from models.units import iso
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator
 
     from models.figure import Figure
 
@@ -253,6 +256,21 @@ class ArrivalDistribution:
     runs: int | None = None
 
 
+def _figures(value: object, where: str) -> Iterator[tuple[str, float]]:
+    """Every float of a value and of what it holds, with where it stands."""
+    if isinstance(value, float):
+        yield where.lstrip("."), value
+    elif isinstance(value, Mapping):
+        for key, one in value.items():
+            yield from _figures(one, f"{where}.{key}")
+    elif isinstance(value, tuple):
+        for number, one in enumerate(value, start=1):
+            yield from _figures(one, f"{where}[{number}]")
+    elif is_dataclass(value) and not isinstance(value, type):
+        for part in fields(value):
+            yield from _figures(getattr(value, part.name), f"{where}.{part.name}")
+
+
 @dataclass(frozen=True, slots=True)
 class Composition:
     """The chain of services and stops that carries one package (Definition 2).
@@ -326,6 +344,12 @@ class Composition:
     notes: tuple[str, ...] = ()
     success: Figure | None = None
     on_time: Figure | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse an answer with a figure that is no number, whoever made it."""
+        for where, value in _figures(self, ""):
+            if not math.isfinite(value):
+                raise AuditError(self.planner, None, where, value, "a finite figure")
 
     @property
     def arrive(self) -> datetime:

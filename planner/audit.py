@@ -133,11 +133,10 @@ class _Audit:
         """Spend each stop from the landing before it and fly each leg from its take-off."""
         time_s, soc, joined_s = self.begin_s, self.soc, self.begin_s
         node = self.problem.origin
-        last = len(self.itinerary)
         for leg, (stop, service, hop) in enumerate(zip(self.stops, self.told.services, self.itinerary, strict=True), 1):
             self._stop(leg, stop, node, (time_s, joined_s), soc, service)
             node = int(self.problem.network.head[hop.segments[-1]])
-            joined_s = self._flight(leg, service, hop, None if leg == last else node)
+            joined_s = self._flight(leg, service, hop, node)
             time_s, soc = service.arrive.timestamp(), service.soc_arrive
 
     def _stop(
@@ -180,7 +179,7 @@ class _Audit:
         straight = stop.soc_to <= curve.knee_soc
         self._near(leg, "charge, SoC", stop.soc_to, charged, SOC_TOLERANCE if straight else CURVE_TOLERANCE)
 
-    def _flight(self, leg: int, service: DroneService, hop: Hop, stop_node: int | None) -> float:
+    def _flight(self, leg: int, service: DroneService, hop: Hop, node: int) -> float:
         """Compare a leg; returns when it joins the queue of the stop it ends at."""
         rules = self.problem.rules
         off_s, soc = service.depart.timestamp(), service.soc_depart
@@ -205,8 +204,8 @@ class _Audit:
         down_s = left_s + rules.descent_s
         soc -= climb * rules.climb_s + cruise * flown_s + descent * rules.descent_s
         spot_s = down_s
-        if stop_node is not None:  # no place to land: it hovers, and keeps its place in the queue
-            spot_s = max(down_s, float(self.world.queues[stop_node].land_time(down_s)))
+        if self.problem.has_pads(node):  # no place to land: it hovers, and keeps its place in the queue
+            spot_s = max(down_s, float(self.world.queues[node].land_time(down_s)))
             soc -= cruise * (spot_s - down_s)
         self._near(leg, "touch-down, POSIX s", service.arrive.timestamp(), spot_s, TIME_TOLERANCE_S)
         self._near(leg, "SoC at touch-down", service.soc_arrive, soc, SOC_TOLERANCE)

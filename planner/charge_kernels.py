@@ -193,21 +193,16 @@ def fly_by_need(
     nobody = Room(room.pads, room.spots, room.arrivals_per_s, room.services_per_s, 1.0)
     for run in range(runs):
         now, soc = start
+        joined = now
         error = sky.energy[run] - 1.0 + LEARNED if learned else known.energy_error
         for hop in range(count):
             segments = hops.segments[hops.offset[hop] : hops.offset[hop + 1]]
-            entry = sky.queue[run] * count + hop
-            joined = now  # a drone that hovers for a spot keeps its place in the queue
-            if hop > 0 and sampled:
-                spot = sampled_spot(queues, entry, now)
-                soc -= sky.energy[run] * cost[0] * (spot - now)
-                out[run, hop - 1, TOUCH_DOWN], out[run, hop - 1, SOC_DOWN] = spot, soc
-                now = spot
+            entry = sky.queue[run] * (count + 1) + hop
             pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, hop, now)
             first = hop == 0
             stop = Stop(now, soc, pad, landing[hop], error, at_once and first, first)
             curve = hops.curve_s[hop], hops.curve_soc[hop]
-            looks = room if sampled and hop < count - 1 else nobody
+            looks = room if sampled else nobody
             pad, ready, off, level, base, for_room = _leave(
                 known,
                 row[run],
@@ -227,6 +222,10 @@ def fly_by_need(
             now = gusty_land(truth, member[run], segments, off, sky.gust_key[run], sky.gust_sd, sky.gust_time_s)
             used = sky.energy[run] * (cost[1] + cost[0] * (now - off))
             soc = level - used
+            joined = now  # a drone that hovers for a spot keeps its place in the queue
+            if sampled:
+                now = sampled_spot(queues, entry + 1, now)
+                soc -= sky.energy[run] * cost[0] * (now - joined)
             out[run, hop, TOUCH_DOWN], out[run, hop, SOC_DOWN] = now, soc
             strain[run, hop] = used / ((1.0 + error) * base) if base > 0.0 else 0.0
             error = sky.energy[run] - 1.0 + LEARNED

@@ -21,7 +21,7 @@ from planner.audit import World
 from planner.charge_kernels import fly_by_need
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues
 from planner.evaluation_kernels import Sky, plain_sky
-from planner.itinerary import fly_as_it_stands, held_in_the_air, hops_of, no_waits, stop_nodes
+from planner.itinerary import fly_as_it_stands, held_in_the_air, hops_of, no_waits, place_nodes
 from planner.need_kernels import Known, need_tables
 from planner.no_route import grounded_leg, never_leaves
 from planner.outcome import outcome
@@ -117,8 +117,8 @@ def rehearsed_worlds(
 
 
 def queue_sets(problem: Problem, itinerary: Itinerary, worlds: int) -> list[QueuePath]:
-    """Sampled queues at the stop before each flight, in order (set, hop)."""
-    nodes = stop_nodes(problem, itinerary)
+    """Sampled queues at each of `planner.itinerary.place_nodes`, in order (set, place)."""
+    nodes = place_nodes(problem, itinerary)
     first = sum(QUEUES[:worlds])
     sets = problem.queue_sets(nodes, range(first, first + QUEUES[worlds]))
     return [found[node] for found in sets for node in nodes]
@@ -129,7 +129,7 @@ def world_of(problem: Problem, itinerary: Itinerary, typical: Typical) -> World:
     queues = None
     if typical.queue is not None:
         sample = sum(QUEUES[:PROMISING]) + typical.queue
-        queues = problem.queue_paths(stop_nodes(problem, itinerary), sample)
+        queues = problem.queue_paths(place_nodes(problem, itinerary), sample)
     return World(typical.member, queues)
 
 
@@ -217,7 +217,7 @@ class ChargePolicy:
         sky, member
             Of each run.
         paths : sequence of QueuePath
-            Sets of queues that `sky` names, one path for the stop before each hop, in order (set, hop).
+            Sets of queues that `sky` names, one path for each of `planner.itinerary.place_nodes`, in order.
         share : ndarray, shape (members of truth, members), optional
             Forecast for each member of the truth; the policy's own for all by default.
         waits : Waits, optional

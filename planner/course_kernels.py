@@ -46,7 +46,10 @@ class Hops(NamedTuple):
 
 
 class Queues(NamedTuple):
-    """Sets of queue paths, one path for the stop before each hop, packed by `models.queue_paths.pack` in order (set, hop)."""
+    """Sets of queue paths, packed by `models.queue_paths.pack` in order (set, place).
+
+    The places of a set are the stop before each hop and, last, the station where the route ends: one more than hops.
+    """
 
     offset: NDArray[np.int64]
     arrival_s: NDArray[np.float64]
@@ -124,7 +127,7 @@ def fly_under(
     hops : Hops
         The itinerary.
     queues : Queues
-        One sampled path per set and hop; with no entries, the expected waits are used instead.
+        One sampled path per set and place; with no entries, the expected waits are used instead.
     waits : Waits
         Expected waits.
     start : (time_s, soc)
@@ -142,15 +145,10 @@ def fly_under(
     sampled = len(queues.offset) > 1
     for run in range(len(members)):
         now, soc = start
+        joined = now
         for hop in range(count):
             segments = hops.segments[hops.offset[hop] : hops.offset[hop + 1]]
-            entry = sky.queue[run] * count + hop
-            joined = now  # a drone that hovers for a spot keeps its place in the queue
-            if hop > 0 and sampled:
-                spot = sampled_spot(queues, entry, now)
-                soc -= sky.energy[run] * cost[0] * (spot - now)
-                out[run, hop - 1, TOUCH_DOWN], out[run, hop - 1, SOC_DOWN] = spot, soc
-                now = spot
+            entry = sky.queue[run] * (count + 1) + hop
             pad = now
             ready = now
             charges = not math.isnan(hops.charge_to[hop]) and hops.charge_to[hop] > soc
@@ -174,6 +172,10 @@ def fly_under(
             out[run, hop, ROOM] = 0.0
             now = gusty_land(air, members[run], segments, off, sky.gust_key[run], sky.gust_sd, sky.gust_time_s)
             soc -= sky.energy[run] * (cost[1] + cost[0] * (now - off))
+            joined = now  # a drone that hovers for a spot keeps its place in the queue
+            if sampled:
+                now = sampled_spot(queues, entry + 1, now)
+                soc -= sky.energy[run] * cost[0] * (now - joined)
             out[run, hop, TOUCH_DOWN], out[run, hop, SOC_DOWN] = now, soc
     return out
 

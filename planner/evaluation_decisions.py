@@ -73,6 +73,7 @@ def _fly_decisions(
                 break
             hop, flight = found
             hops = (*hops, hop)
+            _land(truths, problem, run, int(network.head[hop.segments[-1]]), flight)
             course = flight if course is None else np.concatenate((course, flight), axis=1)
         else:
             decided = policy.decide(_standing(truths, problem, stay, time_s, soc))
@@ -85,12 +86,18 @@ def _fly_decisions(
         node = int(network.head[hops[-1].segments[-1]])
         if node == problem.destination or flown.ending[0] != DELIVERED:
             return flown, hops
-        landed = float(course[0, -1, TOUCH_DOWN])
-        queue = truths.queues(problem, [node], int(truths.queue[run]))[node]
-        time_s = float(queue.land_time(landed))
-        soc = float(course[0, -1, SOC_DOWN] - truths.energy[run] * problem.soc_per_s * (time_s - landed))
-        course[0, -1, TOUCH_DOWN], course[0, -1, SOC_DOWN] = time_s, soc
+        time_s, soc = float(course[0, -1, TOUCH_DOWN]), float(course[0, -1, SOC_DOWN])
     return _given_up(flown, block, problem.soc), hops
+
+
+def _land(truths: Truths, problem: Problem, run: int, node: int, flight: NDArray[np.float64]) -> None:
+    """Have a flight, shape (1, 1, 6), hover until there is a place to land."""
+    came = float(flight[0, 0, TOUCH_DOWN])
+    if not np.isfinite(came):
+        return
+    queue = truths.queues(problem, [node], int(truths.queue[run]))[node]
+    flight[0, 0, TOUCH_DOWN] = float(queue.land_time(came))
+    flight[0, 0, SOC_DOWN] -= truths.energy[run] * problem.soc_per_s * (flight[0, 0, TOUCH_DOWN] - came)
 
 
 @dataclass(frozen=True)

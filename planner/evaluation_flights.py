@@ -9,7 +9,7 @@ import numpy as np
 
 from models.queue_paths import pack
 from planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN, Queues, fly_under
-from planner.itinerary import hops_of, no_waits, stop_nodes
+from planner.itinerary import hops_of, no_waits, place_nodes, stop_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -109,7 +109,7 @@ def fly_itinerary(truths: Truths, drone: str, itinerary: Itinerary) -> Flown:
 def fly_charging(truths: Truths, drone: str, policy: ChargePolicy) -> Flown:
     """Fly a route that charges by what is known at each stop in all truths."""
     problem = truths.problem(drone)
-    nodes = stop_nodes(problem, policy.itinerary)
+    nodes = place_nodes(problem, policy.itinerary)
     wanted, position = np.unique(truths.queue, return_inverse=True)
     paths: list[QueuePath] = []
     for queue in wanted.tolist():
@@ -122,7 +122,7 @@ def fly_charging(truths: Truths, drone: str, policy: ChargePolicy) -> Flown:
 
 def courses(truths: Truths, problem: Problem, itinerary: Itinerary, runs: NDArray[np.int64]) -> NDArray[np.float64]:
     """Course of an itinerary in some truths, shape (runs, hops, 7); see `course_kernels`."""
-    nodes = stop_nodes(problem, itinerary)
+    nodes = place_nodes(problem, itinerary)
     wanted, position = np.unique(truths.queue[runs], return_inverse=True)
     paths = []
     for queue in wanted.tolist():

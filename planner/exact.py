@@ -27,7 +27,7 @@ from planner.no_route import no_route
 from planner.outlook import Outlook
 from planner.relaxation import Start, cells_for, longest_cell_s, only_nodes, run_backward, run_forward
 from planner.speeds import GivenSpeeds, TrueSpeeds
-from planner.stays import Stays, costs_of
+from planner.stays import Stays, costs_of, landing_s
 from planner.terrain import narrowed, places, terrain
 
 if TYPE_CHECKING:
@@ -211,7 +211,7 @@ class ExactSearch:
             forward = run_forward(whole, costs, start, cells, needed, until_s, after=after)
             if math.isinf(forward.arrive_s):
                 break
-            self.lower_bound_s = max(self.lower_bound_s, forward.arrive_s)
+            self.lower_bound_s = max(self.lower_bound_s, landing_s(self.problem, self.queues, forward.arrive_s))
             end = forward.cells.over_s + forward.cells.length * forward.cells.step_s + whole.table.descent_s
             deadline = min(until_s, end)
             guide = run_backward(whole, costs, forward, needed, deadline)
@@ -239,7 +239,7 @@ class ExactSearch:
         forward = run_forward(
             part, self._costs, start, cells, needed, deadline_s, after=math.inf, allowed=(mask, ratio)
         )
-        least = min(forward.arrive_s, deadline_s)
+        least = min(landing_s(self.problem, self.queues, forward.arrive_s), deadline_s)
         self.lower_bound_s = max(self.lower_bound_s, least)
         for share in SHARES if math.isinf(self._time_limit_s) else SHARES[-1:]:
             until = min(least + share * (least - start.time_s) + 2.0 * cells.step_s, deadline_s)

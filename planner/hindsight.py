@@ -359,7 +359,9 @@ class Hindsight:
                 continue
             if soc >= p.reserve or (step.turning is not None and count == 1):
                 soc = max(soc, p.reserve)
-                return down if node == p.destination else self._arrival(future, node, down, soc) + STOP_S
+                if node == p.destination:
+                    return float(future.queues[node].land_time(down))
+                return self._arrival(future, node, down, soc) + STOP_S
         return p.depart_s + STUCK_S
 
     def _goes_on(self, step: Step, future: Future, off_s: float, soc: float, down_s: float) -> bool:

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from models.errors import NoRouteError
 from planner.escape import needed_at_destination
 from planner.no_route import no_route
 from planner.outlook import Outlook
 from planner.speeds import TrueSpeeds
-from planner.stays import Stay, Stays
+from planner.stays import Stay, Stays, landing_s
 from planner.terrain import whole_terrain
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ class ExhaustiveSearch:
         single_segments: bool = False,
     ) -> None:
         self.problem = problem
+        self._queues = queues
         self.time_limit_s = time_limit_s
         self.progress = progress
         self.complete = True
@@ -94,6 +96,11 @@ class ExhaustiveSearch:
         self._last_progress = time.monotonic()
         self._deadline = self._last_progress + self.time_limit_s
         self._visit([self._stays.origin()])
+        if self._best is None and not self.complete:
+            message = (
+                f"no route was found in {self.time_limit_s:g} s: there may be one; give more time, or try planner exact"
+            )
+            raise NoRouteError(message, constraint="time-limit")
         if self._best is None:
             raise no_route(self.problem, Outlook(self.problem))
         return self._stays.trace(*self._best)
@@ -118,5 +125,5 @@ class ExhaustiveSearch:
         useful[[destination, *(stay.node for stay in path)]] = False
         following = self._stays.land(path[-1], np.flatnonzero(useful & (self.problem.network.pads > 0)), pieces_of)
         for bound, after in sorted(following, key=lambda pair: pair[0]):
-            if bound < self.best_s - GAIN_S and self.complete:
+            if landing_s(self.problem, self._queues, bound) < self.best_s - GAIN_S and self.complete:
                 self._visit([*path, after])

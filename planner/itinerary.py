@@ -72,7 +72,7 @@ def fly_sampled(
     problem: Problem, itinerary: Itinerary, samples: int = SAMPLES_PER_MEMBER
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly an itinerary in every member with sampled queues: (runs, shape (runs, hops, 7); probability, shape (runs,))."""
-    nodes = stop_nodes(problem, itinerary)
+    nodes = place_nodes(problem, itinerary)
     paths = [found[node] for found in problem.queue_sets(nodes, range(samples)) for node in nodes]
     members = np.repeat(np.arange(len(problem.probability)), samples)
     sky = plain_sky(len(members))._replace(queue=np.tile(np.arange(samples), len(problem.probability)))
@@ -82,7 +82,7 @@ def fly_sampled(
 
 def fly_true(problem: Problem, itinerary: Itinerary, queues: dict[int, QueuePath]) -> NDArray[np.float64]:
     """Fly an itinerary in the first member with given queues, shape (1, hops, 7)."""
-    paths = [queues.get(node) or no_queue() for node in stop_nodes(problem, itinerary)]
+    paths = [queues.get(node) or no_queue() for node in place_nodes(problem, itinerary)]
     return _fly(problem, itinerary, np.zeros(1, dtype=np.int64), Queues(*pack(paths)), no_waits(len(itinerary)))
 
 
@@ -96,6 +96,11 @@ def fly_as_it_stands(
 def no_waits(hops: int) -> Waits:
     """Make the expected waits that `fly_under` does not read where queues are sampled."""
     return Waits(0.0, 1.0, np.zeros((hops, 1)))
+
+
+def place_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
+    """Node of the stop before each hop, and the one where the last hop ends: whose queues a delivery meets."""
+    return [*stop_nodes(problem, itinerary), int(problem.network.head[itinerary[-1].segments[-1]])]
 
 
 def stop_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:

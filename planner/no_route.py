@@ -88,6 +88,18 @@ def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc:
     return NoRouteError(message, constraint="room")
 
 
+def runs_empty(problem: Problem, itinerary: Itinerary, leg: int) -> NoRouteError:
+    """Refuse a route that is flown as it stands and typically ends with an empty battery in the air, on a leg."""
+    network, segments = problem.network, itinerary[leg].segments
+    a, b = (network.stations[int(node)].id for node in (network.tail[segments[0]], network.head[segments[-1]]))
+    message = (
+        f"no route from {network.stations[problem.origin].id} to {network.stations[problem.destination].id} that can be flown as "
+        f"it stands: on leg {a} > {b} {problem.drone.id} typically runs out of charge, hovering until there is a pad or a holding "
+        f"spot at {b} or in more wind than the planner expected; the planner robust waits on the ground"
+    )
+    return NoRouteError(message, constraint="energy")
+
+
 def no_route(problem: Problem, outlook: Outlook) -> NoRouteError:
     """Explain a failed search: disconnected, energy on the decisive segment, or wind.
 

@@ -70,7 +70,7 @@ class Outcome:
 
     def p_by(self, deadline_s: float) -> float:
         """Probability to arrive by a deadline, POSIX seconds."""
-        return float(self.weight[self.arrival_s <= deadline_s + 1e-6].sum())
+        return min(float(self.weight[self.arrival_s <= deadline_s + 1e-6].sum()), 1.0)
 
     @property
     def delivery(self) -> Figure:

@@ -15,19 +15,19 @@ from models.units import S_PER_H
 from planner.audit import World, audit
 from planner.charge_policy import rehearse_fixed, typical_fixed, world_of
 from planner.composing import compose
-from planner.course_kernels import TOUCH_DOWN
+from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
 from planner.evaluation_truths import USUAL_ERRORS
 from planner.exact import ExactSearch
 from planner.explain import alternatives
 from planner.ies import ExhaustiveSearch
 from planner.itinerary import fly_true
-from planner.no_route import grounded_leg, never_leaves
+from planner.no_route import grounded_leg, never_leaves, runs_empty
 from planner.outcome import later, outcome
 from planner.pfs import ForwardSearch
 from planner.pfs_strict import StrictForwardSearch
 from planner.problem import HORIZON_H, Problem
 from planner.result import Comparison, PlanResult
-from planner.robust import FINAL_RUNS, MEMBERS, RobustSearch
+from planner.robust import FINAL_RUNS, LEAST_ARRIVE, MEMBERS, RobustSearch
 from planner.shortest import ShortestFlight
 from planner.skyline import skyline
 
@@ -212,7 +212,10 @@ def _best(
     rejected |= {drone: str(error) for drone, error in errors.items()}
     if not drones:
         raise _none(errors)
-    best = min(range(len(drones)), key=lambda number: objective.loss(outcomes[number]))
+    best = min(
+        range(len(drones)),
+        key=lambda number: (outcomes[number].p_arrive < LEAST_ARRIVE, *objective.loss(outcomes[number])),
+    )
     for number, drone in enumerate(drones):
         if number != best:
             rejected[drone] = later_text(later(outcomes[number], outcomes[best]))
@@ -279,6 +282,8 @@ def _solve(
         if not np.isfinite(runs.course[:, -1, TOUCH_DOWN]).any():
             raise never_leaves(problem, itinerary, grounded_leg(runs.course))
         typical = typical_fixed(same, itinerary, runs)
+        if typical.course[:, SOC_DOWN].min() < 0.0:
+            raise runs_empty(same, itinerary, int(np.argmax(typical.course[:, SOC_DOWN] < 0.0)))
         summary = outcome(same, runs.course, runs.weight, (runs.member, runs.queue))
         notes = _doubts(problem, typical.course, summary)
         composition = compose(

@@ -49,6 +49,8 @@ NEEDED = 0.5
 """Share of epsilon for flights that need more than was charged for; the rest is for stations without room."""
 MOST_FULL = 0.5
 """A flight is begun when the chance to find its station full is below this multiple of epsilon."""
+FULLER = (0.005, 0.02, 0.1, 0.3, 1.0)
+"""The same where the drone would else hardly ever leave: the destination, which no way leaves out, may have little room."""
 MARGINS = (0.12, 0.25, 0.06)
 """Margins of the energy of each flight that routes are composed with; large networks begin with the first alone."""
 MUCH = 0.45
@@ -200,7 +202,6 @@ class RobustSearch:
         margin = margin_for([one.rehearsal], self.problem.epsilon)
         policy = replace(one.policy, known=one.policy.known._replace(margin=margin))
         rehearsal = policy.rehearse(self.errors, FINALIST_RUNS, before=one.rehearsal)
-        self.looked_at += len(rehearsal.weight)
         return self._candidate(policy, rehearsal)
 
     def finish(self, candidates: list[Candidate]) -> RobustAnswer:
@@ -363,12 +364,18 @@ class RobustSearch:
         p = self.problem
         known = known_at(p, self.errors, measured=True, epsilon=NEEDED * p.epsilon / len(itinerary))
         policy = ChargePolicy(p, itinerary, known, MOST_FULL * p.epsilon)
-        rehearsal = policy.rehearse(self.errors, runs, most_truths=truths)
-        self.looked_at += len(rehearsal.weight)
-        return self._candidate(policy, rehearsal), rehearsal.charging
+        found = self._candidate(policy, policy.rehearse(self.errors, runs, most_truths=truths))
+        for most_full in FULLER:
+            if found.outcome.p_arrive >= LEAST_ARRIVE:
+                break
+            policy = replace(policy, most_full=most_full)
+            again = policy.rehearse(self.errors, runs, most_truths=truths, before=found.rehearsal)
+            found = self._candidate(policy, again)
+        return found, found.rehearsal.charging
 
     def _candidate(self, policy: ChargePolicy, rehearsal: Rehearsal) -> Candidate:
         p = self.problem
+        self.looked_at += len(rehearsal.weight)
         outcome = rehearsal.outcome(p)
         unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(rehearsal.weight)
         return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome), rehearsal)

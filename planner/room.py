@@ -38,10 +38,11 @@ def _rates(problem: Problem) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def room_at(problem: Problem, nodes: Sequence[int], most: float) -> Room:
-    """Room of the stations at the end of each hop, to be looked at before it."""
+    """Room of the stations at the end of each hop, to be looked at before it; where there are no pads is always room."""
     arrivals, services = _rates(problem)
     at = np.asarray(nodes, dtype=np.int64)
-    spots = np.array([problem.network.stations[node].holding_spots for node in at], dtype=np.int64)
+    stations = [problem.network.stations[node] for node in at]
+    spots = np.array([one.holding_spots if one.pads else 1 for one in stations], dtype=np.int64)
     return Room(problem.network.pads[at].astype(np.int64), spots, arrivals[at], services[at], most)
 
 

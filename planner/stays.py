@@ -19,7 +19,7 @@ from planner.flight_functions import arrival_functions
 from planner.flight_table import table_land, table_slot
 from planner.itinerary import Hop
 from planner.profile_kernels import departure_profile, fly_profile, profile_at
-from planner.stay_kernels import Costs, land_everywhere
+from planner.stay_kernels import Costs, land_at, land_everywhere
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -64,6 +64,13 @@ def costs_of(problem: Problem, margin_soc_per_s: float) -> Costs:
         rate,
         float(landing),
     )
+
+
+def landing_s(problem: Problem, queues: Mapping[int, QueuePath], arrive_s: float) -> float:
+    """When a drone lands that comes to the destination at a time: at once, or when there is a pad or a holding spot."""
+    if not problem.has_pads(problem.destination) or not math.isfinite(arrive_s):
+        return arrive_s
+    return float(queues[problem.destination].land_time(arrive_s))
 
 
 class Stays:
@@ -249,7 +256,10 @@ class Stays:
         """Earliest arrival at the destination from a stay and the take-off for it; infinite where there is none."""
         if not len(pieces):
             return math.inf, math.nan
-        costs = self.costs
+        costs, goal = self.costs, self.terrain.destination
+        if self.problem.has_pads(self.problem.destination):  # it lands where others do
+            _, landed = land_at(stay.g, pieces, goal, self.terrain.grounds, costs, self.best_s)
+            return (float(landed[0, 0]), float(landed[0, 2])) if len(landed) else (math.inf, math.nan)
         flown, count = fly_profile(
             stay.g, pieces, costs.soc_per_s, costs.soc_fixed, costs.margin_soc_per_s, self._needed, self.best_s
         )

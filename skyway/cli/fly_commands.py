@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -11,6 +10,7 @@ from zoneinfo import ZoneInfo
 import typer
 
 from models.errors import Fault, InputError
+from models.json_text import json_text
 from skyway.cli import options
 from skyway.cli.aboard import AsJson, Link, linked
 
@@ -305,7 +305,7 @@ def _end(outcome: Outcome, journal: Path, report: Path | None, *, as_json: bool)
             "station": outcome.station, "flights": outcome.flights, "journal": str(journal),
             "report": None if report is None else str(report),
         }  # fmt: skip
-        typer.echo(json.dumps(ended))
+        typer.echo(json_text(ended))
     else:
         typer.echo(outcome.reason if outcome.delivered else f"{outcome.state}: {outcome.reason}")
         typer.echo(f"journal: {journal}" + ("" if report is None else f"; report: {report}"))

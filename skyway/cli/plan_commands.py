@@ -166,7 +166,7 @@ def plan(
     if geojson is not None:
         from skyway.route_geojson import route_geojson
 
-        _write(geojson, json.dumps(route_geojson(composition), indent=1) + "\n", force=force)
+        _write(geojson, json.dumps(route_geojson(composition), indent=1, allow_nan=False) + "\n", force=force)
     if plot is not None:
         from skyway.charge_band import charge_band
         from skyway.plot_map import plot_composition

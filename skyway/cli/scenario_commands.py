@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from models.errors import InputError
+from models.json_text import json_text
 from skyway.cli import options
 from skyway.cli.plan_commands import Depart, Force, Forecast, ScenarioArgument, Truth, WindOption
 from skyway.cli.sheet import Column, Sheet, say
@@ -80,7 +80,7 @@ def network(
 
         plot_network(world, plot)
     if as_json:
-        typer.echo(json.dumps(to_geojson(world.network), indent=1))
+        typer.echo(json_text(to_geojson(world.network), indent=1))
         return
     _print_network(world)
 
@@ -158,7 +158,7 @@ def wind(
 
         plot_wind(ensemble, world, hours, plot, true)
     if as_json:
-        typer.echo(json.dumps({"schema": "skyway.wind/1", "members": list(ensemble.labels), "hours": rows}, indent=1))
+        typer.echo(json_text({"schema": "skyway.wind/1", "members": list(ensemble.labels), "hours": rows}, indent=1))
         return
     print_wind(rows, ensemble, world)
 
@@ -208,7 +208,7 @@ def _check_json(folder: Path | None) -> None:
             for f in error.faults
         ]
     typer.echo(
-        json.dumps(
+        json_text(
             {"schema": "skyway.scenario-check/1", "ok": not faults, "faults": faults, "warnings": list(warnings)},
             indent=1,
         )

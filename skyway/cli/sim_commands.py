@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import typer
 
 from models.errors import Fault, InputError
+from models.json_text import json_text
 from skyway.cli import options
 from skyway.cli.bare_values import BareValueCommand
 
@@ -234,7 +235,7 @@ def _print_line(event: Event) -> None:
 
 
 def _print_json(event: Event) -> None:
-    typer.echo(json.dumps({"sim_s": round(event.sim_s, 3), "system": event.system, "event": event.text}))
+    typer.echo(json_text({"sim_s": round(event.sim_s, 3), "system": event.system, "event": event.text}))
 
 
 def _parameter(text: str) -> tuple[str, float]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from models.json_text import json_text
 from skyway.cli.aboard import AsJson, Line, linked
 from skyway.cli.sheet import width
 
@@ -121,7 +121,7 @@ def _show(watched: _Watch, end_s: float, *, as_json: bool) -> None:
     while clock.now_s() < end_s:
         watched.run_for(min(_LINE_EVERY_S, end_s - clock.now_s()))
         for row in watched.rows():
-            typer.echo(json.dumps(row | _rejected(watched)) if as_json else "  ".join(_cells(row)))
+            typer.echo(json_text(row | _rejected(watched)) if as_json else "  ".join(_cells(row)))
         fresh = [remark for remark in watched.remarks() if remark not in told]
         told += fresh
         for remark in fresh:

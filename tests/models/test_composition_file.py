@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.composition_file import SCHEMA, from_json, load, save, to_json
-from models.errors import InputError
+from models.errors import AuditError, InputError
 from models.figure import Figure
 from models.services import ArrivalDistribution, Composition, DroneService, LegSegment, Place, Stop, Wind
 
@@ -178,10 +178,13 @@ def test_a_saved_composition_is_loaded_and_not_overwritten(tmp_path):
     assert load(path) == one_flight()
 
 
-def test_a_figure_that_is_no_number_is_never_written(tmp_path):
-    with pytest.raises(ValueError, match="Out of range float"):
-        save(one_flight(payload_kg=math.nan), tmp_path / "plan.json")
-    assert list(tmp_path.iterdir()) == []
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_an_answer_with_a_figure_that_is_no_number_is_none(value):
+    with pytest.raises(AuditError, match=r"payload_kg: claimed (nan|inf)"):
+        one_flight(payload_kg=value)
+    leg = one_flight().services[0]
+    with pytest.raises(AuditError, match=r"services\[1\].wind.speed_mps: claimed (nan|inf)"):
+        one_flight(services=(replace(leg, wind=replace(leg.wind, speed_mps=value)),))
 
 
 def test_fields_of_later_versions_are_passed_over_and_optional_ones_may_be_absent():

@@ -114,6 +114,9 @@ class Events:
 
     def _to_goal(self, piece):
         f = self.f
+        if f.destination in self.queues:
+            yield from self._to_stop(piece, f.destination)
+            return
         if not f.needs_escape:
             yield (*piece, piece[2], piece[3], 0.0, 0.0, f.reserve, f.reserve)
             return
@@ -139,7 +142,7 @@ class Events:
         return float(f.land(walk, off)) - off
 
     def _fly(self, m, rows, off):
-        """Choose one piece of a flight; terms of take-off, touch-down, spot, pad and need."""
+        """Choose one piece of a flight; terms of take-off, spot, pad and charge."""
         chosen, times = {}, {}
         lines = [{} for _ in range(4)]
         for t0, t1, *values in rows:
@@ -155,10 +158,10 @@ class Events:
                 at_zero = v0 - slope * lo if math.isfinite(v0) else 0.0
                 lines[number] = total((1.0, lines[number]), (slope, t), (at_zero, y))
         m.row(chosen, 1.0, 1.0)
-        down, spot, pad, need = lines
+        _, spot, pad, need = lines
         left = total((1.0, off), (-self.f.cost * HOUR_S, spot), (self.f.cost * HOUR_S, times))
         m.row(total((1.0, left), (-1.0, need)), low=0.0)
-        return times, down, spot, pad, left
+        return times, spot, pad, left
 
     def _charge(self, m, node, left, pad, leave):
         """Charge to leave a stop with, landed with `left` and on a pad from `pad` on."""
@@ -191,19 +194,18 @@ class Events:
         pad = None
         if f.origin in self.queues and not f.in_flight:
             pad = total((float(self.queues[f.origin].pad_at(0.0)) / HOUR_S, one))
-        down = {}
         for a, b in itertools.pairwise(nodes):
             rows = self.legs(a, b)
             if not len(rows):
                 return math.inf
             leave = m.add(0.0, self.until_s / HOUR_S)
             off = landed if pad is None else self._charge(m, a, landed, pad, leave)
-            times, down, spot, next_pad, left = self._fly(m, rows, off)
+            times, spot, next_pad, left = self._fly(m, rows, off)
             m.row(total((1.0, leave), (-1.0, times)), 0.0, 0.0)
             m.row(total((1.0, leave), (-1.0, place)), low=0.0)
             landed, place, pad = left, spot, next_pad
-        m.row(down, high=(best_s - 1e-3) / HOUR_S)
-        return m.minimum(down) * HOUR_S
+        m.row(place, high=(best_s - 1e-3) / HOUR_S)
+        return m.minimum(place) * HOUR_S
 
     def delivery_time_s(self):
         """Least delivery time over all sequences; infinite when none arrives before `until_s`."""

@@ -248,7 +248,7 @@ def flown(problem, queues, itinerary):
         if math.isinf(joined):
             return math.inf, f"leg {leg} cannot be flown"
         node = int(f.network.head[hop.segments[-1]])
-        now = joined if leg == len(itinerary) else float(Queue(queues[node], f.begin_s).spot_at(joined))
+        now = float(Queue(queues[node], f.begin_s).spot_at(joined)) if f.network.stations[node].pads else joined
         soc -= f.cost * (now - off)
         if soc < f.reserve - 1e-6:
             return now, f"leg {leg} lands {f.reserve - soc:.2e} below the reserve"

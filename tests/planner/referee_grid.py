@@ -90,6 +90,10 @@ class Grid:
                 if f.needs_escape and len(down):
                     spare = left - f.reserve - self.margin * (down - off)
                     down = down[spare >= f.escape_need(down, self.margin) - 1e-12]
+                if self._pads(f.destination):
+                    spot = self.queues[f.destination].spot_at(down)
+                    left = left - f.cost * (spot - down)
+                    down = spot[left >= f.reserve + self.margin * (spot - off) - 1e-12]
                 if len(down):
                     best = min(best, float(down.min()))
         return best

@@ -1,0 +1,236 @@
+"""Fuzzing the planners: random requests end in a plan whose every figure is finite, or in an error of ours; nothing else.
+
+``python -m benchmarks.fuzz --requests 20000``. With ``NUMBA_BOUNDSCHECK=1`` a kernel that reads or writes beyond an array is an
+`IndexError`, and so a finding. A child process answers, so that a crash or a request without an end is a finding, too. ``--only N``
+tries one request again and shows the trace.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import queue
+import re
+import subprocess
+import sys
+import threading
+import time
+import traceback
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.fuzz_cases import Case, draw
+from models.composition_file import from_json, to_json
+from models.errors import InfeasibleError, InputError
+from planner.plan import CLAIRVOYANT_PLANNERS, plan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from planner.result import PlanResult
+
+LONGEST_S = 600.0
+"""A request that takes longer hangs."""
+SEARCH_S = 0.5
+"""Seconds that `ies` may search."""
+NOT_A_NUMBER = re.compile(r"(?<![a-z])[-+]?(nan|inf|infinity)(?![a-z])", re.IGNORECASE)
+
+
+class FindingError(Exception):
+    """Something that must not be."""
+
+
+def judge(case: Case) -> str:
+    """Answer a request and look at every figure; returns ``plan`` or what binds.
+
+    Raises
+    ------
+    FindingError
+        A figure that is not finite, or JSON that cannot be read again.
+    """
+    truth = case.wind
+    if case.planner in CLAIRVOYANT_PLANNERS and len(truth.probability) > 1:
+        truth = truth.only(0) if hasattr(truth, "only") else _first(truth)
+    try:
+        result = plan(
+            case.scenario,
+            case.request,
+            planner=case.planner,
+            forecast=truth if case.planner in CLAIRVOYANT_PLANNERS else case.wind,
+            time_limit_s=SEARCH_S,
+        )
+    except (InfeasibleError, InputError) as error:
+        _no_nan(str(error), "error")
+        return getattr(error, "constraint", "input")
+    for where, value in figures(result):
+        if not math.isfinite(value):
+            raise FindingError(f"{where} is {value}")
+    document = json.dumps(to_json(result.composition), allow_nan=False)
+    from_json(document)
+    if case.number % 4 == 0:
+        _no_nan(shown(result), "table")
+    return "plan"
+
+
+def _first(wind: Any) -> Any:
+    return replace(wind, north=wind.north[:1], east=wind.east[:1], probability=np.ones(1), labels=wind.labels[:1])
+
+
+def figures(result: PlanResult) -> Iterator[tuple[str, float]]:
+    """Every number of an answer, with its name."""
+    outcome = result.outcome
+    yield from (("mean_s", outcome.mean_s), ("p95", outcome.quantile_s(0.95)), ("p50", outcome.quantile_s(0.5)))
+    yield from (("p_success", outcome.p_success), ("p_arrive", outcome.p_arrive))
+    yield from ((f"p_reserve[{k}]", float(value)) for k, value in enumerate(outcome.p_reserve))
+    yield from ((f"p_hold[{k}]", float(value)) for k, value in enumerate(outcome.p_hold))
+    yield from _numbers(to_json(result.composition), "composition")
+
+
+def _numbers(value: Any, where: str) -> Iterator[tuple[str, float]]:
+    if isinstance(value, dict):
+        for key, one in value.items():
+            yield from _numbers(one, f"{where}.{key}")
+    elif isinstance(value, (list, tuple)):
+        for number, one in enumerate(value):
+            yield from _numbers(one, f"{where}[{number}]")
+    elif isinstance(value, float):
+        yield where, value
+
+
+def shown(result: PlanResult) -> str:
+    """What a person is shown of an answer, with the GeoJSON."""
+    from contextlib import redirect_stdout
+    from io import StringIO
+
+    from skyway.cli.plan_view import print_plan
+    from skyway.route_geojson import route_geojson
+
+    with redirect_stdout(StringIO()) as out:
+        print_plan(result)
+    return out.getvalue() + json.dumps(route_geojson(result.composition), allow_nan=False)
+
+
+def _no_nan(text: str, where: str) -> None:
+    found = NOT_A_NUMBER.search(text)
+    if found is not None:
+        raise FindingError(f"{where} shows {found.group()}: …{text[max(found.start() - 60, 0) : found.end() + 20]}…")
+
+
+def _answer(numbers: range) -> None:
+    """In the child: a line for the beginning and one for the end of each request."""
+    for number in numbers:
+        print(json.dumps({"begin": number}), flush=True)
+        started = time.perf_counter()
+        row: dict[str, Any] = {"end": number}
+        try:
+            case = draw(number)
+            row["planner"] = case.planner
+            row["ended"] = judge(case)
+        except Exception as error:  # noqa: BLE001  whatever it is, it is a finding
+            where = traceback.extract_tb(error.__traceback__)[-1]
+            row |= {
+                "finding": f"{type(error).__name__}: {error}",
+                "where": f"{Path(where.filename).name}:{where.lineno}",
+            }
+        print(json.dumps(row | {"s": round(time.perf_counter() - started, 3)}), flush=True)
+
+
+@dataclass
+class Tally:
+    """What became of the requests."""
+
+    ended: Counter[str] = field(default_factory=Counter)
+    findings: list[str] = field(default_factory=list)
+    slowest: tuple[float, int] = (0.0, -1)
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Count one."""
+        self.slowest = max(self.slowest, (row["s"], row["end"]))
+        if "finding" in row:
+            self.find(row["end"], f"{row['finding']} ({row.get('planner')}, {row['where']})")
+        else:
+            self.ended[f"{row['planner']}: {row['ended']}"] += 1
+
+    def find(self, number: int, what: str) -> None:
+        """Keep and print a finding."""
+        self.findings.append(f"#{number} {what}")
+        print(f"FOUND #{number} {what}", flush=True)
+
+
+def run(first: int, count: int, seconds: float = math.inf) -> Tally:
+    """Answer so many requests, or as many as there is time for."""
+    tally, until, number = Tally(), time.monotonic() + seconds, first
+    while number < first + count and time.monotonic() < until:
+        number = _one_child(number, first + count, until, tally)
+    return tally
+
+
+def _one_child(number: int, stop: int, until: float, tally: Tally) -> int:
+    """Let a child answer until it ends, dies or hangs; returns the number to go on with."""
+    command = [sys.executable, "-X", "faulthandler", "-m", "benchmarks.fuzz", "--child", str(number), str(stop)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
+        lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+        assert child.stdout is not None
+        out = child.stdout
+        threading.Thread(target=lambda: [lines.put(line) for line in (*out, "")], daemon=True).start()
+        begun = number
+        while True:
+            try:
+                line = lines.get(timeout=LONGEST_S)
+            except queue.Empty:
+                child.kill()
+                tally.find(begun, f"no end within {LONGEST_S:g} s")
+                return begun + 1
+            if not line:
+                if child.wait() != 0:
+                    tally.find(begun, f"the process died: {child.returncode}")
+                    return begun + 1
+                return stop
+            row = json.loads(line)
+            if "begin" in row:
+                begun = row["begin"]
+            else:
+                tally.add(row)
+                if time.monotonic() > until:
+                    child.kill()
+                    return begun + 1
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Fuzz; the exit code tells whether anything was found."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.fuzz", description=__doc__)
+    parser.add_argument("--requests", type=int, default=20_000)
+    parser.add_argument("--first", type=int, default=0, help="number of the first request")
+    parser.add_argument("--seconds", type=float, default=math.inf, help="stop after so long")
+    parser.add_argument("--only", type=int, help="answer one request here and show what it is")
+    parser.add_argument("--child", type=int, nargs=2, help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    if options.child is not None:
+        _answer(range(*options.child))
+        return 0
+    if options.only is not None:
+        case = draw(options.only)
+        print(case)
+        print(judge(case))
+        return 0
+    started = time.monotonic()
+    tally = run(options.first, options.requests, options.seconds)
+    checked = "with" if os.environ.get("NUMBA_BOUNDSCHECK", "0") not in ("", "0") else "WITHOUT"
+    for name, count in sorted(tally.ended.items()):
+        print(f"{count:>7}  {name}")
+    answered = sum(tally.ended.values()) + len(tally.findings)
+    print(
+        f"{answered} requests {checked} bounds checks in {time.monotonic() - started:.0f} s, slowest {tally.slowest[0]:.1f} s "
+        f"(#{tally.slowest[1]}); {len(tally.findings)} findings"
+    )
+    return 1 if tally.findings or not answered else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,98 @@
+"""The destination is a station like any other: a drone that comes there lands when there is a free pad or holding spot."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from models.errors import NoRouteError
+from models.load import PadLoad
+from models.services import State
+from models.wind_forecast import constant_wind
+from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from planner.exact import ExactSearch
+from planner.ies import ExhaustiveSearch
+from planner.itinerary import fly_sampled, fly_true
+from planner.plan import plan
+from planner.problem import HORIZON_H, Problem
+from planner.request import Request
+
+DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
+CALM = constant_wind(4.0, 200.0, DEPART, HORIZON_H, 40.75, -73.97, 60.0)
+
+
+@pytest.fixture(scope="module")
+def quiet(newyork):
+    """New York where nobody else comes: who is on the pads now leaves, and that is all."""
+    return replace(newyork, load=PadLoad.none(len(newyork.network), newyork.timezone))
+
+
+def ask(busy=None, **changes):
+    state = State(DEPART, "bellevue", busy_pads={} if busy is None else {"jacobi": busy})
+    return Request(state=state, destination="jacobi", payload_kg=0.8, drone="m200", **changes)
+
+
+@pytest.mark.parametrize("planner", ["exact", "ies"])
+def test_who_is_told_the_queues_arrives_when_there_is_a_place_to_land(quiet, planner):
+    request = ask(busy=40)
+    result = plan(quiet, request, planner=planner, forecast=CALM, time_limit_s=20.0)
+    queue = result.problem.queue_paths([result.problem.destination], 0)[result.problem.destination]
+    arrival = result.composition.arrive.timestamp()
+    assert arrival >= float(queue.land_s[0]) - 1e-3  # nobody comes after us, so that is when 32 of the 40 are gone
+    assert arrival == pytest.approx(
+        float(queue.land_s[0]), abs=1.0
+    )  # and no later: nothing keeps it once there is a place
+    assert result.composition.min_soc >= request.reserve_soc - 1e-9
+    assert result.outcome.p_success == 1.0
+
+
+@pytest.mark.parametrize("busy", [0, 8, 9, 12, 25])
+def test_exact_and_ies_claim_the_arrival_that_their_answer_is_flown_to(newyork, busy):
+    problem = Problem(newyork, ask(busy=busy), newyork.drone("m200"), CALM)
+    queues = problem.queue_paths(range(len(problem.network)), 3)
+    exact = ExactSearch(problem, queues)
+    itinerary = exact.solve()
+    flown = fly_true(problem, itinerary, queues)[0]
+    assert flown[-1, TOUCH_DOWN] == pytest.approx(exact.best_s, abs=1e-3)
+    assert (flown[:, SOC_DOWN] >= problem.reserve - 1e-9).all()
+    all_of_them = ExhaustiveSearch(problem, queues, time_limit_s=2.0)
+    all_of_them.solve()
+    assert all_of_them.best_s >= exact.best_s - 1e-3
+    if all_of_them.complete:
+        assert all_of_them.best_s == pytest.approx(exact.best_s, abs=1e-3)
+
+
+def test_a_drone_hovers_at_the_destination_until_a_place_is_free_and_pays_for_it(quiet):
+    problem = Problem(quiet, ask(busy=20), quiet.drone("m200"), CALM)
+    free = Problem(quiet, ask(busy=0), quiet.drone("m200"), CALM)
+    itinerary = plan(quiet, ask(), planner="pfs", forecast=CALM).itinerary
+    hovering, _ = fly_sampled(problem, itinerary)
+    landing, _ = fly_sampled(free, itinerary)
+    later = hovering[:, -1, TOUCH_DOWN] - landing[:, -1, TOUCH_DOWN]
+    less = landing[:, -1, SOC_DOWN] - hovering[:, -1, SOC_DOWN]
+    assert later.max() > 60.0
+    assert np.allclose(less, later * problem.soc_per_s)
+
+
+def test_robust_waits_on_the_ground_for_a_destination_that_is_full(quiet):
+    free = plan(quiet, ask(busy=0), forecast=CALM)
+    full = plan(quiet, ask(busy=40), forecast=CALM)
+    assert full.outcome.mean_s > free.outcome.mean_s + 3600.0
+    assert full.outcome.p_success > 0.99  # it does not hover for hours: it takes off when there will be a place
+    assert full.composition.arrive.timestamp() > free.composition.arrive.timestamp() + 3600.0
+
+
+@pytest.mark.parametrize("planner", ["pfs", "pfs-charge-aware", "shortest"])
+def test_planners_that_do_not_look_at_the_pads_fly_to_a_full_station_in_vain(quiet, planner):
+    with pytest.raises(NoRouteError, match="runs out of charge, hovering"):
+        plan(quiet, ask(busy=40), planner=planner, forecast=CALM)
+    some = plan(quiet, ask(busy=14), planner=planner, forecast=CALM)
+    free = plan(quiet, ask(busy=0), planner=planner, forecast=CALM)
+    assert some.outcome.mean_s > free.outcome.mean_s + 10.0
+    assert some.outcome.p_success <= free.outcome.p_success
+
+
+def test_few_drones_at_the_destination_change_nothing(quiet):
+    free, some = (plan(quiet, ask(busy=busy), planner="exact", forecast=CALM) for busy in (0, 3))
+    assert some.composition.arrive == free.composition.arrive
