@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from link.doubts import Doubts
 from link.logs.assembly import Assembler
 from link.logs.messages import SPOKEN
+from link.plausible import BootTimes, Plausible
 from link.timebase import VehicleClock
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ class LiveTelemetry:
         self.reached: list[int] = []
         self._assembler = Assembler(system)
         self._doubts = Doubts()
+        self._plausible = Plausible()
+        self._boots = BootTimes()
         self._newest: int | None = None
         self._newest_s = -math.inf
         self._came = self._counted = 0
@@ -72,6 +75,8 @@ class LiveTelemetry:
         speak = SPOKEN.get(name)
         if speak is None and name not in _TIMES:
             return None
+        if not self._timely(message, posix_s):
+            return None
         reboots = self.clock.reboots
         time_s = self.clock.hear(message, posix_s)
         if self.clock.reboots != reboots:
@@ -79,6 +84,7 @@ class LiveTelemetry:
         if self.clock.reboots != reboots or time_s < self._newest_s - _STEP_S:
             self._assembler.forget()  # also where another time base takes over: what was told so far is of another time
             self._doubts.forget()
+            self._plausible.forget()
             self._newest_s = time_s
         self._newest_s = max(self._newest_s, time_s)
         if speak is None:
@@ -87,11 +93,24 @@ class LiveTelemetry:
         if name == "MISSION_ITEM_REACHED" and (not self.reached or self.reached[-1] != message["seq"]):
             self.reached.append(message["seq"])
         self._doubts.hear(reports, time_s)
+        reports = self._plausible.hear(reports, time_s)
         reports["link_loss"] = self.loss
         sample = self._assembler.feed_one(time_s, reports)
         if sample is not None:
             self.sample = sample
         return sample
+
+    def _timely(self, message: Message, posix_s: float) -> bool:
+        """Whether the times in a message can be; one whose times cannot is left out whole."""
+        fields = message.fields
+        boot_ms = fields.get("time_boot_ms")
+        if message.name == "TIMESYNC" and fields["tc1"] and fields["ts1"]:
+            boot_ms = fields["tc1"] * 1e-6
+        if not self._boots.believed(boot_ms, posix_s):
+            return False
+        if message.name != "SYSTEM_TIME" or not fields["time_unix_usec"]:
+            return True
+        return self._boots.utc_believed(fields["time_unix_usec"] * 1e-6, fields["time_boot_ms"] * 1e-3)
 
     def _count(self, sequence: int) -> None:
         """Count which of the last packets have come, by their numbers: bit n is the n-th before the newest."""

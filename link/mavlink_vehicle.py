@@ -143,11 +143,11 @@ class MavlinkVehicle(Seen):
             No answer; what was not asked for yet is asked for again as long as it does not come.
         """
         wanted, refused = self.its_messages(rates_hz), []
-        self.rates.want(wanted, self.connection.clock.now_s())
         for number, rate in wanted.items():
             asked = Command(self.peer.target, INTERVAL, float(number), 1e6 / rate, round_trip=self.peer.round_trip)
             result = self._do(asked).result
             if result is None:
+                self.rates.want(wanted, self.connection.clock.now_s())
                 raise VehicleTimeoutError("its telemetry", asked.give_up_s)
             if result != ACCEPTED:
                 refused.append(number)

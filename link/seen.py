@@ -28,6 +28,8 @@ INTERVAL = 511
 """MAV_CMD_SET_MESSAGE_INTERVAL."""
 _EXPECTED_S = 5.0
 """So long after an order of ours a change is its doing."""
+CONFIRMED = 2
+"""A change that no order of ours asks for is believed when it has been told so often in a row."""
 _WISHES = 2
 _MAX_SAMPLES, _MAX_CHANGES = 1000, 200
 _ARMED = 128
@@ -132,6 +134,7 @@ class Seen:
         self._changes: list[Change] = []
         self._expected: dict[str, tuple[frozenset[str], float]] = {}
         self._was: dict[str, str] = {}
+        self._unconfirmed: dict[str, tuple[str, int]] = {}
         self._tells_ids = False
         self._told_texts = 0
         beat = self.peer.latest.get("HEARTBEAT")
@@ -178,16 +181,27 @@ class Seen:
             self._note(kind, f"id {number}{items if kind == 'mission' else ''}")
 
     def _note(self, what: str, now: str) -> None:
-        before = self._was.get(what)
+        before = self._was.setdefault(what, now)
+        if before == now:
+            self._unconfirmed.pop(what, None)
+            return
+        told, times = self._unconfirmed.get(what, (now, 0))
+        times = times + 1 if told == now else 1
+        if times < CONFIRMED and not self._ours(what, now):
+            self._unconfirmed[what] = now, times
+            return
+        self._unconfirmed.pop(what, None)
         self._was[what] = now
-        if before is not None and before != now:
-            self._changed(what, before, now)
+        self._changed(what, before, now)
+
+    def _ours(self, what: str, after: str) -> bool:
+        """Whether an order of ours in the last seconds asks for a change."""
+        wanted, until_s = self._expected.get(what, (frozenset(), -math.inf))
+        return self.connection.clock.now_s() <= until_s and (not wanted or after in wanted)
 
     def _changed(self, what: str, before: str, after: str) -> None:
-        clock = self.connection.clock
-        wanted, until_s = self._expected.get(what, (frozenset(), -math.inf))
-        ours = clock.now_s() <= until_s and (not wanted or after in wanted)
-        self._changes.append(Change(what, before, after, ours, clock.posix_s()))
+        posix_s = self.connection.clock.posix_s()
+        self._changes.append(Change(what, before, after, self._ours(what, after), posix_s))
         del self._changes[:-_MAX_CHANGES]
 
     def expect(self, what: str, *after: str, for_s: float = _EXPECTED_S) -> None:
@@ -206,15 +220,18 @@ class Seen:
 
     @property
     def armed(self) -> bool:
-        """Whether its last heartbeat said so; one that was never heard counts as armed."""
-        beat = self.peer.latest.get("HEARTBEAT")
-        return beat is None or bool(beat["base_mode"] & _ARMED)
+        """Whether its heartbeats say so; one that was never heard counts as armed."""
+        return self._was.get("armed") != "disarmed"
 
     @property
     def mode(self) -> str:
         """Its mode, for a person."""
-        beat = self.peer.latest.get("HEARTBEAT")
-        return "unknown" if beat is None else self.family.mode_name(beat["custom_mode"])
+        return self._was.get("mode", "unknown")
+
+    @property
+    def changing(self) -> bool:
+        """Whether it has just told of a change that we did not ask for, and that is not confirmed yet."""
+        return bool(self._unconfirmed)
 
     @property
     def mission_state(self) -> str:

@@ -92,6 +92,11 @@ class Vehicle(Protocol):
         ...
 
     @property
+    def changing(self) -> bool:
+        """Whether it has just told of a change that we did not ask for, and that is not confirmed yet."""
+        ...
+
+    @property
     def reboots(self) -> int:
         """How often it has restarted since it was met."""
         ...

@@ -42,7 +42,7 @@ def flying(ctx: Context) -> After:
         refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
         if landed(ctx):
             return State.LANDED, "landed and disarmed"
-        if not (_due(ctx, decided_s) and _climbed(ctx)):
+        if ctx.vehicle.changing or not (_due(ctx, decided_s) and _climbed(ctx)):
             continue
         decided_s = ctx.now_s
         decision = _decide(ctx, replanner)
@@ -188,6 +188,8 @@ def _act(ctx: Context, decision: Decision) -> After | None:
             leg.learns = False
         return State.DIVERTING, f"to {decision.station}: {decision.reason}"
     if decision.action == "land":
+        if _unsure(ctx):
+            return None
         ctx.divert_to, ctx.turned = None, False
         _intend(ctx, None)
         return State.DIVERTING, decision.reason
@@ -219,7 +221,7 @@ def diverting(ctx: Context) -> After:
         refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
         if landed(ctx):
             return State.LANDED, "landed and disarmed after a divert"
-        if not (_due(ctx, decided_s) and _climbed(ctx)):
+        if ctx.vehicle.changing or not (_due(ctx, decided_s) and _climbed(ctx)):
             continue
         decided_s = ctx.now_s
         end = _watch(ctx, replanner)
@@ -243,9 +245,23 @@ def _watch(ctx: Context, replanner: FlightReplanner) -> After | None:
         ctx.divert_to, ctx.turned = decision.station, False
         turned = _turn(ctx, decision.station, State.DIVERTING)
         return None if turned[0] is State.DIVERTING else turned
+    if _unsure(ctx):
+        return None
     ctx.divert_to, ctx.turned = None, False
     _intend(ctx, None)
     return _land_here(ctx)
+
+
+def _unsure(ctx: Context) -> bool:
+    """Whether a landing away from any station rests on a measurement that another one contradicts."""
+    if not ctx.voltage.doubtful:
+        return False
+    ctx.lost_s = ctx.now_s - 1.0  # as sudden as it was: it is thought of again soon
+    ctx.say(
+        "gauge",
+        "it does not land here: the voltage fell and no more current is drawn, so the charge is not known to be lost",
+    )
+    return True
 
 
 def _turn(ctx: Context, station: str, state: State) -> After:

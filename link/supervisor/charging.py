@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from link.pads import ManualPads
 from link.supervisor.gauge import learn_gauge
 from link.supervisor.states import State
 from models.errors import CommandRefusedError
-from models.pad_service import PadServiceError
+from models.pad_service import DroneOnPad, PadServiceError
 
 if TYPE_CHECKING:
     from link.supervisor.context import After, Context
-    from models.pad_service import DroneOnPad
 
 POLL_S = 10.0
+DOUBT_SOC, FASTER = 0.1, 0.5
+"""A pad that finds more charge than was there by so much is doubted until so much of the time has passed that it takes."""
 REDECIDE_S = 600.0
 """A drone that waits for a pad thinks again this often."""
 
@@ -50,6 +53,7 @@ def charging(ctx: Context) -> After:
     """Wait until it is charged."""
     target = ctx.charge_to or 1.0
     compared = ctx.charged
+    begun_s, soc = ctx.now_s, ctx.soc
     while True:
         _hear_charged(ctx)
         if isinstance(ctx.pads, ManualPads) and not ctx.attended:
@@ -61,6 +65,10 @@ def charging(ctx: Context) -> After:
             return State.REPLANNING, f"charging ended: {error}"
         if told.state == "waiting":
             return State.WAITING, "it lost its pad"
+        if told.soc is not None and not 0.0 <= told.soc <= 1.0:
+            told = _doubted(ctx, told, "is no state of charge")
+        if told.soc is not None and ctx.now_s < begun_s + _least_s(ctx, soc, told.soc):
+            told = _doubted(ctx, told, "no charger is so fast")
         if told.soc is not None:
             if not compared:
                 compared = True
@@ -79,6 +87,18 @@ def charging(ctx: Context) -> After:
     return State.REPLANNING, f"charged to {100 * ctx.soc:.0f} %"
 
 
+def _least_s(ctx: Context, before: float, after: float) -> float:
+    """How long it takes at least to charge from one state to another."""
+    curve = ctx.mandate.scenario.drone(ctx.mandate.request.drone or "").charging_curve()
+    return FASTER * float(curve.duration_s(before, np.float64(after))) if after > before + DOUBT_SOC else 0.0
+
+
+def _doubted(ctx: Context, told: DroneOnPad, why: str) -> DroneOnPad:
+    """What is left of an answer that cannot be: the pad is ours, and nothing else is known."""
+    ctx.note("pad", f"the pad says {told.soc}: {why}; asked again", answer="doubted", soc=told.soc)
+    return DroneOnPad(drone=told.drone, state="charging", to_soc=told.to_soc)
+
+
 def _hear_charged(ctx: Context) -> None:
     """Where people charge, they say ``charged``, or ``charged 83`` for 83 %."""
     while ctx.words and isinstance(ctx.pads, ManualPads):
@@ -95,6 +115,7 @@ def _reset_counter(ctx: Context, soc: float | None) -> None:
     if soc is None:
         return
     ctx.voltage.forget()
+    ctx.told.forget()
     try:
         reported = ctx.ask(lambda: ctx.vehicle.reset_battery(soc))
     except CommandRefusedError:

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 KNOWN_S = 45.0
 """So long we wait for position, charge and whether it is armed."""
+LOOK_AGAIN_S = 15.0
+"""What would end a delivery before it has begun is looked at for so long."""
 SETTLE_S = 90.0
 """Armed on the ground, it either takes off or disarms within this time."""
 BACK_S = 3.0
@@ -42,10 +44,13 @@ def connecting(ctx: Context) -> After:
     ctx.uid, ctx.reboots = who.uid, ctx.vehicle.reboots
     ctx.note("vehicle", str(who), system=who.system, autopilot=who.autopilot, uid=who.uid)
     ctx.tell(str(who))
+    origin = ctx.mandate.composition.origin
+    end = ctx.clock.now_s() + LOOK_AGAIN_S
+    while not (ctx.on_ground and ctx.here_station() == origin) and ctx.clock.now_s() < end:
+        ctx.tick()
     if not ctx.on_ground:
         return State.STOPPED if not ctx.in_air else State.HOLDING, "the vehicle does not stand disarmed on the ground"
     ctx.station = ctx.here_station()
-    origin = ctx.mandate.composition.origin
     if ctx.station != origin:
         return State.STOPPED, f"the vehicle stands at {ctx.station or 'no station'}, and the plan begins at {origin}"
     ctx.plan = ctx.mandate.composition

@@ -6,11 +6,13 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from link.supervisor.flies import flies
 from link.supervisor.foreign import follows_a_landing, refuse_on_ground
 from link.supervisor.gauge import read_gauge
 from link.supervisor.legs import station_at
 from link.supervisor.parameter_changes import ParameterChanges
 from link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State, Turn
+from link.supervisor.told_charge import ToldCharge
 from link.supervisor.track import write_track
 from link.supervisor.vehicle_texts import NOTICE, SEVERITIES, TextLog
 from link.supervisor.voltage import VoltageWatch
@@ -70,7 +72,9 @@ class Context:
     seen_at : (lat, lon, POSIX seconds)
         Position told last.
     soc, told_soc : float
-        State of charge: believed, and as the vehicle says.
+        State of charge: believed, and as the vehicle says, as far as that can be.
+    told : ToldCharge
+        What is believed of its reports.
     gauge : float
         Charge really used, for what the vehicle says it used: learnt at pads, which measure.
     voltage : VoltageWatch
@@ -128,6 +132,8 @@ class Context:
     soc: float = math.nan
     told_soc: float = math.nan
     gauge: float = 1.0
+    told: ToldCharge = field(default_factory=ToldCharge)
+    gauged_s: float = -math.inf
     voltage: VoltageWatch = field(default_factory=VoltageWatch)
     flown_from: tuple[float, float] = (math.nan, math.nan)
     lost_s: float = -math.inf
@@ -233,6 +239,7 @@ class Context:
             return
         self.reboots = self.vehicle.reboots
         self.voltage.forget()
+        self.told.forget()
         self.note("reboot", "the vehicle has restarted: identified, checked and uploaded anew before it flies again")
         self.request_telemetry()
 
@@ -356,8 +363,7 @@ class Context:
         self.must_answer(str(error))
         if str(error) != self.unanswered_said:
             self.unanswered_said = str(error)
-            self.note("link", f"{error}: asked again")
-            self.tell(f"{error}: asked again")
+            self.say("link", f"{error}: asked again")
 
     def must_answer(self, reason: str) -> None:
         """Go on where the vehicle answers at all.
@@ -376,13 +382,14 @@ class Context:
     def on_ground(self) -> bool:
         """Whether it is known to stand disarmed on the ground."""
         s = self.sample
-        return s is not None and s.armed == 0.0 and s.landed != 0.0
+        return s is not None and s.armed == 0.0 and not flies(s)
 
     @property
     def in_air(self) -> bool:
-        """Whether it is armed and not known to be on the ground."""
+        """Whether it flies, or is armed and not known to be on the ground."""
         s = self.sample
-        return s is not None and s.armed == 1.0 and s.landed != 1.0
+        known = None if s is None else flies(s)
+        return s is not None and (s.armed == 1.0 if known is None else known)
 
     @property
     def place(self) -> tuple[float, float] | None:
@@ -412,6 +419,11 @@ class Context:
     def tell(self, line: str) -> None:
         """Say something to the operator."""
         self.operator.tell(line)
+
+    def say(self, event: str, reason: str, **data: Any) -> None:
+        """Write into the journal, and say it to the operator."""
+        self.note(event, reason, **data)
+        self.tell(reason)
 
     def note_plan(self, reason: str) -> None:
         """Write the plan in force, and all that a resume needs."""

@@ -16,15 +16,14 @@ if TYPE_CHECKING:
 def follows_a_landing(ctx: Context, change: Change) -> bool:
     """Whether a change is what an autopilot does by itself at the end of a flight: it disarms, and leaves the mission's mode."""
     s = ctx.sample
-    down = s is not None and s.landed == 1.0
+    down = s is not None and s.landed == 1.0 and not ctx.in_air
     ends = (change.what == "armed" and change.after == "disarmed") or (change.what == "mode" and not ctx.vehicle.armed)
     return down and ends and ctx.state in (*IN_AIR, State.LANDED)
 
 
 def landed(ctx: Context) -> bool:
     """Whether the flight is over: disarmed, and on the ground as far as it tells."""
-    s = ctx.sample
-    return s is not None and s.armed == 0.0 and s.landed != 0.0
+    return ctx.on_ground and not ctx.vehicle.armed
 
 
 def refuse_foreign(ctx: Context, changes: Sequence[Change], own_modes: tuple[str, ...]) -> None:

@@ -1,52 +1,68 @@
-"""How much charge there is: what the vehicle says, corrected by what pads measured and by what its voltage gives away."""
+"""How much charge there is: what the vehicle says as far as it is believed, corrected by what pads measured and by its voltage."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
+from link.supervisor.flies import CLIMBS_MPS
 from link.supervisor.states import IN_AIR
 
 if TYPE_CHECKING:
     from link.supervisor.context import Context
     from models.telemetry import TelemetrySample
 
-JUMP_SOC = 0.05
-"""A charge that falls by so much from one report to the next was not used by flying."""
 MIN_GAUGE_SOC = 0.08
 """A flight that used less tells nothing of the gauge."""
+EVERY_S = 0.5
+"""Batteries are told of once a second; samples repeat it."""
+CONFIRMING_S = 6.0
+"""So long a report that is being confirmed by the voltage is not also taken for what the voltage lost."""
 
 
 def read_gauge(ctx: Context, sample: TelemetrySample) -> None:
     """Take a state of charge that the vehicle tells."""
-    told, leg = sample.soc, ctx.leg
-    if not math.isfinite(told):
+    told, leg = ctx.told, ctx.leg
+    if sample.time_s < ctx.gauged_s + EVERY_S and sample.time_s >= ctx.gauged_s:
         return
+    ctx.gauged_s = sample.time_s
     flies = leg is not None and ctx.state in IN_AIR
-    fell = ctx.told_soc - told
-    ctx.told_soc = told
-    if leg is not None and flies and fell > JUMP_SOC:
+    rate = (
+        leg.modelled.per_s * ctx.belief.factor if leg is not None and leg.modelled is not None and ctx.in_air else 0.0
+    )
+    open_v = sample.voltage_v + sample.current_a * ctx.voltage.ohm
+    was_contradicted = told.contradicted
+    fell = told.hear(sample.time_s, sample.soc, open_v, rate, flies=ctx.in_air)
+    if not math.isfinite(told.soc):
+        return
+    if told.contradicted and not was_contradicted:
+        ctx.say("gauge", f"the vehicle says {100 * sample.soc:.0f} %, its voltage says otherwise: not believed")
+    ctx.told_soc = told.line(sample.time_s, rate)
+    if leg is not None and flies and fell != 0.0:
         leg.told_start -= fell
-        _lost(ctx, fell, f"the charge fell by {100 * fell:.0f} % at once: lost, not used")
-    fell = ctx.voltage.hear(sample.time_s, sample.voltage_v, sample.current_a, told)
-    if flies and fell > 0.0:
-        told_now = f"the vehicle says {100 * told:.0f} %"
-        _lost(
-            ctx, fell, f"the voltage fell as if {100 * fell:.0f} % were lost at once; {told_now}, that is not believed"
-        )
-    soc, source = told - ctx.voltage.lost, "the vehicle"
+        _lost(ctx, fell, f"the charge fell by {100 * fell:.0f} % at once, and the voltage with it: lost, not used")
+    if told.contradicted or not sample.time_s < told.held_s + CONFIRMING_S:
+        level = abs(sample.vel_down_mps) < CLIMBS_MPS
+        fell = ctx.voltage.hear(sample.time_s, sample.voltage_v, sample.current_a, ctx.told_soc, level=level)
+        if flies and fell != 0.0:
+            said = f"the vehicle says {100 * sample.soc:.0f} %, that is not believed"
+            _lost(ctx, fell, f"the voltage fell as if {100 * fell:.0f} % were lost at once; {said}")
+    soc, source = ctx.told_soc - ctx.voltage.lost, "the vehicle"
     if leg is not None and math.isfinite(leg.soc_start) and (ctx.gauge != 1.0 or ctx.voltage.lost > 0.0):
-        soc, source = leg.soc_start - ctx.gauge * (leg.told_start - told), "the vehicle, corrected"
+        soc, source = leg.soc_start - ctx.gauge * (leg.told_start - ctx.told_soc), "the vehicle, corrected"
     ctx.soc, ctx.soc_source = max(soc, 0.0), source
 
 
 def _lost(ctx: Context, fell: float, reason: str) -> None:
-    """Take charge that is gone from what the flight began with: it was not used."""
+    """Take charge that is gone from what the flight began with: it was not used. What was never gone is given back."""
     if ctx.leg is not None:
         ctx.leg.soc_start -= fell
-    ctx.flown_from, ctx.lost_s = (math.nan, math.nan), ctx.now_s
-    ctx.note("gauge", reason, fell_soc=fell)
-    ctx.tell(reason)
+    ctx.flown_from = (math.nan, math.nan)
+    if fell > 0.0:
+        ctx.lost_s = ctx.now_s
+    else:
+        reason = f"the {100 * -fell:.0f} % that seemed lost are there again: a wrong measurement"
+    ctx.say("gauge", reason, fell_soc=fell)
 
 
 def learn_gauge(ctx: Context, told_before: float, pad_soc: float) -> None:

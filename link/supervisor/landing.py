@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from link.supervisor.context import After, Context
 
 RELEASES = 3
-PLACE_S = 60.0
-"""So long we wait for a position after a landing."""
+PLACE_S = 90.0
+"""So long we look for a station at the place of a landing: longer than a position may be wrong."""
 
 
 def after_landing(ctx: Context) -> After:
@@ -25,9 +25,8 @@ def after_landing(ctx: Context) -> After:
     if ctx.in_air:
         return State.HOLDING, "it is in the air again"
     ctx.request_telemetry()
-    end = ctx.clock.now_s() + PLACE_S
-    while ctx.place is None and ctx.clock.now_s() < end:
-        ctx.tick()
+    if not _found(ctx):
+        return State.HOLDING, "it is in the air again"
     if ctx.place is None:
         ctx.must_answer("it has landed, and does not answer")
         return State.HOLDING, "it has landed, and does not tell where"
@@ -53,6 +52,14 @@ def after_landing(ctx: Context) -> After:
     if ctx.stop_after_leg:
         return State.STOPPED, f"the operator asked to stay; it stands disarmed at {station}"
     return State.REPLANNING, f"at {station}"
+
+
+def _found(ctx: Context) -> bool:
+    """Look for the station where it stands; returns whether it stands at all."""
+    end = ctx.clock.now_s() + PLACE_S
+    while ctx.here_station() is None and not ctx.in_air and ctx.clock.now_s() < end:
+        ctx.tick()
+    return not ctx.in_air
 
 
 def _note_landing(ctx: Context, where: str, *, planned: bool) -> None:

@@ -67,7 +67,7 @@ _AIR_TROUBLE = (_S.HOLDING, _S.LOST_LINK, _S.LEFT)
 TABLE: Mapping[State, Rule] = {
     _S.CONNECTING: Rule(
         (_S.REPLANNING, _S.FLYING, _S.DIVERTING, _S.LANDED, *_GROUND_TROUBLE, _S.DELIVERED),
-        60.0,
+        120.0,
         _S.STOPPED,
         "who it is, where it is; after a resume also what it was doing",
     ),

@@ -24,6 +24,10 @@ LEAST_LOST_SOC = 0.1
 """Less is not told apart from a gust, or from a cold battery."""
 NOTICED_SOC = 0.05
 REST_A, FLIGHT_A = 5.0, 10.0
+SURE, DOUBTED_S = 16, 130.0
+"""So many measurements, two a second, tell whether the power fell with the voltage; so long a loss is doubted for that."""
+AGAIN, AGAIN_S = 6, 300.0
+"""A loss is taken back where so many voltages in a row, so long after it at most, are as before."""
 REST_S = 180.0
 """A voltage at rest so long ago still tells what the current lets it sag."""
 
@@ -47,6 +51,28 @@ def _between(value: float, given: tuple[float, ...], wanted: tuple[float, ...]) 
 
 
 @dataclass(slots=True)
+class _Fall:
+    """A loss found, and what became of voltage and power since.
+
+    Attributes
+    ----------
+    lost, told : float
+        Charge, and what the vehicle said of it then.
+    found_s, volts, watts : float
+        When, and what was there before.
+    after : deque of (volts, watts)
+        Since then.
+    """
+
+    lost: float
+    told: float
+    found_s: float
+    volts: float
+    watts: float
+    after: deque[tuple[float, float]]
+
+
+@dataclass(slots=True)
 class VoltageWatch:
     """Watches one vehicle's voltage.
 
@@ -61,11 +87,12 @@ class VoltageWatch:
     lost: float = 0.0
     ohm: float = 0.0
     _rest: tuple[float, float, float] = (-math.inf, 0.0, 0.0)
-    _seen: deque[tuple[float, float, float]] = field(default_factory=deque)
+    _seen: deque[tuple[float, float, float, float]] = field(default_factory=deque)
     _heard_s: float = -math.inf
+    _fall: _Fall | None = None
 
-    def hear(self, time_s: float, volts: float, amperes: float, told_soc: float) -> float:
-        """Take what the vehicle tells; returns charge found lost just now, usually 0."""
+    def hear(self, time_s: float, volts: float, amperes: float, told_soc: float, *, level: bool = True) -> float:
+        """Take what the vehicle tells; returns charge found lost just now, usually 0; less than 0 where it is there again."""
         if not all(map(math.isfinite, (volts, amperes, told_soc))) or time_s < self._heard_s + 0.5:
             return 0.0
         self._heard_s = time_s
@@ -80,10 +107,43 @@ class VoltageWatch:
             self._rest = (-math.inf, 0.0, 0.0)
         if self._seen and told_soc < self._seen[-1][2] - NOTICED_SOC:
             self._seen.clear()  # the vehicle has noticed it itself
-        self._seen.append((time_s, volts + amperes * self.ohm, told_soc))
+        self._seen.append((time_s, volts + amperes * self.ohm, told_soc, volts * amperes if level else math.nan))
         while self._seen[0][0] < time_s - BACK_S:
             self._seen.popleft()
-        return self._fallen(time_s)
+        return self._again(time_s) or self._fallen(time_s)
+
+    def _again(self, time_s: float) -> float:
+        """Take a loss back whose voltage is there again: a battery does not mend."""
+        fall = self._fall
+        if fall is None:
+            return 0.0
+        fall.after.append((self._seen[-1][1], self._seen[-1][3]))
+        now = [volts for volts, _ in list(fall.after)[-AGAIN:]]
+        if len(now) < AGAIN or time_s > fall.found_s + AGAIN_S:
+            return 0.0
+        sound = fall.volts * open_voltage(self._seen[-1][2]) / open_voltage(fall.told)
+        if median(now) < sound * (1.0 - 0.5 * FALL):
+            return 0.0
+        back = min(fall.lost, self.lost)
+        self.lost, self._fall = self.lost - back, None
+        self._seen.clear()
+        return -back
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it is the measurement that fell: motors that carry a vehicle draw the more current, the less voltage there is.
+
+        True also until that can be told.
+        """
+        fall = self._fall
+        if fall is None:
+            return False
+        if len(fall.after) < SURE:
+            return True
+        volts = median(volts for volts, _ in fall.after) / fall.volts
+        watts = [watts for _, watts in fall.after if math.isfinite(watts)]
+        known = len(watts) >= SURE and math.isfinite(fall.watts) and self._heard_s < fall.found_s + DOUBTED_S
+        return known and median(watts) / fall.watts < 1.0 - 0.5 * (1.0 - volts)
 
     def _fallen(self, time_s: float) -> float:
         new = [one for one in self._seen if one[0] > time_s - NOW_S]
@@ -99,10 +159,14 @@ class VoltageWatch:
         if lost < LEAST_LOST_SOC:
             return 0.0
         self.lost += lost
+        level = [one[3] for one in self._seen if one not in new and math.isfinite(one[3])]
+        watts = median(level) if len(level) >= SURE else math.nan
+        after = deque(((one[1], one[3]) for one in new), maxlen=int(2.0 * BACK_S))
+        self._fall = _Fall(lost, old[-1][2], time_s, before, watts, after)
         self._seen.clear()
         return lost
 
     def forget(self) -> None:
         """Begin anew: the battery was measured, or another one put in."""
-        self.lost = 0.0
+        self.lost, self._fall = 0.0, None
         self._seen.clear()

@@ -1,0 +1,250 @@
+"""Values that are wrong: any field of any message that the supervisor reads, for some packets, by the vehicle or by a forger."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.deliveries import Stage, Story
+from link.frames import Message
+from link.supervisor import Scripted, read_journal
+from sim_stub.wire.frames import FrameWriter
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from sim_stub.ports import Port
+    from sim_stub.wire.messages import MessageSpec
+
+PACKETS = (1, 3, 10, 100)
+KINDS = ("low", "high", "zero", "plausible", "frozen", "not-a-number")
+_ANSWERS = ("COMMAND_ACK", "MISSION_ACK", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_REQUEST", "MISSION_REQUEST_INT",
+            "PARAM_VALUE", "STATUSTEXT", "TIMESYNC", "AUTOPILOT_VERSION")  # fmt: skip
+"""Answers to questions of ours: what they do is tried by tests of the exchanges."""
+PLAUSIBLE: dict[tuple[str, str], Callable[[Any], Any]] = {
+    ("HEARTBEAT", "base_mode"): lambda mode: mode ^ 128,
+    ("HEARTBEAT", "custom_mode"): lambda mode: 9 if mode < 100 else 6 << 24 | 4 << 16,
+    ("HEARTBEAT", "type"): lambda _: 1,
+    ("HEARTBEAT", "autopilot"): lambda family: 15 - family,
+    ("HEARTBEAT", "system_status"): lambda _: 6,
+    ("EXTENDED_SYS_STATE", "landed_state"): lambda state: 3 - state if state in (1, 2) else 1,
+    ("EXTENDED_SYS_STATE", "vtol_state"): lambda _: 4,
+    ("SYS_STATUS", "battery_remaining"): lambda percent: percent // 4,
+    ("SYS_STATUS", "voltage_battery"): lambda millivolts: int(millivolts * 0.9),
+    ("SYS_STATUS", "current_battery"): lambda centiamperes: int(centiamperes * 1.6),
+    ("GLOBAL_POSITION_INT", "lat"): lambda lat: lat + 30_000,
+    ("GLOBAL_POSITION_INT", "lon"): lambda lon: lon - 60_000,
+    ("GLOBAL_POSITION_INT", "alt"): lambda alt: alt + 40_000,
+    ("GLOBAL_POSITION_INT", "relative_alt"): lambda height: height - 30_000,
+    ("GLOBAL_POSITION_INT", "vx"): lambda speed: speed + 1_500,
+    ("GLOBAL_POSITION_INT", "vy"): lambda speed: speed - 1_500,
+    ("GLOBAL_POSITION_INT", "vz"): lambda speed: speed + 500,
+    ("GLOBAL_POSITION_INT", "time_boot_ms"): lambda time: time + 20_000,
+    ("ATTITUDE", "roll"): lambda angle: angle + 0.35,
+    ("ATTITUDE", "pitch"): lambda angle: angle - 0.35,
+    ("ATTITUDE", "yaw"): lambda angle: angle + 1.5,
+    ("ATTITUDE", "time_boot_ms"): lambda time: max(time - 60_000, 0),
+    ("SYSTEM_TIME", "time_boot_ms"): lambda time: max(time - 60_000, 0),
+    ("SYSTEM_TIME", "time_unix_usec"): lambda time: time + 3_600_000_000,
+    ("MISSION_CURRENT", "seq"): lambda seq: seq + 1,
+    ("WIND", "speed"): lambda speed: speed + 12.0,
+    ("WIND", "direction"): lambda direction: direction + 120.0,
+    ("WIND_COV", "wind_x"): lambda wind: wind + 12.0,
+    ("WIND_COV", "wind_y"): lambda wind: wind - 12.0,
+    ("HOME_POSITION", "latitude"): lambda lat: lat + 30_000,
+    ("HOME_POSITION", "longitude"): lambda lon: lon + 30_000,
+    ("HOME_POSITION", "altitude"): lambda alt: alt + 100_000,
+}
+"""Values that could be true, by message and field; a quarter more elsewhere."""
+
+
+class Reading(dict):
+    """Fields of a message that note which of them are read."""
+
+    def __init__(self, name: str, fields: dict[str, Any], read: set[tuple[str, str]]) -> None:
+        super().__init__(fields)
+        self.name, self.read = name, read
+
+    def __getitem__(self, key: str) -> Any:
+        self.read.add((self.name, key))
+        return super().__getitem__(key)
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """As a dict's."""
+        if key in self:
+            self.read.add((self.name, key))
+        return super().get(key, default)
+
+
+def fields_read(story: Story, folder: Path, monkeypatch: Any) -> list[tuple[str, str]]:
+    """Every field of every message that is read in a delivery without a question of ours, found by watching."""
+    import link.frames
+
+    read: set[tuple[str, str]] = set()
+    original = link.frames.unpack
+
+    def unpack(kind: Any, payload: bytes) -> dict[str, Any]:
+        return Reading(kind.name, original(kind, payload), read)
+
+    monkeypatch.setattr(link.frames, "unpack", unpack)
+    folder.mkdir(parents=True, exist_ok=True)
+    outcome = Stage(story, folder).fly()
+    monkeypatch.setattr(link.frames, "unpack", original)
+    assert outcome.delivered, outcome
+    assert Message is link.frames.Message
+    addresses = ("target_system", "target_component")
+    return sorted((name, key) for name, key in read if name not in _ANSWERS and key not in addresses)
+
+
+@dataclass(frozen=True, order=True)
+class Wrong:
+    """What is wrong, from when on, and for how long.
+
+    Attributes
+    ----------
+    message, name : str
+        Message and field.
+    kind : str
+        One of `KINDS`.
+    packets : int
+        How many.
+    state : str
+        From the first packet after `after_s` in this state on.
+    forged : bool
+        Sent besides the true ones by somebody else, unsigned; otherwise by the vehicle itself instead of them.
+    """
+
+    message: str
+    name: str
+    kind: str
+    packets: int
+    state: str = "flying"
+    after_s: float = 60.0
+    forged: bool = False
+
+
+@dataclass
+class Tamper:
+    """Does it, at a port of the simulated vehicle.
+
+    Attributes
+    ----------
+    done : int
+        Packets so far.
+    """
+
+    wrong: Wrong
+    stage: Stage
+    port: Port
+    done: int = 0
+    _first: Any = None
+    _since_s: float = math.nan
+    _writer: FrameWriter = field(default_factory=lambda: FrameWriter(1, 1))
+
+    def due(self) -> bool:
+        """Whether it is in the state, and long enough."""
+        supervisor = self.stage.supervisor
+        now = self.stage.lockstep.now_s
+        if self.done:
+            return self.done < self.wrong.packets
+        if supervisor is None or str(supervisor.context.state) != self.wrong.state:
+            self._since_s = math.nan
+            return False
+        self._since_s = now if math.isnan(self._since_s) else self._since_s
+        return now >= self._since_s + self.wrong.after_s
+
+    def __call__(self, message: MessageSpec, payload: bytes) -> bytes:
+        """Payload as it goes out."""
+        if message.name != self.wrong.message or not self.due():
+            return payload
+        values = message.unpack(payload)
+        self._first = values[self.wrong.name] if self._first is None else self._first
+        values[self.wrong.name] = self.value(values[self.wrong.name])
+        self.done += 1
+        false = message.pack(values)
+        if not self.wrong.forged:
+            return false
+        self.port.send(self._writer.frame(message, false))  # just before the true one
+        return payload
+
+    def value(self, value: Any) -> Any:
+        """What is said instead of a value; a message that is packed clips what does not fit."""
+        match self.wrong.kind:
+            case "low" | "high" as end:
+                return (-1.0 if end == "low" else 1.0) * (1e30 if isinstance(value, float) else 2**62)
+            case "zero":
+                return type(value)(0)
+            case "frozen":
+                return self._first
+            case "not-a-number":
+                return math.nan
+        told = PLAUSIBLE.get((self.wrong.message, self.wrong.name))
+        return type(value)(0.75 * value) if told is None else told(value)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a delivery with a wrong value ended.
+
+    Attributes
+    ----------
+    kind : str
+        ``delivered``, ``held`` (and delivered on the operator's word), ``stopped`` (on a station, with a reason), else
+        what went wrong.
+    """
+
+    kind: str
+    state: str
+    reason: str
+    done: tuple[int, ...]
+
+
+def fly_wrong(story: Story, folder: Path, *wrongs: Wrong, key: bytes | None = None) -> Ended:
+    """Fly one delivery in which something is told that is not so; the operator says go after two minutes of holding."""
+    folder.mkdir(parents=True, exist_ok=True)
+    story = story if key is None else replace(story, vehicle={**story.vehicle, "signing_key": key})
+    stage = Stage(story, folder)
+    stage.operator = Scripted(
+        lambda question, _: (120.0, "go") if "nothing is commanded" in question else (0.0, "yes"),
+        stage.lockstep.clock.now_s,
+    )
+    connect, tampers = stage.lockstep.connect, []
+
+    def connected(*given, **how):
+        link = connect(*given, **how)
+        port = stage.craft.radio.ports[-1]
+        tampers.extend(Tamper(wrong, stage, port) for wrong in wrongs)
+        port.tamper = lambda message, payload: reduce(lambda told, tamper: tamper(message, told), tampers, payload)
+        return link
+
+    stage.lockstep.connect = connected
+    outcome = stage.fly(on_tick=_bounded)
+    stage.lockstep.run_for(0.0 if stage.craft.body.grounded else 1800.0)
+    done = tuple(tamper.done for tamper in tampers)
+    return Ended(_judged(stage, outcome), outcome.state, outcome.reason, done)
+
+
+def _bounded(ctx: Any) -> None:
+    if ctx.clock.now_s() > 24 * 3600.0:
+        raise AssertionError(f"no end: {ctx.state}")
+
+
+def _judged(stage: Stage, outcome: Any) -> str:
+    craft = stage.craft
+    if craft.autopilot.crashed:
+        return "crashed"
+    if not craft.body.grounded:
+        return "in the air half an hour later"
+    if craft.station() is None:
+        return "down away from a station"
+    records = read_journal(stage.journal_path).records
+    held = any(record.event == "state" and record.data["after"] == "holding" for record in records)
+    if outcome.delivered:
+        arrived = craft.station() == stage.story.to and craft.body.payload_kg == 0.0
+        return ("held" if held else "delivered") if arrived else "said to be delivered, and is not"
+    if outcome.state == "stopped-safe":
+        return "stopped" if outcome.station == craft.station() else "said to stand where it does not"
+    return outcome.state
