@@ -19,6 +19,7 @@ _QUANTITIES = (
     "commanded_mps", "energy_factor", "forecast_mean_mps", "forecast_p10_mps", "forecast_p90_mps", "forecast_from_deg",
     "believed_mean_mps",
 )  # fmt: skip
+_MEASURED = frozenset({"wind_north_mps", "wind_east_mps", "wind_sigma_mps"})
 _SHARES = ("soc", "soc_land", "planned_soc_land", "p_below_reserve")
 _SAME_S = 10.0
 """A truth no further away in time than this belongs to an estimate."""
@@ -38,8 +39,10 @@ def series_of(records: tuple[Record, ...]) -> dict[str, Any]:
             track["lat"].append(at[0])
             track["lon"].append(at[1])
             track["air"].append(of.truth(data, "landed") is False)
+            unmeasured = of.measured_words(data) is None  # the filter tells its forecast where nothing was measured
             for name in _QUANTITIES:
-                track[name].append(of.number(data, name))
+                known = None if unmeasured and name in _MEASURED else of.number(data, name)
+                track[name].append(known)
             for name in _SHARES:
                 track[name].append(of.share(data, name))
         elif record.event == "truth":

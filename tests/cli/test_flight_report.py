@@ -402,6 +402,13 @@ def test_winds_of_the_page_are_told_as_everywhere_and_not_measured_is_no_wind(fl
         }
         return line | {"data": data} if line["event"] == "track" else line
 
+    def expected_only(line):
+        data = line["data"] | {"wind_source": "forecast"}
+        return line | {"data": data} if line["event"] == "track" else line
+
+    not_measured = flight(changed(flown, tmp_path, expected_only))
+    assert not_measured["legs"][0]["wind"]["estimate"] is None
+    assert set(not_measured["series"]["track"]["wind_north_mps"]) == {None}
     leg = flight(flown)["legs"][0]
     words = r"\d+ \(\d+ to \d+\) m/s(, variable direction| from \d{3}°)|\d+\.\d m/s from \d{3}°"
     assert re.fullmatch(words, leg["wind"]["forecast"]["words"])
