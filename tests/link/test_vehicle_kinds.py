@@ -19,7 +19,7 @@ from skyway.cli.main import main
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
 PITOT = 0x10
 WIND = (-4.0, 3.0)
-PLANE = plane(wind=WIND)
+PLANE = plane(wind=WIND, duration_s=150.0)
 COPTER = fly(seed=3, duration_s=240.0, courses_deg=(0.0, 180.0), sigma_mps=0.7)
 
 
