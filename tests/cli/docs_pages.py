@@ -62,7 +62,7 @@ def arguments(command: str) -> list[str]:
 
 def shape(output: str) -> list[str]:
     """Output without what varies between machines: numbers and the width of columns."""
-    text = re.sub(r"[+-]?\d+([.:,]\d+)*( ?ms\b| s\b)?", "#", output)
+    text = re.sub(r"[+-]?\d+([.:,]\d+)*( ?ms\b| s\b)?", "#", re.sub("─+", "─", output))
     return [" ".join(line.split()) for line in text.strip().splitlines()]
 
 
