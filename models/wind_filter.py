@@ -255,6 +255,16 @@ class WindFilter:
         angle = float(errors[turn]) if turn >= 0 else 0.0
         return size * np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
+    def widen(self, variance: ArrayLike) -> None:
+        """Believe less in the slow wind: something was found that its measurements so far do not explain.
+
+        Parameters
+        ----------
+        variance : array_like, shape (2, 2)
+            What is added to its covariance, m2/s2.
+        """
+        self._filter.P[:2, :2] += np.asarray(variance, dtype=np.float64)
+
     def _persuaded(self, innovation: NDArray[np.float64]) -> bool:
         """Count a rejection; after too many of them in a row widen the covariance of the slow wind."""
         self._rejected.append((self.time_s, innovation))

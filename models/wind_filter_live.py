@@ -39,6 +39,8 @@ from models.wind_filter_systematic import dependence, prior_sigma
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from models.airspeed import AirspeedModel
     from models.telemetry import TelemetrySample
     from models.wind_ensemble import WindEnsemble
@@ -123,9 +125,11 @@ class LiveWind:
     expected : (float, float)
         The newest forecast it was told, (north, east), m/s.
     measured : Counter of str
-        Measurements of each kind: ``tilt``, ``airspeed``, ``autopilot``.
+        Measurements of each kind: ``tilt``, ``airspeed``, ``autopilot``, ``limit``.
     rejected : int
         Measurements that the gate did not let pass.
+    autopilot_doubt : ndarray, shape (2, 2)
+        Added to the covariance of what the autopilot says of the wind.
     """
 
     def __init__(
@@ -154,6 +158,7 @@ class LiveWind:
         self._flown: deque[tuple[float, ...]] = deque(maxlen=DRAG_WINDOW)
         self._slots = SlotAverages()
         self._pending: deque[tuple[WindEstimate, tuple[float, ...]]] = deque()
+        self.autopilot_doubt = np.zeros((2, 2))
 
     @property
     def estimate(self) -> WindEstimate | None:
@@ -173,6 +178,39 @@ class LiveWind:
         table = np.array(self._waiting)
         self._waiting.clear()
         return self.estimate if len(self.feed(TelemetryTrack(sample.system, table[:, 0], table[:, 1:]))) else None
+
+    def measure(
+        self,
+        wind: tuple[float, float],
+        noise: NDArray[np.float64],
+        place: tuple[float, float, float],
+        doubt: NDArray[np.float64],
+        same_error: float = 1.0,
+    ) -> bool:
+        """Take a measurement of the wind that is made elsewhere, for now; returns whether it was used.
+
+        Parameters
+        ----------
+        wind, noise
+            (north, east) TOWARDS, m/s, and its covariance.
+        place : (latitude, longitude, height)
+            Where it was measured.
+        doubt : ndarray, shape (2, 2)
+            How unsure this makes what was believed of the wind by the autopilot's word, m2/s2.
+        same_error : float
+            So many of the autopilot's further reports count as one.
+        """
+        if self.filter is None:
+            return False
+        if self.measured["autopilot"] and not self.autopilot_doubt.any():
+            self.filter.widen(doubt)
+        self.autopilot_doubt = same_error * doubt
+        used = self.filter.update(wind, noise)
+        self.measured["limit"] += 1
+        self.rejected += not used
+        if used:
+            self._pending.append((self.filter.estimate, place))
+        return used
 
     def feed(self, track: TelemetryTrack) -> FilteredWind:
         """Take many samples, not older than those before; returns the filter's course over the periods that are over."""
@@ -255,4 +293,7 @@ class LiveWind:
         if math.hypot(north, east) > MOST_WIND_MPS[str(found.source[number])]:
             self.filter.health.restart()
             return False
-        return self.filter.update((north, east), [[nn, ne], [ne, ee]], depends, number)
+        noise = np.array([[nn, ne], [ne, ee]])
+        if found.source[number] == "autopilot":
+            noise = noise + self.autopilot_doubt
+        return self.filter.update((north, east), noise, depends, number)

@@ -58,6 +58,8 @@ class Airborne:
         Stations that it has stood at and left: gone back to for the reserve alone, never because that seems better.
     sudden : bool
         Charge was lost at once: there is no time to look twice.
+    airspeed_limit_mps : float
+        It is seen not to fly faster through the air than this, though it is told to.
     """
 
     here: Place
@@ -69,6 +71,7 @@ class Airborne:
     diverts: tuple[str, ...]
     behind: frozenset[str] = frozenset()
     sudden: bool = False
+    airspeed_limit_mps: float = math.inf
 
 
 @dataclass(slots=True)
@@ -94,7 +97,7 @@ class FlightReplanner:
 
     def decide(self, airborne: Airborne, forecast: WindEnsemble, belief: EnergyBelief) -> Decision:
         """Say what to do now; asked about every ten seconds."""
-        reach = self._reach(forecast, belief)
+        reach = self._reach(forecast, belief, airborne.airspeed_limit_mps)
         now, figures = self._outlook(airborne, reach)
         settings = self.ground.settings
         bad = now.p_empty > MOST_PROBABLE if self.turned else now.p_reserve > settings.epsilon_flight
@@ -119,7 +122,7 @@ class FlightReplanner:
     def watch(self, airborne: Airborne, forecast: WindEnsemble, belief: EnergyBelief) -> Decision:
         """Say whether a divert under way must end elsewhere; only an empty battery turns it again."""
         self.turned = True
-        reach = self._reach(forecast, belief)
+        reach = self._reach(forecast, belief, airborne.airspeed_limit_mps)
         now, figures = self._outlook(airborne, reach)
         bad = now.p_empty > MOST_PROBABLE
         self._doubtful = self._doubtful + 1 if bad else 0
@@ -130,9 +133,12 @@ class FlightReplanner:
         speed = self._speed(airborne, figures)
         return speed or Decision("continue", f"on the way to {airborne.destination}", figures)
 
-    def _reach(self, forecast: WindEnsemble, belief: EnergyBelief) -> Reach:
+    def _reach(self, forecast: WindEnsemble, belief: EnergyBelief, limit_mps: float = math.inf) -> Reach:
         reach = self.ground.reach(forecast, belief)
-        return reach if self._airspeed_mps is None else reach.at_airspeed(self._airspeed_mps)
+        wanted = reach.airspeed_mps if self._airspeed_mps is None else self._airspeed_mps
+        return (
+            reach if wanted == reach.airspeed_mps <= limit_mps else reach.at_airspeed(max(min(wanted, limit_mps), 1.0))
+        )
 
     def _due(self, airborne: Airborne, now: Option) -> bool:
         """Whether to weigh anew: some time after the last time, or as soon as the risk has grown."""
@@ -173,6 +179,8 @@ class FlightReplanner:
 
     def _speed(self, airborne: Airborne, figures: dict[str, Any]) -> Decision | None:
         """Send the planned ground speed again where the wind estimate has moved it."""
+        if math.isfinite(airborne.airspeed_limit_mps):
+            return None  # it does not reach what it was told last; to be told less would end the lean that shows why
         settings, wanted = self.ground.settings, figures["wanted_mps"]
         due = airborne.time_s >= self._speed_s + settings.speed_every_s
         if not due or abs(wanted - airborne.commanded_mps) < settings.speed_step_mps:

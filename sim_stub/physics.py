@@ -43,6 +43,8 @@ class Demand:
         Keep level instead of holding a horizontal velocity: there is no position to hold.
     motors : bool
         Off means falling.
+    max_lean_deg : float
+        The autopilot's own limit.
     """
 
     north_mps: float = 0.0
@@ -51,6 +53,7 @@ class Demand:
     yaw_deg: float | None = None
     level: bool = False
     motors: bool = True
+    max_lean_deg: float = 80.0
 
 
 def metres_per_degree(lat: float) -> tuple[float, float]:
@@ -177,7 +180,7 @@ class Body:
             want_north = push_north * scale - self._known_drag_north
             want_east = push_east * scale - self._known_drag_east
             size = math.hypot(want_north, want_east)
-            most = GRAVITY_MPS2 * math.tan(math.radians(self.airframe.max_tilt_deg))
+            most = GRAVITY_MPS2 * math.tan(math.radians(min(self.airframe.max_tilt_deg, demand.max_lean_deg)))
             if size > most:
                 want_north *= most / size
                 want_east *= most / size

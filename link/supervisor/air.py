@@ -101,7 +101,21 @@ def airborne(ctx: Context) -> Airborne | None:
         diverts=tuple(dict.fromkeys((*leg.diverts, leg.origin, *leg.via))),
         behind=frozenset((leg.origin, *ctx.visited)),
         sudden=ctx.now_s < ctx.lost_s + SUDDEN_S,
+        airspeed_limit_mps=_airspeed_limit(ctx),
     )
+
+
+def _airspeed_limit(ctx: Context) -> float:
+    """Airspeed that its lean does not let it exceed; infinite where it flies as fast as it is told."""
+    estimate = ctx.wind.estimate
+    if estimate is None:
+        return math.inf
+    north, east = ctx.outlook.get("believed_north_mps"), ctx.outlook.get("believed_east_mps")
+    if north is None or east is None:
+        north, east = estimate.north_mps, estimate.east_mps
+    return ctx.lean.airspeed_mps(
+        (float(north), float(east))
+    )  # with what the rest is worked out with: it gives the speed seen
 
 
 def _ahead(ctx: Context) -> tuple[str, ...]:
@@ -162,6 +176,7 @@ def _outlook(ctx: Context, figures: Any) -> None:
         "believed_north_mps": figures.get("wind_north_mps"),
         "believed_east_mps": figures.get("wind_east_mps"),
         "energy_factor": figures.get("energy_factor"),
+        "limited": ctx.lean.said(leg.commanded_mps) if ctx.lean.limited else None,
     }
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from link.supervisor.flies import flies
 from link.supervisor.foreign import follows_a_landing, refuse_on_ground
 from link.supervisor.gauge import read_gauge
+from link.supervisor.lean import LeanWatch, watch_lean
 from link.supervisor.legs import station_at
 from link.supervisor.parameter_changes import ParameterChanges
 from link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State, Turn
@@ -81,6 +82,8 @@ class Context:
         Notices charge that is lost without being counted.
     flown_from : (float, float)
         Charge at the first take-off after charging: as the vehicle said, and believed.
+    lean : LeanWatch
+        Notices that it leans as far as it may and is slower than commanded.
     lost_s : float
         When charge was last lost at once, POSIX seconds.
     entered_s : float
@@ -137,6 +140,7 @@ class Context:
     voltage: VoltageWatch = field(default_factory=VoltageWatch)
     flown_from: tuple[float, float] = (math.nan, math.nan)
     lost_s: float = -math.inf
+    lean: LeanWatch = field(default_factory=LeanWatch)
     soc_source: str = "unknown"
     uid: int = 0
     asked_once: bool = False
@@ -183,6 +187,7 @@ class Context:
                 self.seen_at = (sample.lat_deg, sample.lon_deg, sample.time_s)
             read_gauge(self, sample)
             self.wind.hear(sample)
+            watch_lean(self, sample)
         changes = self.vehicle.changes()
         for change in changes:
             own = change.ours or follows_a_landing(self, change)

@@ -204,6 +204,7 @@ def arming(ctx: Context) -> After:
     ctx.wait(FRESH_S)
     ctx.flight += 1
     ctx.landed_at = None
+    ctx.lean.begin()
     leg.start_s, leg.soc_start, leg.told_start = ctx.now_s, ctx.soc, ctx.told_soc
     if leg.modelled is not None:
         leg.modelled.begin(ctx.now_s)

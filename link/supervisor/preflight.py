@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from link.supervisor.failsafes import finishes_alone, in_our_units, read_failsafes, when_left
+from link.supervisor.lean import airspeed_at_lean
 from link.supervisor.parameter_changes import ParameterChange
 from models import geodesy
 from models.errors import InputError, LinkError, VehicleTimeoutError
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 Verdict = Literal["ok", "no", "unknown"]
 AT_PLACE_M = 60.0
 HOME_M = 60.0
+LEAN_LIMITS = {"px4": ("lean-limit",), "ardupilot": ("lean-limit", "position-lean-limit")}
+"""Settings of which the smallest limits it; 0 is no limit of its own."""
+LEAN_SLACK = 0.97
 HOME_HEIGHT_M = 30.0
 """Heights of stations and of a satellite fix differ by so much at most."""
 SOC_SLACK = 0.015
@@ -73,6 +77,7 @@ def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator
     yield _battery(ctx, service)
     yield from _wind(ctx, service)
     yield from _parameters(ctx, leg)
+    yield _lean(ctx)
     yield _failsafe(ctx)
     yield _mission(ctx, leg)
     yield _diverts(ctx, service)
@@ -184,6 +189,25 @@ def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:
     yield Check(
         "parameters", "ok", f"{len(leg.parameters)} read" + (f", {len(proposed)} to set: {names}" if names else "")
     )
+
+
+def _lean(ctx: Context) -> Check:
+    """Whether its greatest lean lets it fly as fast through the air as is planned."""
+    limits = ctx.vehicle.read_settings(LEAN_LIMITS[ctx.vehicle.family.name])
+    known = [limit for limit in limits.values() if limit > 0.0]
+    drone = ctx.mandate.scenario.drone(ctx.mandate.request.drone or "")
+    if not known:
+        return Check("lean limit", "ok", "this firmware does not tell it: whether it limits the airspeed is not known")
+    ctx.lean.limit_deg, ctx.lean.top_airspeed_mps = min(known), drone.max_airspeed_mps
+    said = f"{min(known):.0f}°"
+    if ctx.mandate.drag is None:
+        return Check("lean limit", "ok", f"{said}; what airspeed it allows is not known without --drag")
+    planned = ctx.mandate.request.airspeed_mps or drone.cruise_airspeed_mps
+    most = airspeed_at_lean(ctx.mandate.drag, min(known))
+    said += f" allows {most:.1f} m/s through the air, {planned:.1f} are planned"
+    if most >= LEAN_SLACK * planned:
+        return Check("lean limit", "ok", said)
+    return Check("lean limit", "no", f"{said}: plan with --airspeed {math.floor(most)}, or allow more lean")
 
 
 def _failsafe(ctx: Context) -> Check:

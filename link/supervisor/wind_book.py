@@ -16,12 +16,15 @@ from models.wind_summary import Passage, WindSummary, summarise_wind
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from link.supervisor.lean import WindAtLimit
     from models.drag import DragModel
     from models.telemetry import TelemetrySample
     from models.wind_ensemble import WindEnsemble
     from models.wind_filter import WindEstimate
 
 UPDATE_EVERY_S = 30.0
+SAME_ERROR = 100.0
+"""An autopilot's wrong wind is wrong in the same way each time: so many reports of it count as one."""
 MIN_HEIGHT_SHARE = 0.6
 """Below this share of the cruise height the wind is not that of the forecast."""
 
@@ -57,6 +60,7 @@ class WindBook:
         self.live = LiveWind(drag=drag, forecast=self._expected, settings=settings_for(self.base))
         self._updated: WindEnsemble = self.base
         self._updated_s = -math.inf
+        self._gap_mps = 0.0
 
     def expected(self, time_s: float, lat_deg: float, lon_deg: float) -> tuple[float, float]:
         """What the first forecast says of cruise height: (north, east), m/s."""
@@ -66,6 +70,20 @@ class WindBook:
         """Learn from a sample in the air, near cruise height."""
         if sample.landed == 0.0 and sample.height_m > MIN_HEIGHT_SHARE * self.cruise_height_m:
             self.live.hear(sample)
+
+    def measure(self, found: WindAtLimit, sample: TelemetrySample) -> bool:
+        """Take the wind measured at full lean; how far it and the autopilot's differ along the lean is doubt in the latter."""
+        now = self.estimate
+        if now is None:
+            return False
+        apart = np.array([found.north_mps - now.north_mps, found.east_mps - now.east_mps])
+        along = np.array(found.along)
+        gap = max(abs(float(apart @ along)), self._gap_mps)
+        self._gap_mps = gap
+        place = (sample.lat_deg, sample.lon_deg, sample.height_m)
+        return self.live.measure(
+            (found.north_mps, found.east_mps), found.noise, place, gap * gap * np.outer(along, along), SAME_ERROR
+        )
 
     @property
     def estimate(self) -> WindEstimate | None:

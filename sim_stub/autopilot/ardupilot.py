@@ -84,6 +84,12 @@ class ArduPilot(ArduPilotFailsafes):
             cruise,
         )
 
+    def max_lean_deg(self) -> float:
+        """PSC_ANGLE_MAX, where it is not 0, and no more than ANGLE_MAX."""
+        most = self.parameters.clamped("ANGLE_MAX", 1000.0, 8000.0) / 100.0
+        own = self.parameters["PSC_ANGLE_MAX"]
+        return min(most, own) if own > 0.0 else most
+
     def default_takeoff_m(self) -> float:
         """Height for a take-off that names none."""
         return 10.0

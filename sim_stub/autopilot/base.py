@@ -162,6 +162,7 @@ class Autopilot(Family):
                 self._behaviour_done()
         if self.yaw_override_deg is not None:
             demand.yaw_deg = self.yaw_override_deg
+        demand.max_lean_deg = self.max_lean_deg()
         return demand
 
     def after_step(self) -> None:

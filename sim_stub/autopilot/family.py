@@ -48,6 +48,10 @@ class Family(ABC):
         """Limits from the parameters."""
 
     @abstractmethod
+    def max_lean_deg(self) -> float:
+        """Greatest lean that it asks of the airframe."""
+
+    @abstractmethod
     def default_takeoff_m(self) -> float:
         """Height of a take-off that names none."""
 

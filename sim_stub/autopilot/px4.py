@@ -104,6 +104,10 @@ class Px4(Px4Failsafes):
             most,
         )
 
+    def max_lean_deg(self) -> float:
+        """MPC_TILTMAX_AIR."""
+        return self.parameters.clamped("MPC_TILTMAX_AIR", 20.0, 89.0)
+
     def default_takeoff_m(self) -> float:
         """MIS_TAKEOFF_ALT."""
         return self.parameters.clamped("MIS_TAKEOFF_ALT", 0.5, 500.0)
