@@ -1,7 +1,7 @@
-"""Kernels compiled by numba, under one set of options.
+"""Kernels compiled by numba, under one set of options; from the library of the installed package where there is one.
 
-The first kernel imports numba (a few tenths of a second), so modules with kernels are imported late. The compiled code is
-cached beside the source (`models.kernel_cache`).
+The first kernel that is compiled imports numba (a few tenths of a second), so modules with kernels are imported late. The
+compiled code is cached beside the source (`models.kernel_cache`).
 """
 
 from __future__ import annotations
@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
+from models.kernel_library import LibraryKernel, library
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
     """Compile a function on its first call, with IEEE arithmetic and without holding the interpreter's lock."""
-    return _compile(function, counting=True)
+    return _kernel(function, counting=True)
 
 
 def compiled_lean(function: F) -> F:
@@ -23,7 +25,13 @@ def compiled_lean(function: F) -> F:
     Where small functions hand on many arrays, the counting takes several times as long as the work. A function that
     makes an array all the same fails to compile. It may call one of `compiled` that makes some, but hands back none.
     """
-    return _compile(function, counting=False)
+    return _kernel(function, counting=False)
+
+
+def _kernel(function: F, *, counting: bool) -> F:
+    if library() is None:
+        return _compile(function, counting=counting)
+    return cast("F", LibraryKernel(function, lambda: _compile(function, counting=counting)))
 
 
 def _compile(function: F, *, counting: bool) -> F:

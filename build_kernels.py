@@ -1,0 +1,143 @@
+"""Compile the kernels of the source into one shared library, ahead of time: what a wheel is built with.
+
+``models/kernels.json`` lists which kernels, for which types of arguments. ``python build_kernels.py FOLDER`` writes the
+library there; `setup.py` calls `build`. `entries` says which kernels Python code calls, and `observed` for which types
+a process has called them: that is how the tests keep the list complete (``make kernels`` writes it anew).
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parent
+PACKAGES = ("models", "planner", "link")
+LIST = ROOT / "models" / "kernels.json"
+DECORATORS = {"compiled", "compiled_lean"}
+
+
+def build(folder: Path, name: str = "_kernels") -> Path:
+    """Compile every listed kernel into a library in a folder; returns its path.
+
+    Needs numba and a C compiler. The code runs on every processor of this architecture.
+    """
+    from numba.core.typing import Signature
+    from numba.pycc import CC
+
+    sys.path.insert(0, str(ROOT))
+    from models.kernel_library import symbol
+
+    folder.mkdir(parents=True, exist_ok=True)
+    compiler = CC(name, source_module="models")
+    compiler.output_dir = str(folder)
+    for kernel_name, all_kinds in json.loads(LIST.read_text(encoding="utf-8")).items():
+        module, _, function = kernel_name.rpartition(".")
+        kernel = getattr(import_module(module), function)
+        for number, kinds in enumerate(all_kinds):
+            exported = symbol(kernel_name, number)
+            arguments = tuple(_numba_type(kind) for kind in kinds)
+            kernel.compile(arguments)
+            answer = kernel.overloads[_overload(kernel, arguments)].signature.return_type
+            compiler.export(exported, Signature(answer, arguments, None))(_wrapper(kernel, exported, len(kinds)))
+    compiler.compile()
+    return Path(compiler.output_dir) / compiler.output_file
+
+
+def _overload(kernel: Any, arguments: tuple[Any, ...]) -> Any:
+    """Return the key of what was compiled for these arguments; defaults that are not given stand behind them."""
+    return next(key for key in kernel.overloads if key[: len(arguments)] == arguments)
+
+
+def _wrapper(kernel: Any, name: str, count: int) -> Any:
+    """Return a function that calls a kernel: the kernel itself is compiled with its own options."""
+    arguments = ", ".join(f"a{number}" for number in range(count))
+    namespace = {"kernel": kernel}
+    exec(f"def {name}({arguments}):\n    return kernel({arguments})\n", namespace)  # noqa: S102  names of the list
+    return namespace[name]
+
+
+def _numba_type(kind: Any) -> Any:
+    """Return numba's type for one of the list."""
+    from numba import types
+
+    if isinstance(kind, str):
+        return types.boolean if kind == "bool" else getattr(types, kind)
+    tag, *parts = kind
+    if tag == "array":
+        element, dimensions, layout, writeable = parts
+        return types.Array(_numba_type(element), dimensions, layout, readonly=not writeable)
+    if tag == "tuple":
+        return types.Tuple(tuple(map(_numba_type, parts)))
+    module, _, cls = parts[0].partition(":")
+    inner = tuple(map(_numba_type, parts[1:]))
+    found = getattr(import_module(module), cls)
+    return types.NamedUniTuple(inner[0], len(inner), found) if len(set(inner)) == 1 else types.NamedTuple(inner, found)
+
+
+def _kind(numba_type: Any) -> Any:
+    """Return a type of numba as the list has it."""
+    from numba import types
+
+    if isinstance(numba_type, types.Array):
+        return ["array", _kind(numba_type.dtype), numba_type.ndim, numba_type.layout, numba_type.mutable]
+    if isinstance(numba_type, types.BaseNamedTuple):
+        cls = numba_type.instance_class
+        return ["named", f"{cls.__module__}:{cls.__qualname__}", *map(_kind, numba_type)]
+    if isinstance(numba_type, types.BaseTuple):
+        return ["tuple", *map(_kind, numba_type)]
+    if isinstance(numba_type, types.Number | types.Boolean | types.NoneType):
+        return str(numba_type)
+    raise TypeError(f"no name in the list for {numba_type}")
+
+
+def entries() -> set[str]:
+    """Return the kernels, ``module.function``, that code which is not compiled refers to."""
+    sources = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+    trees = {".".join(path.relative_to(ROOT).with_suffix("").parts): ast.parse(path.read_text()) for path in sources}
+    kernels = {
+        f"{module}.{node.name}"
+        for module, tree in trees.items()
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef) and _is_kernel(node)
+    }
+    return {name for module, tree in trees.items() for name in _referred(module, tree) if name in kernels}
+
+
+def _is_kernel(node: ast.AST) -> bool:
+    decorators = getattr(node, "decorator_list", [])
+    return any(isinstance(decorator, ast.Name) and decorator.id in DECORATORS for decorator in decorators)
+
+
+def _referred(module: str, tree: ast.Module) -> set[str]:
+    """Return what the code of a module that is not compiled may refer to, as ``module.name``."""
+    homes = {
+        alias.asname or alias.name: f"{node.module}.{alias.name}"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    plain = [node for node in tree.body if not _is_kernel(node)]
+    names = {part.id for node in plain for part in ast.walk(node) if isinstance(part, ast.Name)}
+    return {homes.get(name, f"{module}.{name}") for name in names}
+
+
+def observed() -> dict[str, list[list[Any]]]:
+    """Return for which types of arguments this process has compiled or loaded each kernel that Python code calls."""
+    from numba import types
+
+    found: dict[str, list[list[Any]]] = {}
+    for name in sorted(entries()):
+        module, _, function = name.rpartition(".")
+        kernel = getattr(sys.modules.get(module), function, None)
+        for signature in getattr(kernel, "nopython_signatures", []):
+            given = [argument for argument in signature.args if not isinstance(argument, types.Omitted)]
+            found.setdefault(name, []).append([_kind(argument) for argument in given])
+    return found
+
+
+if __name__ == "__main__":
+    print(build(Path(sys.argv[1])))

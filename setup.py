@@ -1,0 +1,32 @@
+"""The part of the build that pyproject.toml cannot say: the library of compiled kernels (see build_kernels.py)."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
+
+ROOT = Path(__file__).parent
+LIBRARY = "models._kernels"
+
+
+class BuildKernels(build_ext):
+    """Compile the kernels into the wheel; an editable installation compiles each when it is called."""
+
+    def run(self) -> None:
+        if self.inplace or self.editable_mode:
+            return
+        sys.path.insert(0, str(ROOT))
+        from build_kernels import build
+
+        target = Path(self.get_ext_fullpath(LIBRARY))
+        built = build(target.parent.resolve())
+        built.replace(target)
+
+    def get_outputs(self) -> list[str]:
+        return [] if self.inplace or self.editable_mode else [self.get_ext_fullpath(LIBRARY)]
+
+
+setup(ext_modules=[Extension(LIBRARY, sources=[])], cmdclass={"build_ext": BuildKernels})
