@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-from models.kernel_library import LibraryKernel, library
-
 F = TypeVar("F", bound=Callable[..., Any])
+
+watchers: list[Callable[[str], None]] = []
+"""Called with a kernel's name before it is compiled, which may take seconds, and with "" after: for showing progress."""
 
 
 def compiled(function: F) -> F:
@@ -29,6 +30,8 @@ def compiled_lean(function: F) -> F:
 
 
 def _kernel(function: F, *, counting: bool) -> F:
+    from models.kernel_library import LibraryKernel, library  # imported late: numpy
+
     if library() is None:
         return _compile(function, counting=counting)
     return cast("F", LibraryKernel(function, lambda: _compile(function, counting=counting)))
@@ -46,7 +49,7 @@ def _compile(function: F, *, counting: bool) -> F:
     ]
     own = function.__code__.co_filename
     kernel.skyway_sources = frozenset({own, *(path for callee in callees for path in sources(callee))})
-    kernel._cache = KernelCache(function, kernel.skyway_sources)  # noqa: SLF001  numba offers no public way
+    kernel._cache = KernelCache(function, kernel.skyway_sources, watchers)  # noqa: SLF001  numba offers no public way
     return cast("F", kernel)
 
 

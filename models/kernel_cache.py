@@ -28,7 +28,7 @@ from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.runtime.nrt import rtsys
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
 _SOUGHT = "scipy.linalg.cython_blas"
 _WRAPPER = "_ZN7cpython"  # what numba calls the function by which Python calls a kernel begins like this
@@ -100,10 +100,14 @@ class KernelCache:
         The kernel's source.
     sources : frozenset of str
         Files that its compiled code depends on.
+    watchers : sequence of callable
+        Called with the kernel's name before it is compiled, and with "" after.
     """
 
-    def __init__(self, function: Callable[..., Any], sources: frozenset[str]) -> None:
-        self._function, self._sources = function, sources
+    def __init__(
+        self, function: Callable[..., Any], sources: frozenset[str], watchers: Sequence[Callable[[str], None]] = ()
+    ) -> None:
+        self._function, self._sources, self._watchers = function, sources, watchers
 
     @cached_property
     def _files(self) -> _Files:
@@ -120,12 +124,16 @@ class KernelCache:
         with self._files._guard_against_spurious_io_errors(), _no_search():
             found = self._files._load_overload(signature, target_context)
             if found is None:
+                for watcher in self._watchers:
+                    watcher(self._function.__name__)
                 importlib.import_module("numba.np.arraymath")
         return found
 
     def save_overload(self, signature: Any, data: Any) -> None:
         """Keep what was compiled."""
         self._files.save_overload(signature, data)
+        for watcher in self._watchers:
+            watcher("")
 
     def flush(self) -> None:
         """Forget what is there."""

@@ -28,6 +28,8 @@ from skyway.cli import (
     scenario_commands,
     sim_commands,
 )
+from skyway.cli.command_groups import GroupedCommands
+from skyway.cli.compiling import show_compiling
 
 USAGE_ERROR: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 """Wrong usage: typer brings its own copy of click, or in older releases stands on the package."""
@@ -38,11 +40,11 @@ INTERRUPTED = 130
 app = typer.Typer(
     name="skyway",
     help="Plan, upload, fly and replay drone deliveries that must recharge on the way.",
+    cls=GroupedCommands,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120},
 )
 
 
@@ -115,6 +117,7 @@ def run() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without ° and … gets ? instead
+    show_compiling()
     code = main()
     try:
         sys.stdout.flush()

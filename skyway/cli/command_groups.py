@@ -1,0 +1,39 @@
+"""The list of commands as ``skyway --help`` shows it: in groups, each with its whole first sentence."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from typer.core import TyperGroup
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+GROUPS: Mapping[str, Sequence[str]] = {
+    "Plan": ("plan", "compare", "wind", "forecast", "network", "scenario"),
+    "Missions": ("mission", "check", "convert", "show"),
+    "Vehicles": ("upload", "download", "verify", "clear", "watch", "params"),
+    "Fly": ("fly", "demo", "report", "sim"),
+    "Logs and measurements": ("replay", "calibrate", "bench"),
+}
+"""Headings, and the commands under each in order."""
+
+
+class GroupedCommands(TyperGroup):
+    """The commands of skyway under headings; a command that no group names comes last."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # typer's own Context, or click's in older releases
+        """Write one section for each group."""
+        shown = {name: command for name in self.list_commands(ctx) if not (command := self.commands[name]).hidden}
+        grouped = {name for names in GROUPS.values() for name in names}
+        others = {"Other": tuple(name for name in shown if name not in grouped)}
+        for heading, names in (GROUPS | others).items():
+            rows = [(name, _sentence(shown[name].help or "")) for name in names if name in shown]
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows, col_max=12)
+
+
+def _sentence(help_text: str) -> str:
+    """Return the first sentence of a help text, on one line."""
+    return " ".join(help_text.split("\n\n")[0].split()).split(". ")[0].rstrip(".")
