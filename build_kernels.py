@@ -140,4 +140,4 @@ def observed() -> dict[str, list[list[Any]]]:
 
 
 if __name__ == "__main__":
-    print(build(Path(sys.argv[1])))
+    build(Path(sys.argv[1]))

@@ -16,6 +16,7 @@ class BuildKernels(build_ext):
     """Compile the kernels into the wheel; an editable installation compiles each when it is called."""
 
     def run(self) -> None:
+        """Compile the library into the folder of what is built."""
         if self.inplace or self.editable_mode:
             return
         sys.path.insert(0, str(ROOT))
@@ -26,6 +27,7 @@ class BuildKernels(build_ext):
         built.replace(target)
 
     def get_outputs(self) -> list[str]:
+        """Return the files made."""
         return [] if self.inplace or self.editable_mode else [self.get_ext_fullpath(LIBRARY)]
 
 

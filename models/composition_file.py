@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -20,7 +21,7 @@ from models.units import J_PER_WH, iso, parse_instant
 
 if TYPE_CHECKING:
     from datetime import datetime
-    from pathlib import Path
+    from os import PathLike
 
 SCHEMA = "skyway.composition/1"
 MAX_BYTES = 64 * 1024 * 1024
@@ -152,7 +153,7 @@ def _iso_or_none(instant: datetime | None) -> str | None:
     return None if instant is None else iso(instant)
 
 
-def save(composition: Composition, path: Path, *, force: bool = False) -> None:
+def save(composition: Composition, path: str | PathLike[str], *, force: bool = False) -> None:
     """Write the composition, whole or not at all.
 
     Raises
@@ -160,10 +161,10 @@ def save(composition: Composition, path: Path, *, force: bool = False) -> None:
     InputError
         The file exists and `force` is not given, or its folder cannot be written.
     """
-    write_atomically(path, json.dumps(to_json(composition), indent=1, allow_nan=False) + "\n", force=force)
+    write_atomically(Path(path), json.dumps(to_json(composition), indent=1, allow_nan=False) + "\n", force=force)
 
 
-def load(path: Path) -> Composition:
+def load(path: str | PathLike[str]) -> Composition:
     """Read a composition written by `save` or by ``skyway plan --json``.
 
     Raises
@@ -171,7 +172,7 @@ def load(path: Path) -> Composition:
     InputError
         Unreadable, not JSON, of another schema, or with a field that is missing or out of range.
     """
-    return from_json(read_text(path, max_bytes=MAX_BYTES), file=str(path))
+    return from_json(read_text(Path(path), max_bytes=MAX_BYTES), file=str(path))
 
 
 def from_json(data: bytes | str, *, file: str = "composition") -> Composition:

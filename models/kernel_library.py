@@ -48,7 +48,9 @@ def library() -> ModuleType | None:
 @cache
 def listed() -> dict[str, list[tuple[Kind, ...]]]:
     """Return the argument types that each kernel, ``module.function``, is compiled for."""
-    return {name: [cast("tuple[Kind, ...]", _frozen(kinds)) for kinds in all_kinds] for name, all_kinds in _read().items()}
+    return {
+        name: [cast("tuple[Kind, ...]", _frozen(kinds)) for kinds in all_kinds] for name, all_kinds in _read().items()
+    }
 
 
 def _read() -> dict[str, list[list[Any]]]:
@@ -66,7 +68,7 @@ def symbol(name: str, number: int) -> str:
 
 def kind_of(value: Any) -> Kind:
     """Return the type of an argument, as numba would type it."""
-    cls = type(value)
+    cls: Any = type(value)
     if cls is np.ndarray:
         flags = value.flags
         layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
@@ -87,7 +89,7 @@ def _look(value: Any) -> Any:
 
 
 @cache
-def _head(cls: type) -> tuple[str, ...]:
+def _head(cls: Any) -> tuple[str, ...]:
     return ("tuple",) if cls is tuple else ("named", f"{cls.__module__}:{cls.__qualname__}")
 
 

@@ -66,6 +66,10 @@ class PadLoad:
         if faults:
             raise InputError(faults)
 
+    def __repr__(self) -> str:
+        arrivals = float(self.arrivals_per_s.mean(axis=1).sum()) * 86400.0 if len(self.arrivals_per_s) else 0.0
+        return f"PadLoad({len(self.arrivals_per_s)} stations, {arrivals:.0f} drones a day in all)"
+
     @classmethod
     def none(cls, stations: int, timezone: str) -> PadLoad:
         """No other drone, ever, at that many stations."""

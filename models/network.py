@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import geodesy
+from models import geodesy, views
 from models.errors import Fault, InputError
 from models.wind_ensemble import WindEnsemble
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import networkx as nx
+    import pandas as pd
     from numpy.typing import NDArray
 
     from models.zones import NoFlyZones
@@ -141,6 +142,16 @@ class Network:
 
     def __len__(self) -> int:
         return len(self.stations)
+
+    def __repr__(self) -> str:
+        return f"Network({views.counted(len(self), 'station')}, {views.counted(len(self.tail), 'segment')})"
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the stations as a pandas DataFrame."""
+        return views.frame(views.station_rows(self), "id")
+
+    def _repr_html_(self) -> str:
+        return views.html_table(repr(self), views.station_rows(self))
 
     @cached_property
     def lat(self) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
+from models import views
 from models.errors import Fault, InputError
 from models.units import utc
 from models.wind_forecast import analogue_ensemble, read_forecast, truth_series
@@ -70,6 +71,22 @@ class Scenario:
     path: str | None = None
     sha256: str | None = None
     warnings: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        if self.history is not None:
+            wind = "wind record of " + views.counted(len(self.wind_sites), "site")
+        else:
+            wind = "forecast file" if self.forecast_file is not None else "no wind record"
+        parts = [
+            views.counted(len(self.network), "station"),
+            views.counted(len(self.network.tail), "segment"),
+            views.counted(len(self.drones), "drone"),
+            wind,
+        ]
+        return f"Scenario({self.name}: {', '.join(parts)})"
+
+    def _repr_html_(self) -> str:
+        return views.html_table(repr(self), views.station_rows(self.network))
 
     def drone(self, identity: str) -> Drone:
         """Return a drone of the fleet by id, or raise an `InputError` that names the fleet."""

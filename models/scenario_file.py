@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
@@ -32,7 +33,7 @@ from models.zones import read_zones
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
+    from os import PathLike
 
     from models.network import Station
 
@@ -44,7 +45,7 @@ MAX_BYTES = 64 * 1024 * 1024
 T = TypeVar("T")
 
 
-def read_scenario(path: Path) -> Scenario:
+def read_scenario(path: str | PathLike[str]) -> Scenario:
     """Read the scenario in a folder (or named by its ``scenario.toml``).
 
     Raises
@@ -53,6 +54,7 @@ def read_scenario(path: Path) -> Scenario:
         With every fault in every file.
     """
     remedy = "skyway scenario init DIR writes one to start from"
+    path = Path(path)
     try:
         file = path / FILE if path.is_dir() or path.suffix != ".toml" else path
         if not file.is_file():

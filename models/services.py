@@ -12,11 +12,14 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Literal
 
+from models import views
 from models.errors import AuditError
 from models.units import iso
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    import pandas as pd
 
     from models.figure import Figure
 
@@ -398,6 +401,16 @@ class Composition:
         for service in self.services:
             path += [*service.via, service.destination]
         return tuple(path)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the legs, each with the stop that follows it, as a pandas DataFrame."""
+        return views.frame(views.leg_rows(self), "leg")
+
+    def _repr_html_(self) -> str:
+        return views.html_table(str(self), views.leg_rows(self))
+
+    def __repr__(self) -> str:
+        return f"Composition({self})"
 
     def __str__(self) -> str:
         return (

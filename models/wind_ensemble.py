@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import geodesy
+from models import geodesy, views
 from models.errors import Fault, InputError
+from models.units import iso
 from models.wind import height_factor
 
 if TYPE_CHECKING:
@@ -60,6 +62,13 @@ class WindEnsemble:
     probability: NDArray[np.float64]
     labels: tuple[str, ...]
     height_m: float
+
+    def __repr__(self) -> str:
+        members, slots, sites = self.north.shape
+        begin = iso(datetime.fromtimestamp(self.start_s, UTC))
+        hours = slots * self.slot_s / 3600.0
+        counts = f"{views.counted(members, 'member')}, {views.counted(sites, 'site')}"
+        return f"WindEnsemble({counts}, {hours:g} h from {begin}, at {self.height_m:g} m)"
 
     def __post_init__(self) -> None:
         shape = (len(self.labels), self.north.shape[1], len(self.site_lat))

@@ -16,6 +16,7 @@ import numpy as np
 from models import geodesy
 from models.errors import Fault, InputError
 from models.network import coordinate_faults
+from models.units import iso
 from models.wind import vector
 from models.wind_columns import read_rows
 
@@ -119,6 +120,11 @@ class WindHistory:
 
     def __len__(self) -> int:
         return len(self.north)
+
+    def __repr__(self) -> str:
+        sites = ", ".join(site.id for site in self.sites)
+        days = len(self) * self.slot_s / 86400.0
+        return f"WindHistory({sites}: {days:.0f} days from {iso(datetime.fromtimestamp(self.start_s, UTC))})"
 
     @property
     def end_s(self) -> float:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from models.errors import Fault, InputError
+from models.units import parse_instant
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from planner.outcome import Outcome
 
 Kind = Literal["mean", "p95", "on-time"]
+EXAMPLE = "mean, p95, or 'on-time 2013-07-10T16:00-04:00'"
 KINDS: tuple[Kind, ...] = ("mean", "p95", "on-time")
 
 
@@ -42,6 +44,22 @@ class Objective:
         if (self.kind == "on-time") != (self.deadline is not None):
             remedy = "on-time needs one, mean and p95 have none"
             raise InputError(Fault("the deadline does not fit", field="objective", value=self.kind, remedy=remedy))
+
+    @classmethod
+    def parse(cls, text: str) -> Objective:
+        """Read an objective: ``mean``, ``p95``, ``on-time 2013-07-10T16:00-04:00``.
+
+        Raises
+        ------
+        InputError
+            Another word, or a deadline without an offset from UTC.
+        """
+        kind, _, deadline = text.strip().partition(" ")
+        if kind == "on-time" and deadline:
+            return cls("on-time", parse_instant(deadline.strip(), field="objective"))
+        if kind in ("mean", "p95") and not deadline:
+            return cls("p95" if kind == "p95" else "mean")
+        raise InputError(Fault("is no objective", field="objective", value=text, remedy=EXAMPLE))
 
     def loss(self, outcome: Outcome) -> tuple[float, float]:
         """What to make small, first by the first number: seconds, or the probability to be late and then seconds."""

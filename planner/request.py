@@ -54,7 +54,8 @@ class Request:
     seed : int
         Of everything that is sampled.
     objective : Objective
-        Of the planner ``robust``; the others know the mean only.
+        Of the planner ``robust``; the others know the mean only. Text is read: ``"p95"``,
+        ``"on-time 2013-07-10T16:00-04:00"``.
     """
 
     state: State
@@ -70,6 +71,9 @@ class Request:
     objective: Objective = field(default_factory=Objective)
 
     def __post_init__(self) -> None:
+        objective: object = self.objective
+        if isinstance(objective, str):
+            object.__setattr__(self, "objective", Objective.parse(objective))
         faults = [*_check_state(self.state), *_check_objective(self)]
         payload = "kilograms, 0 or more"
         faults += _check("payload_kg", self.payload_kg, 0.0, 1000.0, payload, _divided(self.payload_kg, 1000.0, 1000.0))

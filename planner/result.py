@@ -51,6 +51,12 @@ class PlanResult:
     complete: bool = True
     robust: RobustAnswer | None = None
 
+    def __repr__(self) -> str:
+        return f"PlanResult({self.composition})"
+
+    def _repr_html_(self) -> str:
+        return self.composition._repr_html_()
+
 
 @dataclass(frozen=True)
 class Comparison:

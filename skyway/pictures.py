@@ -49,6 +49,12 @@ def new_figure(width_in: float, height_in: float) -> Figure:
     return figure
 
 
+def check_format(path: Path, field: str) -> None:
+    """Refuse a picture of a format that is not drawn; the `InputError` names the option or parameter."""
+    if path.suffix.lower() not in (".png", ".svg"):
+        raise InputError(Fault("is no picture format", field=field, value=path.name, remedy="FILE.png or FILE.svg"))
+
+
 def plain_axes(axes: Any) -> None:
     """Small ticks, and no frame at the top and the right."""
     axes.tick_params(labelsize=8)
@@ -146,8 +152,10 @@ def _inside(points: NDArray[np.float64], box: tuple[float, float, float, float])
     return int(((x > x0) & (x < x1) & (y > y0) & (y < y1)).sum())
 
 
-def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG or SVG, without a date, whole or not at all."""
+def save_figure(figure: Figure, path: Path | None) -> Figure:
+    """Write a figure as PNG or SVG, without a date, whole or not at all; not where no file is named."""
+    if path is None:
+        return figure
     import io
 
     from models.files import write_atomically
@@ -157,3 +165,4 @@ def save_figure(figure: Figure, path: Path) -> None:
     metadata = {"Date": None} if kind == "svg" else {}
     figure.savefig(stream, format=kind, dpi=144, metadata=metadata)
     write_atomically(path, stream.getvalue(), force=True)
+    return figure

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from models.scenario import Scenario
@@ -48,8 +49,8 @@ _ARROW_SCALE = 130.0
 """m/s of wind that an arrow as long as the map is wide would stand for."""
 
 
-def plot_network(scenario: Scenario, path: Path) -> None:
-    """Draw stations, segments and no-fly zones."""
+def plot_network(scenario: Scenario, path: Path | None = None) -> Figure:
+    """Draw stations, segments and no-fly zones; into a file where one is named."""
     net = scenario.network
     frame = _with_zones(_frame(net.lon, net.lat, 0.45), scenario)
     lon = about(net.lon, frame.middle)
@@ -63,10 +64,12 @@ def plot_network(scenario: Scenario, path: Path) -> None:
     if len(net) <= MOST_LABELS:
         for station, x in zip(net.stations, lon.tolist(), strict=True):
             placer.place(station.id, x, station.lat, fontsize=7, color=INK, zorder=5)
-    save_figure(figure, path)
+    return save_figure(figure, path)
 
 
-def plot_composition(composition: Composition, scenario: Scenario, path: Path, band: ChargeBand | None = None) -> None:
+def plot_composition(
+    composition: Composition, scenario: Scenario, path: Path | None = None, band: ChargeBand | None = None
+) -> Figure:
     """Draw the route on the part of the network round it, and the state of charge over time below it.
 
     Parameters
@@ -75,7 +78,7 @@ def plot_composition(composition: Composition, scenario: Scenario, path: Path, b
         The plan: its typical course.
     scenario : Scenario
         Where it was made.
-    path : Path
+    path : Path, optional
         FILE.svg or FILE.png.
     band : ChargeBand, optional
         How the charge differs over the simulated deliveries.
@@ -92,7 +95,7 @@ def plot_composition(composition: Composition, scenario: Scenario, path: Path, b
     draw_charge(lower, composition, zone, band)
     upper.set_title(_headline(composition, zone), color=INK, loc="left", fontsize=11)
     _draw_route(upper, composition, scenario, frame)
-    save_figure(figure, path)
+    return save_figure(figure, path)
 
 
 def _headline(composition: Composition, zone: ZoneInfo) -> str:

@@ -15,6 +15,7 @@ from skyway.wind_summary import over_region, quantiles
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from models.scenario import Scenario
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 
 
 def plot_wind(
-    ensemble: WindEnsemble, scenario: Scenario, hours: int, path: Path, truth: WindEnsemble | None = None
-) -> None:
+    ensemble: WindEnsemble, scenario: Scenario, hours: int, path: Path | None = None, truth: WindEnsemble | None = None
+) -> Figure:
     """Draw the rose over all hours and the hourly fan, at cruise height over the middle of the network."""
     north, east = over_region(ensemble, scenario)
     slots = min(north.shape[1], max(1, round(hours * 3600 / ensemble.slot_s)))
@@ -48,7 +49,7 @@ def plot_wind(
     courses = "one course of the wind" if count == 1 else f"{count} possible courses of the wind"
     axes.set_title(f"{scenario.name}: {courses}", color=INK, fontsize=10, loc="left")
     plain_axes(axes)
-    save_figure(figure, path)
+    return save_figure(figure, path)
 
 
 def _draw_rose(polar: Any, ensemble: WindEnsemble, north: NDArray[np.float64], east: NDArray[np.float64]) -> None:

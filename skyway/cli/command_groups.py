@@ -27,7 +27,7 @@ class GroupedCommands(TyperGroup):
         shown = {name: command for name in self.list_commands(ctx) if not (command := self.commands[name]).hidden}
         grouped = {name for names in GROUPS.values() for name in names}
         others = {"Other": tuple(name for name in shown if name not in grouped)}
-        for heading, names in (GROUPS | others).items():
+        for heading, names in {**GROUPS, **others}.items():
             rows = [(name, _sentence(shown[name].help or "")) for name in names if name in shown]
             if rows:
                 with formatter.section(heading):
@@ -36,4 +36,4 @@ class GroupedCommands(TyperGroup):
 
 def _sentence(help_text: str) -> str:
     """Return the first sentence of a help text, on one line."""
-    return " ".join(help_text.split("\n\n")[0].split()).split(". ")[0].rstrip(".")
+    return " ".join(help_text.split("\n\n", maxsplit=1)[0].split()).split(". ", maxsplit=1)[0].rstrip(".")

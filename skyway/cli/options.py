@@ -134,8 +134,10 @@ def refuse_overwriting(*paths: Path | None, force: bool) -> None:
 
 def check_picture(path: Path | None) -> None:
     """Refuse pictures of a format that is not drawn."""
-    if path is not None and path.suffix.lower() not in (".png", ".svg"):
-        raise InputError(Fault("is no picture format", field="--plot", value=path.name, remedy="FILE.png or FILE.svg"))
+    from skyway.pictures import check_format
+
+    if path is not None:
+        check_format(path, "--plot")
 
 
 def place(scenario: Scenario, text: str, option: str) -> tuple[Scenario, str]:

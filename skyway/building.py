@@ -1,0 +1,97 @@
+"""A scenario built from Python objects instead of files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from models.drone import M200_V2, Drone
+from models.errors import Fault, InputError
+from models.fleet import read_fleet
+from models.flight import FlightRules
+from models.load import PadLoad
+from models.network_sources import network_of
+from models.scenario import Scenario
+from models.scenario_checks import fit_warnings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from os import PathLike
+
+    from models.network import ConnectionRule
+    from models.wind_history import WindHistory
+    from models.zones import NoFlyZones
+
+
+def build_scenario(
+    stations: Any,
+    *,
+    segments: Iterable[tuple[str, str]] | ConnectionRule | None = None,
+    drones: Sequence[Drone] | str | PathLike[str] = (M200_V2,),
+    rules: FlightRules | None = None,
+    load: PadLoad | None = None,
+    history: WindHistory | None = None,
+    zones: NoFlyZones | None = None,
+    name: str = "scenario",
+    timezone: str = "UTC",
+) -> Scenario:
+    """Build a scenario from objects.
+
+    Parameters
+    ----------
+    stations : Network, sequence of Station or of mappings, DataFrame, GeoDataFrame or networkx graph
+        See `models.network_sources.network_of`.
+    segments : pairs of station ids, ConnectionRule or None
+        Directed segments, or the rule that makes them; None: the edges of a graph, else all pairs within 10 km.
+    drones : sequence of Drone, or path of a fleet file
+        The fleet; without it, one type, the DJI M200 V2.
+    rules : FlightRules or None
+        How every flight is flown.
+    load : PadLoad or None
+        Other drones at the stations; None: there are none.
+    history : WindHistory or None
+        Wind record; without it `skyway.plan` needs a forecast (`skyway.constant_wind` makes one).
+    zones : NoFlyZones or None
+        Segments that cross them are left out.
+    name, timezone : str
+        What people call it; IANA name of local time.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    InputError
+        With every fault found.
+
+    Examples
+    --------
+    >>> import skyway
+    >>> a, b = skyway.Station("a", "A", 40.70, -74.00), skyway.Station("b", "B", 40.75, -73.95)
+    >>> skyway.build_scenario([a, b])
+    Scenario(scenario: 2 stations, 2 segments, 1 drone, no wind record)
+    """
+    network = network_of(stations, segments=segments, zones=zones)
+    fleet = read_fleet(Path(drones)) if isinstance(drones, str) or hasattr(drones, "__fspath__") else tuple(drones)
+    if not fleet:
+        raise InputError(Fault("the fleet is empty", field="drones", remedy="give at least one Drone"))
+    sites = () if history is None else history.sites
+    load = PadLoad.none(len(network), timezone) if load is None else load
+    if len(load.arrivals_per_s) != len(network):
+        shape = f"{len(load.arrivals_per_s)} stations"
+        raise InputError(
+            Fault("does not fit the network", field="load", value=shape, remedy=f"{len(network)} stations")
+        )
+    return Scenario(
+        name=name,
+        network=network,
+        drones=fleet,
+        rules=rules or FlightRules(),
+        load=load,
+        history=history,
+        wind_sites=sites,
+        measured_at_m=10.0 if history is None else history.measured_at_m,
+        timezone=timezone,
+        warnings=tuple(fit_warnings(network, sites)),
+    )
