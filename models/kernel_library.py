@@ -129,5 +129,5 @@ class LibraryKernel:
         except ImportError as error:
             raise KernelError(
                 f"kernel {self._name} was not compiled for arguments ({', '.join(map(str, kinds))}); "
-                "install the compiler: pip install 'skyway[jit]'"
+                "install the compiler: pip install 'skyway-planner[jit]'"
             ) from error

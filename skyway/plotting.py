@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from models.errors import Fault, InputError
 from models.scenario import Scenario
 from planner.result import PlanResult
+from skyway.charge_band import charge_band
 from skyway.pictures import check_format
 from skyway.plot_map import plot_composition, plot_network
 
@@ -41,7 +42,7 @@ def plot(what: PlanResult | Scenario, path: str | PathLike[str] | None = None) -
     if file is not None:
         check_format(file, "path")
     if isinstance(what, PlanResult):
-        return plot_composition(what.composition, what.problem.scenario, file)
+        return plot_composition(what.composition, what.problem.scenario, file, charge_band(what))
     if isinstance(what, Scenario):
         return plot_network(what, file)
     raise InputError(

@@ -1,0 +1,49 @@
+"""What a person sees first: the commands in groups, completion in the shell, and what happens while kernels are compiled."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+import typer
+
+from skyway.cli.command_groups import GROUPS
+from skyway.cli.compiling import CompilingNotice
+from skyway.cli.main import app, main
+
+
+def test_help_lists_every_command_under_a_heading_with_its_whole_first_sentence(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    assert main(["--help"]) == 0
+    shown = capsys.readouterr().out
+    known = set(typer.main.get_command(app).commands)
+    assert {name for names in GROUPS.values() for name in names} == known
+    for heading in GROUPS:
+        assert f"\n{heading}:\n" in shown
+    assert "..." not in shown.split("Plan:", 1)[1]
+
+
+@pytest.mark.parametrize(("columns", "most"), [("60", 60), ("80", 80), ("120", 120), ("200", 120)])
+def test_help_uses_the_width_of_the_terminal(columns, most, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", columns)
+    main(["--help"])
+    widest = max(map(len, capsys.readouterr().out.splitlines()))
+    assert 0.75 * most < widest <= most
+
+
+@pytest.mark.parametrize(("typed", "expected"), [("skyway pl", "plan"), ("skyway plan --pla", "--planner")])
+def test_the_shell_completes_commands_and_options(typed, expected):
+    program = "import sys; sys.argv = ['skyway']; from skyway.cli.main import run; run()"
+    asked = {"_SKYWAY_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(len(typed.split()) - 1)}
+    environment = os.environ | asked | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert expected in done.stdout.split()
+
+
+def test_compiling_is_announced_once(capsys):
+    notice = CompilingNotice()
+    for kernel in ("first", "", "second", ""):
+        notice(kernel)
+    told = capsys.readouterr().err
+    assert told.count("compiling its numerical kernels") == 1
+    assert notice.count == 2
