@@ -208,13 +208,8 @@ def parse_objective(text: str) -> Objective:
     """Objective as typed: ``mean``, ``p95``, ``on-time 2013-07-10T16:00-04:00``."""
     from planner.objective import Objective
 
-    kind, _, deadline = text.strip().partition(" ")
-    remedy = "mean, p95, or 'on-time 2013-07-10T16:00-04:00'"
-    if kind == "on-time" and deadline:
-        return Objective("on-time", _instant(deadline.strip(), "--objective"))
-    if kind in ("mean", "p95") and not deadline:
-        return Objective("p95" if kind == "p95" else "mean")
-    raise InputError(Fault("is no objective", field="--objective", value=text, remedy=remedy))
+    with as_typed():
+        return Objective.parse(text)
 
 
 def wind_forecast(
