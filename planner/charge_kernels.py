@@ -117,7 +117,7 @@ def _leave(
                 for_room += looked - at
                 at = looked
             else:
-                pad = stop.pad_s if charging else stop.now_s
+                pad = stop.pad_s if charging and at > stop.pad_s else stop.now_s
                 return pad, min(ready, at), at, level, base, for_room
             continue
         reached = NEVER

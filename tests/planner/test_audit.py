@@ -158,6 +158,12 @@ def test_a_drone_in_the_air_is_never_said_to_hold_for_the_wind(planner):
         plan(scenario, request, planner=planner, forecast=replace(wind, north=north))
 
 
+def test_who_leaves_before_a_pad_is_free_is_not_said_to_have_waited_for_it():
+    problem, _ = instance(303, 10, "short")
+    told = plan(problem.scenario, problem.request, forecast=problem.ensemble).composition
+    assert told.delivery_time_s == pytest.approx((told.arrive - told.depart).total_seconds(), abs=0.1)
+
+
 def test_an_audit_takes_no_more_than_milliseconds(monkeypatch):
     spent = []
     honest = planning.audit
