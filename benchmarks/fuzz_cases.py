@@ -106,7 +106,7 @@ def _request(rng: Generator, scenario: Scenario, depart: datetime) -> tuple[Scen
         busy[one.id] = int(rng.integers(0, 3 * one.pads + one.holding_spots + 2)) if rng.random() < 0.9 else 60
     soc = float(cast("float", _pick(rng, (0.5, 1.0), (0.4, float(rng.uniform(0.05, 1.0))), (0.05, 0.0), (0.05, 0.2))))
     state = State(depart, None if position else network.stations[start].id, position, soc, busy)
-    reserve = _pick(rng, (0.6, 0.2), (0.2, float(rng.uniform(0.0, 0.95))), (0.1, 0.0), (0.05, 0.95), (0.05, 1e-9))
+    reserve = _pick(rng, (0.6, 0.2), (0.2, float(rng.uniform(0.0, 0.95))), (0.1, 0.0), (0.05, 0.95), (0.05, 0.02))
     epsilon = _pick(rng, (0.6, 1e-3), (0.1, 0.0), (0.1, 0.05), (0.1, 0.5), (0.1, float(rng.uniform(0.0, 0.5))))
     fleet = [drone.id for drone in scenario.drones]
     airspeed = _pick(rng, (0.85, None), (0.1, float(rng.uniform(5.0, 25.0))), (0.03, 1.0), (0.02, 150.0))
