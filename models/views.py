@@ -69,7 +69,9 @@ def frame(rows: Sequence[Mapping[str, Any]], index: str) -> pd.DataFrame:
     try:
         import pandas as pd
     except ImportError as error:
-        raise InputError("tables need pandas, which is not installed; pip install 'skyway[notebook]'") from error
+        raise InputError(
+            "tables need pandas, which is not installed; pip install 'skyway-planner[notebook]'"
+        ) from error
     return pd.DataFrame(list(rows)).set_index(index) if rows else pd.DataFrame(index=pd.Index([], name=index))
 
 

@@ -38,7 +38,7 @@ def new_figure(width_in: float, height_in: float) -> Figure:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError:
-        remedy = "pip install 'skyway[plot]'"
+        remedy = "pip install 'skyway-planner[plot]'"
         raise InputError(
             Fault("pictures need matplotlib, which is not installed", field="--plot", remedy=remedy)
         ) from None

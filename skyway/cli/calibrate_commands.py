@@ -83,6 +83,7 @@ def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
 
         notes = [f"found in {one_line(log.name)}", found.reason]
         write(output, drag_file(found.drag, notes, found.airspeed), force=force)
+        options.say_written(output)
     if as_json:
         typer.echo(json.dumps(_air_json(found), allow_nan=False))
     else:
@@ -187,6 +188,7 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
         if written.id != start.id:
             notes.append(f"not measured, but those of {start.id}: package, airspeeds, wind limit, time to recharge")
         write(output, drone_file(written, notes), force=force)
+        options.say_written(output)
     published = published_errors(records, density)
     if as_json:
         typer.echo(json.dumps(_energy_json(records, fits, published, chosen, written), allow_nan=False))

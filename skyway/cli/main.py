@@ -18,6 +18,7 @@ from skyway import __version__
 from skyway.cli import (
     bench_commands,
     demo_commands,
+    extras,
     fly_commands,
     forecast_commands,
     link_commands,
@@ -89,6 +90,12 @@ def main(arguments: list[str] | None = None) -> int:
         return error.exit_code
     except USAGE_ERROR as error:
         _tell_usage(error)
+        return 2
+    except ModuleNotFoundError as error:
+        missing = extras.remedy(error)
+        if missing is None:
+            raise
+        typer.echo(f"skyway: {missing}", err=True)
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED

@@ -132,6 +132,13 @@ def refuse_overwriting(*paths: Path | None, force: bool) -> None:
         raise InputError(faults)
 
 
+def say_written(*paths: Path | None) -> None:
+    """Say on standard error which files were written."""
+    for path in paths:
+        if path is not None:
+            typer.echo(f"wrote {path}", err=True)
+
+
 def check_picture(path: Path | None) -> None:
     """Refuse pictures of a format that is not drawn."""
     from skyway.pictures import check_format

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from models.errors import Fault, InputError
-from skyway.cli import options
+from skyway.cli import completion, options
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -25,10 +25,22 @@ ScenarioArgument = Annotated[
     Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.", show_default=False)
 ]
 From = Annotated[
-    str, typer.Option("--from", help="Start: station id, part of its name, or lat,lon.", show_default=False)
+    str,
+    typer.Option(
+        "--from",
+        help="Start: station id, part of its name, or lat,lon.",
+        show_default=False,
+        autocompletion=completion.stations,
+    ),
 ]
 To = Annotated[
-    str, typer.Option("--to", help="Destination: station id, part of its name, or lat,lon.", show_default=False)
+    str,
+    typer.Option(
+        "--to",
+        help="Destination: station id, part of its name, or lat,lon.",
+        show_default=False,
+        autocompletion=completion.stations,
+    ),
 ]
 Payload = Annotated[float, typer.Option("--payload", help="Mass of the package, kg.", show_default=False)]
 Depart = Annotated[
@@ -46,7 +58,13 @@ Truth = Annotated[
     ),
 ]
 Drone = Annotated[
-    str | None, typer.Option("--drone", help="Drone id. Without it the planner chooses.", show_default=False)
+    str | None,
+    typer.Option(
+        "--drone",
+        help="Drone id. Without it the planner chooses.",
+        show_default=False,
+        autocompletion=completion.drones,
+    ),
 ]
 Reserve = Annotated[float, typer.Option("--reserve", help="No landing below this charge, percent.")]
 Soc = Annotated[float, typer.Option("--soc", help="Charge at the start, percent.")]
@@ -108,7 +126,9 @@ def plan(
     planner: Annotated[
         str,
         typer.Option(
-            "--planner", help="robust, pfs, pfs-charge-aware, pfs-strict, shortest; told the truth: exact, ies."
+            "--planner",
+            help="robust, pfs, pfs-charge-aware, pfs-strict, shortest; told the truth: exact, ies.",
+            autocompletion=completion.planners,
         ),
     ] = "robust",
     objective: ObjectiveOption = "mean",
@@ -172,6 +192,7 @@ def plan(
         from skyway.plot_map import plot_composition
 
         plot_composition(composition, result.problem.scenario, plot, charge_band(result))
+    options.say_written(output, geojson, plot)
     from skyway.cli import plan_reasons
 
     if as_json:

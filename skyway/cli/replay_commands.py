@@ -96,6 +96,7 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
         from skyway.plot_replay import plot_replay
 
         plot_replay(found, plot)
+    options.say_written(csv, plot)
     from link.replay_prediction import predict
     from link.replay_report import as_json as report
     from link.replay_report import prediction_json

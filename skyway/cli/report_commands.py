@@ -76,6 +76,7 @@ def report(
     ended = outcome["state"] if outcome["ended"] else f"not ended ({outcome['state']})"
     typer.echo(f"{ended}: {outcome['reason'] or 'no reason is told'}")
     typer.echo(str(page))
+    options.say_written(plot)
 
 
 def register(app: typer.Typer) -> None:

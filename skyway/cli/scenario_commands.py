@@ -79,6 +79,7 @@ def network(
         from skyway.plot_map import plot_network
 
         plot_network(world, plot)
+    options.say_written(geojson, plot)
     if as_json:
         typer.echo(json_text(to_geojson(world.network), indent=1))
         return
@@ -157,6 +158,7 @@ def wind(
         from skyway.plot_wind import plot_wind
 
         plot_wind(ensemble, world, hours, plot, true)
+        options.say_written(plot)
     if as_json:
         typer.echo(json_text({"schema": "skyway.wind/1", "members": list(ensemble.labels), "hours": rows}, indent=1))
         return
@@ -170,7 +172,7 @@ def init(
     from skyway.scenario_template import write_template
 
     for path in write_template(folder):
-        typer.echo(path)
+        typer.echo(f"wrote {path}")
     typer.echo(f"next: edit {folder / 'scenario.toml'}, then: skyway scenario check {folder}")
 
 

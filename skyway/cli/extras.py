@@ -1,0 +1,27 @@
+"""Which part of skyway brings a package that is not installed."""
+
+from __future__ import annotations
+
+DISTRIBUTION = "skyway-planner"
+EXTRAS = {
+    "pymavlink": "fly",
+    "mavsdk": "fly",
+    "filterpy": "fly",
+    "matplotlib": "plot",
+    "networkx": "graph",
+    "pandas": "notebook",
+    "numba": "jit",
+    "llvmlite": "jit",
+}
+"""Extra of the distribution that installs each package."""
+
+
+def remedy(error: ModuleNotFoundError) -> str | None:
+    """Say what is missing and how to install it; None where the package is not one of an extra."""
+    package = (error.name or "").partition(".")[0]
+    extra = EXTRAS.get(package)
+    return (
+        None
+        if extra is None
+        else f"this needs {package}, which is not installed: pip install '{DISTRIBUTION}[{extra}]'"
+    )
