@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent
-PACKAGES = ("models", "planner", "link")
+PACKAGE = "skyway"
+FLOORS = ("models", "planner", "link")
+"""Folders with kernels; the package has them as skyway.models and so on."""
 LIST = ROOT / "models" / "kernels.json"
 DECORATORS = {"compiled", "compiled_lean"}
 
@@ -29,10 +31,10 @@ def build(folder: Path, name: str = "_kernels") -> Path:
     from numba.pycc import CC
 
     sys.path.insert(0, str(ROOT))
-    from models.kernel_library import symbol
+    from skyway.models.kernel_library import symbol
 
     folder.mkdir(parents=True, exist_ok=True)
-    compiler = CC(name, source_module="models")
+    compiler = CC(name, source_module="skyway.models")
     compiler.output_dir = str(folder)
     for kernel_name, all_kinds in json.loads(LIST.read_text(encoding="utf-8")).items():
         module, _, function = kernel_name.rpartition(".")
@@ -96,8 +98,11 @@ def _kind(numba_type: Any) -> Any:
 
 def entries() -> set[str]:
     """Return the kernels, ``module.function``, that code which is not compiled refers to."""
-    sources = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
-    trees = {".".join(path.relative_to(ROOT).with_suffix("").parts): ast.parse(path.read_text()) for path in sources}
+    sources = [path for floor in FLOORS for path in sorted((ROOT / floor).rglob("*.py"))]
+    trees = {
+        ".".join((PACKAGE, *path.relative_to(ROOT).with_suffix("").parts)): ast.parse(path.read_text())
+        for path in sources
+    }
     kernels = {
         f"{module}.{node.name}"
         for module, tree in trees.items()

@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 
 from benchmarks.figure import Figure
 from benchmarks.networks import new_york
-from models.services import State
-from planner.evaluate import evaluate, held_out_forecast, sample_truths, season_days
-from planner.plan import plan
-from planner.request import Request
+from skyway.models.services import State
+from skyway.planner.evaluate import evaluate, held_out_forecast, sample_truths, season_days
+from skyway.planner.plan import plan
+from skyway.planner.request import Request
 
 RUNS = 10_000
 TARGET_S = 2.0

@@ -20,22 +20,22 @@ import numpy as np
 
 from benchmarks.figure import Figure
 from benchmarks.networks import geometric, random_pairs
-from models.errors import NoRouteError
-from models.services import State
-from models.units import from_posix
-from planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
-from planner.exact import ExactSearch
-from planner.itinerary import fly_true
-from planner.plan import candidates
-from planner.problem import HORIZON_H, Problem
-from planner.request import Request
+from skyway.models.errors import NoRouteError
+from skyway.models.services import State
+from skyway.models.units import from_posix
+from skyway.planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
+from skyway.planner.exact import ExactSearch
+from skyway.planner.itinerary import fly_true
+from skyway.planner.plan import candidates
+from skyway.planner.problem import HORIZON_H, Problem
+from skyway.planner.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from models.queue_paths import QueuePath
-    from models.scenario import Scenario
-    from planner.itinerary import Itinerary
+    from skyway.models.queue_paths import QueuePath
+    from skyway.models.scenario import Scenario
+    from skyway.planner.itinerary import Itinerary
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 SEED = 3

@@ -21,10 +21,10 @@ import numpy as np
 
 from benchmarks.figure import Figure
 from benchmarks.networks import new_york
-from models.errors import InfeasibleError
-from models.load import PadLoad
-from models.services import State
-from planner.evaluate import (
+from skyway.models.errors import InfeasibleError
+from skyway.models.load import PadLoad
+from skyway.models.services import State
+from skyway.planner.evaluate import (
     NO_ERRORS,
     clairvoyant_times,
     fly_charging,
@@ -33,22 +33,22 @@ from planner.evaluate import (
     sample_truths,
     season_days,
 )
-from planner.exact import ExactSearch
-from planner.problem import Problem
-from planner.request import Request
-from planner.robust import RobustSearch
-from planner.rolling import RollingRobust
-from planner.speeds import TrueSpeeds
+from skyway.planner.exact import ExactSearch
+from skyway.planner.problem import Problem
+from skyway.planner.request import Request
+from skyway.planner.robust import RobustSearch
+from skyway.planner.rolling import RollingRobust
+from skyway.planner.speeds import TrueSpeeds
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
-    from models.scenario import Scenario
-    from planner.charge_policy import ChargePolicy
-    from planner.evaluation_truths import Truths
-    from planner.robust import RobustAnswer
+    from skyway.models.scenario import Scenario
+    from skyway.planner.charge_policy import ChargePolicy
+    from skyway.planner.evaluation_truths import Truths
+    from skyway.planner.robust import RobustAnswer
 
 MEAN_TARGET, P95_TARGET = 2.0, 4.0
 """Percent above the bound that is wanted, over requests."""

@@ -19,24 +19,24 @@ import statistics
 from typing import TYPE_CHECKING
 
 from benchmarks.figure import Figure
-from link.connection import Connection
-from link.download import Download
-from link.exchange import Target
-from link.mission_words import MissionKind
-from link.upload import Upload, UploadEnd
-from link.verified import UploadJob, encode, upload_verified
-from missions.commands import Command, Frame
-from missions.mission import Mission, MissionItem
-from sim_stub.config import VehicleConfig
-from sim_stub.protocols.ardupilot_missions import RETRY_S as ARDUPILOT_RETRY_S
-from sim_stub.protocols.px4_missions import RETRY_S as PX4_RETRY_S
-from sim_stub.transports.channel import Impairment
-from sim_stub.transports.lockstep import Lockstep
-from sim_stub.world import World
+from skyway.link.connection import Connection
+from skyway.link.download import Download
+from skyway.link.exchange import Target
+from skyway.link.mission_words import MissionKind
+from skyway.link.upload import Upload, UploadEnd
+from skyway.link.verified import UploadJob, encode, upload_verified
+from skyway.missions.commands import Command, Frame
+from skyway.missions.mission import Mission, MissionItem
+from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.protocols.ardupilot_missions import RETRY_S as ARDUPILOT_RETRY_S
+from skyway.sim_stub.protocols.px4_missions import RETRY_S as PX4_RETRY_S
+from skyway.sim_stub.transports.channel import Impairment
+from skyway.sim_stub.transports.lockstep import Lockstep
+from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:
-    from link.exchange import Exchange, Steps
-    from link.verified import WireItem
+    from skyway.link.exchange import Exchange, Steps
+    from skyway.link.verified import WireItem
 
 LOSSES = (0.0, 0.05, 0.1, 0.2, 0.3)
 RETRY_S = {"px4": PX4_RETRY_S, "ardupilot": ARDUPILOT_RETRY_S}

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.bench_link import LOSSES, MOST, bound_s, mission, p95, radio
 from benchmarks.figure import Figure
-from sim_stub.transports.channel import Impairment
-from sim_stub.transports.relay import Relay
+from skyway.sim_stub.transports.channel import Impairment
+from skyway.sim_stub.transports.relay import Relay
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -69,7 +69,7 @@ def server(seed: int) -> Iterator[tuple[int, Callable[[float], None]]]:
 
 
 def _wire(items: int) -> Any:
-    from link.verified import encode
+    from skyway.link.verified import encode
 
     return encode(mission(items - 1), _FAMILY)  # home is the first
 
@@ -77,15 +77,15 @@ def _wire(items: int) -> Any:
 @contextmanager
 def ours(port: int) -> Iterator[Callable[[int], bool]]:
     """Our verified upload."""
-    from link.mavlink_vehicle import MavlinkVehicle
-    from link.opening import open_connection
+    from skyway.link.mavlink_vehicle import MavlinkVehicle
+    from skyway.link.opening import open_connection
 
     connection = open_connection(f"udpout:127.0.0.1:{port}", record=None)
     craft = MavlinkVehicle(connection, autopilot=_FAMILY)
-    from link.download import Download
-    from link.exchange import Target
-    from link.mission_words import MissionKind
-    from link.upload import Upload
+    from skyway.link.download import Download
+    from skyway.link.exchange import Target
+    from skyway.link.mission_words import MissionKind
+    from skyway.link.upload import Upload
 
     trip = craft.peer.round_trip
 

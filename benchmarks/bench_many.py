@@ -14,9 +14,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from link.frames import FrameWriter
-from link.opening import open_connection
-from link.seen import Seen
+from skyway.link.frames import FrameWriter
+from skyway.link.opening import open_connection
+from skyway.link.seen import Seen
 
 WANTED_CORE = 0.5
 """Share of a core that 50 vehicles may take at most."""

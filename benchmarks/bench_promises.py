@@ -20,19 +20,27 @@ import numpy as np
 from benchmarks.bench_gap import DRONE, requests
 from benchmarks.figure import Figure
 from benchmarks.networks import new_york
-from models.errors import InfeasibleError
-from planner.evaluate import Flown, fly_charging, held_out_forecast, pooled, sample_truths, season_days, summarise
-from planner.evaluation_flights import LEVELS
-from planner.evaluation_statistics import DayBootstrap
-from planner.plan import ROBUST, plan
+from skyway.models.errors import InfeasibleError
+from skyway.planner.evaluate import (
+    Flown,
+    fly_charging,
+    held_out_forecast,
+    pooled,
+    sample_truths,
+    season_days,
+    summarise,
+)
+from skyway.planner.evaluation_flights import LEVELS
+from skyway.planner.evaluation_statistics import DayBootstrap
+from skyway.planner.plan import ROBUST, plan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
-    from models.scenario import Scenario
-    from planner.request import Request
+    from skyway.models.scenario import Scenario
+    from skyway.planner.request import Request
 
 ERROR_TARGET = 3.0
 """Mean absolute error of promises that is allowed, points."""

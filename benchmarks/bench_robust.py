@@ -19,15 +19,15 @@ import numpy as np
 
 from benchmarks.bench_exact import DEPART, NEAR_M, PADS, SEED, World
 from benchmarks.figure import Figure
-from models.errors import NoRouteError
-from models.services import State
-from planner.plan import candidates
-from planner.problem import Problem
-from planner.request import Request
-from planner.robust import MEMBERS, RobustSearch
+from skyway.models.errors import NoRouteError
+from skyway.models.services import State
+from skyway.planner.plan import candidates
+from skyway.planner.problem import Problem
+from skyway.planner.request import Request
+from skyway.planner.robust import MEMBERS, RobustSearch
 
 if TYPE_CHECKING:
-    from planner.robust import RobustAnswer
+    from skyway.planner.robust import RobustAnswer
 
 TARGET_MS = {1_000: (500.0, 250.0), 10_000: (3000.0, 1000.0)}
 """Must and aim for the p99, by stations."""

@@ -20,9 +20,9 @@ from benchmarks.figure import Figure
 from benchmarks.instances import LONG_FILE, read_instance
 from benchmarks.results import Row, append, missing, read
 from benchmarks.trials import ROLLING, Case, Contender, case_of, try_case
-from planner.evaluate import clairvoyant_times
-from planner.evaluation_statistics import DayBootstrap
-from planner.plan import ROBUST
+from skyway.planner.evaluate import clairvoyant_times
+from skyway.planner.evaluation_statistics import DayBootstrap
+from skyway.planner.plan import ROBUST
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

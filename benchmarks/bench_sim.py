@@ -14,19 +14,19 @@ import time
 import tracemalloc
 from typing import TYPE_CHECKING
 
-from models.network import Station
-from sim_stub.autopilot.items import Command, Frame, Item
-from sim_stub.config import VehicleConfig
-from sim_stub.fleet import FleetOptions, build_world, serve
-from sim_stub.pads import Pads
-from sim_stub.transports.lockstep import Lockstep
-from sim_stub.transports.urls import Address
-from sim_stub.wind_truth import ConstantWind
-from sim_stub.wire.messages import spec
-from sim_stub.world import World
+from skyway.models.network import Station
+from skyway.sim_stub.autopilot.items import Command, Frame, Item
+from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.fleet import FleetOptions, build_world, serve
+from skyway.sim_stub.pads import Pads
+from skyway.sim_stub.transports.lockstep import Lockstep
+from skyway.sim_stub.transports.urls import Address
+from skyway.sim_stub.wind_truth import ConstantWind
+from skyway.sim_stub.wire.messages import spec
+from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.vehicle import Vehicle
 
 HERE = Station("here", "Here", 40.74, -73.97, 5.0, 2, 2)
 RATES = {"GLOBAL_POSITION_INT": 4.0, "ATTITUDE": 10.0}

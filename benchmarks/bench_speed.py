@@ -19,19 +19,19 @@ import numpy as np
 
 from benchmarks.figure import Figure
 from benchmarks.networks import geometric, new_york, random_pairs
-from missions.examples import NEW_YORK
-from models.errors import InfeasibleError
-from models.scenario_file import read_scenario
-from models.services import State
-from planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, candidates, plan
-from planner.problem import HORIZON_H, Problem
-from planner.request import Request
+from skyway.missions.examples import NEW_YORK
+from skyway.models.errors import InfeasibleError
+from skyway.models.scenario_file import read_scenario
+from skyway.models.services import State
+from skyway.planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, candidates, plan
+from skyway.planner.problem import HORIZON_H, Problem
+from skyway.planner.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 LEAST_M, MOST_M = 20_000.0, 60_000.0

@@ -8,34 +8,34 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
-from link.connection import Connection
-from link.frames import Signing
-from link.mavlink_vehicle import MavlinkVehicle
-from link.supervisor import Journal, Mandate, NobodyThere, Supervisor
-from missions.examples import NEW_YORK
-from models.scenario_file import read_scenario
-from models.services import State
-from planner.plan import plan
-from planner.problem import HORIZON_H
-from planner.replan import ReplanSettings
-from planner.request import Request
-from sim_stub.airframe import Airframe
-from sim_stub.config import VehicleConfig
-from sim_stub.pads import Pads
-from sim_stub.transports.lockstep import Lockstep
-from sim_stub.wind_truth import RecordedWind
-from sim_stub.world import World
+from skyway.link.connection import Connection
+from skyway.link.frames import Signing
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.supervisor import Journal, Mandate, NobodyThere, Supervisor
+from skyway.missions.examples import NEW_YORK
+from skyway.models.scenario_file import read_scenario
+from skyway.models.services import State
+from skyway.planner.plan import plan
+from skyway.planner.problem import HORIZON_H
+from skyway.planner.replan import ReplanSettings
+from skyway.planner.request import Request
 from skyway.proving_flight import drag_of
+from skyway.sim_stub.airframe import Airframe
+from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.pads import Pads
+from skyway.sim_stub.transports.lockstep import Lockstep
+from skyway.sim_stub.wind_truth import RecordedWind
+from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from link.supervisor import Operator, Outcome
-    from models.scenario import Scenario
-    from models.services import Composition
-    from models.wind_ensemble import WindEnsemble
-    from sim_stub.transports.channel import Impairment
+    from skyway.link.supervisor import Operator, Outcome
+    from skyway.models.scenario import Scenario
+    from skyway.models.services import Composition
+    from skyway.models.wind_ensemble import WindEnsemble
+    from skyway.sim_stub.transports.channel import Impairment
 
 PLANNER = "pfs-charge-aware"
 LOCAL = ZoneInfo("America/New_York")

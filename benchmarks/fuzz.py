@@ -26,14 +26,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.fuzz_cases import Case, draw
-from models.composition_file import from_json, to_json
-from models.errors import InfeasibleError, InputError
-from planner.plan import CLAIRVOYANT_PLANNERS, plan
+from skyway.models.composition_file import from_json, to_json
+from skyway.models.errors import InfeasibleError, InputError
+from skyway.planner.plan import CLAIRVOYANT_PLANNERS, plan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from planner.result import PlanResult
+    from skyway.planner.result import PlanResult
 
 LONGEST_S = 600.0
 """A request that takes longer hangs."""

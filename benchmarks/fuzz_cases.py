@@ -11,23 +11,23 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from benchmarks.networks import CENTRE, new_york
-from models.drone import M200_V2, Drone
-from models.load import PadLoad
-from models.network import ConnectionRule, Station
-from models.network_builders import build_network
-from models.services import Recharge, State
-from models.units import J_PER_WH
-from models.wind_ensemble import WindEnsemble
-from planner.objective import Objective
-from planner.plan import PLANNERS
-from planner.problem import HORIZON_H
-from planner.request import Request
+from skyway.models.drone import M200_V2, Drone
+from skyway.models.load import PadLoad
+from skyway.models.network import ConnectionRule, Station
+from skyway.models.network_builders import build_network
+from skyway.models.services import Recharge, State
+from skyway.models.units import J_PER_WH
+from skyway.models.wind_ensemble import WindEnsemble
+from skyway.planner.objective import Objective
+from skyway.planner.plan import PLANNERS
+from skyway.planner.problem import HORIZON_H
+from skyway.planner.request import Request
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from models.network import Network
-    from models.scenario import Scenario
+    from skyway.models.network import Network
+    from skyway.models.scenario import Scenario
 
 SIZES = ((2, 4, 0.30), (5, 10, 0.37), (11, 30, 0.22), (31, 100, 0.08), (101, 300, 0.02), (301, 1000, 0.01))
 """Stations of a network, from and to, and the share of the requests."""

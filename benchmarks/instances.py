@@ -13,17 +13,17 @@ import numpy as np
 
 from benchmarks.melbourne import melbourne
 from benchmarks.networks import geometric, new_york, random_pairs
-from models.errors import Fault, InputError
-from models.services import State
-from models.units import iso
-from planner.evaluate import Errors
-from planner.problem import HORIZON_H
-from planner.request import Request
+from skyway.models.errors import Fault, InputError
+from skyway.models.services import State
+from skyway.models.units import iso
+from skyway.planner.evaluate import Errors
+from skyway.planner.problem import HORIZON_H
+from skyway.planner.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from models.scenario import Scenario
+    from skyway.models.scenario import Scenario
 
 SCHEMA = "skyway.benchmark/1"
 FOLDER = Path(__file__).parent / "instances"

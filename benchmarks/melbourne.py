@@ -9,19 +9,19 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from models.drone import M200_V2
-from models.errors import Fault, InputError
-from models.flight import FlightRules
-from models.load_files import read_occupancy
-from models.network import ConnectionRule, Station
-from models.network_builders import build_network
-from models.scenario import Scenario
-from models.wind_columns import WindColumns
-from models.wind_history import WindSite, read_history
+from skyway.models.drone import M200_V2
+from skyway.models.errors import Fault, InputError
+from skyway.models.flight import FlightRules
+from skyway.models.load_files import read_occupancy
+from skyway.models.network import ConnectionRule, Station
+from skyway.models.network_builders import build_network
+from skyway.models.scenario import Scenario
+from skyway.models.wind_columns import WindColumns
+from skyway.models.wind_history import WindSite, read_history
 
 if TYPE_CHECKING:
-    from models.load import PadLoad
-    from models.network import Network
+    from skyway.models.load import PadLoad
+    from skyway.models.network import Network
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 ZONE = "Australia/Melbourne"

@@ -17,24 +17,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.networks import CENTRE, new_york, random_pairs
-from models.drone import M200_V2
-from models.errors import InfeasibleError, InputError
-from models.load import PadLoad
-from models.network import ConnectionRule, Station
-from models.network_builders import build_network
-from models.services import State
-from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
-from planner.itinerary import fly_true
-from planner.plan import plan
-from planner.problem import HORIZON_H
-from planner.request import Request
+from skyway.models.drone import M200_V2
+from skyway.models.errors import InfeasibleError, InputError
+from skyway.models.load import PadLoad
+from skyway.models.network import ConnectionRule, Station
+from skyway.models.network_builders import build_network
+from skyway.models.services import State
+from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from skyway.planner.itinerary import fly_true
+from skyway.planner.plan import plan
+from skyway.planner.problem import HORIZON_H
+from skyway.planner.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from models.scenario import Scenario
-    from planner.problem import Problem
-    from planner.result import PlanResult
+    from skyway.models.scenario import Scenario
+    from skyway.planner.problem import Problem
+    from skyway.planner.result import PlanResult
 
 NODES = (5, 10, 15, 20, 25, 30, 35, 40)
 PLANNERS = ("pfs-strict", "pfs", "pfs-charge-aware", "ies")

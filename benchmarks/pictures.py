@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models.units import S_PER_MIN
-from planner.evaluation_statistics import Estimate
+from skyway.models.units import S_PER_MIN
+from skyway.planner.evaluation_statistics import Estimate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

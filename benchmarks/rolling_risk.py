@@ -18,14 +18,14 @@ import numpy as np
 from benchmarks.figure import Figure
 from benchmarks.instances import LONG_FILE, read_instance
 from benchmarks.trials import case_of
-from planner.evaluate import fly_policy
-from planner.evaluation_statistics import DayBootstrap
-from planner.problem import Problem
-from planner.rolling import RollingRobust
+from skyway.planner.evaluate import fly_policy
+from skyway.planner.evaluation_statistics import DayBootstrap
+from skyway.planner.problem import Problem
+from skyway.planner.rolling import RollingRobust
 
 if TYPE_CHECKING:
     from benchmarks.instances import Instance
-    from planner.evaluation_decisions import Again
+    from skyway.planner.evaluation_decisions import Again
 
 OF = 20_000
 """Deliveries that the figure is told for."""

@@ -22,23 +22,23 @@ from benchmarks.figure import Figure
 from benchmarks.instances import LONG_FILE, read_instance
 from benchmarks.results import Row, append, missing, read
 from benchmarks.trials import Case, case_of
-from planner.charge_policy import known_at
-from planner.evaluate import NO_ERRORS, fly_policy
-from planner.evaluation_kernels import LATERAL
-from planner.evaluation_statistics import DayBootstrap
-from planner.exact import ExactSearch
-from planner.need_kernels import careful_speeds, gust_mean
-from planner.problem import Problem
-from planner.rolling import RollingRobust, with_measured
-from planner.turning import USUAL_FLIGHT_S
+from skyway.planner.charge_policy import known_at
+from skyway.planner.evaluate import NO_ERRORS, fly_policy
+from skyway.planner.evaluation_kernels import LATERAL
+from skyway.planner.evaluation_statistics import DayBootstrap
+from skyway.planner.exact import ExactSearch
+from skyway.planner.need_kernels import careful_speeds, gust_mean
+from skyway.planner.problem import Problem
+from skyway.planner.rolling import RollingRobust, with_measured
+from skyway.planner.turning import USUAL_FLIGHT_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from benchmarks.instances import Instance
-    from models.queue_paths import QueuePath
-    from planner.evaluation_policies import Standing
-    from planner.need_kernels import Known
+    from skyway.models.queue_paths import QueuePath
+    from skyway.planner.evaluation_policies import Standing
+    from skyway.planner.need_kernels import Known
 
 NOTHING, QUEUES, WIND, BOTH = "nothing", "queues", "wind", "both"
 TOLD = (NOTHING, QUEUES, WIND, BOTH)

@@ -22,13 +22,13 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from benchmarks.deliveries import Stage, Story, newyork
-from link.supervisor import Scripted, read_journal
-from models import geodesy
-from models.errors import InfeasibleError, InputError
-from planner.problem import HORIZON_H
-from planner.replan import DEFAULT_PLANNER
-from sim_stub.faults import parse_fault
-from sim_stub.transports.channel import Impairment
+from skyway.link.supervisor import Scripted, read_journal
+from skyway.models import geodesy
+from skyway.models.errors import InfeasibleError, InputError
+from skyway.planner.problem import HORIZON_H
+from skyway.planner.replan import DEFAULT_PLANNER
+from skyway.sim_stub.faults import parse_fault
+from skyway.sim_stub.transports.channel import Impairment
 
 LOCAL = ZoneInfo("America/New_York")
 NEAR_M, FAR_M = 9_000.0, 22_000.0

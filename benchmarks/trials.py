@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import InfeasibleError
-from planner.evaluate import (
+from skyway.models.errors import InfeasibleError
+from skyway.planner.evaluate import (
     Evaluation,
     Flown,
     clairvoyant_times,
@@ -20,11 +20,11 @@ from planner.evaluate import (
     sample_truths,
     summarise,
 )
-from planner.itinerary import fly_sampled
-from planner.outcome import outcome
-from planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, plan
-from planner.problem import HORIZON_H, Problem
-from planner.rolling import RollingRobust
+from skyway.planner.itinerary import fly_sampled
+from skyway.planner.outcome import outcome
+from skyway.planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, plan
+from skyway.planner.problem import HORIZON_H, Problem
+from skyway.planner.rolling import RollingRobust
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from benchmarks.instances import Instance
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
-    from planner.evaluate import Truths
-    from planner.itinerary import Itinerary
-    from planner.outcome import Outcome
-    from planner.request import Request
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.evaluate import Truths
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.outcome import Outcome
+    from skyway.planner.request import Request
 
     Floats: TypeAlias = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_BAUD = 57600

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 _AUTO = 4 << 16
 

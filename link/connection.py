@@ -7,18 +7,18 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from link.exchange import RoundTrip, Target
-from link.frames import FrameReader, FrameWriter, Message, Rejected, Signing
-from link.transport import Routed
-from models.errors import StationConflictError
+from skyway.link.exchange import RoundTrip, Target
+from skyway.link.frames import FrameReader, FrameWriter, Message, Rejected, Signing
+from skyway.link.transport import Routed
+from skyway.models.errors import StationConflictError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from link.exchange import Exchange, Steps
-    from link.recorder import Recorder
-    from link.transport import Transport
-    from models.clock import Clock
+    from skyway.link.exchange import Exchange, Steps
+    from skyway.link.recorder import Recorder
+    from skyway.link.transport import Transport
+    from skyway.models.clock import Clock
 
 T = TypeVar("T")
 HEARTBEAT_S = 1.0

@@ -10,16 +10,16 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from models.errors import Fault, InputError, VehicleTimeoutError
-from models.geodesy import distance_m
+from skyway.models.errors import Fault, InputError, VehicleTimeoutError
+from skyway.models.geodesy import distance_m
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from link.vehicle import Vehicle
-    from link.verified import UploadOutcome
-    from missions.mission import Mission
-    from models.telemetry import TelemetrySample
+    from skyway.link.vehicle import Vehicle
+    from skyway.link.verified import UploadOutcome
+    from skyway.missions.mission import Mission
+    from skyway.models.telemetry import TelemetrySample
 
 ARRIVED_M, ARRIVED_HEIGHT_M, ARRIVED_MPS = 4.0, 3.0, 1.5
 """So near and so slow, it is there and may land."""

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from link.exchange import SPREADS, Exchange
-from link.mission_words import ACCEPTED, ERROR, ITEM_FIELDS, MissionKind
-from missions.dialects.wire import WireItem
+from skyway.link.exchange import SPREADS, Exchange
+from skyway.link.mission_words import ACCEPTED, ERROR, ITEM_FIELDS, MissionKind
+from skyway.missions.dialects.wire import WireItem
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from link.exchange import RoundTrip, Target
-    from link.frames import Message
+    from skyway.link.exchange import RoundTrip, Target
+    from skyway.link.frames import Message
 
 GIVE_UP_S = 10.0
 _AGAIN_S = 0.4

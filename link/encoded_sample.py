@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from models.telemetry import TelemetrySample
+    from skyway.models.telemetry import TelemetrySample
 
 UNKNOWN_HEADING = 65535
 _INT32, _INT16 = 2**31 - 1, 32767

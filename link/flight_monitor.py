@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from link.replay_monitors import CHECK_EVERY_S, BatteryWatch, LegWatch, Notice, Seconds, TrustWatch, WindWatch
-from models.telemetry import TelemetryTrack
-from models.wind_filter import FilteredWind
+from skyway.link.replay_monitors import CHECK_EVERY_S, BatteryWatch, LegWatch, Notice, Seconds, TrustWatch, WindWatch
+from skyway.models.telemetry import TelemetryTrack
+from skyway.models.wind_filter import FilteredWind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
-    from models.wind_filter_live import LiveWind
+    from skyway.models.wind_filter_live import LiveWind
 
     Listener = Callable[[TelemetryTrack, FilteredWind], None]
 

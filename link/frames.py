@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from fastcrc.crc16 import mcrf4xx
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,17 +8,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from link.doubts import Doubts
-from link.logs.assembly import Assembler
-from link.logs.messages import SPOKEN
-from link.plausible import BootTimes, Plausible
-from link.timebase import VehicleClock
+from skyway.link.doubts import Doubts
+from skyway.link.logs.assembly import Assembler
+from skyway.link.logs.messages import SPOKEN
+from skyway.link.plausible import BootTimes, Plausible
+from skyway.link.timebase import VehicleClock
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from link.frames import Message
-    from models.telemetry import TelemetrySample
+    from skyway.link.frames import Message
+    from skyway.models.telemetry import TelemetrySample
 
 RATES_HZ: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 2.0, 1: 1.0, 147: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 1.0}
 """Messages that telemetry is made of, and how often they are asked for: attitude, position, …, wind."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from link.command import RESULTS, AskFor, Command, Place
-from link.download import Clear, Download
-from link.live import RATES_HZ
-from link.mission_words import ACCEPTED, MissionKind, in_words
-from link.parameters import (
+from skyway.link.command import RESULTS, AskFor, Command, Place
+from skyway.link.download import Clear, Download
+from skyway.link.live import RATES_HZ
+from skyway.link.mission_words import ACCEPTED, MissionKind, in_words
+from skyway.link.parameters import (
     GIVE_UP_S,
     PARAMETER_ERRORS,
     ListParameters,
@@ -20,13 +20,13 @@ from link.parameters import (
     check_parameters,
     same_value,
 )
-from link.seen import INTERVAL, Home, Seen
-from link.set_current import SetCurrent
-from link.vehicle import Identity, version_text
-from link.verified import UploadJob, UploadOutcome, UploadState, compare, decode, kind_of, upload_verified
-from missions.dialects import dialect
-from missions.parameters import UNITS
-from models.errors import (
+from skyway.link.seen import INTERVAL, Home, Seen
+from skyway.link.set_current import SetCurrent
+from skyway.link.vehicle import Identity, version_text
+from skyway.link.verified import UploadJob, UploadOutcome, UploadState, compare, decode, kind_of, upload_verified
+from skyway.missions.dialects import dialect
+from skyway.missions.parameters import UNITS
+from skyway.models.errors import (
     CommandRefusedError,
     Fault,
     InputError,
@@ -39,13 +39,13 @@ from models.errors import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from link.connection import Connection
-    from link.exchange import Exchange, Steps
-    from link.verified import Part
-    from missions.comparison import Difference
-    from missions.dialects.wire import WireItem
-    from missions.mission import Mission
-    from missions.parameters import Parameter
+    from skyway.link.connection import Connection
+    from skyway.link.exchange import Exchange, Steps
+    from skyway.link.verified import Part
+    from skyway.missions.comparison import Difference
+    from skyway.missions.dialects.wire import WireItem
+    from skyway.missions.mission import Mission
+    from skyway.missions.parameters import Parameter
 
 E_ = TypeVar("E_", bound="Exchange")
 T = TypeVar("T")

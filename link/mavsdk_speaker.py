@@ -19,21 +19,21 @@ import threading
 from dataclasses import astuple
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from link.command import AskFor, Command
-from link.download import Download
-from link.frames import MAGIC_2, FrameWriter
-from link.parameters import REAL32, ListParameters, ParameterValue, SetParameter
-from link.set_current import SetCurrent
-from link.upload import Upload, UploadEnd
-from missions.dialects.wire import WireItem
-from models.errors import LinkLostError, VehicleTimeoutError
+from skyway.link.command import AskFor, Command
+from skyway.link.download import Download
+from skyway.link.frames import MAGIC_2, FrameWriter
+from skyway.link.parameters import REAL32, ListParameters, ParameterValue, SetParameter
+from skyway.link.set_current import SetCurrent
+from skyway.link.upload import Upload, UploadEnd
+from skyway.missions.dialects.wire import WireItem
+from skyway.models.errors import LinkLostError, VehicleTimeoutError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from link.connection import Connection, Peer
-    from link.exchange import Exchange, Steps
-    from link.frames import Message
+    from skyway.link.connection import Connection, Peer
+    from skyway.link.exchange import Exchange, Steps
+    from skyway.link.frames import Message
 
 T = TypeVar("T")
 FIND_S = 10.0

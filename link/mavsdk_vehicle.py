@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from link.mavlink_vehicle import MavlinkVehicle
-from link.mavsdk_speaker import MavsdkSpeaker
-from models.clock import WallClock
-from models.errors import Fault, InputError
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.mavsdk_speaker import MavsdkSpeaker
+from skyway.models.clock import WallClock
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from link.connection import Connection
+    from skyway.link.connection import Connection
 
 
 class MavsdkVehicle(MavlinkVehicle):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from enum import IntEnum
 
-from missions.dialects.wire import WireItem
+from skyway.missions.dialects.wire import WireItem
 
 
 class MissionKind(IntEnum):

@@ -7,17 +7,17 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from link.address import parse_address
-from link.connection import GROUND_SYSTEM, Connection
-from link.frames import Signing
-from link.recorder import Recorder
-from link.transport import open_transport
-from models.clock import WallClock
-from models.errors import Fault, InputError
-from models.files import read_bytes
+from skyway.link.address import parse_address
+from skyway.link.connection import GROUND_SYSTEM, Connection
+from skyway.link.frames import Signing
+from skyway.link.recorder import Recorder
+from skyway.link.transport import open_transport
+from skyway.models.clock import WallClock
+from skyway.models.errors import Fault, InputError
+from skyway.models.files import read_bytes
 
 if TYPE_CHECKING:
-    from models.clock import Clock
+    from skyway.models.clock import Clock
 
 KEY_VARIABLE = "SKYWAY_SIGNING_KEY"
 """Environment variable with the signing key in hexadecimal digits."""

@@ -6,16 +6,16 @@ import math
 import re
 from typing import TYPE_CHECKING, cast
 
-from missions.dialects import DIALECTS
-from missions.parameters import UNITS, Parameter
-from models.errors import Fault, InputError
-from models.files import read_text
+from skyway.missions.dialects import DIALECTS
+from skyway.missions.parameters import UNITS, Parameter
+from skyway.models.errors import Fault, InputError
+from skyway.models.files import read_text
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from missions.parameters import Rule
-    from missions.settings import Name, Setting
+    from skyway.missions.parameters import Rule
+    from skyway.missions.settings import Name, Setting
 
 _MAX_BYTES = 2_000_000
 _QGC_FIELDS = 5

@@ -7,15 +7,15 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from link.exchange import Exchange
-from models.errors import Fault, InputError
+from skyway.link.exchange import Exchange
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from link.exchange import RoundTrip, Target
-    from link.frames import Message
-    from missions.parameters import Parameter
+    from skyway.link.exchange import RoundTrip, Target
+    from skyway.link.frames import Message
+    from skyway.missions.parameters import Parameter
 
 REAL32 = 9
 GIVE_UP_S = 5.0

@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from link.frames import kinds
+from skyway.link.frames import kinds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from link.live import LiveTelemetry
+    from skyway.link.live import LiveTelemetry
 
 CHECK_S = 10.0
 NEAR = 0.2

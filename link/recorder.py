@@ -8,13 +8,13 @@ import struct
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from io import FileIO
     from pathlib import Path
 
-    from models.clock import Clock
+    from skyway.models.clock import Clock
 
 MAX_BYTES = 100_000_000
 """A file is closed and the next one begun beyond this."""

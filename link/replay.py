@@ -13,31 +13,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from link.flight_monitor import FlightMonitor, WindTally, pieces
-from link.logs.log import MAX_EVENTS, LogEvent
-from link.replay_monitors import PERIOD_S, Leg, Notice, PhaseEnergy
-from link.replay_vehicle import VehicleView, no_wind, vehicle_of
-from models.calibration_airspeed import identify_airspeed
-from models.calibration_wind import identify_drag
-from models.errors import Fault, InputError
-from models.wind_filter_blocks import BlockMaker, Blocks
-from models.wind_filter_live import NOMINAL_DRAG, LiveWind
-from models.wind_filter_measurement import PLAIN_SENSOR
+from skyway.link.flight_monitor import FlightMonitor, WindTally, pieces
+from skyway.link.logs.log import MAX_EVENTS, LogEvent
+from skyway.link.replay_monitors import PERIOD_S, Leg, Notice, PhaseEnergy
+from skyway.link.replay_vehicle import VehicleView, no_wind, vehicle_of
+from skyway.models.calibration_airspeed import identify_airspeed
+from skyway.models.calibration_wind import identify_drag
+from skyway.models.errors import Fault, InputError
+from skyway.models.wind_filter_blocks import BlockMaker, Blocks
+from skyway.models.wind_filter_live import NOMINAL_DRAG, LiveWind
+from skyway.models.wind_filter_measurement import PLAIN_SENSOR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from link.flight_monitor import Listener
-    from link.logs.log import Log, LogSummary
-    from link.logs.vehicle_kind import Kind, Vehicle
-    from models.airspeed import AirspeedModel
-    from models.drag import DragModel
-    from models.drag_monitor import DragCheck
-    from models.energy import Phase
-    from models.telemetry import TelemetryTrack
-    from models.wind_field import WindObservation
-    from models.wind_filter import FilteredWind, WindFilterSettings
-    from models.wind_filter_live import Forecast
+    from skyway.link.flight_monitor import Listener
+    from skyway.link.logs.log import Log, LogSummary
+    from skyway.link.logs.vehicle_kind import Kind, Vehicle
+    from skyway.models.airspeed import AirspeedModel
+    from skyway.models.drag import DragModel
+    from skyway.models.drag_monitor import DragCheck
+    from skyway.models.energy import Phase
+    from skyway.models.telemetry import TelemetryTrack
+    from skyway.models.wind_field import WindObservation
+    from skyway.models.wind_filter import FilteredWind, WindFilterSettings
+    from skyway.models.wind_filter_live import Forecast
 
 MOST_BLOCKS = 7_200
 """The drag is looked for in so many seconds at the end of the log."""

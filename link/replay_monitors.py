@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from models.calibration_energy import VERTICAL_MPS
-from models.energy import PHASES, Phase
-from models.telemetry import COLUMN, TelemetryTrack
-from models.wind_filter_blocks import is_flying, is_trusted
+from skyway.models.calibration_energy import VERTICAL_MPS
+from skyway.models.energy import PHASES, Phase
+from skyway.models.telemetry import COLUMN, TelemetryTrack
+from skyway.models.wind_filter_blocks import is_flying, is_trusted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.wind_filter import FilteredWind
-    from models.wind_filter_live import LiveWind
+    from skyway.models.wind_filter import FilteredWind
+    from skyway.models.wind_filter_live import LiveWind
 
 Kind = Literal["wind", "battery", "mission"]
 PERIOD_S = 1.0
@@ -292,7 +292,7 @@ class WindWatch:
 
     def feed(self, course: FilteredWind) -> list[Notice]:
         """Take the course over some seconds; the checks look at what the filter knows at their end."""
-        from models.wind import speed_from
+        from skyway.models.wind import speed_from
 
         found: list[Notice] = []
         measured = np.flatnonzero(np.isfinite(course.nis) & course.trusted)

@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from link.encoded_sample import encode
-from link.logs.tlog import read_frames
-from link.logs.tlog_stamps import StampCheck
-from models.errors import Fault, InputError
+from skyway.link.encoded_sample import encode
+from skyway.link.logs.tlog import read_frames
+from skyway.link.logs.tlog_stamps import StampCheck
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from link.logs.log import Log
-    from link.logs.tlog import TlogIndex
-    from models.telemetry import TelemetryTrack
+    from skyway.link.logs.log import Log
+    from skyway.link.logs.tlog import TlogIndex
+    from skyway.models.telemetry import TelemetryTrack
 
 Packet = tuple[float, bytes]
 WINDOW_BYTES = 1 << 18
@@ -126,7 +126,7 @@ class Part:
 
 def packets_of(log: Log, system: int | None = None) -> PacketSource:
     """Return what of a log can be played, of all systems or of one."""
-    from link.logs.tlog_track import Tlog
+    from skyway.link.logs.tlog_track import Tlog
 
     return TlogPackets(log.path, log.index, system) if isinstance(log, Tlog) else SamplePackets(log)
 

@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from models.energy import PHASES
-from models.errors import Fault, InputError
+from skyway.models.energy import PHASES
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from link.replay import Replay
-    from models.drone import Drone
-    from models.energy import Phase
+    from skyway.link.replay import Replay
+    from skyway.models.drone import Drone
+    from skyway.models.energy import Phase
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from models.telemetry import QUANTITIES
-from models.units import J_PER_WH, from_posix, iso
-from models.wind import speed_from
-from models.wind_filter_health import chi2_band
+from skyway.models.telemetry import QUANTITIES
+from skyway.models.units import J_PER_WH, from_posix, iso
+from skyway.models.wind import speed_from
+from skyway.models.wind_filter_health import chi2_band
 
 if TYPE_CHECKING:
-    from link.replay import Replay
-    from link.replay_monitors import Leg
-    from link.replay_prediction import Prediction
-    from models.telemetry import TelemetryTrack
-    from models.wind_filter import FilteredWind
+    from skyway.link.replay import Replay
+    from skyway.link.replay_monitors import Leg
+    from skyway.link.replay_prediction import Prediction
+    from skyway.models.telemetry import TelemetryTrack
+    from skyway.models.wind_filter import FilteredWind
 
 SCHEMA = "skyway.replay/1"
 ESTIMATED = (

@@ -7,11 +7,11 @@ import socket
 import time
 from typing import TYPE_CHECKING, Any
 
-from models.errors import Fault, InputError, LinkError
-from models.json_text import json_text
+from skyway.models.errors import Fault, InputError, LinkError
+from skyway.models.json_text import json_text
 
 if TYPE_CHECKING:
-    from link.replay_player import Player
+    from skyway.link.replay_player import Player
 
 TICK_S = 0.02
 MAX_LINE = 4096

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from link.logs.vehicle_kind import KINDS, Vehicle
-from models.errors import Fault, InputError
-from models.telemetry import COLUMN, NEITHER, TelemetryTrack
+from skyway.link.logs.vehicle_kind import KINDS, Vehicle
+from skyway.models.errors import Fault, InputError
+from skyway.models.telemetry import COLUMN, NEITHER, TelemetryTrack
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from link.logs.log import LogSummary
-    from link.logs.vehicle_kind import Kind
+    from skyway.link.logs.log import LogSummary
+    from skyway.link.logs.vehicle_kind import Kind
 
 FLIES_BY_AIR: tuple[Kind, ...] = ("multirotor", "fixed wing", "VTOL")
 """Kinds whose flight tells the wind."""

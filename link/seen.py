@@ -7,17 +7,17 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from link.autopilots import family_named, family_of
-from link.live import RATES_HZ, WIND, WIND_COV, LiveTelemetry
-from link.rates import RateKeeper
-from models.errors import Fault, InputError, VehicleTimeoutError
+from skyway.link.autopilots import family_named, family_of
+from skyway.link.live import RATES_HZ, WIND, WIND_COV, LiveTelemetry
+from skyway.link.rates import RateKeeper
+from skyway.models.errors import Fault, InputError, VehicleTimeoutError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from link.connection import Connection, Peer
-    from link.frames import Message
-    from models.telemetry import TelemetrySample
+    from skyway.link.connection import Connection, Peer
+    from skyway.link.frames import Message
+    from skyway.models.telemetry import TelemetrySample
 
 FIND_S = 10.0
 ALONE_S = 1.5

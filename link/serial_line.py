@@ -10,10 +10,10 @@ import time
 import tty
 from typing import TYPE_CHECKING
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from link.address import Address
+    from skyway.link.address import Address
 
 _AGAIN_S = 1.0
 _READ_BYTES = 4096

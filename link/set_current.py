@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from link.exchange import Exchange
+from skyway.link.exchange import Exchange
 
 if TYPE_CHECKING:
-    from link.exchange import RoundTrip, Target
-    from link.frames import Message
+    from skyway.link.exchange import RoundTrip, Target
+    from skyway.link.frames import Message
 
 GIVE_UP_S = 5.0
 

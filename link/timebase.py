@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from models.telemetry import TimeBase
+from skyway.models.telemetry import TimeBase
 
 if TYPE_CHECKING:
-    from link.frames import Message
+    from skyway.link.frames import Message
 
 _PLAUSIBLE_S = (946_684_800.0, 4_102_444_800.0)
 """Years 2000 to 2100: a clock without satellites starts in 1970."""

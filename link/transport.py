@@ -8,10 +8,10 @@ import socket
 import time
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from models.errors import Fault, InputError, LinkLostError
+from skyway.models.errors import Fault, InputError, LinkLostError
 
 if TYPE_CHECKING:
-    from link.address import Address
+    from skyway.link.address import Address
 
 _READ_BYTES = 65536
 _AGAIN_S = 1.0
@@ -81,7 +81,7 @@ def open_transport(address: Address) -> Transport:
     """
     if address.kind == "serial":
         try:
-            from link.serial_line import SerialLine
+            from skyway.link.serial_line import SerialLine
         except ImportError:
             problem, remedy = "serial lines need Linux or macOS", "bridge it to udp: or tcp:"
             raise InputError(Fault(problem, field="--connect", value=str(address), remedy=remedy)) from None

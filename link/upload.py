@@ -12,15 +12,15 @@ import math
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from link.exchange import SPREADS, Exchange
-from link.mission_words import ACCEPTED, CANCELLED, INVALID_SEQUENCE, ITEM_FIELDS, PASSING, MissionKind
+from skyway.link.exchange import SPREADS, Exchange
+from skyway.link.mission_words import ACCEPTED, CANCELLED, INVALID_SEQUENCE, ITEM_FIELDS, PASSING, MissionKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from link.exchange import RoundTrip, Target
-    from link.frames import Message
-    from missions.dialects.wire import WireItem
+    from skyway.link.exchange import RoundTrip, Target
+    from skyway.link.frames import Message
+    from skyway.missions.dialects.wire import WireItem
 
 GIVE_UP_S = 10.0
 """Silence after which the transfer is over: both autopilots have given up before (5 s and 8 s)."""

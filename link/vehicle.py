@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from link.autopilots import Family
-    from link.mission_words import MissionKind
-    from link.parameters import ParameterCheck, ParameterValue
-    from link.seen import Change, Home
-    from link.verified import Part, UploadOutcome
-    from missions.comparison import Difference
-    from missions.mission import Mission
-    from missions.parameters import Parameter
-    from models.telemetry import TelemetrySample
+    from skyway.link.autopilots import Family
+    from skyway.link.mission_words import MissionKind
+    from skyway.link.parameters import ParameterCheck, ParameterValue
+    from skyway.link.seen import Change, Home
+    from skyway.link.verified import Part, UploadOutcome
+    from skyway.missions.comparison import Difference
+    from skyway.missions.mission import Mission
+    from skyway.missions.parameters import Parameter
+    from skyway.models.telemetry import TelemetrySample
 
 CAPABILITIES = {
     1: "missions (float)",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from link.seen import Seen
-    from models.clock import Clock
+    from skyway.link.seen import Seen
+    from skyway.models.clock import Clock
 
 
 _CATCHING_UP = 0.5

@@ -10,14 +10,14 @@ import math
 import re
 from typing import TYPE_CHECKING
 
-from link.command import ACCEPTED, IN_PROGRESS
-from link.exchange import Exchange
+from skyway.link.command import ACCEPTED, IN_PROGRESS
+from skyway.link.exchange import Exchange
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from link.exchange import RoundTrip, Target
-    from link.frames import Message
+    from skyway.link.exchange import RoundTrip, Target
+    from skyway.link.frames import Message
 
 GIVE_UP_S = 2.0
 SETTLE_S = 0.2

@@ -9,28 +9,28 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from link.download import Download
-from link.mission_words import MissionKind, in_words
-from link.upload import Upload, UploadEnd
-from link.verdict import AskVerdict, items_named, refusing
-from missions.comparison import Difference, diff
-from missions.dialects import dialect
-from missions.dialects.wire import (
+from skyway.link.download import Download
+from skyway.link.mission_words import MissionKind, in_words
+from skyway.link.upload import Upload, UploadEnd
+from skyway.link.verdict import AskVerdict, items_named, refusing
+from skyway.missions.comparison import Difference, diff
+from skyway.missions.dialects import dialect
+from skyway.missions.dialects.wire import (
     WireItem,
     fence_from_wire,
     fence_to_wire,
     rally_from_wire,
     rally_to_wire,
 )
-from missions.geofence import Geofence
-from missions.mission import Mission
-from missions.rally import RallyPoints
-from models.errors import InputError
+from skyway.missions.geofence import Geofence
+from skyway.missions.mission import Mission
+from skyway.missions.rally import RallyPoints
+from skyway.models.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from link.exchange import RoundTrip, Steps, Target
+    from skyway.link.exchange import RoundTrip, Steps, Target
 
 Part = Mission | Geofence | RallyPoints
 """What can be uploaded."""

@@ -10,24 +10,24 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from missions.checks.energy import FlightConditions, LegEnergy
-    from missions.checks.report import CheckReport, check
-    from missions.checks.weather import ForecastWind, SteadyWind
-    from missions.commands import Command, Frame
-    from missions.comparison import Difference, diff
-    from missions.coordinates import Point
-    from missions.dialects import dialect
-    from missions.dialects.protocol import Dialect
-    from missions.dialects.wire import WireItem
-    from missions.document import MissionDocument
-    from missions.finding import Finding
-    from missions.from_composition import Export, armed_mission, leg_mission, whole_mission
-    from missions.geofence import FenceCircle, FencePolygon, Geofence
-    from missions.mission import Home, Mission, MissionItem
-    from missions.mission_file import read, write
-    from missions.mission_options import MissionOptions
-    from missions.parameters import Parameter
-    from missions.rally import RallyPoint, RallyPoints
+    from skyway.missions.checks.energy import FlightConditions, LegEnergy
+    from skyway.missions.checks.report import CheckReport, check
+    from skyway.missions.checks.weather import ForecastWind, SteadyWind
+    from skyway.missions.commands import Command, Frame
+    from skyway.missions.comparison import Difference, diff
+    from skyway.missions.coordinates import Point
+    from skyway.missions.dialects import dialect
+    from skyway.missions.dialects.protocol import Dialect
+    from skyway.missions.dialects.wire import WireItem
+    from skyway.missions.document import MissionDocument
+    from skyway.missions.finding import Finding
+    from skyway.missions.from_composition import Export, armed_mission, leg_mission, whole_mission
+    from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
+    from skyway.missions.mission import Home, Mission, MissionItem
+    from skyway.missions.mission_file import read, write
+    from skyway.missions.mission_options import MissionOptions
+    from skyway.missions.parameters import Parameter
+    from skyway.missions.rally import RallyPoint, RallyPoints
 
 _HOMES = {
     "CheckReport": "checks.report",

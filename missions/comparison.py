@@ -10,17 +10,17 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from missions.dialects import dialect as dialect_named
-from missions.fence_items import CLAIMED_COUNT
-from missions.geofence import FencePolygon, Geofence
-from missions.mission import Mission
-from missions.rally import RallyPoints
+from skyway.missions.dialects import dialect as dialect_named
+from skyway.missions.fence_items import CLAIMED_COUNT
+from skyway.missions.geofence import FencePolygon, Geofence
+from skyway.missions.mission import Mission
+from skyway.missions.rally import RallyPoints
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from missions.dialects.protocol import Dialect, Meaning
-    from missions.geofence import FenceCircle
+    from skyway.missions.dialects.protocol import Dialect, Meaning
+    from skyway.missions.geofence import FenceCircle
 
 TOLERANCE_E7 = 2
 """Coordinates that pass through 32-bit floats or other scalings may move by this many units of 1e-7 degree."""

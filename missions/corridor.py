@@ -12,10 +12,10 @@ import math
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from missions.coordinates import Point
-from missions.geofence import FencePolygon
-from models import geodesy
-from models.errors import Fault, InputError
+from skyway.missions.coordinates import Point
+from skyway.missions.geofence import FencePolygon
+from skyway.models import geodesy
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

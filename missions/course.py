@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from models import geodesy
+from skyway.models import geodesy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from missions.geofence import Geofence
-from missions.mission import Mission
-from missions.rally import RallyPoints
+from skyway.missions.geofence import Geofence
+from skyway.missions.mission import Mission
+from skyway.missions.rally import RallyPoints
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from missions.fence_items import CLAIMED_COUNT
-from missions.plan_writer import required
+from skyway.missions.fence_items import CLAIMED_COUNT
+from skyway.missions.plan_writer import required
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from missions.document import MissionDocument
+    from skyway.missions.document import MissionDocument
 
 COMMENT = "comment"
 _SHOWN = 6

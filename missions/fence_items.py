@@ -6,12 +6,12 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from missions.commands import FENCE_COMMANDS, Command, Frame
-from missions.coordinates import Point
-from missions.geofence import FenceCircle, FencePolygon, Geofence
-from missions.mission import MissionItem
-from missions.rally import RallyPoint, RallyPoints
-from models.errors import Fault, InputError
+from skyway.missions.commands import FENCE_COMMANDS, Command, Frame
+from skyway.missions.coordinates import Point
+from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
+from skyway.missions.mission import MissionItem
+from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,19 +6,19 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from missions.commands import Command, Frame
-from missions.document import MissionDocument
-from missions.leg_builder import LegBuilder
-from missions.mission import MissionItem
-from missions.mission_options import MissionOptions
-from models.errors import Fault, InputError
+from skyway.missions.commands import Command, Frame
+from skyway.missions.document import MissionDocument
+from skyway.missions.leg_builder import LegBuilder
+from skyway.missions.mission import MissionItem
+from skyway.missions.mission_options import MissionOptions
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from missions.dialects.protocol import Dialect
-    from missions.parameters import Parameter
-    from models.services import Composition, Stop
+    from skyway.missions.dialects.protocol import Dialect
+    from skyway.missions.parameters import Parameter
+    from skyway.models.services import Composition, Stop
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from missions.coordinates import Point, to_e7
-from models.errors import Fault, InputError
+from skyway.missions.coordinates import Point, to_e7
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

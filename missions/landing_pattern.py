@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from missions.commands import Command, Frame
-from missions.json_fields import fault, sequence
+from skyway.missions.commands import Command, Frame
+from skyway.missions.json_fields import fault, sequence
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

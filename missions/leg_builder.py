@@ -13,24 +13,24 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from missions.commands import Command, Frame
-from missions.coordinates import Point
-from missions.corridor import corridor
-from missions.course import pieces
-from missions.document import MissionDocument
-from missions.geofence import Geofence
-from missions.mission import Home, Mission, MissionItem
-from missions.mission_options import MAX_GROUND_SPEED_MPS
-from missions.parameters import FlightNeeds
-from missions.rally import RallyPoint, RallyPoints
-from models.errors import Fault, InputError
+from skyway.missions.commands import Command, Frame
+from skyway.missions.coordinates import Point
+from skyway.missions.corridor import corridor
+from skyway.missions.course import pieces
+from skyway.missions.document import MissionDocument
+from skyway.missions.geofence import Geofence
+from skyway.missions.mission import Home, Mission, MissionItem
+from skyway.missions.mission_options import MAX_GROUND_SPEED_MPS
+from skyway.missions.parameters import FlightNeeds
+from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from missions.dialects.protocol import Dialect
-    from missions.mission_options import MissionOptions
-    from models.services import Composition, DroneService, Place
+    from skyway.missions.dialects.protocol import Dialect
+    from skyway.missions.mission_options import MissionOptions
+    from skyway.models.services import Composition, DroneService, Place
 
 MAV_TYPE_QUADROTOR = 2
 GROUND_SPEED = 1.0

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from missions.coordinates import Point
-from missions.document import MissionDocument
-from missions.geofence import FencePolygon, Geofence
-from missions.rally import RallyPoint, RallyPoints
-from models.errors import Fault, InputError
+from skyway.missions.coordinates import Point
+from skyway.missions.document import MissionDocument
+from skyway.missions.geofence import FencePolygon, Geofence
+from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.models.errors import Fault, InputError
 
 MAX_LINES = 100_000
 

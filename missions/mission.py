@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from missions.commands import (
+from skyway.missions.commands import (
     FLOWN_COMMANDS,
     GLOBAL_FRAMES,
     INDEX_COMMANDS,
@@ -17,7 +17,7 @@ from missions.commands import (
     Frame,
     command_name,
 )
-from missions.coordinates import E7, Point
+from skyway.missions.coordinates import E7, Point
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -6,14 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from missions import legacy_files, plan_reader, plan_writer, waypoints_file
-from models.errors import Fault, InputError
-from models.files import read_bytes, write_atomically
+from skyway.missions import legacy_files, plan_reader, plan_writer, waypoints_file
+from skyway.models.errors import Fault, InputError
+from skyway.models.files import read_bytes, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from missions.document import MissionDocument
+    from skyway.missions.document import MissionDocument
 
 MAX_BYTES = 32 * 1024 * 1024
 FileFormat = Literal["plan", "waypoints", "fence", "rally"]

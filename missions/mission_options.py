@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from missions.corridor import DEFAULT_WIDTH_M
-from models.errors import Fault, InputError
+from skyway.missions.corridor import DEFAULT_WIDTH_M
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from missions import fence_items, landing_pattern
-from missions.commands import GLOBAL_FRAMES, INDEX_COMMANDS, LOCATED_COMMANDS, Command, command_of, frame_of
-from missions.coordinates import to_e7
-from missions.document import MissionDocument
-from missions.geofence import FenceCircle, FencePolygon, Geofence
-from missions.json_fields import MAX_PARAM, fault, integer, mapping, number, place, sequence, without
-from missions.mission import ComplexItem, Home, Mission, MissionItem
-from missions.rally import RallyPoint, RallyPoints
-from models.errors import Fault, InputError
+from skyway.missions import fence_items, landing_pattern
+from skyway.missions.commands import GLOBAL_FRAMES, INDEX_COMMANDS, LOCATED_COMMANDS, Command, command_of, frame_of
+from skyway.missions.coordinates import to_e7
+from skyway.missions.document import MissionDocument
+from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
+from skyway.missions.json_fields import MAX_PARAM, fault, integer, mapping, number, place, sequence, without
+from skyway.missions.mission import ComplexItem, Home, Mission, MissionItem
+from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -6,17 +6,17 @@ import json
 import math
 from typing import TYPE_CHECKING, Any
 
-from missions.commands import GLOBAL_FRAMES, LOCATED_COMMANDS, Command, Frame
-from missions.coordinates import from_e7
-from missions.plan_reader import MISSION_VERSION, PLAN_VERSION, UNKNOWN_KEY, loads
-from models.errors import InputError
+from skyway.missions.commands import GLOBAL_FRAMES, LOCATED_COMMANDS, Command, Frame
+from skyway.missions.coordinates import from_e7
+from skyway.missions.plan_reader import MISSION_VERSION, PLAN_VERSION, UNKNOWN_KEY, loads
+from skyway.models.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from missions.document import MissionDocument
-    from missions.geofence import Geofence
-    from missions.mission import ComplexItem, Mission, MissionItem
+    from skyway.missions.document import MissionDocument
+    from skyway.missions.geofence import Geofence
+    from skyway.missions.mission import ComplexItem, Mission, MissionItem
 
 MAV_TYPE_QUADROTOR = 2
 MAV_AUTOPILOT_PX4 = 12

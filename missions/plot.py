@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from missions.checks.route import fly
-from missions.geofence import FencePolygon
-from models import geodesy
-from models.antimeridian import about, middle_longitude, wrapped
-from models.errors import Fault, InputError
+from skyway.missions.checks.route import fly
+from skyway.missions.geofence import FencePolygon
+from skyway.models import geodesy
+from skyway.models.antimeridian import about, middle_longitude, wrapped
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from missions.checks.route import Route
-    from missions.coordinates import Point
-    from missions.document import MissionDocument
+    from skyway.missions.checks.route import Route
+    from skyway.missions.coordinates import Point
+    from skyway.missions.document import MissionDocument
 
 FORMATS = (".png", ".svg", ".pdf")
 MAX_LABELS = 60

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from missions.coordinates import Point
+    from skyway.missions.coordinates import Point
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,13 +11,13 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from missions.parameters import UNITS, Parameter
-from models.errors import Fault, InputError
+from skyway.missions.parameters import UNITS, Parameter
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from missions.parameters import Rule
+    from skyway.missions.parameters import Rule
 
 Version = tuple[int, int]
 """Major and minor version of a firmware."""

@@ -12,8 +12,8 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from missions import fence_items
-from missions.commands import (
+from skyway.missions import fence_items
+from skyway.missions.commands import (
     GLOBAL_FRAMES,
     INDEX_COMMANDS,
     LOCATED_COMMANDS,
@@ -22,11 +22,11 @@ from missions.commands import (
     command_of,
     frame_of,
 )
-from missions.coordinates import Point, to_e7
-from missions.document import MissionDocument
-from missions.json_fields import MAX_FLOAT32, MAX_PARAM
-from missions.mission import Home, Mission, MissionItem
-from models.errors import Fault, InputError
+from skyway.missions.coordinates import Point, to_e7
+from skyway.missions.document import MissionDocument
+from skyway.missions.json_fields import MAX_FLOAT32, MAX_PARAM
+from skyway.missions.mission import Home, Mission, MissionItem
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

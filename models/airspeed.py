@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 FLIGHT_TO_FLIGHT_FACTOR, FLIGHT_TO_FLIGHT_HEADING_RAD = 0.03, math.radians(3.0)
 """How far sensor and heading of one aircraft may differ between flights: the probe's place in the flow, the compass beside its load."""

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.units import GRAVITY_MPS2
+from skyway.models.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from models.drag import DragModel
+    from skyway.models.drag import DragModel
 
 INFLOW_MPS = 5.7
 """Speed of the air through the propellers in hover at a disc loading of 80 N/m2, usual for drones of 2 to 10 kg."""

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.airspeed import AirspeedModel
-from models.calibration_wind import MIN_SPREAD_DEG, course_spread_deg
-from models.wind_filter_measurement import MIN_AIRSPEED_MPS
+from skyway.models.airspeed import AirspeedModel
+from skyway.models.calibration_wind import MIN_SPREAD_DEG, course_spread_deg
+from skyway.models.wind_filter_measurement import MIN_AIRSPEED_MPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.wind_filter_blocks import Blocks
+    from skyway.models.wind_filter_blocks import Blocks
 
 MIN_BLOCKS = 30
 MOST_BLOCKS = 1800

@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from models.energy import M100_COEFFICIENTS, PHASES, EnduranceEnergy, EnergyModel, MomentumEnergy, Phase
-from models.errors import Fault, InputError
-from models.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
+from skyway.models.energy import M100_COEFFICIENTS, PHASES, EnduranceEnergy, EnergyModel, MomentumEnergy, Phase
+from skyway.models.errors import Fault, InputError
+from skyway.models.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from models.drone import Drone
-    from models.telemetry import TelemetryTrack
+    from skyway.models.drone import Drone
+    from skyway.models.telemetry import TelemetryTrack
 
 ModelName = Literal["endurance", "momentum"]
 MODELS: tuple[ModelName, ...] = ("endurance", "momentum")

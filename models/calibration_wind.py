@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.drag import DragModel
-from models.errors import Fault, InputError
-from models.wind_filter import WindFilterSettings
+from skyway.models.drag import DragModel
+from skyway.models.errors import Fault, InputError
+from skyway.models.wind_filter import WindFilterSettings
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.wind_filter_blocks import Blocks
+    from skyway.models.wind_filter_blocks import Blocks
 
 KNOT_S = 120.0
 """The wind of the fit is linear between knots so far apart."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

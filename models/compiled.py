@@ -30,7 +30,7 @@ def compiled_lean(function: F) -> F:
 
 
 def _kernel(function: F, *, counting: bool) -> F:
-    from models.kernel_library import LibraryKernel, library  # imported late: numpy
+    from skyway.models.kernel_library import LibraryKernel, library  # imported late: numpy
 
     if library() is None:
         return _compile(function, counting=counting)
@@ -40,7 +40,7 @@ def _kernel(function: F, *, counting: bool) -> F:
 def _compile(function: F, *, counting: bool) -> F:
     import numba
 
-    from models.kernel_cache import KernelCache
+    from skyway.models.kernel_cache import KernelCache
 
     options: dict[str, Any] = {"_nrt": counting}
     kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False, **options)(function)

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from models import composition_schema as schema
-from models.errors import Fault, InputError, one_line
-from models.figure import Figure
-from models.files import read_text, write_atomically
-from models.services import ArrivalDistribution, Composition, DroneService, LegSegment, Place, Stop, Wind
-from models.units import J_PER_WH, iso, parse_instant
+from skyway.models import composition_schema as schema
+from skyway.models.errors import Fault, InputError, one_line
+from skyway.models.figure import Figure
+from skyway.models.files import read_text, write_atomically
+from skyway.models.services import ArrivalDistribution, Composition, DroneService, LegSegment, Place, Stop, Wind
+from skyway.models.units import J_PER_WH, iso, parse_instant
 
 if TYPE_CHECKING:
     from datetime import datetime

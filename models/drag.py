@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import Fault, InputError
-from models.units import GRAVITY_MPS2
+from skyway.models.errors import Fault, InputError
+from skyway.models.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

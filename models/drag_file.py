@@ -9,10 +9,10 @@ import math
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from models.airspeed import AirspeedModel
-from models.drag import DragModel
-from models.errors import Fault, InputError
-from models.fields import Table, read_toml
+from skyway.models.airspeed import AirspeedModel
+from skyway.models.drag import DragModel
+from skyway.models.errors import Fault, InputError
+from skyway.models.fields import Table, read_toml
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from models.charging import ChargingCurve
-from models.energy import EnduranceEnergy, EnergyModel
-from models.units import J_PER_WH, S_PER_H, S_PER_MIN
+from skyway.models.charging import ChargingCurve
+from skyway.models.energy import EnduranceEnergy, EnergyModel
+from skyway.models.units import J_PER_WH, S_PER_H, S_PER_MIN
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Protocol
 
-from models.units import AIR_DENSITY_KG_M3
+from skyway.models.units import AIR_DENSITY_KG_M3
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

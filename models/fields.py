@@ -8,8 +8,8 @@ import re
 import tomllib
 from typing import TYPE_CHECKING, Any
 
-from models.errors import Fault, InputError, one_line
-from models.files import read_text
+from skyway.models.errors import Fault, InputError, one_line
+from skyway.models.files import read_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

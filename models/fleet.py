@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from models.drone import M200_V2, Drone
-from models.energy import M100_COEFFICIENTS, PHASES, EnergyModel, MomentumEnergy, Phase
-from models.errors import Fault, InputError
-from models.fields import Table, read_toml
-from models.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
+from skyway.models.drone import M200_V2, Drone
+from skyway.models.energy import M100_COEFFICIENTS, PHASES, EnergyModel, MomentumEnergy, Phase
+from skyway.models.errors import Fault, InputError
+from skyway.models.fields import Table, read_toml
+from skyway.models.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
 
 if TYPE_CHECKING:
     from pathlib import Path

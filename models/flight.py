@@ -17,9 +17,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.drone import Drone
-    from models.network import Network
-    from models.wind_forecast import WindEnsemble
+    from skyway.models.drone import Drone
+    from skyway.models.network import Network
+    from skyway.models.wind_forecast import WindEnsemble
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from models.compiled import compiled_lean
-from models.wind import MIN_GROUND_SPEED_MPS
+from skyway.models.compiled import compiled_lean
+from skyway.models.wind import MIN_GROUND_SPEED_MPS
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from models.flight import Air
+    from skyway.models.flight import Air
 
 NEVER = math.inf
 SLOT_EDGE_S = 1e-6  # a time this close below a boundary counts as beyond it, so that no step has length zero

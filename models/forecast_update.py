@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import Fault, InputError
-from models.wind_field import ResidualModel, WindObservation, check_observations, places
+from skyway.models.errors import Fault, InputError
+from skyway.models.wind_field import ResidualModel, WindObservation, check_observations, places
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from models.wind_ensemble import WindEnsemble
-    from models.wind_filter import WindEstimate
+    from skyway.models.wind_ensemble import WindEnsemble
+    from skyway.models.wind_filter import WindEstimate
 
 SLOT_S = 600.0
 """Observations are averaged over so long."""

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from datetime import datetime
     from zoneinfo import ZoneInfo
 
-    from models.figure import Figure
-    from models.services import Composition
+    from skyway.models.figure import Figure
+    from skyway.models.services import Composition
 
 STEPS_S = (1, 2, 5, 10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600)
 """Times are rounded to one of these."""

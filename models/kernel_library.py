@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 
-from models.errors import SkywayError
+from skyway.models.errors import SkywayError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

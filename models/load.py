@@ -15,8 +15,8 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from models.errors import Fault, InputError
-from models.units import S_PER_H
+from skyway.models.errors import Fault, InputError
+from skyway.models.units import S_PER_H
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import Fault, InputError
-from models.files import read_text
-from models.load import (
+from skyway.models.errors import Fault, InputError
+from skyway.models.files import read_text
+from skyway.models.load import (
     IDLE_CHARGING_S,
     MAX_ARRIVALS_PER_S,
     MAX_CHARGING_S,
@@ -25,7 +25,7 @@ from models.load import (
     PadLoad,
     zone,
 )
-from models.units import S_PER_H, S_PER_MIN
+from skyway.models.units import S_PER_H, S_PER_MIN
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

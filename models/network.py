@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import geodesy, views
-from models.errors import Fault, InputError
-from models.wind_ensemble import WindEnsemble
+from skyway.models import geodesy, views
+from skyway.models.errors import Fault, InputError
+from skyway.models.wind_ensemble import WindEnsemble
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from models.zones import NoFlyZones
+    from skyway.models.zones import NoFlyZones
 
 
 SHORTEST_M = 1.0

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import geodesy
-from models.errors import Fault, InputError
-from models.network import ConnectionRule, Network, Station
+from skyway.models import geodesy
+from skyway.models.errors import Fault, InputError
+from skyway.models.network import ConnectionRule, Network, Station
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from models.zones import NoFlyZones
+    from skyway.models.zones import NoFlyZones
 
 RULES = ("max-length", "nearest", "gabriel")
 MAX_PAIRS = 20_000_000

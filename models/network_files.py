@@ -8,13 +8,13 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from models.antimeridian import line_geometry
-from models.errors import Fault, InputError, one_line
-from models.fields import finite
-from models.files import read_text, write_atomically
-from models.json_text import json_text
-from models.network import Network, Station, coordinate_faults
-from models.zones import features, read_geojson
+from skyway.models.antimeridian import line_geometry
+from skyway.models.errors import Fault, InputError, one_line
+from skyway.models.fields import finite
+from skyway.models.files import read_text, write_atomically
+from skyway.models.json_text import json_text
+from skyway.models.network import Network, Station, coordinate_faults
+from skyway.models.zones import features, read_geojson
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models.errors import Fault, InputError
-from models.network import ConnectionRule, Network, Station, coordinate_faults
-from models.network_builders import build_network
+from skyway.models.errors import Fault, InputError
+from skyway.models.network import ConnectionRule, Network, Station, coordinate_faults
+from skyway.models.network_builders import build_network
 
 if TYPE_CHECKING:
-    from models.zones import NoFlyZones
+    from skyway.models.zones import NoFlyZones
 
 _LATITUDE = ("lat", "latitude", "y")
 _LONGITUDE = ("lon", "lng", "longitude", "x")

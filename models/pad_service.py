@@ -17,7 +17,7 @@ from typing import Literal, Protocol
 
 import msgspec
 
-from models.errors import LinkError
+from skyway.models.errors import LinkError
 
 MAX_LINE_BYTES = 4096
 """A longer line is no request."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from models.compiled import compiled, compiled_lean
+from skyway.models.compiled import compiled, compiled_lean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from models.compiled import compiled, compiled_lean
-from models.errors import Fault, InputError
-from models.queues import TAIL_H, PadQueue, present_at
-from models.units import S_PER_H
+from skyway.models.compiled import compiled, compiled_lean
+from skyway.models.errors import Fault, InputError
+from skyway.models.queues import TAIL_H, PadQueue, present_at
+from skyway.models.units import S_PER_H
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from models.load import PadLoad
+    from skyway.models.load import PadLoad
 
     Floats: TypeAlias = NDArray[np.float64]
 

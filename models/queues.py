@@ -20,17 +20,17 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from models.errors import Fault, InputError
-from models.load import MAX_CHARGING_S, MIN_CHARGING_S
-from models.queue_kernels import MAX_JUMPS, MAX_STATES, expected_waits, time_for, transient_distributions
-from models.units import S_PER_H
+from skyway.models.errors import Fault, InputError
+from skyway.models.load import MAX_CHARGING_S, MIN_CHARGING_S
+from skyway.models.queue_kernels import MAX_JUMPS, MAX_STATES, expected_waits, time_for, transient_distributions
+from skyway.models.units import S_PER_H
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from models.load import PadLoad
+    from skyway.models.load import PadLoad
 
     Floats: TypeAlias = NDArray[np.float64]
 

@@ -6,21 +6,21 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from models import views
-from models.errors import Fault, InputError
-from models.units import utc
-from models.wind_forecast import analogue_ensemble, read_forecast, truth_series
+from skyway.models import views
+from skyway.models.errors import Fault, InputError
+from skyway.models.units import utc
+from skyway.models.wind_forecast import analogue_ensemble, read_forecast, truth_series
 
 if TYPE_CHECKING:
     from datetime import date, datetime
     from pathlib import Path
 
-    from models.drone import Drone
-    from models.flight import FlightRules
-    from models.load import PadLoad
-    from models.network import Network
-    from models.wind_forecast import WindEnsemble
-    from models.wind_history import WindHistory, WindSite
+    from skyway.models.drone import Drone
+    from skyway.models.flight import FlightRules
+    from skyway.models.load import PadLoad
+    from skyway.models.network import Network
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.models.wind_history import WindHistory, WindSite
 
 
 @dataclass(frozen=True)

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import geodesy
-from models.errors import Fault
+from skyway.models import geodesy
+from skyway.models.errors import Fault
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from models.network import Network, Station
-    from models.wind_history import WindSite
-    from models.zones import NoFlyZones
+    from skyway.models.network import Network, Station
+    from skyway.models.wind_history import WindSite
+    from skyway.models.zones import NoFlyZones
 
 LOST_M = 1_000_000.0
 """Whatever is farther than this from all it belongs to, but near it with lat and lon swapped, has them swapped."""

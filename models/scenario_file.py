@@ -13,29 +13,29 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
 
-from models.drone import M200_V2, Drone
-from models.errors import Fault, InputError
-from models.fields import Table, read_toml
-from models.fleet import read_fleet
-from models.flight import FlightRules
-from models.load import PadLoad
-from models.load_files import read_load, read_occupancy
-from models.network import ConnectionRule, Network
-from models.network_builders import RULES, build_network
-from models.network_files import STATION_FIELDS, read_segments, read_stations
-from models.scenario import Scenario
-from models.scenario_checks import fit_warnings, position_faults, zone_faults
-from models.units import SPEED_UNITS_MPS
-from models.wind_columns import WindColumns
-from models.wind_forecast_table import read_forecast_table
-from models.wind_history import WindSite, read_history
-from models.zones import read_zones
+from skyway.models.drone import M200_V2, Drone
+from skyway.models.errors import Fault, InputError
+from skyway.models.fields import Table, read_toml
+from skyway.models.fleet import read_fleet
+from skyway.models.flight import FlightRules
+from skyway.models.load import PadLoad
+from skyway.models.load_files import read_load, read_occupancy
+from skyway.models.network import ConnectionRule, Network
+from skyway.models.network_builders import RULES, build_network
+from skyway.models.network_files import STATION_FIELDS, read_segments, read_stations
+from skyway.models.scenario import Scenario
+from skyway.models.scenario_checks import fit_warnings, position_faults, zone_faults
+from skyway.models.units import SPEED_UNITS_MPS
+from skyway.models.wind_columns import WindColumns
+from skyway.models.wind_forecast_table import read_forecast_table
+from skyway.models.wind_history import WindSite, read_history
+from skyway.models.zones import read_zones
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from os import PathLike
 
-    from models.network import Station
+    from skyway.models.network import Station
 
 SCHEMA = "skyway.scenario/1"
 FILE = "scenario.toml"

@@ -12,16 +12,16 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Literal
 
-from models import views
-from models.errors import AuditError
-from models.units import iso
+from skyway.models import views
+from skyway.models.errors import AuditError
+from skyway.models.units import iso
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import pandas as pd
 
-    from models.figure import Figure
+    from skyway.models.figure import Figure
 
 Recharge = Literal["full", "enough"]
 

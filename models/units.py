@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, tzinfo
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 J_PER_WH = 3600.0
 MPS_PER_KMH = 1000.0 / 3600.0

@@ -5,16 +5,16 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from models.errors import InputError
-from models.units import J_PER_WH
+from skyway.models.errors import InputError
+from skyway.models.units import J_PER_WH
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     import pandas as pd
 
-    from models.network import Network
-    from models.services import Composition
+    from skyway.models.network import Network
+    from skyway.models.services import Composition
 
 
 def counted(number: int, noun: str) -> str:

@@ -13,9 +13,9 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from models.errors import Fault, InputError
-from models.units import SPEED_UNITS_MPS
-from models.wind_table import FaultCollector, Problem, check_year, parse_direction, parse_number, read_table
+from skyway.models.errors import Fault, InputError
+from skyway.models.units import SPEED_UNITS_MPS
+from skyway.models.wind_table import FaultCollector, Problem, check_year, parse_direction, parse_number, read_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from models.wind_table import Chunk
+    from skyway.models.wind_table import Chunk
 
 MAX_SPEED_MPS = 75.0
 """Sustained wind above this is a slip: the strongest hurricanes measured had about 85 m/s over one minute."""

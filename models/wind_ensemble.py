@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import geodesy, views
-from models.errors import Fault, InputError
-from models.units import iso
-from models.wind import height_factor
+from skyway.models import geodesy, views
+from skyway.models.errors import Fault, InputError
+from skyway.models.units import iso
+from skyway.models.wind import height_factor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

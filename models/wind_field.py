@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import geodesy
-from models.errors import Fault, InputError
-from models.wind import height_factor
-from models.wind_filter import WindEstimate
+from skyway.models import geodesy
+from skyway.models.errors import Fault, InputError
+from skyway.models.wind import height_factor
+from skyway.models.wind_filter import WindEstimate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models import wind_filter_systematic as systematic
-from models.errors import Fault, InputError
-from models.wind import speed_from
-from models.wind_filter_health import HEALTH_CORRELATION, HEALTH_WINDOW, ConsistencyMonitor
-from models.wind_filter_systematic import Dependence
+from skyway.models import wind_filter_systematic as systematic
+from skyway.models.errors import Fault, InputError
+from skyway.models.wind import speed_from
+from skyway.models.wind_filter_health import HEALTH_CORRELATION, HEALTH_WINDOW, ConsistencyMonitor
+from skyway.models.wind_filter_systematic import Dependence
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -395,7 +395,7 @@ def filter_log(
     depends, systematic_sigma : Dependence, ndarray of shape (systematic.COUNT,), optional
         How the measurements depend on systematic errors, and how large these may be; by default there are none.
     """
-    from models.wind_filter_kernels import run_filter
+    from skyway.models.wind_filter_kernels import run_filter
 
     given = settings or WindFilterSettings()
     count = len(time_s)

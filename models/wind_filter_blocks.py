@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.drag import thrust_acceleration
-from models.units import GRAVITY_MPS2
+from skyway.models.drag import thrust_acceleration
+from skyway.models.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
-    from models.telemetry import TelemetryTrack
+    from skyway.models.telemetry import TelemetryTrack
 
 MIN_HEIGHT_M = 2.0
 STUCK_S = 5.0

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.compiled import compiled
-from models.wind_filter_systematic import LEAST_SCALE, TAU_S
+from skyway.models.compiled import compiled
+from skyway.models.wind_filter_systematic import LEAST_SCALE, TAU_S
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -24,29 +24,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.drag import DragModel
-from models.drag_monitor import DragCheck, check_drag
-from models.forecast_update import SlotAverages
-from models.telemetry import QUANTITIES, TelemetryTrack
-from models.wind import height_factor
-from models.wind_field import MIN_PROFILE_M
-from models.wind_filter import FilteredWind, WindEstimate, WindFilter, WindFilterSettings
-from models.wind_filter_blocks import BlockMaker, Blocks
-from models.wind_filter_health import HEALTH_WINDOW
-from models.wind_filter_measurement import PLAIN_SENSOR, measurements, tilt_air_velocity
-from models.wind_filter_systematic import dependence, prior_sigma
+from skyway.models.drag import DragModel
+from skyway.models.drag_monitor import DragCheck, check_drag
+from skyway.models.forecast_update import SlotAverages
+from skyway.models.telemetry import QUANTITIES, TelemetryTrack
+from skyway.models.wind import height_factor
+from skyway.models.wind_field import MIN_PROFILE_M
+from skyway.models.wind_filter import FilteredWind, WindEstimate, WindFilter, WindFilterSettings
+from skyway.models.wind_filter_blocks import BlockMaker, Blocks
+from skyway.models.wind_filter_health import HEALTH_WINDOW
+from skyway.models.wind_filter_measurement import PLAIN_SENSOR, measurements, tilt_air_velocity
+from skyway.models.wind_filter_systematic import dependence, prior_sigma
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from models.airspeed import AirspeedModel
-    from models.telemetry import TelemetrySample
-    from models.wind_ensemble import WindEnsemble
-    from models.wind_field import WindObservation
-    from models.wind_filter_measurement import Measurements
-    from models.wind_filter_systematic import Dependence
+    from skyway.models.airspeed import AirspeedModel
+    from skyway.models.telemetry import TelemetrySample
+    from skyway.models.wind_ensemble import WindEnsemble
+    from skyway.models.wind_field import WindObservation
+    from skyway.models.wind_filter_measurement import Measurements
+    from skyway.models.wind_filter_systematic import Dependence
 
     Forecast = Callable[[float, float, float, float], tuple[float, float]]
 

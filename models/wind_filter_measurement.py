@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.airspeed import AirspeedModel
+from skyway.models.airspeed import AirspeedModel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.drag import DragModel
-    from models.wind_filter_blocks import Blocks
+    from skyway.models.drag import DragModel
+    from skyway.models.wind_filter_blocks import Blocks
 
 LAG_S = 0.3
 """Airspeed, heading and ground velocity lag each other by so much, which tells in turns."""

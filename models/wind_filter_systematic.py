@@ -25,9 +25,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.airspeed import AirspeedModel
-    from models.drag import DragModel
-    from models.wind_filter_measurement import Measurements
+    from skyway.models.airspeed import AirspeedModel
+    from skyway.models.drag import DragModel
+    from skyway.models.wind_filter_measurement import Measurements
 
 DRAG_SCALE, LEVEL_FORWARD, LEVEL_RIGHT, AIRSPEED_SCALE, HEADING_OFFSET, AUTOPILOT_NORTH, AUTOPILOT_EAST = range(7)
 COUNT = 7

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import Fault, InputError
-from models.network import coordinate_faults
-from models.units import from_posix, iso, utc
-from models.wind import vector
-from models.wind_ensemble import WindEnsemble
-from models.wind_forecast_table import read_forecast_table
-from models.wind_history import check_sites
+from skyway.models.errors import Fault, InputError
+from skyway.models.network import coordinate_faults
+from skyway.models.units import from_posix, iso, utc
+from skyway.models.wind import vector
+from skyway.models.wind_ensemble import WindEnsemble
+from skyway.models.wind_forecast_table import read_forecast_table
+from skyway.models.wind_history import check_sites
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from models.wind_history import WindHistory, WindSite
+    from skyway.models.wind_history import WindHistory, WindSite
 
 __all__ = ["WindEnsemble", "analogue_ensemble", "constant_wind", "read_forecast", "truth_series"]
 

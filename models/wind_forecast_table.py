@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import InputError
-from models.units import from_posix, iso, parse_instant
-from models.wind import speed_from, vector
-from models.wind_columns import MAX_SPEED_MPS
-from models.wind_table import (
+from skyway.models.errors import InputError
+from skyway.models.units import from_posix, iso, parse_instant
+from skyway.models.wind import speed_from, vector
+from skyway.models.wind_columns import MAX_SPEED_MPS
+from skyway.models.wind_table import (
     LISTED_FAULTS,
     FaultCollector,
     Problem,
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from models.wind_ensemble import WindEnsemble
-    from models.wind_table import Chunk
+    from skyway.models.wind_ensemble import WindEnsemble
+    from skyway.models.wind_table import Chunk
 
 MAX_SLOT_S = 6 * 3600.0
 MAX_CELLS = 20_000_000

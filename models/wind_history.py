@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import geodesy
-from models.errors import Fault, InputError
-from models.network import coordinate_faults
-from models.units import iso
-from models.wind import vector
-from models.wind_columns import read_rows
+from skyway.models import geodesy
+from skyway.models.errors import Fault, InputError
+from skyway.models.network import coordinate_faults
+from skyway.models.units import iso
+from skyway.models.wind import vector
+from skyway.models.wind_columns import read_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from models.wind_columns import WindColumns, WindRows
+    from skyway.models.wind_columns import WindColumns, WindRows
 
 SLOT_S = 3600
 GAP_SLOTS = 3

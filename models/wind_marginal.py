@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import InputError
-from models.wind import speed_from
+from skyway.models.errors import InputError
+from skyway.models.wind import speed_from
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from models.wind_ensemble import WindEnsemble
+    from skyway.models.wind_ensemble import WindEnsemble
 
 SECTORS = 16
 """Sectors of direction; the first is centred on north."""

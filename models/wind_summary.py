@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.services import CALM_MPS, Wind
-from models.weighted import weighted_quantile
-from models.wind import height_factor, speed_from, vector
+from skyway.models.services import CALM_MPS, Wind
+from skyway.models.weighted import weighted_quantile
+from skyway.models.wind import height_factor, speed_from, vector
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from models.wind_ensemble import WindEnsemble
+    from skyway.models.wind_ensemble import WindEnsemble
 
 LOW, HIGH = 0.1, 0.9
 """Quantiles of the speed that are told beside its mean."""

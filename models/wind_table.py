@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models import files
-from models.errors import Fault, InputError
+from skyway.models import files
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

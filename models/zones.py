@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models import geodesy
-from models.errors import Fault, InputError, one_line
-from models.files import read_text
+from skyway.models import geodesy
+from skyway.models.errors import Fault, InputError, one_line
+from skyway.models.files import read_text
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -18,18 +18,18 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from models.charging import ChargingCurve
-from models.errors import AuditError
-from models.wind import MIN_GROUND_SPEED_MPS, height_factor
+from skyway.models.charging import ChargingCurve
+from skyway.models.errors import AuditError
+from skyway.models.wind import MIN_GROUND_SPEED_MPS, height_factor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
 
-    from models.queue_paths import QueuePath
-    from models.services import Composition, DroneService, Stop
-    from planner.itinerary import Hop, Itinerary
-    from planner.problem import Problem
+    from skyway.models.queue_paths import QueuePath
+    from skyway.models.services import Composition, DroneService, Stop
+    from skyway.planner.itinerary import Hop, Itinerary
+    from skyway.planner.problem import Problem
 
 TIME_TOLERANCE_S = 0.02
 """Times are told to the millisecond; the kernels keep 0.1 ms from the boundaries of slots and 1 ms from other drones."""

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled, compiled_lean
-from models.flight_kernels import NEVER, next_opening, slot_end, slot_of
-from planner.course_kernels import (
+from skyway.models.compiled import compiled, compiled_lean
+from skyway.models.flight_kernels import NEVER, next_opening, slot_end, slot_of
+from skyway.planner.course_kernels import (
     COLUMNS,
     PAD,
     READY,
@@ -26,19 +26,19 @@ from planner.course_kernels import (
     sampled_pad,
     sampled_spot,
 )
-from planner.evaluation_kernels import gusty_land
-from planner.need_kernels import energy_about, next_change
-from planner.profile_kernels import interpolate
-from planner.room_kernels import Room, is_room, next_look
+from skyway.planner.evaluation_kernels import gusty_land
+from skyway.planner.need_kernels import energy_about, next_change
+from skyway.planner.profile_kernels import interpolate
+from skyway.planner.room_kernels import Room, is_room, next_look
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.flight import Air
-    from planner.course_kernels import Hops, Queues, Waits
-    from planner.evaluation_kernels import Sky
-    from planner.need_kernels import Known
-    from planner.room_kernels import Present
+    from skyway.models.flight import Air
+    from skyway.planner.course_kernels import Hops, Queues, Waits
+    from skyway.planner.evaluation_kernels import Sky
+    from skyway.planner.need_kernels import Known
+    from skyway.planner.room_kernels import Present
 
 LEARNED = 0.005
 """What is left of the energy error once a flight has shown it."""

@@ -14,35 +14,35 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.queue_paths import pack
-from models.wind_ensemble import evenly
-from models.wind_field import ResidualModel
-from planner.audit import World
-from planner.charge_kernels import fly_by_need
-from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues
-from planner.evaluation_kernels import Sky, plain_sky
-from planner.itinerary import fly_as_it_stands, held_in_the_air, hops_of, no_waits, place_nodes
-from planner.need_kernels import Known, need_tables
-from planner.no_route import grounded_leg, never_leaves
-from planner.outcome import outcome
-from planner.outlook import Outlook
-from planner.outlook_kernels import escape_cost
-from planner.room import present_in, room_at
-from planner.typical import Runs, typical_course
+from skyway.models.queue_paths import pack
+from skyway.models.wind_ensemble import evenly
+from skyway.models.wind_field import ResidualModel
+from skyway.planner.audit import World
+from skyway.planner.charge_kernels import fly_by_need
+from skyway.planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues
+from skyway.planner.evaluation_kernels import Sky, plain_sky
+from skyway.planner.itinerary import fly_as_it_stands, held_in_the_air, hops_of, no_waits, place_nodes
+from skyway.planner.need_kernels import Known, need_tables
+from skyway.planner.no_route import grounded_leg, never_leaves
+from skyway.planner.outcome import outcome
+from skyway.planner.outlook import Outlook
+from skyway.planner.outlook_kernels import escape_cost
+from skyway.planner.room import present_in, room_at
+from skyway.planner.typical import Runs, typical_course
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from models.errors import NoRouteError
-    from models.queue_paths import QueuePath
-    from models.wind_forecast import WindEnsemble
-    from planner.evaluation_truths import Errors
-    from planner.itinerary import Itinerary
-    from planner.outcome import Outcome
-    from planner.problem import Problem
-    from planner.typical import Typical
+    from skyway.models.errors import NoRouteError
+    from skyway.models.queue_paths import QueuePath
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.evaluation_truths import Errors
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.outcome import Outcome
+    from skyway.planner.problem import Problem
+    from skyway.planner.typical import Typical
 
 APART_DAYS = 2
 """Members of the record less than so many days apart are no evidence for each other."""

@@ -7,22 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import geodesy
-from models.services import ArrivalDistribution, Composition, DroneService, LegSegment, Place, Stop, Wind
-from models.units import J_PER_WH, S_PER_H, S_PER_MIN, from_posix
-from models.wind import speed_from
-from models.wind_summary import Passage, WindSummary, summarise_wind
-from planner.course_kernels import PAD, ROOM, SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN, flight_parts
+from skyway.models import geodesy
+from skyway.models.services import ArrivalDistribution, Composition, DroneService, LegSegment, Place, Stop, Wind
+from skyway.models.units import J_PER_WH, S_PER_H, S_PER_MIN, from_posix
+from skyway.models.wind import speed_from
+from skyway.models.wind_summary import Passage, WindSummary, summarise_wind
+from skyway.planner.course_kernels import PAD, ROOM, SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN, flight_parts
 
 if TYPE_CHECKING:
     from datetime import datetime
 
     from numpy.typing import NDArray
 
-    from models.drone import Drone
-    from planner.itinerary import Itinerary
-    from planner.outcome import Outcome
-    from planner.problem import Problem
+    from skyway.models.drone import Drone
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.outcome import Outcome
+    from skyway.planner.problem import Problem
 
 DIVERTS = 3
 """Most divert stations that a service names."""

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled, compiled_lean
-from models.flight_kernels import NEVER, next_opening, segment_speed, slot_end, slot_of
-from planner.evaluation_kernels import gusty_land
-from planner.profile_kernels import interpolate
+from skyway.models.compiled import compiled, compiled_lean
+from skyway.models.flight_kernels import NEVER, next_opening, segment_speed, slot_end, slot_of
+from skyway.planner.evaluation_kernels import gusty_land
+from skyway.planner.profile_kernels import interpolate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.flight import Air
-    from planner.evaluation_kernels import Sky
+    from skyway.models.flight import Air
+    from skyway.planner.evaluation_kernels import Sky
 
 PAD, TAKE_OFF, TOUCH_DOWN, SOC_OFF, SOC_DOWN, READY, ROOM = range(COLUMNS := 7)
 """Columns of what `fly_under` returns: pad reached (the arrival where no pad is used), take-off, touch-down, charge at both,

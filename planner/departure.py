@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
-from models.errors import Fault, InfeasibleError, InputError, NoRouteError
-from planner.plan import ROBUST, plan
-from planner.problem import HORIZON_H
+from skyway.models.errors import Fault, InfeasibleError, InputError, NoRouteError
+from skyway.planner.plan import ROBUST, plan
+from skyway.planner.problem import HORIZON_H
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from datetime import datetime
 
-    from models.figure import Figure
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
-    from planner.request import Request
-    from planner.result import PlanResult
+    from skyway.models.figure import Figure
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.request import Request
+    from skyway.planner.result import PlanResult
 
 STEP_S = 1800.0
 """Between departures that are tried."""

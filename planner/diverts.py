@@ -15,19 +15,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models import geodesy
-from models.wind import ground_speed
+from skyway.models import geodesy
+from skyway.models.wind import ground_speed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from models.airspeed_load import AirspeedLoad
-    from models.drone import Drone
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
-    from planner.energy_belief import EnergyBelief
+    from skyway.models.airspeed_load import AirspeedLoad
+    from skyway.models.drone import Drone
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.energy_belief import EnergyBelief
 
 POINT_EVERY_M = 500.0
 """Distance between the points of a leg at which diverts are looked for."""

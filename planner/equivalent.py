@@ -11,12 +11,12 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from models.queue_paths import QueuePath, expected_paths, no_queue
+from skyway.models.queue_paths import QueuePath, expected_paths, no_queue
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from planner.problem import Problem
+    from skyway.planner.problem import Problem
 
 
 HOURS = 16.0

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.flight_functions import flights_from
-from planner.flight_table import FlightTable, table_slot
+from skyway.planner.flight_functions import flights_from
+from skyway.planner.flight_table import FlightTable, table_slot
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from planner.problem import Problem
-    from planner.speeds import Speeds
+    from skyway.planner.problem import Problem
+    from skyway.planner.speeds import Speeds
 
 _TOO_MUCH_SOC = 2.0
 """No battery holds this: there is no way on."""

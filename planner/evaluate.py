@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import InfeasibleError
-from models.units import S_PER_MIN
-from planner.evaluation_decisions import fly_policy
-from planner.evaluation_flights import (
+from skyway.models.errors import InfeasibleError
+from skyway.models.units import S_PER_MIN
+from skyway.planner.evaluation_decisions import fly_policy
+from skyway.planner.evaluation_flights import (
     DELIVERED,
     GAVE_UP,
     STRANDED,
@@ -23,9 +23,9 @@ from planner.evaluation_flights import (
     fly_itinerary,
     pooled,
 )
-from planner.evaluation_policies import OpenLoop, Policy, Rolling, Standing
-from planner.evaluation_statistics import DayBootstrap, Estimate
-from planner.evaluation_truths import (
+from skyway.planner.evaluation_policies import OpenLoop, Policy, Rolling, Standing
+from skyway.planner.evaluation_statistics import DayBootstrap, Estimate
+from skyway.planner.evaluation_truths import (
     NO_ERRORS,
     Errors,
     Truths,
@@ -34,14 +34,14 @@ from planner.evaluation_truths import (
     sample_truths,
     season_days,
 )
-from planner.plan import plan
+from skyway.planner.plan import plan
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from planner.result import PlanResult
+    from skyway.planner.result import PlanResult
 
 __all__ = [
     "NO_ERRORS",

@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.flight_kernels import next_opening
-from planner.course_kernels import COLUMNS, PAD, ROOM, SOC_DOWN, SOC_OFF, TOUCH_DOWN
-from planner.evaluation_flights import DELIVERED, GAVE_UP, Flown, courses, pooled, tally
-from planner.evaluation_kernels import gusty_land
-from planner.evaluation_policies import Adaptive, Departure, Policy, Standing
-from planner.itinerary import Hop
-from planner.turning_kernels import out_or_back
+from skyway.models.flight_kernels import next_opening
+from skyway.planner.course_kernels import COLUMNS, PAD, ROOM, SOC_DOWN, SOC_OFF, TOUCH_DOWN
+from skyway.planner.evaluation_flights import DELIVERED, GAVE_UP, Flown, courses, pooled, tally
+from skyway.planner.evaluation_kernels import gusty_land
+from skyway.planner.evaluation_policies import Adaptive, Departure, Policy, Standing
+from skyway.planner.itinerary import Hop
+from skyway.planner.turning_kernels import out_or_back
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from planner.evaluation_truths import Truths
-    from planner.itinerary import Itinerary
-    from planner.problem import Problem
+    from skyway.planner.evaluation_truths import Truths
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.problem import Problem
 
 MOST_STOPS = 60
 """A policy that stops more often has given up."""

@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models.queue_paths import pack
-from planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN, Queues, fly_under
-from planner.itinerary import hops_of, no_waits, place_nodes, stop_nodes
+from skyway.models.queue_paths import pack
+from skyway.planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN, Queues, fly_under
+from skyway.planner.itinerary import hops_of, no_waits, place_nodes, stop_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from models.queue_paths import QueuePath
-    from planner.charge_policy import ChargePolicy
-    from planner.evaluation_truths import Truths
-    from planner.itinerary import Itinerary
-    from planner.outcome import Outcome
-    from planner.problem import Problem
+    from skyway.models.queue_paths import QueuePath
+    from skyway.planner.charge_policy import ChargePolicy
+    from skyway.planner.evaluation_truths import Truths
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.outcome import Outcome
+    from skyway.planner.problem import Problem
 
 DELIVERED, STRANDED, UNFLYABLE, GAVE_UP = range(4)
 """How a run ends: delivered; the charge was used up in flight; the wind never opened a flight within the horizon; the

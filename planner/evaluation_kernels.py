@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled_lean
-from models.flight_kernels import NEVER, land, slot_end, slot_of, wind_on
-from models.wind import MIN_GROUND_SPEED_MPS
+from skyway.models.compiled import compiled_lean
+from skyway.models.flight_kernels import NEVER, land, slot_end, slot_of, wind_on
+from skyway.models.wind import MIN_GROUND_SPEED_MPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.flight import Air
+    from skyway.models.flight import Air
 
 GUST_STEP_S = 30.0
 """A gust holds for this long."""

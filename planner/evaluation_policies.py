@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from models.errors import InfeasibleError
-from models.services import State
-from models.units import from_posix
-from planner.plan import plan
+from skyway.models.errors import InfeasibleError
+from skyway.models.services import State
+from skyway.models.units import from_posix
+from skyway.planner.plan import plan
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
-    from planner.itinerary import Hop, Itinerary
-    from planner.request import Request
-    from planner.turning_kernels import Turning
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.itinerary import Hop, Itinerary
+    from skyway.planner.request import Request
+    from skyway.planner.turning_kernels import Turning
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,11 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from models.errors import Fault, InputError
-from models.units import utc
-from models.wind_forecast import WindEnsemble, analogue_ensemble
-from planner.evaluation_kernels import Sky
-from planner.problem import HORIZON_H, Problem
+from skyway.models.errors import Fault, InputError
+from skyway.models.units import utc
+from skyway.models.wind_forecast import WindEnsemble, analogue_ensemble
+from skyway.planner.evaluation_kernels import Sky
+from skyway.planner.problem import HORIZON_H, Problem
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from models.queue_paths import QueuePath
-    from models.scenario import Scenario
-    from planner.request import Request
+    from skyway.models.queue_paths import QueuePath
+    from skyway.models.scenario import Scenario
+    from skyway.planner.request import Request
 
 MOST_QUEUES = 500
 """Sets of queues that are sampled at most; with more runs, runs on different days share a set."""

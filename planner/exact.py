@@ -21,26 +21,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.escape import needed_at_destination
-from planner.label_search import GAIN_S, Round
-from planner.no_route import no_route
-from planner.outlook import Outlook
-from planner.relaxation import Start, cells_for, longest_cell_s, only_nodes, run_backward, run_forward
-from planner.speeds import GivenSpeeds, TrueSpeeds
-from planner.stays import Stays, costs_of, landing_s
-from planner.terrain import narrowed, places, terrain
+from skyway.planner.escape import needed_at_destination
+from skyway.planner.label_search import GAIN_S, Round
+from skyway.planner.no_route import no_route
+from skyway.planner.outlook import Outlook
+from skyway.planner.relaxation import Start, cells_for, longest_cell_s, only_nodes, run_backward, run_forward
+from skyway.planner.speeds import GivenSpeeds, TrueSpeeds
+from skyway.planner.stays import Stays, costs_of, landing_s
+from skyway.planner.terrain import narrowed, places, terrain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from models.queue_paths import QueuePath
-    from planner.itinerary import Itinerary
-    from planner.problem import Problem
-    from planner.relaxation import Forward, Guide
-    from planner.speeds import Speeds
-    from planner.terrain import Terrain
+    from skyway.models.queue_paths import QueuePath
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.problem import Problem
+    from skyway.planner.relaxation import Forward, Guide
+    from skyway.planner.speeds import Speeds
+    from skyway.planner.terrain import Terrain
 
 FIRST_GUESS = 2.2
 """The first deadline, as a multiple of what the straight way would take."""

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import NoRouteError
-from models.weighted import weighted_quantile
-from planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN
-from planner.exact import ExactSearch
-from planner.outcome import later
-from planner.robust import LARGE, RobustSearch
-from planner.speeds import TrueSpeeds
+from skyway.models.errors import NoRouteError
+from skyway.models.weighted import weighted_quantile
+from skyway.planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN
+from skyway.planner.exact import ExactSearch
+from skyway.planner.outcome import later
+from skyway.planner.robust import LARGE, RobustSearch
+from skyway.planner.speeds import TrueSpeeds
 
 if TYPE_CHECKING:
-    from models.figure import Figure
-    from planner.result import PlanResult
-    from planner.robust import Candidate, RobustAnswer
+    from skyway.models.figure import Figure
+    from skyway.planner.result import PlanResult
+    from skyway.planner.robust import Candidate, RobustAnswer
 
 LOW, HIGH = 0.1, 0.9
 """Quantiles that say how far a charge may be from that of the typical course."""

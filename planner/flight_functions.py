@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.compiled import compiled
-from models.flight_kernels import NEVER
-from planner.flight_table import table_slot, table_slot_end
+from skyway.models.compiled import compiled
+from skyway.models.flight_kernels import NEVER
+from skyway.planner.flight_table import table_slot, table_slot_end
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from planner.flight_table import FlightTable
+    from skyway.planner.flight_table import FlightTable
 
 _EPS_S = 1e-7
 _EARLY_S = 1e-4  # a flight that must be down before a slot begins is down this much earlier

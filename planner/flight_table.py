@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled
-from models.flight_kernels import NEVER, segment_speed
+from skyway.models.compiled import compiled
+from skyway.models.flight_kernels import NEVER, segment_speed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.flight import Air
+    from skyway.models.flight import Air
 
 _SLOT_EDGE_S = 1e-6  # a time this close below a boundary counts as beyond it, as in `models.flight_kernels`
 

@@ -5,10 +5,20 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from models.compiled import compiled_lean
-from models.flight_kernels import NEVER
-from planner.lookahead_kernels import Flight, Stand, World, charge_time, earliest, held, rank, rank_bound, wait_at
-from planner.outlook_kernels import least_time
+from skyway.models.compiled import compiled_lean
+from skyway.models.flight_kernels import NEVER
+from skyway.planner.lookahead_kernels import (
+    Flight,
+    Stand,
+    World,
+    charge_time,
+    earliest,
+    held,
+    rank,
+    rank_bound,
+    wait_at,
+)
+from skyway.planner.outlook_kernels import least_time
 
 if TYPE_CHECKING:
     import numpy as np

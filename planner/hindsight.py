@@ -21,26 +21,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import geodesy
-from models.flight_kernels import NEVER, slot_end, slot_of
-from models.queue_paths import no_queue
-from planner.charge_policy import known_at
-from planner.exact import ExactSearch
-from planner.flight_table import FlightTable, ground_speeds, table_land, table_slot, table_slot_end
-from planner.need_kernels import careful_speeds, flight_energy, gust_mean
-from planner.room import chance_full_after, likely_room
-from planner.turning import USUAL_FLIGHT_S, Turns
+from skyway.models import geodesy
+from skyway.models.flight_kernels import NEVER, slot_end, slot_of
+from skyway.models.queue_paths import no_queue
+from skyway.planner.charge_policy import known_at
+from skyway.planner.exact import ExactSearch
+from skyway.planner.flight_table import FlightTable, ground_speeds, table_land, table_slot, table_slot_end
+from skyway.planner.need_kernels import careful_speeds, flight_energy, gust_mean
+from skyway.planner.room import chance_full_after, likely_room
+from skyway.planner.turning import USUAL_FLIGHT_S, Turns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
-    from models.queue_paths import QueuePath
-    from planner.evaluation_truths import Errors
-    from planner.itinerary import Hop
-    from planner.problem import Problem
-    from planner.turning_kernels import Turning
+    from skyway.models.queue_paths import QueuePath
+    from skyway.planner.evaluation_truths import Errors
+    from skyway.planner.itinerary import Hop
+    from skyway.planner.problem import Problem
+    from skyway.planner.turning_kernels import Turning
 
 FUTURES = 10
 """Drawn for each decision."""

@@ -14,20 +14,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import NoRouteError
-from planner.escape import needed_at_destination
-from planner.no_route import no_route
-from planner.outlook import Outlook
-from planner.speeds import TrueSpeeds
-from planner.stays import Stay, Stays, landing_s
-from planner.terrain import whole_terrain
+from skyway.models.errors import NoRouteError
+from skyway.planner.escape import needed_at_destination
+from skyway.planner.no_route import no_route
+from skyway.planner.outlook import Outlook
+from skyway.planner.speeds import TrueSpeeds
+from skyway.planner.stays import Stay, Stays, landing_s
+from skyway.planner.terrain import whole_terrain
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from models.queue_paths import QueuePath
-    from planner.itinerary import Itinerary
-    from planner.problem import Problem
+    from skyway.models.queue_paths import QueuePath
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.problem import Problem
 
 GAIN_S = 1e-6
 """Compositions that are not better by this much are not looked for."""

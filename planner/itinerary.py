@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.queue_paths import no_queue, pack
-from models.weighted import weighted_quantile
-from planner.course_kernels import (
+from skyway.models.queue_paths import no_queue, pack
+from skyway.models.weighted import weighted_quantile
+from skyway.planner.course_kernels import (
     TAKE_OFF,
     TOUCH_DOWN,
     Hops,
@@ -19,17 +19,17 @@ from planner.course_kernels import (
     fly_under,
     no_queues,
 )
-from planner.evaluation_kernels import plain_sky
-from planner.no_route import grounded_leg, never_leaves
+from skyway.planner.evaluation_kernels import plain_sky
+from skyway.planner.no_route import grounded_leg, never_leaves
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from models.queue_paths import QueuePath
-    from planner.evaluation_kernels import Sky
-    from planner.problem import Problem
+    from skyway.models.queue_paths import QueuePath
+    from skyway.planner.evaluation_kernels import Sky
+    from skyway.planner.problem import Problem
 
 SAMPLES_PER_MEMBER = 8
 """Sampled queues that each member of the forecast is flown with."""

@@ -18,19 +18,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.flight_functions import flights_from
-from planner.flight_table import table_slot
-from planner.profile_kernels import covers, upper_profile
-from planner.relaxation import run_backward
-from planner.relaxation_kernels import slack
-from planner.stay_kernels import stays_after
-from planner.stays import Stay, only_at
+from skyway.planner.flight_functions import flights_from
+from skyway.planner.flight_table import table_slot
+from skyway.planner.profile_kernels import covers, upper_profile
+from skyway.planner.relaxation import run_backward
+from skyway.planner.relaxation_kernels import slack
+from skyway.planner.stay_kernels import stays_after
+from skyway.planner.stays import Stay, only_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from planner.relaxation import Forward, Guide
-    from planner.stays import Stays
+    from skyway.planner.relaxation import Forward, Guide
+    from skyway.planner.stays import Stays
 
 GAIN_S = 1e-6
 """Compositions that are not better by this much are not looked for."""

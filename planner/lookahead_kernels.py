@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from models.compiled import compiled_lean
-from models.flight_kernels import NEVER, slot_end, slot_of
-from planner.outlook_kernels import (
+from skyway.models.compiled import compiled_lean
+from skyway.models.flight_kernels import NEVER, slot_end, slot_of
+from skyway.planner.outlook_kernels import (
     CHARGE,
     KNOWN,
     LONGEST,
@@ -19,7 +19,7 @@ from planner.outlook_kernels import (
     lower_time,
     mean_flight,
 )
-from planner.profile_kernels import interpolate
+from skyway.planner.profile_kernels import interpolate
 
 if TYPE_CHECKING:
     import numpy as np

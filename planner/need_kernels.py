@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled, compiled_lean
-from models.flight import Air
-from models.flight_kernels import NEVER, land, segment_speed, slot_end, slot_of, wind_on
-from models.wind import MIN_GROUND_SPEED_MPS
-from planner.evaluation_kernels import LATERAL
+from skyway.models.compiled import compiled, compiled_lean
+from skyway.models.flight import Air
+from skyway.models.flight_kernels import NEVER, land, segment_speed, slot_end, slot_of, wind_on
+from skyway.models.wind import MIN_GROUND_SPEED_MPS
+from skyway.planner.evaluation_kernels import LATERAL
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import NoRouteError
-from models.flight_kernels import NEVER, next_opening
-from models.units import S_PER_MIN
-from planner.course_kernels import TOUCH_DOWN
+from skyway.models.errors import NoRouteError
+from skyway.models.flight_kernels import NEVER, next_opening
+from skyway.models.units import S_PER_MIN
+from skyway.planner.course_kernels import TOUCH_DOWN
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from planner.itinerary import Itinerary
-    from planner.outlook import Outlook
-    from planner.problem import Problem
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.outlook import Outlook
+    from skyway.planner.problem import Problem
 
 
 def _reached(problem: Problem, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from models.errors import Fault, InputError
-from models.units import parse_instant
+from skyway.models.errors import Fault, InputError
+from skyway.models.units import parse_instant
 
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from planner.outcome import Outcome
+    from skyway.planner.outcome import Outcome
 
 Kind = Literal["mean", "p95", "on-time"]
 EXAMPLE = "mean, p95, or 'on-time 2013-07-10T16:00-04:00'"

@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.energy import ScaledEnergy
-from models.errors import InfeasibleError
-from models.services import State
-from models.units import from_posix
-from planner.equivalent import HOURS, ExpectedQueues
-from planner.exact import ExactSearch
-from planner.problem import ExpectedWaits, Problem
-from planner.speeds import MeanSpeeds
+from skyway.models.energy import ScaledEnergy
+from skyway.models.errors import InfeasibleError
+from skyway.models.services import State
+from skyway.models.units import from_posix
+from skyway.planner.equivalent import HOURS, ExpectedQueues
+from skyway.planner.exact import ExactSearch
+from skyway.planner.problem import ExpectedWaits, Problem
+from skyway.planner.speeds import MeanSpeeds
 
 if TYPE_CHECKING:
-    from models.drone import Drone
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
-    from planner.request import Request
+    from skyway.models.drone import Drone
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.request import Request
 
 DEPART_SIGMAS = 2.33
 """A leg is begun with the charge for this many standard deviations: 1 % take more."""

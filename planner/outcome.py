@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.figure import Figure, certain
-from models.weighted import weighted_quantile
-from planner.course_kernels import READY, ROOM, SOC_DOWN, TAKE_OFF, TOUCH_DOWN
-from planner.precision import Crossed
+from skyway.models.figure import Figure, certain
+from skyway.models.weighted import weighted_quantile
+from skyway.planner.course_kernels import READY, ROOM, SOC_DOWN, TAKE_OFF, TOUCH_DOWN
+from skyway.planner.precision import Crossed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from planner.problem import Problem
+    from skyway.planner.problem import Problem
 
 HELD_S = 0.5
 """A drone that leaves later than it could counts as held from so much on."""

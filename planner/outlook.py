@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.wind import MIN_GROUND_SPEED_MPS
-from planner.lookahead_kernels import FLIGHTS, MISSING, Flight, Graph, Policy, Stand, World, earliest, held
-from planner.outlook_kernels import P_HOLD, WORKING_ROWS, Need, Ways, flight_outlook
+from skyway.models.wind import MIN_GROUND_SPEED_MPS
+from skyway.planner.lookahead_kernels import FLIGHTS, MISSING, Flight, Graph, Policy, Stand, World, earliest, held
+from skyway.planner.outlook_kernels import P_HOLD, WORKING_ROWS, Need, Ways, flight_outlook
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.flight import Air
-    from planner.problem import Problem
+    from skyway.models.flight import Air
+    from skyway.planner.problem import Problem
 
 MAX_KEPT_FLIGHTS = 100_000_000
 """Flights, by segment and slot, that are kept once worked out; a larger network's are worked out each time."""

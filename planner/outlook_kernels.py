@@ -10,15 +10,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from models.compiled import compiled, compiled_lean
-from models.flight_kernels import NEVER, SLOT_EDGE_S, leg, slot_end, slot_of
-from models.wind import MIN_GROUND_SPEED_MPS
+from skyway.models.compiled import compiled, compiled_lean
+from skyway.models.flight_kernels import NEVER, SLOT_EDGE_S, leg, slot_end, slot_of
+from skyway.models.wind import MIN_GROUND_SPEED_MPS
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from models.flight import Air
+    from skyway.models.flight import Air
 
 KNOWN, MEAN, LONGEST, CHARGE, P_HOLD = range(5)
 """Columns of a table of `Ways`: 1 where the row is filled; mean time of the members that can fly at once (where none can:

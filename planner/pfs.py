@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.forward_kernels import DEAD_END, FOUND, NEEDS_WAITS, Candidates, Frames, Marks, Start, search
-from planner.itinerary import Hop
-from planner.no_route import joined, no_route
-from planner.outlook import Outlook
+from skyway.planner.forward_kernels import DEAD_END, FOUND, NEEDS_WAITS, Candidates, Frames, Marks, Start, search
+from skyway.planner.itinerary import Hop
+from skyway.planner.no_route import joined, no_route
+from skyway.planner.outlook import Outlook
 
 if TYPE_CHECKING:
-    from planner.itinerary import Itinerary
-    from planner.problem import Problem
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.problem import Problem
 
 
 def charging_time_per_flight_s(problem: Problem) -> float:

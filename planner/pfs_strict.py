@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import NoRouteError
-from models.flight_kernels import slot_of
-from models.wind import ground_speed
-from models.wind_marginal import marginal
-from planner.itinerary import Hop
+from skyway.models.errors import NoRouteError
+from skyway.models.flight_kernels import slot_of
+from skyway.models.wind import ground_speed
+from skyway.models.wind_marginal import marginal
+from skyway.planner.itinerary import Hop
 
 if TYPE_CHECKING:
-    from planner.itinerary import Itinerary
-    from planner.problem import Problem
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.problem import Problem
 
 STEPS_PER_STATION = 4
 """The search is given up after this many steps per station of the network."""

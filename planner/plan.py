@@ -9,41 +9,41 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from models.errors import AuditError, Fault, InfeasibleError, InputError, NoRouteError
-from models.formatting import later_text
-from models.units import S_PER_H
-from planner.audit import World, audit
-from planner.charge_policy import rehearse_fixed, typical_fixed, world_of
-from planner.composing import compose
-from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
-from planner.evaluation_truths import USUAL_ERRORS
-from planner.exact import ExactSearch
-from planner.explain import alternatives
-from planner.ies import ExhaustiveSearch
-from planner.itinerary import fly_true
-from planner.no_route import grounded_leg, never_leaves, runs_empty
-from planner.outcome import later, outcome
-from planner.pfs import ForwardSearch
-from planner.pfs_strict import StrictForwardSearch
-from planner.problem import HORIZON_H, Problem
-from planner.result import Comparison, PlanResult
-from planner.robust import FINAL_RUNS, LEAST_ARRIVE, MEMBERS, RobustSearch
-from planner.shortest import ShortestFlight
-from planner.skyline import skyline
+from skyway.models.errors import AuditError, Fault, InfeasibleError, InputError, NoRouteError
+from skyway.models.formatting import later_text
+from skyway.models.units import S_PER_H
+from skyway.planner.audit import World, audit
+from skyway.planner.charge_policy import rehearse_fixed, typical_fixed, world_of
+from skyway.planner.composing import compose
+from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from skyway.planner.evaluation_truths import USUAL_ERRORS
+from skyway.planner.exact import ExactSearch
+from skyway.planner.explain import alternatives
+from skyway.planner.ies import ExhaustiveSearch
+from skyway.planner.itinerary import fly_true
+from skyway.planner.no_route import grounded_leg, never_leaves, runs_empty
+from skyway.planner.outcome import later, outcome
+from skyway.planner.pfs import ForwardSearch
+from skyway.planner.pfs_strict import StrictForwardSearch
+from skyway.planner.problem import HORIZON_H, Problem
+from skyway.planner.result import Comparison, PlanResult
+from skyway.planner.robust import FINAL_RUNS, LEAST_ARRIVE, MEMBERS, RobustSearch
+from skyway.planner.shortest import ShortestFlight
+from skyway.planner.skyline import skyline
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from models.drone import Drone
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
-    from planner.itinerary import Itinerary
-    from planner.objective import Objective
-    from planner.outcome import Outcome
-    from planner.request import Request
-    from planner.robust import RobustAnswer
+    from skyway.models.drone import Drone
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.objective import Objective
+    from skyway.planner.outcome import Outcome
+    from skyway.planner.request import Request
+    from skyway.planner.robust import RobustAnswer
 
 
 class Search(Protocol):

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models.figure import CONFIDENCE, Figure
-from models.weighted import weighted_quantile
+from skyway.models.figure import CONFIDENCE, Figure
+from skyway.models.weighted import weighted_quantile
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models import geodesy
-from models.errors import Fault, InputError
-from models.flight import Air, air_over
-from models.queue_paths import QueuePath, no_queue, sample_sets
-from models.queues import forecast_waits
-from models.units import MPS_PER_KMH, S_PER_H
+from skyway.models import geodesy
+from skyway.models.errors import Fault, InputError
+from skyway.models.flight import Air, air_over
+from skyway.models.queue_paths import QueuePath, no_queue, sample_sets
+from skyway.models.queues import forecast_waits
+from skyway.models.units import MPS_PER_KMH, S_PER_H
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from models.drone import Drone
-    from models.network import Network
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
-    from planner.request import Request
+    from skyway.models.drone import Drone
+    from skyway.models.network import Network
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.request import Request
 
 HORIZON_H = 48
 """Hours of wind and queues that are looked at; a delivery takes less."""

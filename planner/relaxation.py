@@ -21,13 +21,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.relaxation_kernels import Cells, Pass, backward_pass, forward_pass, in_time, least_times, queue_cells
+from skyway.planner.relaxation_kernels import (
+    Cells,
+    Pass,
+    backward_pass,
+    forward_pass,
+    in_time,
+    least_times,
+    queue_cells,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from planner.stay_kernels import Costs
-    from planner.terrain import Terrain
+    from skyway.planner.stay_kernels import Costs
+    from skyway.planner.terrain import Terrain
 
 _LOOSE = 1e-9
 

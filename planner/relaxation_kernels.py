@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled
-from models.flight_kernels import NEVER
-from planner.flight_table import table_cruise, table_slot, table_slot_end
-from planner.profile_kernels import interpolate
+from skyway.models.compiled import compiled
+from skyway.models.flight_kernels import NEVER
+from skyway.planner.flight_table import table_cruise, table_slot, table_slot_end
+from skyway.planner.profile_kernels import interpolate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from planner.flight_table import FlightTable
-    from planner.stay_kernels import Costs, Grounds
+    from skyway.planner.flight_table import FlightTable
+    from skyway.planner.stay_kernels import Costs, Grounds
 
 _NONE = -math.inf
 _LOOSE = 1e-9

@@ -10,32 +10,32 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from models.airspeed_load import AirspeedLoad
-from models.energy import ScaledEnergy
-from models.errors import AuditError, InfeasibleError, NoRouteError
-from models.services import State
-from models.units import S_PER_H, S_PER_MIN, from_posix
-from planner.composing import compose
-from planner.diverts import Reach
-from planner.itinerary import typical_member
-from planner.plan import ROBUST, plan
-from planner.problem import Problem
-from planner.replan_candidates import Candidate, best_charges, itinerary_of
-from planner.replan_departure import charge_needed, held_by_wind
-from planner.robust import RobustSearch
+from skyway.models.airspeed_load import AirspeedLoad
+from skyway.models.energy import ScaledEnergy
+from skyway.models.errors import AuditError, InfeasibleError, NoRouteError
+from skyway.models.services import State
+from skyway.models.units import S_PER_H, S_PER_MIN, from_posix
+from skyway.planner.composing import compose
+from skyway.planner.diverts import Reach
+from skyway.planner.itinerary import typical_member
+from skyway.planner.plan import ROBUST, plan
+from skyway.planner.problem import Problem
+from skyway.planner.replan_candidates import Candidate, best_charges, itinerary_of
+from skyway.planner.replan_departure import charge_needed, held_by_wind
+from skyway.planner.robust import RobustSearch
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from models.drag import DragModel
-    from models.drone import Drone
-    from models.scenario import Scenario
-    from models.services import Composition
-    from models.wind_forecast import WindEnsemble
-    from planner.energy_belief import EnergyBelief
-    from planner.itinerary import Itinerary
-    from planner.outcome import Outcome
-    from planner.request import Request
+    from skyway.models.drag import DragModel
+    from skyway.models.drone import Drone
+    from skyway.models.scenario import Scenario
+    from skyway.models.services import Composition
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.energy_belief import EnergyBelief
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.outcome import Outcome
+    from skyway.planner.request import Request
 
 Action = Literal["continue", "speed", "charge", "wait", "station", "divert", "land", "stop"]
 MORE = (1.15, 1.3, 1.5)

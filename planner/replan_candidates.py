@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.weighted import weighted_quantile
-from planner.course_kernels import SOC_DOWN, SOC_OFF
-from planner.itinerary import Hop, fly_expected, fly_sampled, stop_nodes
-from planner.outcome import outcome
+from skyway.models.weighted import weighted_quantile
+from skyway.planner.course_kernels import SOC_DOWN, SOC_OFF
+from skyway.planner.itinerary import Hop, fly_expected, fly_sampled, stop_nodes
+from skyway.planner.outcome import outcome
 
 if TYPE_CHECKING:
-    from models.services import Composition
-    from planner.itinerary import Itinerary
-    from planner.outcome import Outcome
-    from planner.problem import Problem
+    from skyway.models.services import Composition
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.outcome import Outcome
+    from skyway.planner.problem import Problem
 
 SAMPLES = 4
 """Sampled queues that each member of the forecast is flown with."""

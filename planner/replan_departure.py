@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models.units import S_PER_MIN
+from skyway.models.units import S_PER_MIN
 
 if TYPE_CHECKING:
-    from models.services import DroneService
-    from planner.diverts import Reach
-    from planner.replan import Grounded, ReplanSettings
+    from skyway.models.services import DroneService
+    from skyway.planner.diverts import Reach
+    from skyway.planner.replan import Grounded, ReplanSettings
 
 MORE_SOC = 0.05
 """Where divert stations are lacking, so much more charge is looked at."""

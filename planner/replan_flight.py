@@ -15,17 +15,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models import geodesy
-from models.units import S_PER_MIN
-from planner.onward import DEPART_SIGMAS, PLAN_SIGMAS, Onward
-from planner.replan import Decision
-from planner.replan_options import Floors, Option, arriving, earliest_s, going_on, other_airspeeds, other_stations
+from skyway.models import geodesy
+from skyway.models.units import S_PER_MIN
+from skyway.planner.onward import DEPART_SIGMAS, PLAN_SIGMAS, Onward
+from skyway.planner.replan import Decision
+from skyway.planner.replan_options import (
+    Floors,
+    Option,
+    arriving,
+    earliest_s,
+    going_on,
+    other_airspeeds,
+    other_stations,
+)
 
 if TYPE_CHECKING:
-    from models.wind_forecast import WindEnsemble
-    from planner.diverts import Place, Reach
-    from planner.energy_belief import EnergyBelief
-    from planner.replan import GroundReplanner
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.diverts import Place, Reach
+    from skyway.planner.energy_belief import EnergyBelief
+    from skyway.planner.replan import GroundReplanner
 
 COMMITTED_S = 60.0
 """A flight with less than this to go is flown to its end unless the battery says otherwise."""

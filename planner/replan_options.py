@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models import geodesy
+from skyway.models import geodesy
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from planner.diverts import Flown, Place, Reach
-    from planner.onward import Onward
+    from skyway.planner.diverts import Flown, Place, Reach
+    from skyway.planner.onward import Onward
 
 EMPTY_SOC = 0.03
 """Below this nothing is sure to fly."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
-from models.errors import Fault, InputError
-from planner.objective import Objective
+from skyway.models.errors import Fault, InputError
+from skyway.planner.objective import Objective
 
 if TYPE_CHECKING:
-    from models.services import Recharge, State
+    from skyway.models.services import Recharge, State
 
 DEFAULT_RESERVE_SOC = 0.2
 DEFAULT_EPSILON = 1e-3

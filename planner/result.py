@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from models.errors import InfeasibleError
-    from models.services import Composition
-    from planner.itinerary import Itinerary
-    from planner.outcome import Outcome
-    from planner.problem import Problem
-    from planner.robust import RobustAnswer
+    from skyway.models.errors import InfeasibleError
+    from skyway.models.services import Composition
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.outcome import Outcome
+    from skyway.planner.problem import Problem
+    from skyway.planner.robust import RobustAnswer
 
 
 @dataclass(frozen=True)

@@ -17,27 +17,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import NoRouteError
-from models.wind_ensemble import evenly
-from planner.charge_policy import PROMISING, ChargePolicy, Rehearsal, known_at, margin_for
-from planner.equivalent import HOURS, ExpectedQueues
-from planner.evaluation_truths import USUAL_ERRORS, Errors
-from planner.exact import ExactSearch
-from planner.no_route import no_route
-from planner.outlook import Outlook
-from planner.room import chances_full
-from planner.speeds import MeanSpeeds
+from skyway.models.errors import NoRouteError
+from skyway.models.wind_ensemble import evenly
+from skyway.planner.charge_policy import PROMISING, ChargePolicy, Rehearsal, known_at, margin_for
+from skyway.planner.equivalent import HOURS, ExpectedQueues
+from skyway.planner.evaluation_truths import USUAL_ERRORS, Errors
+from skyway.planner.exact import ExactSearch
+from skyway.planner.no_route import no_route
+from skyway.planner.outlook import Outlook
+from skyway.planner.room import chances_full
+from skyway.planner.speeds import MeanSpeeds
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
-    from models.queue_paths import QueuePath
-    from planner.itinerary import Itinerary
-    from planner.outcome import Outcome
-    from planner.problem import Problem
-    from planner.typical import Typical
+    from skyway.models.queue_paths import QueuePath
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.outcome import Outcome
+    from skyway.planner.problem import Problem
+    from skyway.planner.typical import Typical
 
 MEMBERS = 30
 """Members of the forecast that routes are rehearsed in, at most."""

@@ -6,16 +6,16 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from models.forecast_update import update_forecast
-from models.wind_field import WindObservation
-from planner.evaluation_policies import Departure
-from planner.evaluation_truths import USUAL_ERRORS, Errors
-from planner.hindsight import Hindsight
-from planner.problem import Problem
+from skyway.models.forecast_update import update_forecast
+from skyway.models.wind_field import WindObservation
+from skyway.planner.evaluation_policies import Departure
+from skyway.planner.evaluation_truths import USUAL_ERRORS, Errors
+from skyway.planner.hindsight import Hindsight
+from skyway.planner.problem import Problem
 
 if TYPE_CHECKING:
-    from models.wind_forecast import WindEnsemble
-    from planner.evaluation_policies import Standing
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.evaluation_policies import Standing
 
 SITE_VARIANCE = 0.05
 """Of a component of the hourly wind measured at a site, m2/s2."""

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.load import hours_of_week
-from planner.room_kernels import Present, Room, chance_full, chances
+from skyway.models.load import hours_of_week
+from skyway.planner.room_kernels import Present, Room, chance_full, chances
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from models.queue_paths import QueuePath
-    from planner.problem import Problem
+    from skyway.models.queue_paths import QueuePath
+    from skyway.planner.problem import Problem
 
 AHEAD_H = 10
 """Hours in which the busiest one counts."""

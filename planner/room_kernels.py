@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled, compiled_lean
+from skyway.models.compiled import compiled, compiled_lean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from planner.course_kernels import Queues
+    from skyway.planner.course_kernels import Queues
 
 LOOK_S = 120.0
 """A drone that finds no room at the next station looks again after so long."""

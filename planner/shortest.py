@@ -6,13 +6,13 @@ import heapq
 import math
 from typing import TYPE_CHECKING
 
-from planner.itinerary import Hop
-from planner.no_route import no_route
-from planner.outlook import Outlook
+from skyway.planner.itinerary import Hop
+from skyway.planner.no_route import no_route
+from skyway.planner.outlook import Outlook
 
 if TYPE_CHECKING:
-    from planner.itinerary import Itinerary
-    from planner.problem import Problem
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.problem import Problem
 
 
 class ShortestFlight:

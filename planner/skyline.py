@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from models.errors import PayloadError
+from skyway.models.errors import PayloadError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from models.drone import Drone
+    from skyway.models.drone import Drone
 
 
 def qualities(drone: Drone, *, with_price: bool) -> tuple[float, ...]:

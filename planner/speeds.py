@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from models.compiled import compiled
-from models.wind import MIN_GROUND_SPEED_MPS
-from planner.flight_table import ground_speeds
+from skyway.models.compiled import compiled
+from skyway.models.wind import MIN_GROUND_SPEED_MPS
+from skyway.planner.flight_table import ground_speeds
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.flight import Air
+    from skyway.models.flight import Air
 
 LEAST_OPEN = 0.5
 """A segment is open in a slot where members of at least this probability can fly it."""

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled
-from planner.profile_kernels import departure_profile, fly_profile, stop_profile
-from planner.relaxation_kernels import Cells, slack
+from skyway.models.compiled import compiled
+from skyway.planner.profile_kernels import departure_profile, fly_profile, stop_profile
+from skyway.planner.relaxation_kernels import Cells, slack
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

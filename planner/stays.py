@@ -15,21 +15,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.flight_functions import arrival_functions
-from planner.flight_table import table_land, table_slot
-from planner.itinerary import Hop
-from planner.profile_kernels import departure_profile, fly_profile, profile_at
-from planner.stay_kernels import Costs, land_at, land_everywhere
+from skyway.planner.flight_functions import arrival_functions
+from skyway.planner.flight_table import table_land, table_slot
+from skyway.planner.itinerary import Hop
+from skyway.planner.profile_kernels import departure_profile, fly_profile, profile_at
+from skyway.planner.stay_kernels import Costs, land_at, land_everywhere
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from models.queue_paths import QueuePath
-    from planner.itinerary import Itinerary
-    from planner.problem import Problem
-    from planner.terrain import Terrain
+    from skyway.models.queue_paths import QueuePath
+    from skyway.planner.itinerary import Itinerary
+    from skyway.planner.problem import Problem
+    from skyway.planner.terrain import Terrain
 
 
 @dataclass(frozen=True, eq=False)

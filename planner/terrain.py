@@ -7,22 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.compiled import compiled
-from models.queue_paths import no_queue, pack
-from planner.equivalent import ExpectedQueues
-from planner.flight_table import FlightTable
-from planner.speeds import TrueSpeeds
-from planner.stay_kernels import Grounds
+from skyway.models.compiled import compiled
+from skyway.models.queue_paths import no_queue, pack
+from skyway.planner.equivalent import ExpectedQueues
+from skyway.planner.flight_table import FlightTable
+from skyway.planner.speeds import TrueSpeeds
+from skyway.planner.stay_kernels import Grounds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from models.network import Network
-    from models.queue_paths import QueuePath
-    from planner.problem import Problem
-    from planner.speeds import Speeds
+    from skyway.models.network import Network
+    from skyway.models.queue_paths import QueuePath
+    from skyway.planner.problem import Problem
+    from skyway.planner.speeds import Speeds
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.flight_kernels import NEVER, slot_end, slot_of
-from planner.need_kernels import LEAST_CHANCE
-from planner.turning_kernels import Turning, later_speeds, trials
+from skyway.models.flight_kernels import NEVER, slot_end, slot_of
+from skyway.planner.need_kernels import LEAST_CHANCE
+from skyway.planner.turning_kernels import Turning, later_speeds, trials
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from planner.need_kernels import Known
-    from planner.problem import Problem
+    from skyway.planner.need_kernels import Known
+    from skyway.planner.problem import Problem
 
 USUAL_FLIGHT_S = 500.0
 """Gusts average out over a flight; over this one about so much."""

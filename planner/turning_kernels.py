@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.compiled import compiled, compiled_lean
-from models.flight_kernels import NEVER, slot_end, slot_of
-from models.wind import MIN_GROUND_SPEED_MPS
-from planner.evaluation_kernels import GUST_STEP_S, gust_after, gust_at, gusty_speed
-from planner.need_kernels import capped, gust_mean, gust_mean_variance, wind_felt, wind_variance
+from skyway.models.compiled import compiled, compiled_lean
+from skyway.models.flight_kernels import NEVER, slot_end, slot_of
+from skyway.models.wind import MIN_GROUND_SPEED_MPS
+from skyway.planner.evaluation_kernels import GUST_STEP_S, gust_after, gust_at, gusty_speed
+from skyway.planner.need_kernels import capped, gust_mean, gust_mean_variance, wind_felt, wind_variance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.flight import Air
-    from planner.need_kernels import Known
+    from skyway.models.flight import Air
+    from skyway.planner.need_kernels import Known
 
 
 class Turning(NamedTuple):

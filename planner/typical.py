@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from models.weighted import weighted_quantile
-from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from skyway.models.weighted import weighted_quantile
+from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,15 +10,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sim_stub.config import VehicleConfig
-    from sim_stub.faults import Fault, parse_fault
-    from sim_stub.fleet import FleetOptions, build_world, serve
-    from sim_stub.pads import Pads
-    from sim_stub.transports.channel import Impairment
-    from sim_stub.transports.lockstep import Lockstep, LockstepTransport, VirtualClock
-    from sim_stub.vehicle import Vehicle
-    from sim_stub.wind_truth import ConstantWind, RecordedWind
-    from sim_stub.world import Event, World
+    from skyway.sim_stub.config import VehicleConfig
+    from skyway.sim_stub.faults import Fault, parse_fault
+    from skyway.sim_stub.fleet import FleetOptions, build_world, serve
+    from skyway.sim_stub.pads import Pads
+    from skyway.sim_stub.transports.channel import Impairment
+    from skyway.sim_stub.transports.lockstep import Lockstep, LockstepTransport, VirtualClock
+    from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.wind_truth import ConstantWind, RecordedWind
+    from skyway.sim_stub.world import Event, World
 
 _HOMES = {
     "VehicleConfig": "config",

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.drone import M200_V2, Drone
-from models.units import GRAVITY_MPS2
+from skyway.models.drone import M200_V2, Drone
+from skyway.models.units import GRAVITY_MPS2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.charging import ChargingCurve
+from skyway.models.charging import ChargingCurve
 
 if TYPE_CHECKING:
-    from models.drone import Drone
+    from skyway.models.drone import Drone
 
 CELLS = 6
 _SOC = (0.0, 0.02, 0.05, 0.10, 0.20, 0.40, 0.60, 0.80, 0.90, 1.0)

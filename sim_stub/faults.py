@@ -7,8 +7,8 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from models.errors import Fault as Wrong
-from models.errors import InputError
+from skyway.models.errors import Fault as Wrong
+from skyway.models.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

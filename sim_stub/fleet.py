@@ -5,31 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from models.errors import Fault as Wrong
-from models.errors import InputError
-from sim_stub.airframe import Airframe
-from sim_stub.config import VehicleConfig
-from sim_stub.pads import Pads
-from sim_stub.transports import tcp
-from sim_stub.transports.channel import Impairment
-from sim_stub.transports.loop import SocketLoop
-from sim_stub.transports.pad_server import serve_pads
-from sim_stub.transports.udp import UdpEndpoint
-from sim_stub.transports.urls import Address
-from sim_stub.world import World
+from skyway.models.errors import Fault as Wrong
+from skyway.models.errors import InputError
+from skyway.sim_stub.airframe import Airframe
+from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.pads import Pads
+from skyway.sim_stub.transports import tcp
+from skyway.sim_stub.transports.channel import Impairment
+from skyway.sim_stub.transports.loop import SocketLoop
+from skyway.sim_stub.transports.pad_server import serve_pads
+from skyway.sim_stub.transports.udp import UdpEndpoint
+from skyway.sim_stub.transports.urls import Address
+from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from selectors import BaseSelector
 
-    from models.drone import Drone
-    from models.load import PadLoad
-    from models.network import Station
-    from sim_stub.faults import Fault
-    from sim_stub.transports.endpoint import Endpoint
-    from sim_stub.vehicle import Vehicle
-    from sim_stub.wind_truth import WindTruth
-    from sim_stub.world import Event
+    from skyway.models.drone import Drone
+    from skyway.models.load import PadLoad
+    from skyway.models.network import Station
+    from skyway.sim_stub.faults import Fault
+    from skyway.sim_stub.transports.endpoint import Endpoint
+    from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.wind_truth import WindTruth
+    from skyway.sim_stub.world import Event
 
 MAX_VEHICLES = 250
 _TCP_STEP = 10

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.autopilot.modes import Mode
 
 if TYPE_CHECKING:
-    from sim_stub.faults import Fault
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.faults import Fault
+    from skyway.sim_stub.vehicle import Vehicle
 
 
 def change(vehicle: Vehicle, now_s: float) -> None:

@@ -14,18 +14,18 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from models.errors import Fault as Wrong
-from models.errors import InputError
-from models.pad_service import DroneOnPad, PadServiceError, StationStatus
-from sim_stub.faults import AT_STATIONS
-from sim_stub.vehicle import Charge
+from skyway.models.errors import Fault as Wrong
+from skyway.models.errors import InputError
+from skyway.models.pad_service import DroneOnPad, PadServiceError, StationStatus
+from skyway.sim_stub.faults import AT_STATIONS
+from skyway.sim_stub.vehicle import Charge
 
 if TYPE_CHECKING:
-    from models.load import PadLoad
-    from models.network import Station
-    from sim_stub.faults import Fault
-    from sim_stub.vehicle import Vehicle
-    from sim_stub.world import World
+    from skyway.models.load import PadLoad
+    from skyway.models.network import Station
+    from skyway.sim_stub.faults import Fault
+    from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.world import World
 
 _WARM_UP_H = 24
 _RATES_H = 24

@@ -12,10 +12,10 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from models.units import GRAVITY_MPS2
+from skyway.models.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
-    from sim_stub.airframe import Airframe
+    from skyway.sim_stub.airframe import Airframe
 
 STEP_S = 0.05
 """Physics is advanced in steps of this length; the lag of the attitude is exact over a step."""

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from sim_stub.wire.frames import FrameReader, FrameWriter
-from sim_stub.wire.messages import MessageSpec, spec
+from skyway.sim_stub.wire.frames import FrameReader, FrameWriter
+from skyway.sim_stub.wire.messages import MessageSpec, spec
 
 if TYPE_CHECKING:
     from collections.abc import Callable

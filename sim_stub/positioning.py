@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sim_stub.physics import metres_per_degree
+from skyway.sim_stub.physics import metres_per_degree
 
 if TYPE_CHECKING:
-    from sim_stub.physics import Body
+    from skyway.sim_stub.physics import Body
 
 _FUSED_M = 5.0
 """A jump up to here passes the innovation gates."""

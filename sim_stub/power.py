@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from models.units import AIR_DENSITY_KG_M3
+from skyway.models.units import AIR_DENSITY_KG_M3
 
 if TYPE_CHECKING:
-    from sim_stub.airframe import Airframe
+    from skyway.sim_stub.airframe import Airframe
 
 AVIONICS_W = 15.0
 _INDUCED_FACTOR = 1.15

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from models.errors import Fault, InputError
-from sim_stub.ports import Port
-from sim_stub.protocols.services import new_signing, text_frames
-from sim_stub.protocols.telemetry import (
+from skyway.models.errors import Fault, InputError
+from skyway.sim_stub.ports import Port
+from skyway.sim_stub.protocols.services import new_signing, text_frames
+from skyway.sim_stub.protocols.telemetry import (
     ARDUPILOT_DEFAULT_HZ,
     BUILDERS,
     FAMILY_ONLY,
@@ -16,12 +16,12 @@ from sim_stub.protocols.telemetry import (
     STREAM_GROUPS,
     mission_current,
 )
-from sim_stub.wire.messages import spec, specs
+from skyway.sim_stub.wire.messages import spec, specs
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.vehicle import Vehicle
 
 _MIN_INTERVAL_S = 0.02
 _REACHED_REPEATS = 10

@@ -7,31 +7,31 @@ import random
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from models.errors import Fault as Wrong
-from models.errors import InputError
-from sim_stub import mishaps
-from sim_stub.autopilot.ardupilot import ArduPilot
-from sim_stub.autopilot.px4 import Px4
-from sim_stub.battery import Battery
-from sim_stub.faults import FaultState
-from sim_stub.physics import FINE_STEP_S, STEP_S, Body, Demand, offset_m
-from sim_stub.positioning import Positioning
-from sim_stub.power import PowerModel
-from sim_stub.protocols.ardupilot_missions import ArduPilotMissionServer
-from sim_stub.protocols.commands import CommandServer
-from sim_stub.protocols.parameters import ParameterServer
-from sim_stub.protocols.px4_missions import Px4MissionServer
-from sim_stub.protocols.services import LinkServices
-from sim_stub.radio import Radio
-from sim_stub.wind_truth import Gusts
+from skyway.models.errors import Fault as Wrong
+from skyway.models.errors import InputError
+from skyway.sim_stub import mishaps
+from skyway.sim_stub.autopilot.ardupilot import ArduPilot
+from skyway.sim_stub.autopilot.px4 import Px4
+from skyway.sim_stub.battery import Battery
+from skyway.sim_stub.faults import FaultState
+from skyway.sim_stub.physics import FINE_STEP_S, STEP_S, Body, Demand, offset_m
+from skyway.sim_stub.positioning import Positioning
+from skyway.sim_stub.power import PowerModel
+from skyway.sim_stub.protocols.ardupilot_missions import ArduPilotMissionServer
+from skyway.sim_stub.protocols.commands import CommandServer
+from skyway.sim_stub.protocols.parameters import ParameterServer
+from skyway.sim_stub.protocols.px4_missions import Px4MissionServer
+from skyway.sim_stub.protocols.services import LinkServices
+from skyway.sim_stub.radio import Radio
+from skyway.sim_stub.wind_truth import Gusts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_stub.autopilot.base import Autopilot
-    from sim_stub.config import VehicleConfig
-    from sim_stub.ports import Port
-    from sim_stub.world import World
+    from skyway.sim_stub.autopilot.base import Autopilot
+    from skyway.sim_stub.config import VehicleConfig
+    from skyway.sim_stub.ports import Port
+    from skyway.sim_stub.world import World
 
 AUTOPILOTS: dict[str, type[Px4 | ArduPilot]] = {"px4": Px4, "ardupilot": ArduPilot}
 """The families, by the names of `sim_stub.config.FAMILIES`."""
@@ -380,6 +380,6 @@ class Vehicle:
 
 
 def _name(command: int) -> str:
-    from sim_stub.autopilot.items import Command
+    from skyway.sim_stub.autopilot.items import Command
 
     return Command(command).name.lower() if command in Command.__members__.values() else str(command)

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from models import wind
-from models.errors import Fault, InputError
+from skyway.models import wind
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     import random
 
-    from models.wind_ensemble import WindEnsemble
+    from skyway.models.wind_ensemble import WindEnsemble
 
 HEIGHT_EXPONENT = 0.2
 _LOWEST_M = 2.0

@@ -6,19 +6,19 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from models.errors import Fault as Wrong
-from models.errors import InputError
-from sim_stub.faults import AT_STATIONS, Fault, parse_fault
-from sim_stub.physics import offset_m
-from sim_stub.vehicle import Vehicle
-from sim_stub.wind_truth import ConstantWind, WindTruth
+from skyway.models.errors import Fault as Wrong
+from skyway.models.errors import InputError
+from skyway.sim_stub.faults import AT_STATIONS, Fault, parse_fault
+from skyway.sim_stub.physics import offset_m
+from skyway.sim_stub.vehicle import Vehicle
+from skyway.sim_stub.wind_truth import ConstantWind, WindTruth
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from models.network import Station
-    from sim_stub.config import VehicleConfig
-    from sim_stub.pads import Pads
+    from skyway.models.network import Station
+    from skyway.sim_stub.config import VehicleConfig
+    from skyway.sim_stub.pads import Pads
 
 _MAX_LOG = 100_000
 

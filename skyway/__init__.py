@@ -13,56 +13,56 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from missions.examples import NEW_YORK
-    from models.composition_file import load as load_composition
-    from models.composition_file import save as save_composition
-    from models.drone import Drone
-    from models.errors import InfeasibleError, InputError, NoRouteError, SkywayError
-    from models.flight import FlightRules
-    from models.load import PadLoad
-    from models.network import ConnectionRule, Network, Station
-    from models.scenario import Scenario
-    from models.scenario_file import read_scenario
-    from models.services import Composition, DroneService, State, Stop
-    from models.wind_ensemble import WindEnsemble
-    from models.wind_forecast import constant_wind
-    from planner.objective import Objective
-    from planner.plan import compare, plan
-    from planner.request import Request
-    from planner.result import Comparison, PlanResult
     from skyway.building import build_scenario
+    from skyway.missions.examples import NEW_YORK
+    from skyway.models.composition_file import load as load_composition
+    from skyway.models.composition_file import save as save_composition
+    from skyway.models.drone import Drone
+    from skyway.models.errors import InfeasibleError, InputError, NoRouteError, SkywayError
+    from skyway.models.flight import FlightRules
+    from skyway.models.load import PadLoad
+    from skyway.models.network import ConnectionRule, Network, Station
+    from skyway.models.scenario import Scenario
+    from skyway.models.scenario_file import read_scenario
+    from skyway.models.services import Composition, DroneService, State, Stop
+    from skyway.models.wind_ensemble import WindEnsemble
+    from skyway.models.wind_forecast import constant_wind
+    from skyway.planner.objective import Objective
+    from skyway.planner.plan import compare, plan
+    from skyway.planner.request import Request
+    from skyway.planner.result import Comparison, PlanResult
     from skyway.plotting import plot
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "NEW_YORK": ("missions.examples", "NEW_YORK"),
-    "load_composition": ("models.composition_file", "load"),
-    "save_composition": ("models.composition_file", "save"),
-    "Drone": ("models.drone", "Drone"),
-    "InfeasibleError": ("models.errors", "InfeasibleError"),
-    "InputError": ("models.errors", "InputError"),
-    "NoRouteError": ("models.errors", "NoRouteError"),
-    "SkywayError": ("models.errors", "SkywayError"),
-    "FlightRules": ("models.flight", "FlightRules"),
-    "PadLoad": ("models.load", "PadLoad"),
-    "ConnectionRule": ("models.network", "ConnectionRule"),
-    "Network": ("models.network", "Network"),
-    "Station": ("models.network", "Station"),
-    "Scenario": ("models.scenario", "Scenario"),
-    "read_scenario": ("models.scenario_file", "read_scenario"),
-    "Composition": ("models.services", "Composition"),
-    "DroneService": ("models.services", "DroneService"),
-    "State": ("models.services", "State"),
-    "Stop": ("models.services", "Stop"),
-    "WindEnsemble": ("models.wind_ensemble", "WindEnsemble"),
-    "constant_wind": ("models.wind_forecast", "constant_wind"),
-    "Objective": ("planner.objective", "Objective"),
-    "compare": ("planner.plan", "compare"),
-    "plan": ("planner.plan", "plan"),
-    "Request": ("planner.request", "Request"),
-    "Comparison": ("planner.result", "Comparison"),
-    "PlanResult": ("planner.result", "PlanResult"),
+    "NEW_YORK": ("skyway.missions.examples", "NEW_YORK"),
+    "load_composition": ("skyway.models.composition_file", "load"),
+    "save_composition": ("skyway.models.composition_file", "save"),
+    "Drone": ("skyway.models.drone", "Drone"),
+    "InfeasibleError": ("skyway.models.errors", "InfeasibleError"),
+    "InputError": ("skyway.models.errors", "InputError"),
+    "NoRouteError": ("skyway.models.errors", "NoRouteError"),
+    "SkywayError": ("skyway.models.errors", "SkywayError"),
+    "FlightRules": ("skyway.models.flight", "FlightRules"),
+    "PadLoad": ("skyway.models.load", "PadLoad"),
+    "ConnectionRule": ("skyway.models.network", "ConnectionRule"),
+    "Network": ("skyway.models.network", "Network"),
+    "Station": ("skyway.models.network", "Station"),
+    "Scenario": ("skyway.models.scenario", "Scenario"),
+    "read_scenario": ("skyway.models.scenario_file", "read_scenario"),
+    "Composition": ("skyway.models.services", "Composition"),
+    "DroneService": ("skyway.models.services", "DroneService"),
+    "State": ("skyway.models.services", "State"),
+    "Stop": ("skyway.models.services", "Stop"),
+    "WindEnsemble": ("skyway.models.wind_ensemble", "WindEnsemble"),
+    "constant_wind": ("skyway.models.wind_forecast", "constant_wind"),
+    "Objective": ("skyway.planner.objective", "Objective"),
+    "compare": ("skyway.planner.plan", "compare"),
+    "plan": ("skyway.planner.plan", "plan"),
+    "Request": ("skyway.planner.request", "Request"),
+    "Comparison": ("skyway.planner.result", "Comparison"),
+    "PlanResult": ("skyway.planner.result", "PlanResult"),
     "build_scenario": ("skyway.building", "build_scenario"),
     "plot": ("skyway.plotting", "plot"),
 }

@@ -5,22 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from models.drone import M200_V2, Drone
-from models.errors import Fault, InputError
-from models.fleet import read_fleet
-from models.flight import FlightRules
-from models.load import PadLoad
-from models.network_sources import network_of
-from models.scenario import Scenario
-from models.scenario_checks import fit_warnings
+from skyway.models.drone import M200_V2, Drone
+from skyway.models.errors import Fault, InputError
+from skyway.models.fleet import read_fleet
+from skyway.models.flight import FlightRules
+from skyway.models.load import PadLoad
+from skyway.models.network_sources import network_of
+from skyway.models.scenario import Scenario
+from skyway.models.scenario_checks import fit_warnings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from os import PathLike
 
-    from models.network import ConnectionRule
-    from models.wind_history import WindHistory
-    from models.zones import NoFlyZones
+    from skyway.models.network import ConnectionRule
+    from skyway.models.wind_history import WindHistory
+    from skyway.models.zones import NoFlyZones
 
 
 def build_scenario(

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.weighted import weighted_quantile
-from planner.course_kernels import PAD, READY, SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
-from planner.itinerary import fly_sampled
+from skyway.models.weighted import weighted_quantile
+from skyway.planner.course_kernels import PAD, READY, SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
+from skyway.planner.itinerary import fly_sampled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from planner.result import PlanResult
+    from skyway.planner.result import PlanResult
 
 TIMES = 160
 LOW, HIGH = 0.1, 0.9

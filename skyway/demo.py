@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from link.supervisor import Outcome
-    from link.supervisor.context import Context
-    from models.scenario import Scenario
-    from models.services import Composition
-    from models.wind_ensemble import WindEnsemble
-    from planner.request import Request
-    from sim_stub.world import World
+    from skyway.link.supervisor import Outcome
+    from skyway.link.supervisor.context import Context
+    from skyway.models.scenario import Scenario
+    from skyway.models.services import Composition
+    from skyway.models.wind_ensemble import WindEnsemble
+    from skyway.planner.request import Request
+    from skyway.sim_stub.world import World
 
 START, DESTINATION = "siuh-north", "white-plains"
 DRONE, PAYLOAD_KG = "m200", 0.8
@@ -58,11 +58,11 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
     InfeasibleError
         There is no plan for that day.
     """
-    from link.supervisor import Journal, Mandate, NobodyThere, Supervisor
-    from models.composition_file import save
-    from planner.replan import DEFAULT_PLANNER
-    from sim_stub.pads import Pads
+    from skyway.link.supervisor import Journal, Mandate, NobodyThere, Supervisor
+    from skyway.models.composition_file import save
+    from skyway.planner.replan import DEFAULT_PLANNER
     from skyway.proving_flight import drag_of
+    from skyway.sim_stub.pads import Pads
 
     planner = options.planner or DEFAULT_PLANNER
     scenario, request, forecast, composition = _plan(options, planner)
@@ -101,18 +101,18 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
 
 def plan_demo(options: DemoOptions) -> Composition:
     """Return the plan that would be flown."""
-    from planner.replan import DEFAULT_PLANNER
+    from skyway.planner.replan import DEFAULT_PLANNER
 
     return _plan(options, options.planner or DEFAULT_PLANNER)[3]
 
 
 def _plan(options: DemoOptions, planner: str) -> tuple[Scenario, Request, WindEnsemble, Composition]:
     """Plan for a departure on that day; its own wind is never a member of the forecast."""
-    from models.services import State
-    from planner.plan import plan
-    from planner.problem import HORIZON_H
-    from planner.request import Request
     from skyway.cli.options import load_scenario
+    from skyway.models.services import State
+    from skyway.planner.plan import plan
+    from skyway.planner.problem import HORIZON_H
+    from skyway.planner.request import Request
 
     scenario = load_scenario(None)
     depart = datetime.combine(options.day, HOUR, ZoneInfo(scenario.timezone))
@@ -125,10 +125,10 @@ def _plan(options: DemoOptions, planner: str) -> tuple[Scenario, Request, WindEn
 
 def _world(options: DemoOptions, scenario: Scenario, composition: Composition) -> tuple[Any, World]:
     """Make the world: the wind of that day with gusts, other drones at the pads, one vehicle at the start."""
-    from planner.problem import HORIZON_H
-    from sim_stub.fleet import FleetOptions, build_world
-    from sim_stub.transports.lockstep import Lockstep
-    from sim_stub.wind_truth import RecordedWind
+    from skyway.planner.problem import HORIZON_H
+    from skyway.sim_stub.fleet import FleetOptions, build_world
+    from skyway.sim_stub.transports.lockstep import Lockstep
+    from skyway.sim_stub.wind_truth import RecordedWind
 
     stations = scenario.network.stations
     place = stations[scenario.network.index[START]]
@@ -150,9 +150,9 @@ def _world(options: DemoOptions, scenario: Scenario, composition: Composition) -
 
 def _aboard(options: DemoOptions, lockstep: Any, world: World) -> tuple[Any, Callable[[], None]]:
     """Connect to the vehicle, recording everything; returns it and what closes the connection."""
-    from link.connection import Connection
-    from link.mavlink_vehicle import MavlinkVehicle
-    from link.recorder import Recorder
+    from skyway.link.connection import Connection
+    from skyway.link.mavlink_vehicle import MavlinkVehicle
+    from skyway.link.recorder import Recorder
 
     recorder = Recorder(options.folder, lockstep.clock, name="demo")
     craft = next(iter(world.vehicles.values()))
@@ -175,15 +175,15 @@ def _truth_writer(world: World) -> Callable[[Context], None]:
 
 
 def _clock(posix_s: float) -> str:
-    from models.units import from_posix
+    from skyway.models.units import from_posix
 
     return f"{from_posix(posix_s):%H:%M:%S}"
 
 
 def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
     """Return the last lines: how it ended, and where to look."""
-    from link.supervisor import read_journal
     from skyway.flight_report import write_report
+    from skyway.link.supervisor import read_journal
 
     journal = options.folder / "journal.jsonl"
     records = read_journal(journal).records
@@ -203,7 +203,7 @@ def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
 
 def with_day(options: DemoOptions, text: str | None) -> DemoOptions:
     """Return the options with a day as typed."""
-    from models.errors import Fault, InputError
+    from skyway.models.errors import Fault, InputError
 
     if text is None:
         return options

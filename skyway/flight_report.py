@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from models.scenario import Scenario
+    from skyway.models.scenario import Scenario
 
 MAX_PLAN_BYTES = 64 * 1024 * 1024
 
@@ -30,10 +30,10 @@ def flight(journal: Path, *, logs: Sequence[Path] = (), plan: Path | None = None
     InputError
         A file cannot be read, or is not what it should be.
     """
-    from link.supervisor import read_journal
-    from models.composition_file import load, to_json
     from skyway.flight_report_document import flight_document
     from skyway.flight_report_series import log_series
+    from skyway.link.supervisor import read_journal
+    from skyway.models.composition_file import load, to_json
 
     records = read_journal(journal).records
     document = flight_document(records, None if plan is None else to_json(load(plan)))
@@ -77,9 +77,9 @@ def write_report(
     InputError
         A file cannot be read, or the page cannot be written.
     """
-    from models.files import write_atomically
     from skyway.flight_report_page import page
     from skyway.flight_report_picture import picture
+    from skyway.models.files import write_atomically
 
     document = flight(journal, logs=logs, plan=plan)
     scenario = scenario or _built_in(document)

@@ -11,7 +11,7 @@ from skyway import flight_report_fields as of
 from skyway.flight_report_series import series_of, wind_errors
 
 if TYPE_CHECKING:
-    from link.supervisor.journal import Record
+    from skyway.link.supervisor.journal import Record
 
 SCHEMA = "skyway.flight/1"
 END_WORDS = ("delivered", "stopped-safe", "landed-elsewhere", "left-to-itself")

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from models.errors import SkywayError
-from models.units import parse_instant
-from models.wind_summary import summary_from
+from skyway.models.errors import SkywayError
+from skyway.models.units import parse_instant
+from skyway.models.wind_summary import summary_from
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from link.supervisor.journal import Record
+    from skyway.link.supervisor.journal import Record
 
 LARGEST = 1e12
 """What is larger is no quantity of a flight."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from models.errors import Fault, InputError
 from skyway import flight_report_map as chart_of_places
 from skyway.flight_report_charts import charts
 from skyway.flight_report_page import page_template
 from skyway.flight_report_svg import BROAD, HEIGHT, safe, swatch
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from link.supervisor.journal import Record
+    from skyway.link.supervisor.journal import Record
 
 _QUANTITIES = (
     "height_m", "ground_speed_mps", "power_w", "forecast_north_mps", "forecast_east_mps", "wind_north_mps",
@@ -73,9 +73,9 @@ def _log_rows(path: Path) -> dict[float, tuple[float, ...]]:
     """Return the last sample of each second, of the first vehicle in a log."""
     import numpy as np
 
-    from link.logs.reader import open_log
-    from models.errors import Fault, InputError
-    from models.telemetry import QUANTITIES
+    from skyway.link.logs.reader import open_log
+    from skyway.models.errors import Fault, InputError
+    from skyway.models.telemetry import QUANTITIES
 
     log = open_log(path)
     if not log.summary.time_base.absolute or not log.summary.systems:
@@ -134,7 +134,7 @@ def _summary(pairs: list[tuple[Any, Any]]) -> dict[str, Any] | None:
     """Summarise winds as every wind is; None without any."""
     import numpy as np
 
-    from models.wind_summary import summary_of
+    from skyway.models.wind_summary import summary_of
 
     known = np.array([(north, east) for north, east in pairs if north is not None and east is not None])
     if not len(known):

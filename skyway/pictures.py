@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -158,7 +158,7 @@ def save_figure(figure: Figure, path: Path | None) -> Figure:
         return figure
     import io
 
-    from models.files import write_atomically
+    from skyway.models.files import write_atomically
 
     kind = path.suffix[1:].lower()
     stream = io.BytesIO()

@@ -5,15 +5,15 @@ from __future__ import annotations
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
-from models.units import from_posix
+from skyway.models.units import from_posix
 from skyway.pictures import CALM, INK, MUTED, MUTED_INK, ROUTE, plain_axes
 
 if TYPE_CHECKING:
     from datetime import datetime
     from zoneinfo import ZoneInfo
 
-    from models.services import Composition
     from skyway.charge_band import ChargeBand
+    from skyway.models.services import Composition
 
 _Piece = tuple[str, "datetime", float, "datetime", float]
 

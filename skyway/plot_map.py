@@ -10,9 +10,9 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from models import geodesy
-from models.antimeridian import about, middle_longitude, wrapped
-from models.formatting import headline
+from skyway.models import geodesy
+from skyway.models.antimeridian import about, middle_longitude, wrapped
+from skyway.models.formatting import headline
 from skyway.pictures import (
     CALM,
     INK,
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from models.scenario import Scenario
-    from models.services import Composition
     from skyway.charge_band import ChargeBand
+    from skyway.models.scenario import Scenario
+    from skyway.models.services import Composition
 
 _Line: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models.wind import speed_from
+from skyway.models.wind import speed_from
 from skyway.pictures import CALM, INK, MUTED, ROUTE, new_figure, plain_axes, save_figure
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from link.replay import Replay
+    from skyway.link.replay import Replay
 
 
 def plot_replay(found: Replay, path: Path) -> None:

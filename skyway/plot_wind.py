@@ -7,8 +7,8 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from models.units import from_posix
-from models.wind_marginal import rose
+from skyway.models.units import from_posix
+from skyway.models.wind_marginal import rose
 from skyway.pictures import CALM, INK, MUTED, ROUTE, new_figure, plain_axes, save_figure
 from skyway.wind_summary import over_region, quantiles
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
 
 
 def plot_wind(

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from models.errors import Fault, InputError
-from models.scenario import Scenario
-from planner.result import PlanResult
 from skyway.charge_band import charge_band
+from skyway.models.errors import Fault, InputError
+from skyway.models.scenario import Scenario
 from skyway.pictures import check_format
+from skyway.planner.result import PlanResult
 from skyway.plot_map import plot_composition, plot_network
 
 if TYPE_CHECKING:

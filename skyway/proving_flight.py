@@ -5,23 +5,23 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from link.connection import Connection
-from link.mavlink_vehicle import MavlinkVehicle
-from missions.commands import Command, Frame
-from missions.mission import Mission, MissionItem
-from models.calibration_wind import identify_drag
-from models.errors import LinkError
-from models.telemetry import TelemetryTrack
-from models.wind_filter_blocks import blocks
-from sim_stub.airframe import Airframe
-from sim_stub.config import VehicleConfig
-from sim_stub.transports.lockstep import Lockstep
-from sim_stub.wind_truth import ConstantWind
-from sim_stub.world import World
+from skyway.link.connection import Connection
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.missions.commands import Command, Frame
+from skyway.missions.mission import Mission, MissionItem
+from skyway.models.calibration_wind import identify_drag
+from skyway.models.errors import LinkError
+from skyway.models.telemetry import TelemetryTrack
+from skyway.models.wind_filter_blocks import blocks
+from skyway.sim_stub.airframe import Airframe
+from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.transports.lockstep import Lockstep
+from skyway.sim_stub.wind_truth import ConstantWind
+from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:
-    from models.drag import DragModel
-    from models.drone import Drone
+    from skyway.models.drag import DragModel
+    from skyway.models.drone import Drone
 
 LAT, LON = 40.7392, -73.9756
 _SIDE_LAT, _SIDE_LON = 0.010, 0.013

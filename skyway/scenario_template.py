@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from models.errors import Fault, InputError
-from models.files import write_atomically
+from skyway.models.errors import Fault, InputError
+from skyway.models.files import write_atomically
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,7 +28,7 @@ def write_template(folder: Path) -> list[Path]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(Fault(f"cannot be made: {error.strerror or error}", str(folder))) from None
-    source = resources.files("missions.examples") / "template"
+    source = resources.files("skyway.missions.examples") / "template"
     written = []
     for name in FILES:
         write_atomically(folder / name, (source / name).read_bytes())

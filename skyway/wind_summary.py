@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models.units import from_posix, iso
-from models.weighted import weighted_quantile
-from models.wind import speed_from
-from models.wind_summary import summary_of
+from skyway.models.units import from_posix, iso
+from skyway.models.weighted import weighted_quantile
+from skyway.models.wind import speed_from
+from skyway.models.wind_summary import summary_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
 
 
 def over_region(ensemble: WindEnsemble, scenario: Scenario) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.telemetry import COLUMN, QUANTITIES, TelemetrySample, TelemetryTrack, believable
+from skyway.models.telemetry import COLUMN, QUANTITIES, TelemetrySample, TelemetryTrack, believable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import numpy as np
 
-from link.logs.log import LogSummary
-from link.logs.messages import euler
-from link.logs.vehicle_kind import KINDS, Vehicle
-from models.errors import Fault, InputError
-from models.fields import Table, finite, read_toml
-from models.telemetry import QUANTITIES, TelemetryTrack, TimeBase, believable
-from models.units import parse_instant
+from skyway.link.logs.log import LogSummary
+from skyway.link.logs.messages import euler
+from skyway.link.logs.vehicle_kind import KINDS, Vehicle
+from skyway.models.errors import Fault, InputError
+from skyway.models.fields import Table, finite, read_toml
+from skyway.models.telemetry import QUANTITIES, TelemetryTrack, TimeBase, believable
+from skyway.models.units import parse_instant
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from link.logs.vehicle_kind import Kind
+    from skyway.link.logs.vehicle_kind import Kind
 
 SCHEMA = "skyway.log-columns/1"
 PIECE_ROWS = 10_000

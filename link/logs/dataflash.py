@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from link.logs import dataflash_kernels as kernels
-from link.logs.dataflash_events import EVENT_TYPES, DataFlashEvents
-from link.logs.dataflash_messages import ESTIMATES, SPOKEN, doubting, hovering, quantities
-from link.logs.log import LogEvent, LogSummary
-from link.logs.pieces import HOLD_S, WARM_UP_S, InOrder, read_pieces
-from link.logs.stamps import SteadyTimes
-from link.logs.vehicle_kind import KindEvidence
-from models.telemetry import TimeBase
+from skyway.link.logs import dataflash_kernels as kernels
+from skyway.link.logs.dataflash_events import EVENT_TYPES, DataFlashEvents
+from skyway.link.logs.dataflash_messages import ESTIMATES, SPOKEN, doubting, hovering, quantities
+from skyway.link.logs.log import LogEvent, LogSummary
+from skyway.link.logs.pieces import HOLD_S, WARM_UP_S, InOrder, read_pieces
+from skyway.link.logs.stamps import SteadyTimes
+from skyway.link.logs.vehicle_kind import KindEvidence
+from skyway.models.telemetry import TimeBase
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from models.telemetry import TelemetryTrack
+    from skyway.models.telemetry import TelemetryTrack
 
 PACKED = {
     "a": ("<i2", 32, 1.0),

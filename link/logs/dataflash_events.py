@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from link.logs.dataflash_messages import (
+from skyway.link.logs.dataflash_messages import (
     ARMED,
     CRASH_CHECK,
     DISARMED,
@@ -16,10 +16,10 @@ from link.logs.dataflash_messages import (
     error_text,
     mode_numbers,
 )
-from link.logs.doubted import DoubtedSpans
-from link.logs.log import MAX_EVENTS
-from link.logs.modes import ardupilot_mode
-from models.errors import one_line
+from skyway.link.logs.doubted import DoubtedSpans
+from skyway.link.logs.log import MAX_EVENTS
+from skyway.link.logs.modes import ardupilot_mode
+from skyway.models.errors import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from link.logs.vehicle_kind import Kind, KindEvidence
+    from skyway.link.logs.vehicle_kind import Kind, KindEvidence
 
     Stamped = tuple[NDArray[np.int64], NDArray[np.float64], dict[str, NDArray[Any]]]
     Told = Callable[[Kind], str]

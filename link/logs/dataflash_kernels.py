@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from models.compiled import compiled
+from skyway.models.compiled import compiled
 
 if TYPE_CHECKING:
     import numpy as np

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from link.logs.modes import HOVER_MODES, ardupilot_mode
-from link.logs.trust import MAX_SPEED_ERROR_MPS, estimate_ok, receiver_ok
+from skyway.link.logs.modes import HOVER_MODES, ardupilot_mode
+from skyway.link.logs.trust import MAX_SPEED_ERROR_MPS, estimate_ok, receiver_ok
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from link.logs.vehicle_kind import Kind
+    from skyway.link.logs.vehicle_kind import Kind
 
 Fields = dict[str, "NDArray[Any]"]
 Columns = dict[str, "NDArray[np.float64]"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from link.logs.tlog_kernels import DENSE_IDS
+from skyway.link.logs.tlog_kernels import DENSE_IDS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
-from link.logs.vehicle_kind import Vehicle
+from skyway.link.logs.vehicle_kind import Vehicle
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from models.telemetry import TelemetryTrack, TimeBase
+    from skyway.models.telemetry import TelemetryTrack, TimeBase
 
 MAX_EVENTS = 5000
 """Messages for people that are kept of one log."""

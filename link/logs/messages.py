@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from link.logs.modes import ARDUPILOT, HOVER_MODES
-from link.logs.trust import estimate_ok, receiver_ok
-from link.logs.vehicle_kind import MAV_KINDS
-from models.telemetry import NEITHER
-from models.wind import vector
+from skyway.link.logs.modes import ARDUPILOT, HOVER_MODES
+from skyway.link.logs.trust import estimate_ok, receiver_ok
+from skyway.link.logs.vehicle_kind import MAV_KINDS
+from skyway.models.telemetry import NEITHER
+from skyway.models.wind import vector
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

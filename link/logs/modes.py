@@ -6,7 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from link.logs.vehicle_kind import Kind
+    from skyway.link.logs.vehicle_kind import Kind
 
 PX4_NAV_STATES = {
     0: "manual",

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
-from link.logs.assembly import Assembler, Stretch
-from models.errors import Fault, InputError
+from skyway.link.logs.assembly import Assembler, Stretch
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from models.telemetry import TelemetryTrack
+    from skyway.models.telemetry import TelemetryTrack
 
     Reports = Mapping[str, tuple[NDArray[np.float64], Mapping[str, NDArray[np.float64]]]]
     """Times and quantities of each kind of message, by its name."""

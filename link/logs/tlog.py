@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from link.logs import tlog_kernels as kernels
-from link.logs.dialect import crc_extras, message_type, name_of
-from link.logs.tlog_beginning import beginning
-from link.logs.tlog_stamps import StampCheck
-from models.errors import Fault, InputError
+from skyway.link.logs import tlog_kernels as kernels
+from skyway.link.logs.dialect import crc_extras, message_type, name_of
+from skyway.link.logs.tlog_beginning import beginning
+from skyway.link.logs.tlog_stamps import StampCheck
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from link.logs import tlog_kernels as kernels
-from link.logs.dialect import crc_extras
-from models.errors import Fault, InputError
+from skyway.link.logs import tlog_kernels as kernels
+from skyway.link.logs.dialect import crc_extras
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from pathlib import Path
     from typing import BinaryIO
 
-    from link.logs.tlog import ScanState
+    from skyway.link.logs.tlog import ScanState
 
 PIECE_BYTES = 1024 * 1024
 WINDOW_BYTES = 1 << 16

@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from link.logs.doubted import DoubtedSpans, doubt_in
-from link.logs.log import MAX_EVENTS, LogEvent
-from link.logs.messages import ARMED_FLAG, GROUND_TYPES
-from link.logs.modes import ARDUPILOT, HOVER_MODES, mavlink_mode
-from link.logs.vehicle_kind import WATCHED, KindEvidence, Vehicle
-from models.errors import one_line
+from skyway.link.logs.doubted import DoubtedSpans, doubt_in
+from skyway.link.logs.log import MAX_EVENTS, LogEvent
+from skyway.link.logs.messages import ARMED_FLAG, GROUND_TYPES
+from skyway.link.logs.modes import ARDUPILOT, HOVER_MODES, mavlink_mode
+from skyway.link.logs.vehicle_kind import WATCHED, KindEvidence, Vehicle
+from skyway.models.errors import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from link.logs.tlog import Frames
-    from link.logs.vehicle_kind import Kind
+    from skyway.link.logs.tlog import Frames
+    from skyway.link.logs.vehicle_kind import Kind
 
 AUTOPILOT_COMPONENT, NO_AUTOPILOT = 1, 8
 TEXT_BYTES = 50

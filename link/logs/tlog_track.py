@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from link.logs.assembly import Assembler, Stretch
-from link.logs.log import LogSummary
-from link.logs.messages import SPOKEN, quantities
-from link.logs.tlog import read_frames, scan
-from link.logs.tlog_events import TlogEvents
-from link.logs.tlog_stamps import StampCheck
-from models.telemetry import TimeBase
+from skyway.link.logs.assembly import Assembler, Stretch
+from skyway.link.logs.log import LogSummary
+from skyway.link.logs.messages import SPOKEN, quantities
+from skyway.link.logs.tlog import read_frames, scan
+from skyway.link.logs.tlog_events import TlogEvents
+from skyway.link.logs.tlog_stamps import StampCheck
+from skyway.models.telemetry import TimeBase
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from link.logs.tlog import Frames, TlogIndex
-    from models.telemetry import TelemetryTrack
+    from skyway.link.logs.tlog import Frames, TlogIndex
+    from skyway.models.telemetry import TelemetryTrack
 
 PIECE_BYTES = 1024 * 1024
 """Telemetry is made of so much of the log at a time."""

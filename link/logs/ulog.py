@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from link.logs.log import LogEvent, LogSummary
-from link.logs.pieces import HOLD_S, WARM_UP_S, InOrder, read_pieces
-from link.logs.stamps import SteadyTimes
-from link.logs.ulog_events import ULogEvents
-from link.logs.ulog_format import HEADER_BYTES, MAGIC, ULogContents, ULogScan, last_sync
-from link.logs.ulog_messages import REPLACED, SPOKEN
-from models.errors import Fault, InputError
-from models.telemetry import TimeBase
+from skyway.link.logs.log import LogEvent, LogSummary
+from skyway.link.logs.pieces import HOLD_S, WARM_UP_S, InOrder, read_pieces
+from skyway.link.logs.stamps import SteadyTimes
+from skyway.link.logs.ulog_events import ULogEvents
+from skyway.link.logs.ulog_format import HEADER_BYTES, MAGIC, ULogContents, ULogScan, last_sync
+from skyway.link.logs.ulog_messages import REPLACED, SPOKEN
+from skyway.models.errors import Fault, InputError
+from skyway.models.telemetry import TimeBase
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from link.logs.ulog_format import Messages
-    from models.telemetry import TelemetryTrack
+    from skyway.link.logs.ulog_format import Messages
+    from skyway.models.telemetry import TelemetryTrack
 
 RECEIVERS = ("vehicle_gps_position", "sensor_gps")
 """Topics that know UTC."""

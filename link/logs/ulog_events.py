@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from link.logs.doubted import DoubtedSpans, doubt_in
-from link.logs.log import MAX_EVENTS
-from link.logs.modes import PX4_NAV_STATES
-from link.logs.ulog_messages import ARMED
-from models.errors import one_line
+from skyway.link.logs.doubted import DoubtedSpans, doubt_in
+from skyway.link.logs.log import MAX_EVENTS
+from skyway.link.logs.modes import PX4_NAV_STATES
+from skyway.link.logs.ulog_messages import ARMED
+from skyway.models.errors import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from link.logs.vehicle_kind import KindEvidence
+    from skyway.link.logs.vehicle_kind import KindEvidence
 
 _FAILURES = ("roll", "pitch", "altitude", "external", "ESC arming", "battery", "imbalanced propeller", "motor")
 """Bits of ``vehicle_status.failure_detector_status``."""

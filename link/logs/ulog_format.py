@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from link.logs import ulog_kernels as kernels
-from link.logs.vehicle_kind import KindEvidence
+from skyway.link.logs import ulog_kernels as kernels
+from skyway.link.logs.vehicle_kind import KindEvidence
 
 if TYPE_CHECKING:
     from pathlib import Path

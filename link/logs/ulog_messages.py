@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from link.logs.messages import euler
-from link.logs.trust import estimate_ok, receiver_ok
-from models import geodesy
-from models.telemetry import NEITHER
+from skyway.link.logs.messages import euler
+from skyway.link.logs.trust import estimate_ok, receiver_ok
+from skyway.models import geodesy
+from skyway.models.telemetry import NEITHER
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,11 +9,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from link.supervisor.journal import Journal, Record, read_journal
-    from link.supervisor.machine import Supervisor
-    from link.supervisor.mandate import Mandate, Outcome
-    from link.supervisor.operators import NobodyThere, Operator, Scripted
-    from link.supervisor.states import State
+    from skyway.link.supervisor.journal import Journal, Record, read_journal
+    from skyway.link.supervisor.machine import Supervisor
+    from skyway.link.supervisor.mandate import Mandate, Outcome
+    from skyway.link.supervisor.operators import NobodyThere, Operator, Scripted
+    from skyway.link.supervisor.states import State
 
 _HOMES = {
     "Journal": "journal",
@@ -45,5 +45,5 @@ __all__ = [
 def __getattr__(name: str) -> object:
     """Import what is asked for, and no sooner."""
     if name not in _HOMES:
-        raise AttributeError(f"module 'link.supervisor' has no attribute {name!r}")
+        raise AttributeError(f"module 'skyway.link.supervisor' has no attribute {name!r}")
     return getattr(import_module(f"link.supervisor.{_HOMES[name]}"), name)

@@ -6,19 +6,19 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from link.divert import Diversion, Refuge
-from link.supervisor.foreign import landed, refuse_foreign
-from link.supervisor.legs import cross_track_m, turn_leg, with_places
-from link.supervisor.states import State, Turn
-from models.errors import InputError, LinkError, VehicleTimeoutError
-from planner.replan_flight import Airborne, FlightReplanner
+from skyway.link.divert import Diversion, Refuge
+from skyway.link.supervisor.foreign import landed, refuse_foreign
+from skyway.link.supervisor.legs import cross_track_m, turn_leg, with_places
+from skyway.link.supervisor.states import State, Turn
+from skyway.models.errors import InputError, LinkError, VehicleTimeoutError
+from skyway.planner.replan_flight import Airborne, FlightReplanner
 
 if TYPE_CHECKING:
-    from link.supervisor.context import After, Context
-    from link.supervisor.legs import LegMission
-    from models.telemetry import TelemetrySample
-    from planner.energy_belief import EnergyBelief
-    from planner.replan import Decision
+    from skyway.link.supervisor.context import After, Context
+    from skyway.link.supervisor.legs import LegMission
+    from skyway.models.telemetry import TelemetrySample
+    from skyway.planner.energy_belief import EnergyBelief
+    from skyway.planner.replan import Decision
 
 DECIDE_EVERY_S = 10.0
 LAND_AGAIN_S = 5.0

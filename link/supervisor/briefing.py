@@ -6,14 +6,14 @@ import math
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
-from link.supervisor.failsafes import by_itself
-from link.supervisor.parameter_changes import told
-from models.units import clock_text
+from skyway.link.supervisor.failsafes import by_itself
+from skyway.link.supervisor.parameter_changes import told
+from skyway.models.units import clock_text
 
 if TYPE_CHECKING:
-    from link.supervisor.context import Context
-    from link.supervisor.legs import Leg
-    from link.supervisor.preflight import Check
+    from skyway.link.supervisor.context import Context
+    from skyway.link.supervisor.legs import Leg
+    from skyway.link.supervisor.preflight import Check
 
 LATE_S = 120.0
 """The times of a plan are told with the departure that they count from, where that is so far from now."""

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from link.pads import ManualPads
-from link.supervisor.gauge import learn_gauge
-from link.supervisor.states import State
-from models.errors import CommandRefusedError
-from models.pad_service import DroneOnPad, PadServiceError
+from skyway.link.pads import ManualPads
+from skyway.link.supervisor.gauge import learn_gauge
+from skyway.link.supervisor.states import State
+from skyway.models.errors import CommandRefusedError
+from skyway.models.pad_service import DroneOnPad, PadServiceError
 
 if TYPE_CHECKING:
-    from link.supervisor.context import After, Context
+    from skyway.link.supervisor.context import After, Context
 
 POLL_S = 10.0
 DOUBT_SOC, FASTER = 0.1, 0.5

@@ -7,22 +7,22 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from link.supervisor.departure import make_leg
-from link.supervisor.legs import Leg
-from link.supervisor.modelled_use import ModelledUse
-from link.supervisor.parameter_changes import changes_of
-from link.supervisor.states import IN_AIR, State, Turn
-from link.supervisor.wind_book import observations_of
-from models.composition_file import from_json
-from models.errors import InputError, LinkError, VehicleTimeoutError
-from planner.energy_belief import EnergyBelief
+from skyway.link.supervisor.departure import make_leg
+from skyway.link.supervisor.legs import Leg
+from skyway.link.supervisor.modelled_use import ModelledUse
+from skyway.link.supervisor.parameter_changes import changes_of
+from skyway.link.supervisor.states import IN_AIR, State, Turn
+from skyway.link.supervisor.wind_book import observations_of
+from skyway.models.composition_file import from_json
+from skyway.models.errors import InputError, LinkError, VehicleTimeoutError
+from skyway.planner.energy_belief import EnergyBelief
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from link.supervisor.context import After, Context
-    from link.supervisor.journal import Record
-    from link.vehicle import Identity
+    from skyway.link.supervisor.context import After, Context
+    from skyway.link.supervisor.journal import Record
+    from skyway.link.vehicle import Identity
 
 KNOWN_S = 45.0
 """So long we wait for position, charge and whether it is armed."""

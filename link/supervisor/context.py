@@ -6,37 +6,37 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from link.supervisor.flies import flies
-from link.supervisor.foreign import follows_a_landing, refuse_on_ground
-from link.supervisor.gauge import read_gauge
-from link.supervisor.lean import LeanWatch, watch_lean
-from link.supervisor.legs import station_at
-from link.supervisor.parameter_changes import ParameterChanges
-from link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State, Turn
-from link.supervisor.told_charge import ToldCharge
-from link.supervisor.track import write_track
-from link.supervisor.vehicle_texts import NOTICE, SEVERITIES, TextLog
-from link.supervisor.voltage import VoltageWatch
-from models.composition_file import to_json
-from models.errors import LinkError, VehicleTimeoutError
-from models.services import Place
-from planner.energy_belief import EnergyBelief
-from planner.replan import GroundReplanner
+from skyway.link.supervisor.flies import flies
+from skyway.link.supervisor.foreign import follows_a_landing, refuse_on_ground
+from skyway.link.supervisor.gauge import read_gauge
+from skyway.link.supervisor.lean import LeanWatch, watch_lean
+from skyway.link.supervisor.legs import station_at
+from skyway.link.supervisor.parameter_changes import ParameterChanges
+from skyway.link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State, Turn
+from skyway.link.supervisor.told_charge import ToldCharge
+from skyway.link.supervisor.track import write_track
+from skyway.link.supervisor.vehicle_texts import NOTICE, SEVERITIES, TextLog
+from skyway.link.supervisor.voltage import VoltageWatch
+from skyway.models.composition_file import to_json
+from skyway.models.errors import LinkError, VehicleTimeoutError
+from skyway.models.services import Place
+from skyway.planner.energy_belief import EnergyBelief
+from skyway.planner.replan import GroundReplanner
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from link.seen import Change
-    from link.supervisor.journal import Journal, Record
-    from link.supervisor.legs import Leg
-    from link.supervisor.mandate import Mandate
-    from link.supervisor.operators import Operator
-    from link.supervisor.wind_book import WindBook
-    from link.vehicle import Vehicle
-    from models.clock import Clock
-    from models.pad_service import PadService
-    from models.services import Composition
-    from models.telemetry import TelemetrySample
+    from skyway.link.seen import Change
+    from skyway.link.supervisor.journal import Journal, Record
+    from skyway.link.supervisor.legs import Leg
+    from skyway.link.supervisor.mandate import Mandate
+    from skyway.link.supervisor.operators import Operator
+    from skyway.link.supervisor.wind_book import WindBook
+    from skyway.link.vehicle import Vehicle
+    from skyway.models.clock import Clock
+    from skyway.models.pad_service import PadService
+    from skyway.models.services import Composition
+    from skyway.models.telemetry import TelemetrySample
 
 After = tuple[State, str]
 """The next state, and why."""
@@ -327,7 +327,7 @@ class Context:
     @property
     def left_words(self) -> str:
         """What the vehicle does when it is left."""
-        from link.supervisor.failsafes import when_left
+        from skyway.link.supervisor.failsafes import when_left
 
         if self.on_ground:
             return "it stands disarmed on the ground"

@@ -6,23 +6,23 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from link.mission_words import MissionKind
-from link.supervisor.briefing import Checklist, brief
-from link.supervisor.foreign import refuse_foreign
-from link.supervisor.legs import Leg, plan_leg, with_places
-from link.supervisor.modelled_use import ModelledUse
-from link.supervisor.parameter_changes import apply
-from link.supervisor.preflight import run_checks
-from link.supervisor.states import State, Turn
-from link.verified import UploadState
-from models.errors import CommandRefusedError, LinkError, VehicleTimeoutError
+from skyway.link.mission_words import MissionKind
+from skyway.link.supervisor.briefing import Checklist, brief
+from skyway.link.supervisor.foreign import refuse_foreign
+from skyway.link.supervisor.legs import Leg, plan_leg, with_places
+from skyway.link.supervisor.modelled_use import ModelledUse
+from skyway.link.supervisor.parameter_changes import apply
+from skyway.link.supervisor.preflight import run_checks
+from skyway.link.supervisor.states import State, Turn
+from skyway.link.verified import UploadState
+from skyway.models.errors import CommandRefusedError, LinkError, VehicleTimeoutError
 
 if TYPE_CHECKING:
-    from link.supervisor.context import After, Context
-    from link.supervisor.legs import LegMission
-    from link.supervisor.preflight import Check
-    from link.verified import Part
-    from models.services import DroneService
+    from skyway.link.supervisor.context import After, Context
+    from skyway.link.supervisor.legs import LegMission
+    from skyway.link.supervisor.preflight import Check
+    from skyway.link.verified import Part
+    from skyway.models.services import DroneService
 
 CHECK_AGAIN_S, CHECK_PATIENCE_S = 5.0, 120.0
 UNKNOWN_PATIENCE_S = 840.0

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from missions.dialects import dialect
-from missions.parameters import UNITS
+from skyway.missions.dialects import dialect
+from skyway.missions.parameters import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from link.vehicle import Vehicle
+    from skyway.link.vehicle import Vehicle
 
 READ = {
     "px4": (

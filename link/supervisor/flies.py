@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from models.telemetry import TelemetrySample
+    from skyway.models.telemetry import TelemetrySample
 
 MOVES_MPS, CLIMBS_MPS = 2.0, 0.7
 DRAWS_A, RESTS_A = 10.0, 5.0

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from link.supervisor.states import IN_AIR, State, Turn
+from skyway.link.supervisor.states import IN_AIR, State, Turn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from link.seen import Change
-    from link.supervisor.context import Context
+    from skyway.link.seen import Change
+    from skyway.link.supervisor.context import Context
 
 
 def follows_a_landing(ctx: Context, change: Change) -> bool:

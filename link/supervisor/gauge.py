@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from link.supervisor.flies import CLIMBS_MPS
-from link.supervisor.states import IN_AIR
+from skyway.link.supervisor.flies import CLIMBS_MPS
+from skyway.link.supervisor.states import IN_AIR
 
 if TYPE_CHECKING:
-    from link.supervisor.context import Context
-    from models.telemetry import TelemetrySample
+    from skyway.link.supervisor.context import Context
+    from skyway.models.telemetry import TelemetrySample
 
 MIN_GAUGE_SOC = 0.08
 """A flight that used less tells nothing of the gauge."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from link.supervisor.legs import with_places
-from link.supervisor.states import State, Turn
-from models.errors import InputError, LinkError
-from planner.replan import Decision, Grounded
+from skyway.link.supervisor.legs import with_places
+from skyway.link.supervisor.states import State, Turn
+from skyway.models.errors import InputError, LinkError
+from skyway.planner.replan import Decision, Grounded
 
 if TYPE_CHECKING:
-    from link.supervisor.context import After, Context
+    from skyway.link.supervisor.context import After, Context
 
 POLL_S = 10.0
 _UNUSABLE_S = 900.0

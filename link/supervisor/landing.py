@@ -6,12 +6,12 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from link.supervisor.air import LEARN_SOC
-from link.supervisor.states import State
-from models.errors import LinkError
+from skyway.link.supervisor.air import LEARN_SOC
+from skyway.link.supervisor.states import State
+from skyway.models.errors import LinkError
 
 if TYPE_CHECKING:
-    from link.supervisor.context import After, Context
+    from skyway.link.supervisor.context import After, Context
 
 RELEASES = 3
 PLACE_S = 90.0

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.drag import thrust_acceleration
-from models.units import GRAVITY_MPS2
+from skyway.models.drag import thrust_acceleration
+from skyway.models.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
-    from link.supervisor.context import Context
-    from models.drag import DragModel
-    from models.telemetry import TelemetrySample
+    from skyway.link.supervisor.context import Context
+    from skyway.models.drag import DragModel
+    from skyway.models.telemetry import TelemetrySample
 
 WINDOW_S, STEADY_S = 12.0, 8.0
 LEAN_SHARE, SPEED_SHARE = 0.93, 0.92

@@ -7,21 +7,21 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from missions.dialects import dialect
-from missions.leg_builder import LegBuilder
-from models import geodesy
-from models.services import Place
+from skyway.missions.dialects import dialect
+from skyway.missions.leg_builder import LegBuilder
+from skyway.models import geodesy
+from skyway.models.services import Place
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from link.supervisor.modelled_use import ModelledUse
-    from missions.document import MissionDocument
-    from missions.mission import Home
-    from missions.mission_options import MissionOptions
-    from missions.parameters import Parameter
-    from models.scenario import Scenario
-    from models.services import Composition, DroneService
+    from skyway.link.supervisor.modelled_use import ModelledUse
+    from skyway.missions.document import MissionDocument
+    from skyway.missions.mission import Home
+    from skyway.missions.mission_options import MissionOptions
+    from skyway.missions.parameters import Parameter
+    from skyway.models.scenario import Scenario
+    from skyway.models.services import Composition, DroneService
 
 IN_FLIGHT = "in-flight"
 

@@ -5,27 +5,27 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from link.supervisor import air, charging, contact, departure, ground, landing
-from link.supervisor.context import Context
-from link.supervisor.journal import SCHEMA, read_journal
-from link.supervisor.mandate import Outcome
-from link.supervisor.parameter_changes import restore_at_end
-from link.supervisor.states import ENDS, IN_AIR, State, Turn, check
-from link.supervisor.wind_book import WindBook
-from models.composition_file import to_json
-from models.errors import LinkError, StationConflictError
-from planner.energy_belief import EnergyBelief
+from skyway.link.supervisor import air, charging, contact, departure, ground, landing
+from skyway.link.supervisor.context import Context
+from skyway.link.supervisor.journal import SCHEMA, read_journal
+from skyway.link.supervisor.mandate import Outcome
+from skyway.link.supervisor.parameter_changes import restore_at_end
+from skyway.link.supervisor.states import ENDS, IN_AIR, State, Turn, check
+from skyway.link.supervisor.wind_book import WindBook
+from skyway.models.composition_file import to_json
+from skyway.models.errors import LinkError, StationConflictError
+from skyway.planner.energy_belief import EnergyBelief
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from link.supervisor.context import After
-    from link.supervisor.journal import Journal
-    from link.supervisor.mandate import Mandate
-    from link.supervisor.operators import Operator
-    from link.vehicle import Vehicle
-    from models.clock import Clock
-    from models.pad_service import PadService
+    from skyway.link.supervisor.context import After
+    from skyway.link.supervisor.journal import Journal
+    from skyway.link.supervisor.mandate import Mandate
+    from skyway.link.supervisor.operators import Operator
+    from skyway.link.vehicle import Vehicle
+    from skyway.models.clock import Clock
+    from skyway.models.pad_service import PadService
 
 STEPS: Mapping[State, Callable[[Context], After]] = {
     State.CONNECTING: contact.connecting,

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from missions.mission_options import MissionOptions
-from planner.replan import DEFAULT_PLANNER, ReplanSettings
+from skyway.missions.mission_options import MissionOptions
+from skyway.planner.replan import DEFAULT_PLANNER, ReplanSettings
 
 if TYPE_CHECKING:
-    from models.drag import DragModel
-    from models.scenario import Scenario
-    from models.services import Composition
-    from models.wind_ensemble import WindEnsemble
-    from planner.request import Request
+    from skyway.models.drag import DragModel
+    from skyway.models.scenario import Scenario
+    from skyway.models.services import Composition
+    from skyway.models.wind_ensemble import WindEnsemble
+    from skyway.planner.request import Request
 
 Asking = Literal["each", "once", "never"]
 """Before which take-offs the operator is asked."""

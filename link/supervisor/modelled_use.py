@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from models.airspeed_load import AirspeedLoad
+    from skyway.models.airspeed_load import AirspeedLoad
 
 
 @dataclass(slots=True)

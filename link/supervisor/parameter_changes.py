@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from models.errors import CommandRefusedError, LinkError, VehicleTimeoutError
+from skyway.models.errors import CommandRefusedError, LinkError, VehicleTimeoutError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from link.supervisor.context import Context
-    from link.supervisor.journal import Record
-    from link.vehicle import Vehicle
+    from skyway.link.supervisor.context import Context
+    from skyway.link.supervisor.journal import Record
+    from skyway.link.vehicle import Vehicle
 
 _TRIES = 6
 """At the end, where nothing is waited for any more; each takes some 5 s where no answer comes."""

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from link.supervisor.failsafes import finishes_alone, in_our_units, read_failsafes, when_left
-from link.supervisor.lean import airspeed_at_lean
-from link.supervisor.parameter_changes import ParameterChange
-from models import geodesy
-from models.errors import InputError, LinkError, VehicleTimeoutError
+from skyway.link.supervisor.failsafes import finishes_alone, in_our_units, read_failsafes, when_left
+from skyway.link.supervisor.lean import airspeed_at_lean
+from skyway.link.supervisor.parameter_changes import ParameterChange
+from skyway.models import geodesy
+from skyway.models.errors import InputError, LinkError, VehicleTimeoutError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from link.supervisor.context import Context
-    from link.supervisor.legs import LegMission
-    from models.services import Composition, DroneService
+    from skyway.link.supervisor.context import Context
+    from skyway.link.supervisor.legs import LegMission
+    from skyway.models.services import Composition, DroneService
 
 Verdict = Literal["ok", "no", "unknown"]
 AT_PLACE_M = 60.0
@@ -224,8 +224,8 @@ def _failsafe(ctx: Context) -> Check:
 
 def _mission(ctx: Context, leg: LegMission) -> Check:
     """Look at the mission, its fence and its rally points as ``skyway check`` does."""
-    from missions.checks.report import check
-    from missions.dialects import dialect
+    from skyway.missions.checks.report import check
+    from skyway.missions.dialects import dialect
 
     scenario = ctx.mandate.scenario
     report = check(leg.document, dialect=dialect(ctx.vehicle.family.name), zones=scenario.network.zones)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from models.errors import SkywayError
+from skyway.models.errors import SkywayError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

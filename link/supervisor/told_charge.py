@@ -13,7 +13,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from statistics import median
 
-from link.supervisor.voltage import open_voltage
+from skyway.link.supervisor.voltage import open_voltage
 
 NEAR_SOC, NEAR_SHARE = 0.04, 0.5
 """So far from the line a report may be: the step of a percentage, and by how much the rate may be wrong."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from link.supervisor.context import Context
+    from skyway.link.supervisor.context import Context
 
 TRACK_EVERY_S, GROUND_TRACK_EVERY_S = 5.0, 120.0
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from missions.fence_items import CLAIMED_COUNT
-from missions.finding import Finding
-from missions.geofence import FencePolygon
-from models import geodesy
+from skyway.missions.fence_items import CLAIMED_COUNT
+from skyway.missions.finding import Finding
+from skyway.missions.geofence import FencePolygon
+from skyway.models import geodesy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     import shapely
     from numpy.typing import NDArray
 
-    from missions.checks.route import Route
-    from missions.document import MissionDocument
-    from missions.geofence import FenceCircle, Geofence
-    from models.zones import NoFlyZones
+    from skyway.missions.checks.route import Route
+    from skyway.missions.document import MissionDocument
+    from skyway.missions.geofence import FenceCircle, Geofence
+    from skyway.models.zones import NoFlyZones
 
 MAX_FINDINGS = 20
 _CIRCLE_CORNERS = 128

@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from missions.checks.near_stations import NearStations
-from missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Frame
-from missions.finding import Finding
-from models import geodesy
+from skyway.missions.checks.near_stations import NearStations
+from skyway.missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Frame
+from skyway.missions.finding import Finding
+from skyway.models import geodesy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from missions.checks.route import Route, RouteLeg, Step
-    from missions.coordinates import Point
-    from missions.finding import Severity
-    from missions.mission import Mission
-    from models.network import Station
+    from skyway.missions.checks.route import Route, RouteLeg, Step
+    from skyway.missions.coordinates import Point
+    from skyway.missions.finding import Severity
+    from skyway.missions.mission import Mission
+    from skyway.models.network import Station
 
 SAME_PLACE_M = 20.0
 STRAIGHT = 1.02

@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from missions.checks.near_stations import NearStations
-from missions.checks.weather import SteadyWind, Weather
-from missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
-from models import geodesy
-from models.wind import ground_speed
+from skyway.missions.checks.near_stations import NearStations
+from skyway.missions.checks.weather import SteadyWind, Weather
+from skyway.missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
+from skyway.models import geodesy
+from skyway.models.wind import ground_speed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from missions.checks.route import Route, RouteLeg
-    from missions.mission import Mission
-    from models.drone import Drone
-    from models.energy import Phase
-    from models.network import Station
+    from skyway.missions.checks.route import Route, RouteLeg
+    from skyway.missions.mission import Mission
+    from skyway.models.drone import Drone
+    from skyway.models.energy import Phase
+    from skyway.models.network import Station
 
 ENERGY_ERROR = 0.05
 """Energies of one vehicle differ from the model by up to this fraction, evenly."""

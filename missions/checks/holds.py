@@ -6,14 +6,14 @@ import math
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from missions.checks.weather import SteadyWind
-from missions.finding import Finding
+from skyway.missions.checks.weather import SteadyWind
+from skyway.missions.finding import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from missions.checks.energy import FlightConditions, LegEnergy
-    from missions.checks.route import Route, RouteLeg
+    from skyway.missions.checks.energy import FlightConditions, LegEnergy
+    from skyway.missions.checks.route import Route, RouteLeg
 
 BATTERY_EMPTY = "battery-empty"
 EPSILON = 0.001

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from missions.checks.clearance import items_over_stations, next_ground_m
-from missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
-from missions.finding import Finding
-from models import geodesy
+from skyway.missions.checks.clearance import items_over_stations, next_ground_m
+from skyway.missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from skyway.missions.finding import Finding
+from skyway.models import geodesy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from missions.checks.route import Route, RouteLeg, Step
-    from missions.document import MissionDocument
-    from missions.mission import Mission, MissionItem
-    from models.drone import Drone
-    from models.network import Station
+    from skyway.missions.checks.route import Route, RouteLeg, Step
+    from skyway.missions.document import MissionDocument
+    from skyway.missions.mission import Mission, MissionItem
+    from skyway.models.drone import Drone
+    from skyway.models.network import Station
 
 AUTOPILOT_MAX_SPEED_MPS = 20.0
 FAR_FROM_HOME_M = 10_000.0

@@ -6,32 +6,32 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from missions.checks.areas import check_fence, check_zones
-from missions.checks.clearance import check_clearance
-from missions.checks.energy import FlightConditions, LegEnergy, leg_energies
-from missions.checks.holds import BATTERY_EMPTY, check_energy
-from missions.checks.limits import (
+from skyway.missions.checks.areas import check_fence, check_zones
+from skyway.missions.checks.clearance import check_clearance
+from skyway.missions.checks.energy import FlightConditions, LegEnergy, leg_energies
+from skyway.missions.checks.holds import BATTERY_EMPTY, check_energy
+from skyway.missions.checks.limits import (
     check_heights,
     check_home_distance,
     check_rally_distances,
     check_reach,
     check_speeds,
 )
-from missions.checks.route import fly
-from missions.checks.structure import check_structure
-from missions.dialects import dialect_of_firmware
-from missions.document import MissionDocument
-from missions.finding import Finding
-from missions.mission import Mission
-from models.drone import M200_V2
-from models.units import J_PER_WH
+from skyway.missions.checks.route import fly
+from skyway.missions.checks.structure import check_structure
+from skyway.missions.dialects import dialect_of_firmware
+from skyway.missions.document import MissionDocument
+from skyway.missions.finding import Finding
+from skyway.missions.mission import Mission
+from skyway.models.drone import M200_V2
+from skyway.models.units import J_PER_WH
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from missions.checks.route import Route
-    from missions.dialects.protocol import Dialect
-    from models.zones import NoFlyZones
+    from skyway.missions.checks.route import Route
+    from skyway.missions.dialects.protocol import Dialect
+    from skyway.models.zones import NoFlyZones
 
 SCHEMA = "skyway.check/1"
 MAX_PER_KIND = 20

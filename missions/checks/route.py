@@ -10,12 +10,12 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from skyway.missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
 
 if TYPE_CHECKING:
-    from missions.coordinates import Point
-    from missions.dialects.protocol import Dialect
-    from missions.mission import Mission, MissionItem
+    from skyway.missions.coordinates import Point
+    from skyway.missions.dialects.protocol import Dialect
+    from skyway.missions.mission import Mission, MissionItem
 
 MAX_REPEATED_STEPS = 20_000
 """Steps followed beyond the number of items, where jumps repeat some."""

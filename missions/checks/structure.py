@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from missions.commands import PLAIN_PARAM5_COMMANDS, TAKEOFF_COMMANDS, Command
-from missions.finding import Finding
+from skyway.missions.commands import PLAIN_PARAM5_COMMANDS, TAKEOFF_COMMANDS, Command
+from skyway.missions.finding import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from missions.checks.route import Route
-    from missions.mission import Mission, MissionItem
+    from skyway.missions.checks.route import Route
+    from skyway.missions.mission import Mission, MissionItem
 
 _NAN_ALLOWED = {
     Command.NAV_WAYPOINT: {4},

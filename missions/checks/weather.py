@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from models.wind import vector
+from skyway.models.wind import vector
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from models.wind_forecast import WindEnsemble
+    from skyway.models.wind_forecast import WindEnsemble
 
 
 class Weather(Protocol):

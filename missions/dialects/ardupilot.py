@@ -9,7 +9,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from missions.commands import (
+from skyway.missions.commands import (
     INDEX_COMMANDS,
     LAND_COMMANDS,
     LOCATED_COMMANDS,
@@ -17,19 +17,19 @@ from missions.commands import (
     Command,
     Frame,
 )
-from missions.coordinates import Point
-from missions.dialects.ardupilot_settings import FIRMWARES, RELEASED, SETTINGS
-from missions.dialects.wire import from_wire, to_wire
-from missions.finding import Finding
-from missions.mission import Home, Mission, MissionItem
+from skyway.missions.coordinates import Point
+from skyway.missions.dialects.ardupilot_settings import FIRMWARES, RELEASED, SETTINGS
+from skyway.missions.dialects.wire import from_wire, to_wire
+from skyway.missions.finding import Finding
+from skyway.missions.mission import Home, Mission, MissionItem
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from missions.dialects.protocol import Meaning
-    from missions.dialects.wire import WireItem
-    from missions.document import MissionDocument
-    from missions.parameters import FlightNeeds, Parameter
+    from skyway.missions.dialects.protocol import Meaning
+    from skyway.missions.dialects.wire import WireItem
+    from skyway.missions.document import MissionDocument
+    from skyway.missions.parameters import FlightNeeds, Parameter
 
 MAX_SPEED_MPS = 20.0
 """What missions are flown at most (WPNAV_SPEED, WP_SPD)."""

@@ -10,19 +10,19 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from missions.commands import FLOWN_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
-from missions.dialects.px4_settings import FIRMWARES, RELEASED, SETTINGS
-from missions.dialects.wire import from_wire, to_wire
-from missions.finding import Finding
-from missions.mission import Mission, MissionItem
+from skyway.missions.commands import FLOWN_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from skyway.missions.dialects.px4_settings import FIRMWARES, RELEASED, SETTINGS
+from skyway.missions.dialects.wire import from_wire, to_wire
+from skyway.missions.finding import Finding
+from skyway.missions.mission import Mission, MissionItem
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from missions.dialects.protocol import Meaning
-    from missions.dialects.wire import WireItem
-    from missions.document import MissionDocument
-    from missions.parameters import FlightNeeds, Parameter
+    from skyway.missions.dialects.protocol import Meaning
+    from skyway.missions.dialects.wire import WireItem
+    from skyway.missions.document import MissionDocument
+    from skyway.missions.parameters import FlightNeeds, Parameter
 
 MAX_SPEED_MPS = 20.0
 """MPC_XY_VEL_MAX at most."""

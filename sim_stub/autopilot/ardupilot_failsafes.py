@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.base import Autopilot
-from sim_stub.autopilot.modes import MANUAL_MODES, Action, Mode
-from sim_stub.physics import offset_m
+from skyway.sim_stub.autopilot.base import Autopilot
+from skyway.sim_stub.autopilot.modes import MANUAL_MODES, Action, Mode
+from skyway.sim_stub.physics import offset_m
 
 if TYPE_CHECKING:
-    from sim_stub.autopilot.parameters import ParameterStore
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.autopilot.parameters import ParameterStore
+    from skyway.sim_stub.vehicle import Vehicle
 
 _BATTERY_ACTIONS = {1: Action.LAND, 2: Action.RTL, 3: Action.RTL, 4: Action.LAND, 5: Action.TERMINATE}
 _GCS_ACTIONS = {1: Action.RTL, 3: Action.RTL, 4: Action.LAND, 5: Action.LAND, 6: Action.RTL, 7: Action.LAND}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from sim_stub.autopilot.items import FENCE, PLACED_COMMANDS, RALLY, Answer, Command, Frame, Item
-from sim_stub.autopilot.parameters import as_float32
+from skyway.sim_stub.autopilot.items import FENCE, PLACED_COMMANDS, RALLY, Answer, Command, Frame, Item
+from skyway.sim_stub.autopilot.parameters import as_float32
 
 MAX_ITEMS = {0: 724, 1: 255, 2: 64}
 _FRAMES = {

@@ -1,6 +1,6 @@
 """Parameters of ArduPilot Copter that matter to a delivery, with Copter's defaults."""
 
-from sim_stub.autopilot.parameters import INT8, INT16, INT32, REAL32, ParameterStore
+from skyway.sim_stub.autopilot.parameters import INT8, INT16, INT32, REAL32, ParameterStore
 
 _STREAMS = ("ADSB", "EXTRA1", "EXTRA2", "EXTRA3", "EXT_STAT", "PARAMS", "POSITION", "RAW_CTRL", "RAW_SENS")
 _TABLE = (

@@ -6,19 +6,19 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Idle, Land, ReturnHome
-from sim_stub.autopilot.failsafe import Failsafes
-from sim_stub.autopilot.family import Family
-from sim_stub.autopilot.fence import Fence
-from sim_stub.autopilot.items import FENCE, MISSION, RALLY, Command, Item, Result
-from sim_stub.autopilot.mission_run import MissionRun
-from sim_stub.autopilot.modes import MANUAL_MODES, Mode
-from sim_stub.physics import Demand, metres_per_degree
+from skyway.sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Idle, Land, ReturnHome
+from skyway.sim_stub.autopilot.failsafe import Failsafes
+from skyway.sim_stub.autopilot.family import Family
+from skyway.sim_stub.autopilot.fence import Fence
+from skyway.sim_stub.autopilot.items import FENCE, MISSION, RALLY, Command, Item, Result
+from skyway.sim_stub.autopilot.mission_run import MissionRun
+from skyway.sim_stub.autopilot.modes import MANUAL_MODES, Mode
+from skyway.sim_stub.physics import Demand, metres_per_degree
 
 if TYPE_CHECKING:
-    from sim_stub.autopilot.parameters import ParameterStore
-    from sim_stub.physics import Body
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.autopilot.parameters import ParameterStore
+    from skyway.sim_stub.physics import Body
+    from skyway.sim_stub.vehicle import Vehicle
 
 LOOK_S = 0.1
 """Failsafes and parameters are looked at ten times a second, as the autopilots do."""

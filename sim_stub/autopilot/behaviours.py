@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from sim_stub.physics import Demand, offset_m
+from skyway.sim_stub.physics import Demand, offset_m
 
 if TYPE_CHECKING:
-    from sim_stub.autopilot.base import Autopilot
+    from skyway.sim_stub.autopilot.base import Autopilot
 
 _BRAKING_MPS2 = 1.6
 _CLOSING_PER_S = 0.6

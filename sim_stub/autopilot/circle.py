@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.behaviours import Fly
-from sim_stub.physics import Demand, metres_per_degree, offset_m
+from skyway.sim_stub.autopilot.behaviours import Fly
+from skyway.sim_stub.physics import Demand, metres_per_degree, offset_m
 
 if TYPE_CHECKING:
-    from sim_stub.autopilot.base import Autopilot
+    from skyway.sim_stub.autopilot.base import Autopilot
 
 _LEAD_S = 1.0
 """The velocity follows its demand with about this lag, so the demand is that of a point ahead."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.modes import ACTION_MODES, Action, Mode
+from skyway.sim_stub.autopilot.modes import ACTION_MODES, Action, Mode
 
 if TYPE_CHECKING:
-    from sim_stub.autopilot.base import Autopilot
+    from skyway.sim_stub.autopilot.base import Autopilot
 
 _LEVELS = ("ok", "low", "critical", "emergency")
 

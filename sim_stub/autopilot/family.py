@@ -5,12 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, ClassVar
 
-from sim_stub.autopilot.items import Result
+from skyway.sim_stub.autopilot.items import Result
 
 if TYPE_CHECKING:
-    from sim_stub.autopilot.behaviours import ReturnHome, Speeds
-    from sim_stub.autopilot.items import Item
-    from sim_stub.autopilot.modes import Action, Mode
+    from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
+    from skyway.sim_stub.autopilot.items import Item
+    from skyway.sim_stub.autopilot.modes import Action, Mode
 
 
 class Family(ABC):

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Land, Wait
-from sim_stub.autopilot.circle import Circle
-from sim_stub.autopilot.items import NAV_COMMANDS, RELATIVE_FRAMES, Command, Item
-from sim_stub.physics import Demand, offset_m
+from skyway.sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Land, Wait
+from skyway.sim_stub.autopilot.circle import Circle
+from skyway.sim_stub.autopilot.items import NAV_COMMANDS, RELATIVE_FRAMES, Command, Item
+from skyway.sim_stub.physics import Demand, offset_m
 
 if TYPE_CHECKING:
-    from sim_stub.autopilot.base import Autopilot
+    from skyway.sim_stub.autopilot.base import Autopilot
 
 _MAX_SKIPS = 255
 """Items that may be passed without flying before the mission counts as an endless loop."""

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, ClassVar
 
-from sim_stub.autopilot import px4_missions, px4_parameters
-from sim_stub.autopilot.behaviours import ReturnHome, Speeds
-from sim_stub.autopilot.fence import nearest_rally
-from sim_stub.autopilot.items import RALLY, Command, Item, Result
-from sim_stub.autopilot.mission_run import MissionState
-from sim_stub.autopilot.modes import Mode
-from sim_stub.autopilot.px4_failsafes import Px4Failsafes
-from sim_stub.physics import offset_m
+from skyway.sim_stub.autopilot import px4_missions, px4_parameters
+from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
+from skyway.sim_stub.autopilot.fence import nearest_rally
+from skyway.sim_stub.autopilot.items import RALLY, Command, Item, Result
+from skyway.sim_stub.autopilot.mission_run import MissionState
+from skyway.sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.autopilot.px4_failsafes import Px4Failsafes
+from skyway.sim_stub.physics import offset_m
 
 if TYPE_CHECKING:
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.vehicle import Vehicle
 
 _AUTO = 4 << 16
 _MODES = {

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from sim_stub.autopilot.base import Autopilot
-from sim_stub.autopilot.modes import Action, Mode
-from sim_stub.physics import offset_m
+from skyway.sim_stub.autopilot.base import Autopilot
+from skyway.sim_stub.autopilot.modes import Action, Mode
+from skyway.sim_stub.physics import offset_m
 
 _ACTIONS = {1: Action.HOLD, 2: Action.RTL, 3: Action.LAND, 5: Action.TERMINATE, 6: Action.TERMINATE}
 _FENCE_ACTIONS = {1: Action.WARN, 2: Action.HOLD, 3: Action.RTL, 4: Action.TERMINATE, 5: Action.LAND}

@@ -6,13 +6,13 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.items import FENCE, MISSION, RELATIVE_FRAMES, Answer, Command, Frame, Item
-from sim_stub.physics import offset_m
+from skyway.sim_stub.autopilot.items import FENCE, MISSION, RELATIVE_FRAMES, Answer, Command, Frame, Item
+from skyway.sim_stub.physics import offset_m
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sim_stub.autopilot.fence import Fence
+    from skyway.sim_stub.autopilot.fence import Fence
 
 MAX_ITEMS = {0: 2000, 1: 64, 2: 32}
 _GLOBAL = {

@@ -1,6 +1,6 @@
 """Parameters of PX4 that matter to a delivery, with PX4's defaults."""
 
-from sim_stub.autopilot.parameters import INT32, REAL32, ParameterStore
+from skyway.sim_stub.autopilot.parameters import INT32, REAL32, ParameterStore
 
 _TABLE = (
     ("BAT1_CAPACITY", REAL32, 15320.0),

@@ -6,17 +6,17 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.items import Result
-from sim_stub.protocols.flight_commands import FlightCommands
-from sim_stub.protocols.orders import Order
-from sim_stub.protocols.system_commands import SystemCommands
+from skyway.sim_stub.autopilot.items import Result
+from skyway.sim_stub.protocols.flight_commands import FlightCommands
+from skyway.sim_stub.protocols.orders import Order
+from skyway.sim_stub.protocols.system_commands import SystemCommands
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_stub.ports import Port
-    from sim_stub.vehicle import Vehicle
-    from sim_stub.wire.frames import Message
+    from skyway.sim_stub.ports import Port
+    from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.wire.frames import Message
 
 _TELLS = 4
 """How often progress is told on the way, where it is known."""

@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.base import Home
-from sim_stub.autopilot.items import Command, Result
-from sim_stub.autopilot.mission_run import MissionState
-from sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.autopilot.base import Home
+from skyway.sim_stub.autopilot.items import Command, Result
+from skyway.sim_stub.autopilot.mission_run import MissionState
+from skyway.sim_stub.autopilot.modes import Mode
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_stub.autopilot.base import Autopilot
-    from sim_stub.protocols.commands import CommandServer
-    from sim_stub.protocols.orders import Order
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.autopilot.base import Autopilot
+    from skyway.sim_stub.protocols.commands import CommandServer
+    from skyway.sim_stub.protocols.orders import Order
+    from skyway.sim_stub.vehicle import Vehicle
 
 _RELEASE, _GRAB = 0.0, 1.0
 

@@ -9,14 +9,14 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.items import MISSION, Answer, Frame, Item
+from skyway.sim_stub.autopilot.items import MISSION, Answer, Frame, Item
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sim_stub.ports import Port
-    from sim_stub.vehicle import Vehicle
-    from sim_stub.wire.frames import Message
+    from skyway.sim_stub.ports import Port
+    from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.wire.frames import Message
 
 PARTS = (0, 1, 2)
 """Mission types that a vehicle stores: mission, fence, rally."""

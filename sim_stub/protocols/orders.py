@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.items import Frame, Item
+from skyway.sim_stub.autopilot.items import Frame, Item
 
 if TYPE_CHECKING:
-    from sim_stub.ports import Port
-    from sim_stub.wire.frames import Message
+    from skyway.sim_stub.ports import Port
+    from skyway.sim_stub.wire.frames import Message
 
 _FRAMES = (0, 2, 3, 5, 6)
 _NO_PLACE = -(2**31)

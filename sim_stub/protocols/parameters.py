@@ -6,13 +6,13 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.parameters import REAL32, Parameter
-from sim_stub.wire.messages import spec
+from skyway.sim_stub.autopilot.parameters import REAL32, Parameter
+from skyway.sim_stub.wire.messages import spec
 
 if TYPE_CHECKING:
-    from sim_stub.ports import Port
-    from sim_stub.vehicle import Vehicle
-    from sim_stub.wire.frames import Message
+    from skyway.sim_stub.ports import Port
+    from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.wire.frames import Message
 
 _LAYOUT = spec("PARAM_VALUE").layout
 _PER_TICK = 8

@@ -6,14 +6,14 @@ import math
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.items import ALL, FENCE, MISSION, RALLY, Answer, Item
-from sim_stub.autopilot.px4_missions import MAX_ITEMS, accept, present
-from sim_stub.protocols.mission_server import PARTS, MissionServer, Partner, identity
+from skyway.sim_stub.autopilot.items import ALL, FENCE, MISSION, RALLY, Answer, Item
+from skyway.sim_stub.autopilot.px4_missions import MAX_ITEMS, accept, present
+from skyway.sim_stub.protocols.mission_server import PARTS, MissionServer, Partner, identity
 
 if TYPE_CHECKING:
-    from sim_stub.ports import Port
-    from sim_stub.vehicle import Vehicle
-    from sim_stub.wire.frames import Message
+    from skyway.sim_stub.ports import Port
+    from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.wire.frames import Message
 
 RETRY_S = 0.25
 GIVE_UP_S = 5.0

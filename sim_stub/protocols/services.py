@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from sim_stub.autopilot.modes import Mode
-from sim_stub.wire.frames import Signing
-from sim_stub.wire.messages import spec
+from skyway.sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.wire.frames import Signing
+from skyway.sim_stub.wire.messages import spec
 
 if TYPE_CHECKING:
-    from sim_stub.ports import Port
-    from sim_stub.vehicle import Vehicle
-    from sim_stub.wire.frames import Message
+    from skyway.sim_stub.ports import Port
+    from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.wire.frames import Message
 
 _GROUND_STATION = 6
 _CAPABILITIES = {

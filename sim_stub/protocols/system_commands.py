@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from sim_stub.autopilot.items import Command, Result
-from sim_stub.protocols.telemetry import BUILDERS, FAMILY_ONLY
-from sim_stub.wire.messages import specs
+from skyway.sim_stub.autopilot.items import Command, Result
+from skyway.sim_stub.protocols.telemetry import BUILDERS, FAMILY_ONLY
+from skyway.sim_stub.wire.messages import specs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_stub.autopilot.base import Autopilot
-    from sim_stub.protocols.commands import CommandServer
-    from sim_stub.protocols.orders import Order
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.autopilot.base import Autopilot
+    from skyway.sim_stub.protocols.commands import CommandServer
+    from skyway.sim_stub.protocols.orders import Order
+    from skyway.sim_stub.vehicle import Vehicle
 
 _CALIBRATION_S = 2.0
 _NO_INTERVAL = -1.0

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from models import wind
-from sim_stub.autopilot.mission_run import MissionState
-from sim_stub.autopilot.modes import MANUAL_MODES, Mode
-from sim_stub.wire.messages import spec
+from skyway.models import wind
+from skyway.sim_stub.autopilot.mission_run import MissionState
+from skyway.sim_stub.autopilot.modes import MANUAL_MODES, Mode
+from skyway.sim_stub.wire.messages import spec
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.vehicle import Vehicle
 
 _NAN = math.nan
 PX4_DEFAULT_HZ = {

@@ -5,10 +5,10 @@ from __future__ import annotations
 import socket
 from typing import TYPE_CHECKING, Any, Protocol
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from sim_stub.transports.urls import Address
+    from skyway.sim_stub.transports.urls import Address
 
 
 class Endpoint(Protocol):

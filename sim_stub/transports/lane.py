@@ -5,11 +5,11 @@ from __future__ import annotations
 import random
 from typing import TYPE_CHECKING
 
-from sim_stub.transports.channel import Channel, Impairment
+from skyway.sim_stub.transports.channel import Channel, Impairment
 
 if TYPE_CHECKING:
-    from sim_stub.ports import Port
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.ports import Port
+    from skyway.sim_stub.vehicle import Vehicle
 
 
 class Lane:

@@ -10,13 +10,13 @@ import random
 from collections import deque
 from typing import TYPE_CHECKING
 
-from sim_stub.transports.channel import Channel, Impairment
+from skyway.sim_stub.transports.channel import Channel, Impairment
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_stub.vehicle import Vehicle
-    from sim_stub.world import World
+    from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.world import World
 
 
 class VirtualClock:

@@ -6,13 +6,13 @@ import selectors
 import time
 from typing import TYPE_CHECKING
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_stub.transports.endpoint import Endpoint
-    from sim_stub.world import World
+    from skyway.sim_stub.transports.endpoint import Endpoint
+    from skyway.sim_stub.world import World
 
 MAX_SPEEDUP = 20.0
 """In the air: beyond it no ground station keeps up."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from models.pad_service import (
+from skyway.models.pad_service import (
     MAX_LINE_BYTES,
     DroneOnPad,
     PadAnswer,
@@ -12,14 +12,14 @@ from models.pad_service import (
     decode_request,
     encode,
 )
-from sim_stub.transports.tcp import TcpListener, TcpPeer
+from skyway.sim_stub.transports.tcp import TcpListener, TcpPeer
 
 if TYPE_CHECKING:
     import selectors
     import socket
 
-    from sim_stub.pads import Pads
-    from sim_stub.transports.urls import Address
+    from skyway.sim_stub.pads import Pads
+    from skyway.sim_stub.transports.urls import Address
 
 MAX_CLIENTS = 32
 

@@ -9,12 +9,12 @@ import threading
 import time
 from typing import TYPE_CHECKING, Self
 
-from sim_stub.transports.channel import Channel
+from skyway.sim_stub.transports.channel import Channel
 
 if TYPE_CHECKING:
     from types import TracebackType
 
-    from sim_stub.transports.channel import Impairment
+    from skyway.sim_stub.transports.channel import Impairment
 
 _READ_BYTES = 65536
 _LOOPBACK = "127.0.0.1"

@@ -8,16 +8,16 @@ import time
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
-from models.errors import Fault, InputError
-from sim_stub.transports.endpoint import bind, resolve
-from sim_stub.transports.lane import Lane
+from skyway.models.errors import Fault, InputError
+from skyway.sim_stub.transports.endpoint import bind, resolve
+from skyway.sim_stub.transports.lane import Lane
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_stub.transports.channel import Impairment
-    from sim_stub.transports.urls import Address
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.transports.channel import Impairment
+    from skyway.sim_stub.transports.urls import Address
+    from skyway.sim_stub.vehicle import Vehicle
 
 MAX_VEHICLE_PEERS = 8
 """Ground stations at one TCP port of a vehicle."""

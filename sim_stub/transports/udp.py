@@ -7,14 +7,14 @@ import selectors
 import socket
 from typing import TYPE_CHECKING, Any
 
-from models.errors import InputError
-from sim_stub.transports.endpoint import bind, resolve
-from sim_stub.transports.lane import Lane
+from skyway.models.errors import InputError
+from skyway.sim_stub.transports.endpoint import bind, resolve
+from skyway.sim_stub.transports.lane import Lane
 
 if TYPE_CHECKING:
-    from sim_stub.transports.channel import Impairment
-    from sim_stub.transports.urls import Address
-    from sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.transports.channel import Impairment
+    from skyway.sim_stub.transports.urls import Address
+    from skyway.sim_stub.vehicle import Vehicle
 
 _MAX_PEERS = 8
 _READ_BYTES = 65536

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from fastcrc.crc16 import mcrf4xx
 
-from sim_stub.wire.messages import MessageSpec, specs
+from skyway.sim_stub.wire.messages import MessageSpec, specs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from link.connection import Connection
-    from link.mavlink_vehicle import MavlinkVehicle
+    from skyway.link.connection import Connection
+    from skyway.link.mavlink_vehicle import MavlinkVehicle
 
 
 class Autopilot(StrEnum):
@@ -61,7 +61,7 @@ class Line:
     @contextmanager
     def opened(self) -> Iterator[Connection]:
         """Open the connection; everything on it is recorded."""
-        from link.opening import open_connection, read_key
+        from skyway.link.opening import open_connection, read_key
 
         connection = open_connection(self.connect, record=self.record, system=self.ground, key=read_key(self.key_file))
         try:
@@ -108,17 +108,17 @@ class Link(Line):
 
     def _driver(self) -> type[MavlinkVehicle]:
         if self.driver is Driver.MAVSDK:
-            from link.mavsdk_vehicle import MavsdkVehicle
+            from skyway.link.mavsdk_vehicle import MavsdkVehicle
 
             return MavsdkVehicle
-        from link.mavlink_vehicle import MavlinkVehicle
+        from skyway.link.mavlink_vehicle import MavlinkVehicle
 
         return MavlinkVehicle
 
 
 def own_names(given: Sequence[str], family: str) -> dict[str, tuple[str, str]]:
     """Read names that a person gives to settings: ``mission-speed=WP_SPEED:m/s``."""
-    from missions.dialects import dialect
+    from skyway.missions.dialects import dialect
 
     settings = dialect(family).settings
     found: dict[str, tuple[str, str]] = {}

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 import skyway
-from models.errors import Fault, InputError
+from skyway.models.errors import Fault, InputError
 
 PLANNERS_HELP = """Measure all planners: the paper's experiment, and days of wind that no forecast contained.
 

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
-from models.errors import Fault, InputError, one_line
 from skyway.cli import options
 from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, VehicleKind, open_any, towards, write
 from skyway.cli.sheet import Column, Sheet
+from skyway.models.errors import Fault, InputError, one_line
 
 if TYPE_CHECKING:
-    from link.logs.vehicle_kind import Kind
-    from models.airspeed import AirspeedModel
-    from models.calibration_energy import EnergyFit, ModelName, PowerRecord
-    from models.drag import DragModel
-    from models.drone import Drone
-    from models.wind_filter_blocks import Blocks
+    from skyway.link.logs.vehicle_kind import Kind
+    from skyway.models.airspeed import AirspeedModel
+    from skyway.models.calibration_energy import EnergyFit, ModelName, PowerRecord
+    from skyway.models.drag import DragModel
+    from skyway.models.drone import Drone
+    from skyway.models.wind_filter_blocks import Blocks
 
 WIND_HELP = """Find how a drone feels the air in a log of its flight: the drag that makes its tilt tell the wind, or on wings the
 factor of its airspeed sensor and the offset of its heading.
@@ -68,8 +68,8 @@ def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    from link.replay import choose_system, flight_blocks
-    from link.replay_vehicle import no_wind, vehicle_of
+    from skyway.link.replay import choose_system, flight_blocks
+    from skyway.link.replay_vehicle import no_wind, vehicle_of
 
     options.refuse_overwriting(output, force=force)
     opened = open_any(log, columns)
@@ -79,7 +79,7 @@ def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
     air = flight_blocks(opened, chosen, vehicle=what)
     found = _Air(None, None, nothing) if nothing else _air_of(air, wind)
     if output is not None and found.known:
-        from models.drag_file import drag_file
+        from skyway.models.drag_file import drag_file
 
         notes = [f"found in {one_line(log.name)}", found.reason]
         write(output, drag_file(found.drag, notes, found.airspeed), force=force)
@@ -112,9 +112,9 @@ def _air_of(air: Blocks, wind: str | None) -> _Air:
     """Find the drag in what was flown on rotors, the airspeed sensor in what was flown on wings."""
     import numpy as np
 
-    from link.replay_monitors import PERIOD_S
-    from models.calibration_airspeed import identify_airspeed
-    from models.calibration_wind import course_spread_deg, fit_known_wind, identify_drag
+    from skyway.link.replay_monitors import PERIOD_S
+    from skyway.models.calibration_airspeed import identify_airspeed
+    from skyway.models.calibration_wind import course_spread_deg, fit_known_wind, identify_drag
 
     spread = course_spread_deg(air.velocity[air.flying & np.isfinite(air.velocity).all(axis=1)])
     if wind is not None:
@@ -161,7 +161,7 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    from models.calibration_energy import MODELS, calibrated, drone_file, fit_energy, published_errors
+    from skyway.models.calibration_energy import MODELS, calibrated, drone_file, fit_energy, published_errors
 
     options.refuse_overwriting(output, force=force)
     if not 0.3 <= density <= 2.0:
@@ -239,14 +239,14 @@ def _tell_air(found: _Air) -> None:
             f"  airspeed: the sensor times {found.airspeed.factor:.3f}; through the air {offset:+.1f}° off the nose"
         )
     if math.isfinite(found.sigma):
-        from models.wind import speed_from
+        from skyway.models.wind import speed_from
 
         speed, direction = (float(value) for value in speed_from(*found.wind))
         typer.echo(f"  in this flight sure to ± {found.sigma:.1%}; mean wind {speed:.1f} m/s from {direction:.0f}°")
 
 
 def _base_drone(path: Path | None, name: str) -> Drone:
-    from models.fleet import BUILT_IN, read_fleet
+    from skyway.models.fleet import BUILT_IN, read_fleet
 
     known = BUILT_IN if path is None else {drone.id: drone for drone in read_fleet(path)}
     if path is not None and name not in known and len(known) == 1:
@@ -266,7 +266,7 @@ def _this_aircraft(
     """Return the drone that flew; one of another mass does not keep name and battery of the one it was started from."""
     from dataclasses import replace
 
-    from models.units import J_PER_WH
+    from skyway.models.units import J_PER_WH
 
     flew = replace(
         base,
@@ -293,10 +293,10 @@ def _record(
     system: int | None,
     columns: Path | None,
 ) -> PowerRecord:
-    from link.flight_monitor import Thinned
-    from link.replay import choose_system
-    from models.calibration_energy import power_record
-    from models.telemetry import TelemetryTrack
+    from skyway.link.flight_monitor import Thinned
+    from skyway.link.replay import choose_system
+    from skyway.models.calibration_energy import power_record
+    from skyway.models.telemetry import TelemetryTrack
 
     opened = open_any(path, columns)
     if payload is not None and len(payload) not in (1, count):

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from models.formatting import duration, later_text, minutes, share, spent
 from skyway.cli.sheet import Column, Sheet, say
+from skyway.models.formatting import duration, later_text, minutes, share, spent
 
 if TYPE_CHECKING:
-    from models.figure import Figure
-    from planner.explain import Bought
-    from planner.result import Comparison
+    from skyway.models.figure import Figure
+    from skyway.planner.explain import Bought
+    from skyway.planner.result import Comparison
 
 
 def print_comparison(answers: list[Comparison]) -> None:
     """Print planners side by side; all but those told the truth are counted in the same simulated deliveries."""
-    from planner.plan import CLAIRVOYANT_PLANNERS
+    from skyway.planner.plan import CLAIRVOYANT_PLANNERS
 
     columns = [
         Column("planner", justify="left"), Column("drone", justify="left"), Column("on average", "min"),
@@ -67,8 +67,8 @@ def _about(figure: Figure) -> str:
 
 def _print_bought(answers: list[Comparison]) -> None:
     """Say in plain words what the robust plan gains."""
-    from planner.explain import bought
-    from planner.plan import CLAIRVOYANT_PLANNERS
+    from skyway.planner.explain import bought
+    from skyway.planner.plan import CLAIRVOYANT_PLANNERS
 
     robust = next((one.result for one in answers if one.result is not None and one.result.robust is not None), None)
     if robust is None:

@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from models import compiled
+from skyway.models import compiled
 
 
 class CompilingNotice:

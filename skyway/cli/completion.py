@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from models.errors import SkywayError
+from skyway.models.errors import SkywayError
 
 if TYPE_CHECKING:
-    from models.scenario import Scenario
+    from skyway.models.scenario import Scenario
 
 
 def stations(ctx: Any, incomplete: str) -> list[tuple[str, str]]:  # typer's own Context, or click's in older releases
@@ -27,15 +27,15 @@ def drones(ctx: Any, incomplete: str) -> list[tuple[str, str]]:
 
 def planners(incomplete: str) -> list[str]:
     """Offer the planners."""
-    from planner.plan import PLANNERS
+    from skyway.planner.plan import PLANNERS
 
     return [name for name in PLANNERS if name.startswith(incomplete)]
 
 
 def _scenario(ctx: Any) -> Scenario | None:
     """Return the scenario on the line, or the built-in one; None where it cannot be read: the shell shows no errors."""
-    from missions.examples import NEW_YORK
-    from models.scenario_file import read_scenario
+    from skyway.missions.examples import NEW_YORK
+    from skyway.models.scenario_file import read_scenario
 
     try:
         return read_scenario(Path(ctx.params.get("scenario") or NEW_YORK))

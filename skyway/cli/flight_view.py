@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from models.units import clock_text, from_posix
 from skyway import flight_report_fields as of
 from skyway.flying import line_of
+from skyway.models.units import clock_text, from_posix
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from rich.live import Live
     from rich.table import Table
 
-    from link.supervisor import Record
-    from link.supervisor.context import Context
+    from skyway.link.supervisor import Record
+    from skyway.link.supervisor.context import Context
 
 UNKNOWN = "unknown"
 _REFRESH_HZ = 2.0
@@ -113,7 +113,7 @@ class FlightView:
             self.say(line)
 
     def _enter(self, record: Record) -> None:
-        from link.supervisor.states import TABLE, State
+        from skyway.link.supervisor.states import TABLE, State
 
         after = of.text(record.data, "after") or record.state
         known = {str(state): rule.meaning for state, rule in TABLE.items()}

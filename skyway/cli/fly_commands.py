@@ -9,23 +9,23 @@ from zoneinfo import ZoneInfo
 
 import typer
 
-from models.errors import Fault, InputError
-from models.json_text import json_text
 from skyway.cli import options
 from skyway.cli.aboard import AsJson, Link, linked
+from skyway.models.errors import Fault, InputError
+from skyway.models.json_text import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from datetime import datetime
 
-    from link.mavlink_vehicle import MavlinkVehicle
-    from link.pads import TcpPads
-    from link.supervisor import Mandate, Outcome
-    from models.clock import Clock
-    from models.pad_service import PadService
-    from models.services import Composition
     from skyway.cli.console import Console
     from skyway.cli.flight_view import FlightView
+    from skyway.link.mavlink_vehicle import MavlinkVehicle
+    from skyway.link.pads import TcpPads
+    from skyway.link.supervisor import Mandate, Outcome
+    from skyway.models.clock import Clock
+    from skyway.models.pad_service import PadService
+    from skyway.models.services import Composition
 
 FLY_HELP = """Fly a plan leg by leg, learn the wind on the way, and plan anew where that is better.
 
@@ -111,13 +111,13 @@ def fly(
     as_json: AsJson = False,
 ) -> None:
     """Fly a plan (the help text is `FLY_HELP`)."""
-    from link.supervisor import Mandate
-    from missions.mission_options import MissionOptions
-    from models.composition_file import load
-    from planner.replan import DEFAULT_PLANNER, ReplanSettings
     from skyway import flying
     from skyway.cli.console import Console
     from skyway.cli.flight_view import view_for
+    from skyway.link.supervisor import Mandate
+    from skyway.missions.mission_options import MissionOptions
+    from skyway.models.composition_file import load
+    from skyway.planner.replan import DEFAULT_PLANNER, ReplanSettings
 
     _refuse_together(
         manual=manual, yes=yes, journal=journal, resume=resume, keep=keep_parameters, no_restore=no_restore
@@ -172,10 +172,10 @@ def _flown(
     resumes: bool,
 ) -> tuple[Outcome, Path]:
     """Connect and fly; returns how it ended, and where its journal is."""
-    from link.supervisor import Journal, Supervisor
-    from models.units import from_posix
     from skyway.flight_report import write_report
     from skyway.flying import journal_name
+    from skyway.link.supervisor import Journal, Supervisor
+    from skyway.models.units import from_posix
 
     view.doing(f"connecting: {link.connect}")
     with link.aboard() as vehicle:
@@ -232,7 +232,7 @@ def _refuse_questions(composition: Composition, pads: str, release: str) -> None
 
 def _check_words(planner: str, wind: str | None, forecast: Path | None) -> None:
     """Find out before a vehicle is spoken with what would fail in the midst of a delivery."""
-    from planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS
+    from skyway.planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS
 
     known = [name for name in PLANNERS if wind is not None or name not in CLAIRVOYANT_PLANNERS]
     if planner and planner not in known:
@@ -248,15 +248,15 @@ def _check_words(planner: str, wind: str | None, forecast: Path | None) -> None:
 
 def _pad_service(pads: str) -> TcpPads | None:
     """The pad service of an address; None where people tend the pads."""
-    from link.pads import TcpPads
+    from skyway.link.pads import TcpPads
 
     return None if pads == "manual" else TcpPads(pads)
 
 
 def _clock(vehicle: MavlinkVehicle, console: Console) -> Clock:
     """Take the vehicle's clock: it may live at another time, and at another speed, also from some moment on only."""
-    from link.vehicle_time import VehicleTime
     from skyway.flying import FAR_S
+    from skyway.link.vehicle_time import VehicleTime
 
     wall = vehicle.connection.clock
     vehicle.request_telemetry()
@@ -270,8 +270,8 @@ def _clock(vehicle: MavlinkVehicle, console: Console) -> Clock:
 
 
 def _begun(journal: Path) -> datetime:
-    from link.supervisor import read_journal
-    from models.units import parse_instant
+    from skyway.link.supervisor import read_journal
+    from skyway.models.units import parse_instant
 
     return parse_instant(read_journal(journal).records[0].time)
 
@@ -287,7 +287,7 @@ def _journal_path(folder: Path, name: str) -> Path:
 @contextmanager
 def _served(pads: TcpPads | None, mandate: Mandate, console: Console, clock: Clock) -> Iterator[PadService]:
     """Serve the pads that were asked for, and hang up at the end."""
-    from link.pads import ManualPads
+    from skyway.link.pads import ManualPads
 
     if pads is not None:
         with closing(pads):

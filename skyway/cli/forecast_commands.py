@@ -11,16 +11,16 @@ from zoneinfo import ZoneInfo
 
 import typer
 
-from models.errors import Fault, InputError
 from skyway.cli import log_options, options
 from skyway.cli.log_options import AsJson, Columns, Force, open_any, write
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from models.scenario import Scenario
-    from models.wind_ensemble import WindEnsemble
-    from models.wind_field import WindObservation
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_ensemble import WindEnsemble
+    from skyway.models.wind_field import WindObservation
 
 FORECAST_HELP = """Update the wind forecast with what drones measured, and write it for plan.
 
@@ -83,7 +83,7 @@ def forecast(  # noqa: D103  the help text is FORECAST_HELP
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    from models.forecast_update import SLOT_S
+    from skyway.models.forecast_update import SLOT_S
 
     if not 1.0 <= slot <= 360.0:
         raise InputError(Fault("out of range", field="--slot", value=slot, remedy="1 to 360 minutes"))
@@ -96,7 +96,7 @@ def forecast(  # noqa: D103  the help text is FORECAST_HELP
     seen = [one for path in logs or () for one in _observations(path, columns, air)]
     update = _update(world, seen, instant, hours, base, max(60.0 * slot, SLOT_S / 10.0))
     if output is not None:
-        from models.wind_forecast_table import forecast_table
+        from skyway.models.wind_forecast_table import forecast_table
 
         write(output, forecast_table(update.after, [site.id for site in world.wind_sites]), force=force)
     if as_json:
@@ -107,7 +107,7 @@ def forecast(  # noqa: D103  the help text is FORECAST_HELP
 
 def _observations(path: Path, columns: Path | None, air: dict[str, Any]) -> list[WindObservation]:
     """What every vehicle of a log measured; nothing is expected of the wind, so that no forecast counts twice."""
-    from link.replay import ReplayOptions, replay
+    from skyway.link.replay import ReplayOptions, replay
 
     log = open_any(path, columns)
     log_options.dated(log)
@@ -130,9 +130,9 @@ def _observations(path: Path, columns: Path | None, air: dict[str, Any]) -> list
 def _update(
     world: Scenario, seen: list[WindObservation], instant: datetime | None, hours: int, base: Path | None, slot_s: float
 ) -> Update:
-    from models.forecast_update import update_forecast
-    from models.units import from_posix
-    from models.wind_forecast import read_forecast
+    from skyway.models.forecast_update import update_forecast
+    from skyway.models.units import from_posix
+    from skyway.models.wind_forecast import read_forecast
 
     if not seen and instant is None:
         remedy = "logs in which wind was measured, or --depart"
@@ -159,7 +159,7 @@ def _update(
 
 
 def _distance_m(world: Scenario, one: WindObservation) -> float:
-    from models.geodesy import distance_m
+    from skyway.models.geodesy import distance_m
 
     return min(distance_m(one.lat_deg, one.lon_deg, site.lat, site.lon) for site in world.wind_sites)
 
@@ -182,7 +182,7 @@ def _rows(update: Update) -> list[dict[str, Any]]:
 
 def _wind_of(ensemble: WindEnsemble, north: Any, east: Any, slot: int) -> dict[str, float | None]:
     """Summary of one slot (`models.wind_summary`), and the spread of the members about their mean vector."""
-    from models.wind_summary import summary_of
+    from skyway.models.wind_summary import summary_of
 
     found = summary_of(north[:, slot], east[:, slot], ensemble.probability)
     off = (north[:, slot] - found.north_mps) ** 2 + (east[:, slot] - found.east_mps) ** 2
@@ -199,8 +199,8 @@ def _field(update: Update) -> list[dict[str, Any]]:
     """Wind at every site at the departure: all observations fused, and how sure that is, at the height of the sites."""
     import numpy as np
 
-    from models.wind_field import WindField
-    from models.wind_filter_live import forecast_of
+    from skyway.models.wind_field import WindField
+    from skyway.models.wind_filter_live import forecast_of
 
     mean = forecast_of(update.before)
     expected = [mean(one.time_s, one.lat_deg, one.lon_deg, math.nan) for one in update.seen]
@@ -215,7 +215,7 @@ def _field(update: Update) -> list[dict[str, Any]]:
 
 
 def _as_json(update: Update) -> dict[str, Any]:
-    from models.units import from_posix, iso
+    from skyway.models.units import from_posix, iso
 
     return {
         "schema": "skyway.forecast-update/1",
@@ -239,8 +239,8 @@ def _as_json(update: Update) -> dict[str, Any]:
 
 
 def _tell(update: Update, output: Path | None) -> None:
-    from models.services import Wind
-    from models.units import from_posix, iso
+    from skyway.models.services import Wind
+    from skyway.models.units import from_posix, iso
 
     count = len(update.seen)
     what = "1 measurement" if count == 1 else f"{count} measurements"

@@ -13,12 +13,12 @@ from skyway.cli.aboard import AsJson, Link, Yes, linked
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from link.mavlink_vehicle import MavlinkVehicle
-    from link.parameters import ParameterCheck
-    from link.vehicle import Identity
-    from link.verified import Part, UploadOutcome
-    from missions.document import MissionDocument
-    from missions.parameters import Parameter
+    from skyway.link.mavlink_vehicle import MavlinkVehicle
+    from skyway.link.parameters import ParameterCheck
+    from skyway.link.vehicle import Identity
+    from skyway.link.verified import Part, UploadOutcome
+    from skyway.missions.document import MissionDocument
+    from skyway.missions.parameters import Parameter
 
 
 class Kind(StrEnum):
@@ -48,8 +48,8 @@ def _parts(document: MissionDocument) -> list[Part]:
 
 
 def _read_parts(file: Path) -> tuple[MissionDocument, list[Part]]:
-    from missions import read
-    from models.errors import Fault, InputError
+    from skyway.missions import read
+    from skyway.models.errors import Fault, InputError
 
     document = read(file)
     parts = _parts(document)
@@ -73,8 +73,8 @@ def upload(
       skyway upload delivery.plan --connect /dev/ttyUSB0,57600 --yes
       skyway upload delivery.waypoints --connect tcp:127.0.0.1:5760 --system 2 --parameters delivery.param --yes
     """  # noqa: D301  \b keeps the lines of the examples
-    from link.parameter_file import read_required
     from skyway.cli.link_report import print_json, show_outcome
+    from skyway.link.parameter_file import read_required
 
     document, parts = _read_parts(file)
     wanted = () if parameters is None else read_required(parameters)
@@ -100,8 +100,8 @@ def upload(
 
 
 def _refuse_what_cannot_be_flown(document: MissionDocument, family: str) -> None:
-    from missions import dialect
-    from models.errors import Fault, InputError
+    from skyway.missions import dialect
+    from skyway.models.errors import Fault, InputError
 
     found = [finding for finding in dialect(family).cannot_fly(document) if finding.severity == "error"]
     faults = [Fault(f.message, field=None if f.item is None else f"item {f.item}", remedy=f.remedy) for f in found]
@@ -137,8 +137,8 @@ def _parameter_state(vehicle: MavlinkVehicle, check: ParameterCheck, *, yes: boo
 def _show_dry_run(
     vehicle: MavlinkVehicle, identity: Identity, parts: list[Part], checks: list[dict[str, Any]], *, as_json: bool
 ) -> None:
-    from link.verified import kind_of
     from skyway.cli.link_report import difference_row, print_json, show_plan
+    from skyway.link.verified import kind_of
 
     rows = []
     for part in parts:
@@ -194,14 +194,14 @@ def download(
     Examples:
       skyway download -o aboard.plan --connect udpin:127.0.0.1:14540
     """  # noqa: D301
-    from link.mission_words import MissionKind
-    from missions import write
-    from missions.document import MissionDocument
-    from missions.geofence import Geofence
-    from missions.mission import Mission
-    from missions.rally import RallyPoints
     from skyway.cli import options
     from skyway.cli.link_report import print_json
+    from skyway.link.mission_words import MissionKind
+    from skyway.missions import write
+    from skyway.missions.document import MissionDocument
+    from skyway.missions.geofence import Geofence
+    from skyway.missions.mission import Mission
+    from skyway.missions.rally import RallyPoints
 
     options.refuse_overwriting(output, force=force)
     with link.aboard() as vehicle:
@@ -231,8 +231,8 @@ def clear(
     Examples:
       skyway clear --kind all --yes --connect udpin:127.0.0.1:14540
     """  # noqa: D301
-    from link.mission_words import MissionKind
     from skyway.cli.link_report import count_of, print_json, size_of, vehicle_row
+    from skyway.link.mission_words import MissionKind
 
     kinds = list(MissionKind) if kind is Kind.ALL else [MissionKind[kind.name]]
     held = {}
@@ -259,8 +259,8 @@ def verify(link: Link, file: MissionFile, as_json: AsJson = False) -> None:
     Examples:
       skyway verify delivery.plan --connect udpin:127.0.0.1:14540
     """  # noqa: D301
-    from link.verified import kind_of
     from skyway.cli.link_report import difference_row, on_board, print_json
+    from skyway.link.verified import kind_of
 
     _, parts = _read_parts(file)
     with link.aboard() as vehicle:

@@ -14,10 +14,10 @@ from skyway.cli.sheet import Column, Sheet
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from link.vehicle import Identity
-    from link.verified import Part, UploadOutcome
-    from missions.comparison import Difference
-    from missions.mission import MissionItem
+    from skyway.link.vehicle import Identity
+    from skyway.link.verified import Part, UploadOutcome
+    from skyway.missions.comparison import Difference
+    from skyway.missions.mission import MissionItem
 
 _FEW = 10
 
@@ -38,8 +38,8 @@ def progress() -> Callable[[str, int, int], None] | None:
 
 def show_plan(part: Part, differences: Sequence[Difference]) -> None:
     """Print what would be sent, beside what the vehicle holds."""
-    from link.verified import kind_of
-    from missions.mission import Mission
+    from skyway.link.verified import kind_of
+    from skyway.missions.mission import Mission
 
     same = "the vehicle holds the same" if not differences else f"{len(differences)} differences from what it holds"
     typer.echo(f"{kind_of(part).word}: {size_of(part)} to send; {same}")
@@ -61,14 +61,14 @@ def show_plan(part: Part, differences: Sequence[Difference]) -> None:
 
 def count_of(part: Part) -> int:
     """Return how many items, areas or points it has."""
-    from missions.geofence import Geofence
+    from skyway.missions.geofence import Geofence
 
     return len(part.areas) if isinstance(part, Geofence) else len(part)
 
 
 def size_of(part: Part) -> str:
     """Return how much it is, for a person."""
-    from missions.geofence import Geofence
+    from skyway.missions.geofence import Geofence
 
     return f"{count_of(part)} {'areas' if isinstance(part, Geofence) else 'items'}"
 

@@ -9,14 +9,14 @@ from zoneinfo import ZoneInfo
 
 import typer
 
-from models.errors import Fault, InputError
 from skyway.cli import options
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from link.logs.log import Log
-    from models.drone import Drone
-    from models.scenario import Scenario
-    from models.wind_ensemble import WindEnsemble
+    from skyway.link.logs.log import Log
+    from skyway.models.drone import Drone
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_ensemble import WindEnsemble
 
 LogFile = Annotated[Path, typer.Argument(help="Flight log: .tlog, .bin, .ulg or .csv.", show_default=False)]
 Columns = Annotated[
@@ -84,7 +84,7 @@ FAR_M = 300_000.0
 
 def air_of(path: Path | None) -> dict[str, Any]:
     """Drag and airspeed of a file of ``calibrate wind``, as `link.replay.ReplayOptions` takes them."""
-    from models.drag_file import read_air
+    from skyway.models.drag_file import read_air
 
     if path is None:
         return {}
@@ -94,7 +94,7 @@ def air_of(path: Path | None) -> dict[str, Any]:
 
 def drone_of(named: Path) -> Drone:
     """Read the one drone of a fleet file, or return a built-in drone by its id."""
-    from models.fleet import BUILT_IN, read_fleet
+    from skyway.models.fleet import BUILT_IN, read_fleet
 
     if str(named) in BUILT_IN:
         return BUILT_IN[str(named)]
@@ -122,8 +122,8 @@ def log_forecast(log: Log, wind: str | None, file: Path | None, scenario: str | 
         return {"forecast": lambda *_: (north, east)}
     if file is None and scenario is None:
         return {}
-    from models.units import from_posix
-    from models.wind_filter_live import forecast_of, settings_for
+    from skyway.models.units import from_posix
+    from skyway.models.wind_filter_live import forecast_of, settings_for
 
     world = load_named(scenario)
     start = from_posix(dated(log))
@@ -149,7 +149,7 @@ def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
     """Say on stderr that the flight was far from every site of a forecast."""
     import numpy as np
 
-    from models import geodesy
+    from skyway.models import geodesy
 
     for track in log.tracks():
         placed = np.flatnonzero(np.isfinite(track["lat_deg"]) & np.isfinite(track["lon_deg"]))
@@ -164,8 +164,8 @@ def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
 
 def open_any(path: Path, columns: Path | None) -> Log:
     """Open a log of any format; says on stderr where its name tells another."""
-    from link.logs.csv_log import read_columns
-    from link.logs.reader import SUFFIX, open_log
+    from skyway.link.logs.csv_log import read_columns
+    from skyway.link.logs.reader import SUFFIX, open_log
 
     opened = open_log(path, None if columns is None else read_columns(columns))
     if not opened.summary.messages:
@@ -183,7 +183,7 @@ def open_any(path: Path, columns: Path | None) -> Log:
 
 def towards(text: str) -> tuple[float, float]:
     """Read ``SPEED@FROM`` as (north, east) TOWARDS, m/s."""
-    from models.wind import vector
+    from skyway.models.wind import vector
 
     north, east = vector(*options.parse_wind(text))
     return float(north), float(east)
@@ -191,6 +191,6 @@ def towards(text: str) -> tuple[float, float]:
 
 def write(path: Path, text: str, *, force: bool) -> None:
     """Write a text file whole or not at all."""
-    from models.files import write_atomically
+    from skyway.models.files import write_atomically
 
     write_atomically(path, text, force=force)

@@ -13,7 +13,6 @@ from typing import Annotated
 
 import typer
 
-from models.errors import SkywayError
 from skyway import __version__
 from skyway.cli import (
     bench_commands,
@@ -31,6 +30,7 @@ from skyway.cli import (
 )
 from skyway.cli.command_groups import GroupedCommands
 from skyway.cli.compiling import show_compiling
+from skyway.models.errors import SkywayError
 
 USAGE_ERROR: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 """Wrong usage: typer brings its own copy of click, or in older releases stands on the package."""

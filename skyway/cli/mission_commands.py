@@ -11,13 +11,13 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from missions.checks.energy import FlightConditions
-    from missions.checks.report import CheckReport
-    from missions.checks.weather import Weather
-    from missions.document import MissionDocument
-    from missions.from_composition import Export
-    from models.drone import Drone
-    from models.scenario import Scenario
+    from skyway.missions.checks.energy import FlightConditions
+    from skyway.missions.checks.report import CheckReport
+    from skyway.missions.checks.weather import Weather
+    from skyway.missions.document import MissionDocument
+    from skyway.missions.from_composition import Export
+    from skyway.models.drone import Drone
+    from skyway.models.scenario import Scenario
 
 
 class Autopilot(StrEnum):
@@ -77,12 +77,12 @@ def mission(
       skyway mission plan.json -o delivery.waypoints --autopilot ardupilot
       skyway mission plan.json -o leg1.plan --leg 1 --width 600
     """  # noqa: D301  \b keeps the lines of the examples
-    from missions import dialect
-    from missions.dialects import dumps_for
-    from missions.from_composition import armed_mission, leg_mission, whole_mission
-    from missions.mission_options import MissionOptions
-    from models.composition_file import load
-    from models.errors import Fault, InputError
+    from skyway.missions import dialect
+    from skyway.missions.dialects import dumps_for
+    from skyway.missions.from_composition import armed_mission, leg_mission, whole_mission
+    from skyway.missions.mission_options import MissionOptions
+    from skyway.models.composition_file import load
+    from skyway.models.errors import Fault, InputError
 
     if leg is not None and (whole or armed_hold):
         other = "--whole" if whole else "--armed-hold"
@@ -109,7 +109,7 @@ def mission(
 
 def _leg_index(number: int, legs: int) -> int:
     """Index of a leg that a person has typed: they count from 1."""
-    from models.errors import Fault, InputError
+    from skyway.models.errors import Fault, InputError
 
     if not 1 <= number <= legs:
         known = "the plan has one leg: 1" if legs == 1 else f"legs are numbered from 1: the plan has legs 1 to {legs}"
@@ -118,7 +118,7 @@ def _leg_index(number: int, legs: int) -> int:
 
 
 def _elevations(given: Sequence[str]) -> dict[str, float]:
-    from models.errors import Fault, InputError
+    from skyway.models.errors import Fault, InputError
 
     heights: dict[str, float] = {}
     for text in given:
@@ -134,10 +134,10 @@ def _elevations(given: Sequence[str]) -> dict[str, float]:
 
 def _write_export(export: Export, parameters: str, output: Path, *, force: bool) -> None:
     """Write every mission of an export and its parameters, or nothing."""
-    from missions import write
-    from missions.mission_file import files_of
-    from models.errors import Fault, InputError
-    from models.files import write_atomically
+    from skyway.missions import write
+    from skyway.missions.mission_file import files_of
+    from skyway.models.errors import Fault, InputError
+    from skyway.models.files import write_atomically
 
     count = len(export.documents)
     targets = [
@@ -189,8 +189,8 @@ def convert(
       skyway convert survey.plan survey.waypoints
       skyway convert old-fence.txt fence.plan
     """  # noqa: D301
-    from missions import read, write
-    from missions.dropped import dropped
+    from skyway.missions import read, write
+    from skyway.missions.dropped import dropped
 
     document = read(source)
     _echo_written(document, write(document, target, force=force))
@@ -224,8 +224,8 @@ def check(
       skyway check delivery.plan --drone m200-v2 --wind 8@270 --payload 1
       skyway check delivery.plan --scenario newyork --depart 2013-07-10T14:00-04:00 --json
     """  # noqa: D301
-    from missions import check as check_mission
-    from missions import dialect, read
+    from skyway.missions import check as check_mission
+    from skyway.missions import dialect, read
 
     document = read(file)
     region = _scenario(scenario)
@@ -250,16 +250,16 @@ def check(
 def _scenario(path: Path | None) -> Scenario | None:
     if path is None:
         return None
-    from models.scenario_file import read_scenario
+    from skyway.models.scenario_file import read_scenario
 
     return read_scenario(path)
 
 
 def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> Weather | None:
-    from missions import ForecastWind, SteadyWind
-    from models.errors import Fault, InputError
-    from models.units import parse_instant
     from skyway.cli.options import parse_wind
+    from skyway.missions import ForecastWind, SteadyWind
+    from skyway.models.errors import Fault, InputError
+    from skyway.models.units import parse_instant
 
     if wind is not None:
         if depart is not None:
@@ -284,9 +284,9 @@ def _conditions(
     soc_percent: float,
     reserve_percent: float,
 ) -> FlightConditions:
-    from missions import FlightConditions, SteadyWind
-    from models.errors import Fault, InputError
     from skyway.cli.options import percent
+    from skyway.missions import FlightConditions, SteadyWind
+    from skyway.models.errors import Fault, InputError
 
     if not 0.0 <= payload_kg <= 1000.0:
         raise InputError(Fault("is not between 0 and 1000", field="--payload", value=payload_kg))
@@ -307,8 +307,8 @@ def _conditions(
 
 def _vehicle(region: Scenario | None, identity: str | None) -> tuple[Drone, bool]:
     """Return the vehicle, and whether nobody named it."""
-    from models.errors import Fault, InputError
-    from models.fleet import BUILT_IN
+    from skyway.models.errors import Fault, InputError
+    from skyway.models.fleet import BUILT_IN
 
     if identity is None:
         if region is not None and len(region.drones) == 1:
@@ -332,7 +332,7 @@ def _circumstances(conditions: FlightConditions, wind: str | None, depart: str |
 
 
 def _print_report(report: CheckReport) -> None:
-    from models.units import J_PER_WH
+    from skyway.models.units import J_PER_WH
 
     for finding in report.findings:
         typer.echo(str(finding))
@@ -377,12 +377,12 @@ def show(
       skyway show survey.plan
       skyway show delivery.waypoints --plot delivery.png
     """  # noqa: D301
-    from missions import read
+    from skyway.missions import read
 
     document = read(file)
     _print_table(document)
     if plot is not None:
-        from missions.plot import plot as draw
+        from skyway.missions.plot import plot as draw
 
         draw(document, plot, title=file.name, force=force)
         typer.echo(f"wrote {plot}")
@@ -391,8 +391,8 @@ def show(
 def _print_table(document: MissionDocument) -> None:
     import math
 
-    from missions.commands import frame_name
     from skyway.cli.sheet import Column, Sheet
+    from skyway.missions.commands import frame_name
 
     home = document.mission.home
     if home is not None:

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from models.errors import Fault, InputError, NoRouteError
+from skyway.models.errors import Fault, InputError, NoRouteError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
-    from models.wind_history import WindSite
-    from planner.objective import Objective
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.models.wind_history import WindSite
+    from skyway.planner.objective import Objective
 
 BUILT_IN = "builtin:newyork"
 """What a plan names as its scenario's path when it was made on the built-in one."""
@@ -93,8 +93,8 @@ def parse_position(text: str) -> tuple[float, float] | None:
 
 def load_scenario(path: Path | None) -> Scenario:
     """Read the scenario named, or the built-in one."""
-    from missions.examples import NEW_YORK
-    from models.scenario_file import read_scenario
+    from skyway.missions.examples import NEW_YORK
+    from skyway.models.scenario_file import read_scenario
 
     if path is None:
         return replace(read_scenario(NEW_YORK), path=BUILT_IN)
@@ -160,7 +160,7 @@ def place(scenario: Scenario, text: str, option: str) -> tuple[Scenario, str]:
 
 def _target(scenario: Scenario, lat: float, lon: float) -> tuple[Scenario, str]:
     """Add a delivery target to the network; a `NoRouteError` where no segment reaches it."""
-    from models.geodesy import inverse
+    from skyway.models.geodesy import inverse
 
     network = scenario.network
     wider = scenario.with_target(lat, lon)
@@ -188,7 +188,7 @@ def parse_depart(text: str | None) -> datetime:
 
 
 def _instant(text: str, option: str) -> datetime:
-    from models.units import parse_instant
+    from skyway.models.units import parse_instant
 
     try:
         instant = parse_instant(text, field=option)
@@ -213,7 +213,7 @@ def parse_duration(text: str, option: str) -> float:
 
 def parse_objective(text: str) -> Objective:
     """Objective as typed: ``mean``, ``p95``, ``on-time 2013-07-10T16:00-04:00``."""
-    from planner.objective import Objective
+    from skyway.planner.objective import Objective
 
     with as_typed():
         return Objective.parse(text)
@@ -228,8 +228,8 @@ def wind_forecast(
     day: date | None,
 ) -> WindEnsemble:
     """Wind that the planner knows: constant, from a file, or the scenario's analogue days (without the true one)."""
-    from models.wind_forecast import constant_wind, read_forecast
-    from planner.problem import HORIZON_H
+    from skyway.models.wind_forecast import constant_wind, read_forecast
+    from skyway.planner.problem import HORIZON_H
 
     if wind is not None and forecast is not None:
         raise InputError(Fault("--wind and --forecast exclude each other", remedy="give one of them"))
@@ -249,8 +249,8 @@ def true_wind(
     scenario: Scenario, depart: datetime, text: str | None, option: str = "--truth"
 ) -> tuple[WindEnsemble | None, date | None]:
     """Wind as it will be: a day of the record (``2013-07-10``) or a forecast file with one member."""
-    from models.wind_forecast import read_forecast
-    from planner.problem import HORIZON_H
+    from skyway.models.wind_forecast import read_forecast
+    from skyway.planner.problem import HORIZON_H
 
     if text is None:
         return None, None
@@ -268,7 +268,7 @@ def true_wind(
 
 def _sites(scenario: Scenario) -> tuple[tuple[WindSite, ...], float]:
     """Wind sites of the scenario and their height; one site amid the stations where it has none."""
-    from models.wind_history import WindSite
+    from skyway.models.wind_history import WindSite
 
     if scenario.wind_sites:
         return scenario.wind_sites, scenario.measured_at_m

@@ -77,9 +77,9 @@ def params_diff(
     Examples:
       skyway params diff delivery.param --connect tcp:127.0.0.1:5760
     """  # noqa: D301
-    from link.parameter_file import read_parameters
-    from link.parameters import same_value
     from skyway.cli.link_report import print_json
+    from skyway.link.parameter_file import read_parameters
+    from skyway.link.parameters import same_value
 
     wanted = read_parameters(file)
     with link.aboard() as vehicle:
@@ -118,10 +118,10 @@ def params_restore(
     """  # noqa: D301
     from datetime import UTC, datetime
 
-    from link.supervisor import Journal, read_journal
-    from link.supervisor.parameter_changes import changes_of, restore_all
-    from models.errors import CommandRefusedError, LinkError
     from skyway.cli.link_report import print_json
+    from skyway.link.supervisor import Journal, read_journal
+    from skyway.link.supervisor.parameter_changes import changes_of, restore_all
+    from skyway.models.errors import CommandRefusedError, LinkError
 
     records = read_journal(journal).records
     changes = changes_of(records)

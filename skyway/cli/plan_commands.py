@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from models.errors import Fault, InputError
 from skyway.cli import completion, options
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
-    from planner.departure import Departure
-    from planner.request import Request
-    from planner.result import PlanResult
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.planner.departure import Departure
+    from skyway.planner.request import Request
+    from skyway.planner.result import PlanResult
 
 ScenarioArgument = Annotated[
     Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.", show_default=False)
@@ -167,7 +167,7 @@ def plan(
     force: Force = False,
 ) -> None:
     """Plan one delivery."""
-    from models.composition_file import save, to_json
+    from skyway.models.composition_file import save, to_json
 
     options.refuse_overwriting(output, geojson, plot, force=force)
     options.check_picture(plot)
@@ -227,9 +227,9 @@ def compare(
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
 ) -> None:
     """Compare planners on one request."""
-    from models.composition_file import to_json
-    from models.errors import InfeasibleError
-    from planner.result import Comparison
+    from skyway.models.composition_file import to_json
+    from skyway.models.errors import InfeasibleError
+    from skyway.planner.result import Comparison
 
     names = [name.strip() for name in planners.split(",") if name.strip()]
     _check_planners(names, "--planners")
@@ -277,8 +277,8 @@ def _ask(
     objective: str = "mean",
 ) -> tuple[Scenario, Request]:
     """Turn what was typed into a request; targets given as lat,lon join the scenario's network."""
-    from models.services import State
-    from planner.request import Request
+    from skyway.models.services import State
+    from skyway.planner.request import Request
 
     if recharge not in ("full", "enough"):
         lower = recharge.strip().lower()
@@ -315,8 +315,8 @@ def _solve(
     quiet: bool,
 ) -> PlanResult:
     """Plan with the wind that was asked for."""
-    from planner.plan import CLAIRVOYANT_PLANNERS
-    from planner.plan import plan as plan_delivery
+    from skyway.planner.plan import CLAIRVOYANT_PLANNERS
+    from skyway.planner.plan import plan as plan_delivery
 
     if not time_limit_s > 0:
         raise InputError(Fault("must be above 0", field="--time-limit", value=time_limit_s))
@@ -347,8 +347,8 @@ def _solve_window(
     quiet: bool,
 ) -> tuple[PlanResult, list[Departure]]:
     """Plan for the best departure of a window."""
-    from planner.departure import plan_within
-    from planner.plan import CLAIRVOYANT_PLANNERS
+    from skyway.planner.departure import plan_within
+    from skyway.planner.plan import CLAIRVOYANT_PLANNERS
 
     if planner in CLAIRVOYANT_PLANNERS or truth is not None:
         remedy = "robust or one of the pfs planners, without --truth"
@@ -376,7 +376,7 @@ def _own_day(scenario: Scenario, request: Request) -> str | None:
     """Local date of the departure, where the record holds its wind: then that is the truth."""
     from zoneinfo import ZoneInfo
 
-    from planner.problem import HORIZON_H
+    from skyway.planner.problem import HORIZON_H
 
     day = request.state.time.astimezone(ZoneInfo(scenario.timezone)).date()
     try:
@@ -392,7 +392,7 @@ def _progress(looked_at: int, best_s: float) -> None:
 
 
 def _check_planners(names: list[str], option: str) -> None:
-    from planner.plan import PLANNERS
+    from skyway.planner.plan import PLANNERS
 
     known = ", ".join(PLANNERS)
     faults = [
@@ -407,6 +407,6 @@ def _check_planners(names: list[str], option: str) -> None:
 
 
 def _write(path: Path, text: str, *, force: bool) -> None:
-    from models.files import write_atomically
+    from skyway.models.files import write_atomically
 
     write_atomically(path, text, force=force)

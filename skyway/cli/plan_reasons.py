@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from models.composition_file import figure_json
-from models.formatting import later_text, minutes, percent, share
-from models.units import J_PER_WH, iso
 from skyway.cli.sheet import Column, Sheet, say
+from skyway.models.composition_file import figure_json
+from skyway.models.formatting import later_text, minutes, percent, share
+from skyway.models.units import J_PER_WH, iso
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from planner.departure import Departure
-    from planner.explain import StopReason
-    from planner.result import PlanResult
+    from skyway.planner.departure import Departure
+    from skyway.planner.explain import StopReason
+    from skyway.planner.result import PlanResult
 
 
 def print_more(result: PlanResult, tried: Sequence[Departure], count: int, *, explain: bool) -> None:
@@ -30,7 +30,7 @@ def print_more(result: PlanResult, tried: Sequence[Departure], count: int, *, ex
 
 def as_json(result: PlanResult, tried: Sequence[Departure], count: int, *, explain: bool) -> dict[str, object]:
     """Return the same for machines: keys that the composition does not have."""
-    from planner.explain import wait_and_see
+    from skyway.planner.explain import wait_and_see
 
     found: dict[str, object] = {}
     bound = None if result.robust is None else wait_and_see(result.robust)
@@ -47,12 +47,12 @@ def as_json(result: PlanResult, tried: Sequence[Departure], count: int, *, expla
             for one in tried
         ]
     if count > 1:
-        from models.composition_file import to_json
-        from planner.plan import alternative_plans
+        from skyway.models.composition_file import to_json
+        from skyway.planner.plan import alternative_plans
 
         found["alternatives"] = [to_json(plan.composition) for plan in alternative_plans(result, count)[1:]]
     if explain:
-        from planner.explain import charge_ranges, stop_reasons
+        from skyway.planner.explain import charge_ranges, stop_reasons
 
         found["explanation"] = {
             "stops": [_reason_json(one) for one in stop_reasons(result)],
@@ -87,8 +87,8 @@ def _print_departures(result: PlanResult, tried: Sequence[Departure]) -> None:
 
 
 def _print_alternatives(result: PlanResult, count: int) -> None:
-    from planner.explain import stop_names
-    from planner.plan import alternative_plans
+    from skyway.planner.explain import stop_names
+    from skyway.planner.plan import alternative_plans
 
     plans = alternative_plans(result, count)
     say("")
@@ -128,7 +128,7 @@ def _energy_wh(plan: PlanResult) -> float:
 
 
 def _print_reasons(result: PlanResult) -> None:
-    from planner.explain import stop_reasons
+    from skyway.planner.explain import stop_reasons
 
     say("")
     if result.robust is None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from models.formatting import about, between, by, clock, duration, headline, later_text, percent, share, spent
 from skyway.cli.sheet import Column, Sheet, say
+from skyway.models.formatting import about, between, by, clock, duration, headline, later_text, percent, share, spent
 
 if TYPE_CHECKING:
-    from models.services import Composition, DroneService, LegSegment, Stop
-    from planner.result import PlanResult
-    from planner.robust import RobustAnswer
+    from skyway.models.services import Composition, DroneService, LegSegment, Stop
+    from skyway.planner.result import PlanResult
+    from skyway.planner.robust import RobustAnswer
 
 
 def print_plan(result: PlanResult) -> None:
@@ -168,8 +168,8 @@ def _print_totals(result: PlanResult) -> None:
 
 def _print_choices(answer: RobustAnswer) -> None:
     """What the plan would do otherwise, and how far it may be from the best."""
-    from planner.explain import charge_ranges, stop_names, wait_and_see
-    from planner.outcome import later
+    from skyway.planner.explain import charge_ranges, stop_names, wait_and_see
+    from skyway.planner.outcome import later
 
     for one in charge_ranges(answer):
         often = f"; {percent(one.idle)} of the deliveries leave at once" if one.idle >= 0.005 else ""

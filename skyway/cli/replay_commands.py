@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING, cast
 
 import typer
 
-from models.errors import Fault, InputError
 from skyway.cli import calibrate_commands, log_options, options
 from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, open_any
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from link.logs.log import Log
-    from link.logs.vehicle_kind import Kind
-    from link.replay import Replay, ReplayOptions
-    from link.replay_monitors import Notice
-    from link.replay_prediction import Prediction
+    from skyway.link.logs.log import Log
+    from skyway.link.logs.vehicle_kind import Kind
+    from skyway.link.replay import Replay, ReplayOptions
+    from skyway.link.replay_monitors import Notice
+    from skyway.link.replay_prediction import Prediction
 
 REPLAY_HELP = """Go through a flight log as if it were live: legs, battery, wind, events.
 
@@ -79,7 +79,7 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
         _check_system(opened, system)
         _serve(opened, connect, control, factor, (first, last), system)
         return
-    from link.replay import ReplayOptions
+    from skyway.link.replay import ReplayOptions
 
     asked = ReplayOptions(
         system=system,
@@ -97,9 +97,9 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
 
         plot_replay(found, plot)
     options.say_written(csv, plot)
-    from link.replay_prediction import predict
-    from link.replay_report import as_json as report
-    from link.replay_report import prediction_json
+    from skyway.link.replay_prediction import predict
+    from skyway.link.replay_report import as_json as report
+    from skyway.link.replay_report import prediction_json
 
     prediction = None if predicted_by is None else predict(found, predicted_by, payload)
     if as_json:
@@ -122,9 +122,9 @@ def _go_through(
     force: bool,
 ) -> Replay:
     """Replay, telling on the way what is followed (on stderr where stdout is one object), and writing the table."""
-    from link.replay import replay as go_through
-    from link.replay_report import Table
-    from models.files import writing
+    from skyway.link.replay import replay as go_through
+    from skyway.link.replay_report import Table
+    from skyway.models.files import writing
 
     zero = log.summary.start_s
 
@@ -225,8 +225,8 @@ def _check_system(log: Log, system: int | None) -> None:
 def _serve(
     log: Log, connect: str, control: int | None, factor: float, part: tuple[float, float], system: int | None
 ) -> None:
-    from link.replay_player import Part, Player, packets_of
-    from link.replay_server import ControlServer, Output, play
+    from skyway.link.replay_player import Part, Player, packets_of
+    from skyway.link.replay_server import ControlServer, Output, play
 
     source = Part(packets_of(log, system), *part)
     output = Output(connect)
@@ -262,7 +262,7 @@ def _figure(value: float, unit: str, digits: int = 1) -> str:
 
 
 def _tell(found: Replay, path: Path) -> None:
-    from link.replay_report import as_json as report
+    from skyway.link.replay_report import as_json as report
 
     facts = report(found)
     summary = found.summary

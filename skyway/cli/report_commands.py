@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from models.errors import Fault, InputError
 from skyway.cli import options
 from skyway.cli.log_options import AsJson, Force
+from skyway.models.errors import Fault, InputError
 
 REPORT_HELP = """Make a page of a flight from its journal: what was planned, what happened, and why.
 

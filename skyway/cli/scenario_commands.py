@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from models.errors import InputError
-from models.json_text import json_text
 from skyway.cli import options
 from skyway.cli.plan_commands import Depart, Force, Forecast, ScenarioArgument, Truth, WindOption
 from skyway.cli.sheet import Column, Sheet, say
+from skyway.models.errors import InputError
+from skyway.models.json_text import json_text
 
 if TYPE_CHECKING:
-    from models.scenario import Scenario
+    from skyway.models.scenario import Scenario
 
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it: FILE.png or FILE.svg.", show_default=False)]
 AsJson = Annotated[bool, typer.Option("--json", help="Print it as JSON.")]
@@ -67,7 +67,7 @@ def network(
     force: Force = False,
 ) -> None:
     """Show the network."""
-    from models.network_files import to_geojson, write_geojson
+    from skyway.models.network_files import to_geojson, write_geojson
 
     options.refuse_overwriting(plot, geojson, force=force)
     options.check_picture(plot)

@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import typer
 
-from models.errors import Fault, InputError
-from models.json_text import json_text
 from skyway.cli import options
 from skyway.cli.bare_values import BareValueCommand
+from skyway.models.errors import Fault, InputError
+from skyway.models.json_text import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
 
-    from models.network import Station
-    from models.scenario import Scenario
-    from sim_stub.transports.channel import Impairment
-    from sim_stub.transports.loop import SocketLoop
-    from sim_stub.wind_truth import WindTruth
-    from sim_stub.world import Event, World
+    from skyway.models.network import Station
+    from skyway.models.scenario import Scenario
+    from skyway.sim_stub.transports.channel import Impairment
+    from skyway.sim_stub.transports.loop import SocketLoop
+    from skyway.sim_stub.wind_truth import WindTruth
+    from skyway.sim_stub.world import Event, World
 
 BARE = {"--jitter": "0.01", "--duplicate": "0.02", "--reorder": "0.02"}
 """What a bare option of a bad link means."""
@@ -149,9 +149,9 @@ def sim(
     as_json: AsJson = False,
 ) -> None:
     """Simulate vehicles, pads and wind (the help text is `SIM_HELP`)."""
-    from sim_stub.faults import parse_fault
-    from sim_stub.fleet import FleetOptions, build_world, serve
-    from sim_stub.transports.urls import parse_address
+    from skyway.sim_stub.faults import parse_fault
+    from skyway.sim_stub.fleet import FleetOptions, build_world, serve
+    from skyway.sim_stub.transports.urls import parse_address
 
     if lasting is not None and not lasting > 0.0:
         raise InputError(Fault("out of range", field="--for", value=lasting, remedy="seconds, above 0"))
@@ -202,7 +202,7 @@ def _placed(scenario: Scenario, at: list[str] | None) -> tuple[Scenario, tuple[S
 
 def _bad_link(loss: float, delay: float, jitter: float, duplicate: float, reorder: float) -> Impairment:
     """What the options say of the link; a wrong one is named as it was typed."""
-    from sim_stub.transports.channel import Impairment
+    from skyway.sim_stub.transports.channel import Impairment
 
     try:
         return Impairment(loss, delay, jitter, duplicate, reorder)
@@ -248,7 +248,7 @@ def _parameter(text: str) -> tuple[str, float]:
 
 
 def _wind(scenario: Scenario, begins: datetime, text: str | None) -> WindTruth | None:
-    from sim_stub.wind_truth import RecordedWind, parse_constant
+    from skyway.sim_stub.wind_truth import RecordedWind, parse_constant
 
     if text is None:
         return None

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from models.json_text import json_text
 from skyway.cli.aboard import AsJson, Line, linked
 from skyway.cli.sheet import width
+from skyway.models.json_text import json_text
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from link.connection import Connection
-    from link.seen import Seen
+    from skyway.link.connection import Connection
+    from skyway.link.seen import Seen
 
 _EVERY_S, _LINE_EVERY_S, _ASK_EVERY_S = 0.5, 1.0, 5.0
 _SILENT_S = 5.0
@@ -42,7 +42,7 @@ def watch(
       skyway watch --connect udpin:127.0.0.1:14540
       skyway watch --connect tcp:127.0.0.1:5760 --for 10 --json
     """  # noqa: D301
-    from models.errors import Fault, InputError, VehicleTimeoutError
+    from skyway.models.errors import Fault, InputError, VehicleTimeoutError
 
     if lasting is not None and not 0.0 < lasting < math.inf:
         raise InputError(Fault("out of range", field="--for", value=lasting, remedy="seconds, above 0"))
@@ -80,8 +80,8 @@ class _Watch:
                 vehicle.nudge_telemetry()
 
     def _meet(self, system: int, autopilot: int) -> None:
-        from link.autopilots import family_of
-        from link.seen import Seen
+        from skyway.link.autopilots import family_of
+        from skyway.link.seen import Seen
 
         if family_of(autopilot) is None:
             self.strange[system] = autopilot

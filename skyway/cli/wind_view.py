@@ -6,13 +6,13 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
-from models.formatting import percent
-from models.services import Wind
 from skyway.cli.sheet import Column, Sheet, say
+from skyway.models.formatting import percent
+from skyway.models.services import Wind
 
 if TYPE_CHECKING:
-    from models.scenario import Scenario
-    from models.wind_forecast import WindEnsemble
+    from skyway.models.scenario import Scenario
+    from skyway.models.wind_forecast import WindEnsemble
 
 
 def print_wind(rows: list[dict[str, Any]], ensemble: WindEnsemble, scenario: Scenario) -> None:

@@ -27,11 +27,11 @@ from benchmarks.melbourne import melbourne  # noqa: E402
 from benchmarks.networks import geometric, random_pairs  # noqa: E402
 from benchmarks.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows  # noqa: E402
 from benchmarks.trials import ROLLING, case_of, contenders  # noqa: E402
-from models.errors import InputError  # noqa: E402
-from planner.evaluate import NO_ERRORS, fly_policy  # noqa: E402
-from planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST, plan  # noqa: E402
-from planner.problem import Problem  # noqa: E402
-from planner.rolling import RollingRobust  # noqa: E402
+from skyway.models.errors import InputError  # noqa: E402
+from skyway.planner.evaluate import NO_ERRORS, fly_policy  # noqa: E402
+from skyway.planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST, plan  # noqa: E402
+from skyway.planner.problem import Problem  # noqa: E402
+from skyway.planner.rolling import RollingRobust  # noqa: E402
 
 
 def quiet(_):
@@ -221,7 +221,7 @@ def test_where_the_wind_closes_a_flight_for_hours_a_route_of_shorter_ones_is_bet
     instance = read_instance(FOLDER / "geometric-1000-0.5.json")
     case = case_of(instance.scenario(), instance, 3, 1)
     short = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast)
-    monkeypatch.setattr("planner.robust.LONG", np.inf)
+    monkeypatch.setattr("skyway.planner.robust.LONG", np.inf)
     long = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast)
     begin = short.problem.depart_s
     assert len(short.robust.candidates) > len(long.robust.candidates)

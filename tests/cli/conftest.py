@@ -13,8 +13,8 @@ from skyway.cli.main import main
 @pytest.fixture(scope="session", autouse=True)
 def read_new_york_once():
     """Keep the built-in scenario between commands; one test reads it in a process of its own."""
-    from missions.examples import NEW_YORK
-    from models import scenario_file
+    from skyway.missions.examples import NEW_YORK
+    from skyway.models import scenario_file
 
     read = scenario_file.read_scenario
     kept = cache(read)

@@ -15,11 +15,11 @@ from datetime import datetime
 import pytest
 from sim_serving import free_port
 
-from missions.examples import NEW_YORK
-from models.scenario_file import read_scenario
-from sim_stub.fleet import FleetOptions, build_world, serve
-from sim_stub.transports.urls import parse_address
-from sim_stub.wind_truth import ConstantWind
+from skyway.missions.examples import NEW_YORK
+from skyway.models.scenario_file import read_scenario
+from skyway.sim_stub.fleet import FleetOptions, build_world, serve
+from skyway.sim_stub.transports.urls import parse_address
+from skyway.sim_stub.wind_truth import ConstantWind
 
 PLAN = ("plan", "--from", "bellevue", "--to", "city-hall", "--payload", "0.8", "--drone", "m200", "--planner", "shortest",
         "--depart", "2013-07-10T14:00-04:00", "-o", "plan.json")  # fmt: skip

@@ -11,9 +11,9 @@ from itertools import pairwise
 import pytest
 from cli_requests import HOP, ONE_WIND, TRIP
 
-from missions.examples import NEW_YORK
-from models.composition_file import load
-from models.wind import wind_triangle
+from skyway.missions.examples import NEW_YORK
+from skyway.models.composition_file import load
+from skyway.models.wind import wind_triangle
 
 TOP = {
     "schema": str, "id": str, "scenario": dict, "planner": str, "drone": str, "drone_parameters": dict,

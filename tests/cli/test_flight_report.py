@@ -14,11 +14,11 @@ import pytest
 from rich.console import Console
 
 from benchmarks.deliveries import Stage, Story
-from link.supervisor import read_journal
 from skyway.cli.flight_view import FlightView
 from skyway.flight_report import flight, write_report
 from skyway.flight_report_svg import Band, Chart, Course, time_ticks
 from skyway.flying import line_of
+from skyway.link.supervisor import read_journal
 
 VOID = {"meta"}
 LINKING = {"src", "href", "xlink:href", "action", "data", "poster", "srcset"}

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from missions.examples import NEW_YORK
-from planner.course_kernels import COLUMNS, PAD, READY, SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
 from skyway.charge_band import band_of
+from skyway.missions.examples import NEW_YORK
+from skyway.planner.course_kernels import COLUMNS, PAD, READY, SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
 
 EAST = 180.0 - -73.95
 PLAN = ("--from", "bellevue", "--to", "jacobi", "--payload", "0.8", "--drone", "m200", "--planner", "pfs-charge-aware",
@@ -72,8 +72,8 @@ def test_a_plan_across_the_antimeridian_is_drawn_about_its_middle_and_its_lines_
 
 def test_a_network_across_the_antimeridian_comes_back_from_its_geojson_as_it_was(skyway, fiji, tmp_path):
     pytest.importorskip("matplotlib")
-    from models.network_files import read_segments, read_stations
-    from models.scenario_file import read_scenario
+    from skyway.models.network_files import read_segments, read_stations
+    from skyway.models.scenario_file import read_scenario
 
     assert skyway("network", fiji, "--plot", "n.svg", "--geojson", "n.geojson").code == 0
     network = read_scenario(fiji).network

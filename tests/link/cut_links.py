@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from benchmarks.deliveries import Stage, Story
-from link.frames import FrameReader
-from link.supervisor import read_journal
-from models.pad_service import PadServiceError
+from skyway.link.frames import FrameReader
+from skyway.link.supervisor import read_journal
+from skyway.models.pad_service import PadServiceError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from link.frames import Message
+    from skyway.link.frames import Message
 
 DURATIONS_S = (1.0, 5.0, 10.0, 30.0, 120.0, 600.0, 1800.0)
 DIRECTIONS = ("both", "up", "down")

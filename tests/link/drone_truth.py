@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.telemetry import TelemetryTrack
+from skyway.models.telemetry import TelemetryTrack
 
 G = 9.80665
 RATE_HZ = 10.0

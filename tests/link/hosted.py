@@ -2,11 +2,11 @@
 
 import contextlib
 
-from link.mavlink_vehicle import MavlinkVehicle
-from link.opening import open_connection
-from missions.dialects.wire import WireItem
-from sim_stub.transports.channel import Impairment
-from sim_stub.transports.relay import Relay
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.opening import open_connection
+from skyway.missions.dialects.wire import WireItem
+from skyway.sim_stub.transports.channel import Impairment
+from skyway.sim_stub.transports.relay import Relay
 
 PARAMETERS = {"MPC_XY_CRUISE": 5.0, "WPNAV_SPEED": 500.0, "RTL_RETURN_ALT": 60.0}
 WHOLE_PARAMETERS = {"COM_DLL_EXCEPT": 1, "FS_OPTIONS": 8}

@@ -2,10 +2,10 @@
 
 from collections import deque
 
-from link.connection import Connection
-from sim_stub.config import VehicleConfig
-from sim_stub.wind_truth import ConstantWind
-from sim_stub.world import World
+from skyway.link.connection import Connection
+from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.wind_truth import ConstantWind
+from skyway.sim_stub.world import World
 
 TURN_S = 0.02
 

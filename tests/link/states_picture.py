@@ -2,7 +2,7 @@
 
 from html import escape
 
-from link.supervisor.states import ENDS, TABLE, State
+from skyway.link.supervisor.states import ENDS, TABLE, State
 
 WIDE, HIGH = 150, 46
 PLACES = {

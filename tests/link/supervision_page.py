@@ -4,7 +4,7 @@ from pathlib import Path
 
 from states_picture import picture
 
-from link.supervisor.states import markdown
+from skyway.link.supervisor.states import markdown
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE, PICTURE = DOCS / "explanation" / "supervision.md", DOCS / "assets" / "supervision-states.svg"

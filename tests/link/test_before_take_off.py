@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from benchmarks.deliveries import Stage, Story, newyork
-from link.supervisor import NobodyThere, Scripted, read_journal
-from link.supervisor.failsafes import by_itself, in_our_units
-from link.supervisor.parameter_changes import changes_of
-from link.supervisor.vehicle_texts import TextLog
-from sim_stub.faults import parse_fault
+from skyway.link.supervisor import NobodyThere, Scripted, read_journal
+from skyway.link.supervisor.failsafes import by_itself, in_our_units
+from skyway.link.supervisor.parameter_changes import changes_of
+from skyway.link.supervisor.vehicle_texts import TextLog
+from skyway.sim_stub.faults import parse_fault
 
 SHORT = {"start": "bellevue", "to": "city-hall"}
 COUNTERS = ("STAT_", "LND_FLIGHT_T", "COM_FLIGHT_UUID", "MIS_TOTAL", "FENCE_TOTAL", "RALLY_TOTAL")

@@ -12,16 +12,16 @@ import pytest
 from sim_serving import free_port, served
 from wires import a_mission
 
-from link import transport
-from link.address import Address, parse_address
-from link.connection import Connection
-from link.exchange import RoundTrip
-from link.frames import FrameReader, FrameWriter
-from link.mavlink_vehicle import MavlinkVehicle
-from link.opening import open_connection
-from link.transport import TcpClient, TcpServer, UdpSocket, open_transport
-from models.clock import WallClock
-from models.errors import InputError, LinkLostError
+from skyway.link import transport
+from skyway.link.address import Address, parse_address
+from skyway.link.connection import Connection
+from skyway.link.exchange import RoundTrip
+from skyway.link.frames import FrameReader, FrameWriter
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.opening import open_connection
+from skyway.link.transport import TcpClient, TcpServer, UdpSocket, open_transport
+from skyway.models.clock import WallClock
+from skyway.models.errors import InputError, LinkLostError
 
 GOOD = {
     "udpin:0.0.0.0:14540": Address("udpin", "0.0.0.0", 14540),

@@ -11,9 +11,9 @@ from drone_truth import fly
 from log_factory import dataflash, multirotor, plane, tlog, ulog
 from tlog_factory import START_US, counted_by_pymavlink, mixed_log
 
-from link.logs.reader import format_of, open_log
-from link.logs.tlog_stamps import StampCheck
-from models.errors import InputError
+from skyway.link.logs.reader import format_of, open_log
+from skyway.link.logs.tlog_stamps import StampCheck
+from skyway.models.errors import InputError
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's and pyulog's own
 KINDS = (

@@ -5,14 +5,14 @@ import math
 import pytest
 from wires import FAMILIES, LAT, LON, Scene, a_mission, bad_radio
 
-from link.divert import DivertState, Refuge, change_or_divert, divert
-from link.frames import FrameWriter
-from link.mavlink_vehicle import MavlinkVehicle
-from link.verified import UploadState
-from missions.mission import Mission
-from models.errors import CommandRefusedError, InputError, UploadMismatchError
-from sim_stub.faults import Fault
-from sim_stub.physics import offset_m
+from skyway.link.divert import DivertState, Refuge, change_or_divert, divert
+from skyway.link.frames import FrameWriter
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.verified import UploadState
+from skyway.missions.mission import Mission
+from skyway.models.errors import CommandRefusedError, InputError, UploadMismatchError
+from skyway.sim_stub.faults import Fault
+from skyway.sim_stub.physics import offset_m
 
 REFUGE = Refuge(LAT + 0.0012, LON - 0.0009, 35.0)
 

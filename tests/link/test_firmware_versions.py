@@ -4,12 +4,12 @@ import pytest
 from wires import LAT, LON, Scene, bad_radio
 
 from benchmarks.deliveries import Stage, Story
-from link.mavlink_vehicle import MavlinkVehicle
-from link.parameter_file import read_required
-from missions.dialects import DIALECTS, dialect, dumps_for
-from missions.parameters import FlightNeeds, Parameter
-from models.errors import InputError, LinkError, ParameterAbsentError, VehicleTimeoutError
-from sim_stub.config import FIRMWARES, VehicleConfig
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.parameter_file import read_required
+from skyway.missions.dialects import DIALECTS, dialect, dumps_for
+from skyway.missions.parameters import FlightNeeds, Parameter
+from skyway.models.errors import InputError, LinkError, ParameterAbsentError, VehicleTimeoutError
+from skyway.sim_stub.config import FIRMWARES, VehicleConfig
 
 VERSIONS = [(family, version) for family, versions in FIRMWARES.items() for version in versions]
 EVERYTHING = FlightNeeds(17.0, 4.0, 2.0, 95.0, fenced=True, has_rally_points=True, continues_after_landing=True)

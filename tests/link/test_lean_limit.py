@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from benchmarks.deliveries import Stage, Story, newyork
-from link.supervisor import read_journal
-from link.supervisor.lean import LeanWatch, airspeed_at_lean
-from link.supervisor.wind_book import WindBook
-from models.drag import DragModel
-from models.telemetry import TelemetrySample
-from sim_stub.airframe import Airframe
-from sim_stub.physics import STEP_S, Body, Demand
-from sim_stub.wind_truth import ConstantWind, Gusts
+from skyway.link.supervisor import read_journal
+from skyway.link.supervisor.lean import LeanWatch, airspeed_at_lean
+from skyway.link.supervisor.wind_book import WindBook
+from skyway.models.drag import DragModel
+from skyway.models.telemetry import TelemetrySample
+from skyway.sim_stub.airframe import Airframe
+from skyway.sim_stub.physics import STEP_S, Body, Demand
+from skyway.sim_stub.wind_truth import ConstantWind, Gusts
 
 SAMPLE_EVERY = 4
 
@@ -160,7 +160,7 @@ def test_a_delivery_against_the_wind_is_told_why_it_is_slow(autopilot, lean, see
 
 
 def test_preflight_knows_that_a_plan_is_faster_than_the_lean_allows():
-    from link.supervisor.preflight import _lean
+    from skyway.link.supervisor.preflight import _lean
 
     class Vehicle:
         family = type("F", (), {"name": "ardupilot"})

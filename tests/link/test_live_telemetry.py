@@ -8,12 +8,12 @@ import pytest
 from sim_serving import free_port, served
 from wires import FAMILIES, Scene, bad_radio, changed_frame
 
-from link.doubts import Doubts
-from link.frames import FrameWriter, Message
-from link.live import LiveTelemetry
-from link.mavlink_vehicle import MavlinkVehicle
-from link.opening import open_connection
-from link.timebase import VehicleClock
+from skyway.link.doubts import Doubts
+from skyway.link.frames import FrameWriter, Message
+from skyway.link.live import LiveTelemetry
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.opening import open_connection
+from skyway.link.timebase import VehicleClock
 
 BEGAN_S = 1_373_464_800.0
 

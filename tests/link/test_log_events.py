@@ -5,10 +5,10 @@ import pytest
 from drone_truth import fly
 from log_factory import DataFlashWriter, dataflash, multirotor, tlog, ulog
 
-from link.logs.dataflash_messages import EVENTS, error_text
-from link.logs.modes import ardupilot_mode, mavlink_mode
-from link.logs.reader import open_log
-from link.replay import replay
+from skyway.link.logs.dataflash_messages import EVENTS, error_text
+from skyway.link.logs.modes import ardupilot_mode, mavlink_mode
+from skyway.link.logs.reader import open_log
+from skyway.link.replay import replay
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
 FLIGHT = multirotor(fly(seed=3, duration_s=60.0))
@@ -166,7 +166,7 @@ def test_a_ulog_tells_modes_failsafes_failures_and_disarming(tmp_path):
 
 
 def test_events_stay_the_same_however_the_log_is_cut_into_pieces(tmp_path, monkeypatch):
-    from link.logs import pieces
+    from skyway.link.logs import pieces
 
     for form in (dataflash(FLIGHT, modes=lambda row: 5 if row < 200 else 9), ulog(FLIGHT)):
         path = tmp_path / "flight.log"

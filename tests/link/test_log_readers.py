@@ -10,13 +10,13 @@ import pytest
 from drone_truth import fly
 from tlog_factory import START_US, Recorder
 
-from link.logs import csv_log, pieces
-from link.logs.assembly import Assembler, Stretch
-from link.logs.csv_log import read_columns
-from link.logs.messages import quantities
-from link.logs.reader import format_of, open_log
-from models.errors import InputError
-from models.telemetry import QUANTITIES, TelemetryTrack
+from skyway.link.logs import csv_log, pieces
+from skyway.link.logs.assembly import Assembler, Stretch
+from skyway.link.logs.csv_log import read_columns
+from skyway.link.logs.messages import quantities
+from skyway.link.logs.reader import format_of, open_log
+from skyway.models.errors import InputError
+from skyway.models.telemetry import QUANTITIES, TelemetryTrack
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's and pyulog's own
 

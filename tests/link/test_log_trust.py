@@ -5,12 +5,12 @@ import pytest
 from drone_truth import fly
 from log_factory import dataflash, multirotor, tlog, ulog
 
-from link.logs.doubted import doubt_in
-from link.logs.reader import open_log
-from link.replay import ReplayOptions, flight_blocks, replay
-from models.drag import DragModel
-from models.telemetry import QUANTITIES, believable
-from models.wind_filter_health import ConsistencyMonitor
+from skyway.link.logs.doubted import doubt_in
+from skyway.link.logs.reader import open_log
+from skyway.link.replay import ReplayOptions, flight_blocks, replay
+from skyway.models.drag import DragModel
+from skyway.models.telemetry import QUANTITIES, believable
+from skyway.models.wind_filter_health import ConsistencyMonitor
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
 DRAG = DragModel(linear_per_s=0.15, quadratic_per_m=0.010)

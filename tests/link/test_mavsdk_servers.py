@@ -6,9 +6,9 @@ import pytest
 from hosted import PARAMETERS, WHOLE_PARAMETERS, aboard, hosted
 from wires import FAMILIES, a_mission
 
-from link.mission_words import MissionKind
-from link.verified import UploadState, compare
-from sim_stub.transports.channel import Impairment
+from skyway.link.mission_words import MissionKind
+from skyway.link.verified import UploadState, compare
+from skyway.sim_stub.transports.channel import Impairment
 
 pytest.importorskip("mavsdk")
 

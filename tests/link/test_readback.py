@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 from wires import FAMILIES, Scene, a_mission, as_stored, changed_frame, waypoint
 
-from link.verified import UploadState, compare, encode
-from missions.commands import Command, Frame
-from missions.mission import Mission, MissionItem
+from skyway.link.verified import UploadState, compare, encode
+from skyway.missions.commands import Command, Frame
+from skyway.missions.mission import Mission, MissionItem
 
 OLD = a_mission(5, height=90.0)
 AT = 3

@@ -13,11 +13,11 @@ from pymavlink import mavutil
 from sim_serving import free_port
 from wires import Scene, a_mission
 
-from link.connection import Connection
-from link.frames import FrameWriter
-from link.recorder import Recorder
-from link.verified import upload_verified
-from models.errors import InputError
+from skyway.link.connection import Connection
+from skyway.link.frames import FrameWriter
+from skyway.link.recorder import Recorder
+from skyway.link.verified import upload_verified
+from skyway.models.errors import InputError
 
 
 def recorded(tmp_path, **how):
@@ -56,7 +56,7 @@ def test_a_big_recording_goes_on_in_the_next_file_and_nothing_is_overwritten(tmp
 LISTEN = """
 import sys
 from pathlib import Path
-from link.opening import open_connection
+from skyway.link.opening import open_connection
 connection = open_connection(f"udpin:127.0.0.1:{sys.argv[1]}", record=Path(sys.argv[2]))
 while True:
     connection.pump(0.1)

@@ -12,16 +12,16 @@ from drone_truth import fly
 from test_log_readers import record
 from tlog_factory import START_US, mixed_log
 
-from link.logs.reader import open_log
-from link.replay import ReplayOptions, flight_blocks, replay
-from link.replay_player import Player, packets_of
-from link.replay_report import Table, as_json
-from link.replay_server import ControlServer, Output, play
-from models.airspeed import AirspeedModel
-from models.calibration_airspeed import identify_airspeed
-from models.drag import DragModel
-from models.errors import InputError, LinkError
-from models.wind_filter_measurement import airspeed_wind
+from skyway.link.logs.reader import open_log
+from skyway.link.replay import ReplayOptions, flight_blocks, replay
+from skyway.link.replay_player import Player, packets_of
+from skyway.link.replay_report import Table, as_json
+from skyway.link.replay_server import ControlServer, Output, play
+from skyway.models.airspeed import AirspeedModel
+from skyway.models.calibration_airspeed import identify_airspeed
+from skyway.models.drag import DragModel
+from skyway.models.errors import InputError, LinkError
+from skyway.models.wind_filter_measurement import airspeed_wind
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
 KNOWN = DragModel(linear_per_s=0.15, quadratic_per_m=0.010)
@@ -138,7 +138,7 @@ def test_a_replay_keeps_pace_with_the_time_of_the_log(flight):
 
 
 def test_the_monitors_need_no_more_memory_for_a_longer_flight():
-    from link.flight_monitor import MAX_ROWS, Thinned
+    from skyway.link.flight_monitor import MAX_ROWS, Thinned
 
     kept = Thinned(lambda rows, part: rows[part], np.concatenate, most=100)
     for begin in range(0, 10_000, 7):

@@ -9,10 +9,10 @@ import pytest
 from drone_truth import fly
 from test_log_readers import record
 
-from models.drag_file import read_drag
-from models.fleet import read_fleet
 from skyway.cli import replay_commands
 from skyway.cli.main import app, main
+from skyway.models.drag_file import read_drag
+from skyway.models.fleet import read_fleet
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
 
@@ -200,7 +200,7 @@ def test_calibrate_wind_says_no_of_a_hover_and_yes_when_the_wind_is_given(skyway
 
 
 def test_calibrate_energy_writes_a_drone_that_plan_uses(skyway, flight, tmp_path):
-    from missions.examples import NEW_YORK
+    from skyway.missions.examples import NEW_YORK
 
     shutil.copytree(NEW_YORK, tmp_path / "scenario")
     loads = ("--payload", "0", "--payload", "1.0")

@@ -7,11 +7,11 @@ import time
 import pytest
 from wires import Scene, a_mission
 
-from link.frames import FrameReader, FrameWriter, Signing
-from link.mavlink_vehicle import MavlinkVehicle
-from link.opening import KEY_FILE_VARIABLE, KEY_VARIABLE, open_connection, read_key
-from link.verified import UploadState
-from models.errors import InputError
+from skyway.link.frames import FrameReader, FrameWriter, Signing
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.opening import KEY_FILE_VARIABLE, KEY_VARIABLE, open_connection, read_key
+from skyway.link.verified import UploadState
+from skyway.models.errors import InputError
 
 KEY = bytes(range(32))
 

@@ -7,16 +7,16 @@ from states_picture import drawn_edges, picture
 from supervision_page import PAGE, PICTURE, drawn
 
 from benchmarks.deliveries import Stage, Story, newyork
-from link.supervisor import Scripted, State, read_journal
-from link.supervisor.failsafes import finishes_alone, when_left
-from link.supervisor.journal import Journal
-from link.supervisor.legs import plan_leg
-from link.supervisor.states import ENDS, TABLE, OffTableError, check
-from missions.commands import Command
-from missions.mission_options import MissionOptions
-from models.errors import InputError
-from models.pad_service import PadServiceError
-from sim_stub.faults import parse_fault
+from skyway.link.supervisor import Scripted, State, read_journal
+from skyway.link.supervisor.failsafes import finishes_alone, when_left
+from skyway.link.supervisor.journal import Journal
+from skyway.link.supervisor.legs import plan_leg
+from skyway.link.supervisor.states import ENDS, TABLE, OffTableError, check
+from skyway.missions.commands import Command
+from skyway.missions.mission_options import MissionOptions
+from skyway.models.errors import InputError
+from skyway.models.pad_service import PadServiceError
+from skyway.sim_stub.faults import parse_fault
 
 SHORT = {"start": "bellevue", "to": "city-hall"}
 

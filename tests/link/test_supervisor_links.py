@@ -6,7 +6,7 @@ import pytest
 from cut_links import DIRECTIONS, DURATIONS_S, Cut, Moment, cut_stage, fly_cut, moments_of
 
 from benchmarks.deliveries import Story
-from link.supervisor import read_journal
+from skyway.link.supervisor import read_journal
 
 AUTOPILOTS = ("px4", "ardupilot")
 SHORT_S = 120.0

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.deliveries import Stage, Story
 from benchmarks.supervision import tell
-from sim_stub.faults import parse_fault
+from skyway.sim_stub.faults import parse_fault
 
 
 def check(seed, tmp_path):

@@ -5,7 +5,7 @@ import random
 import pytest
 
 from benchmarks.deliveries import Stage, Story
-from link.supervisor import read_journal
+from skyway.link.supervisor import read_journal
 
 
 class Killed(BaseException):

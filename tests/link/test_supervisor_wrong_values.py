@@ -7,11 +7,11 @@ import pytest
 from wrong_values import KINDS, PACKETS, Wrong, fields_read, fly_wrong
 
 from benchmarks.deliveries import Story
-from link.plausible import STRANGE_BOOTS, BootTimes, Plausible
-from link.supervisor.flies import flies
-from link.supervisor.told_charge import ToldCharge
-from link.supervisor.voltage import VoltageWatch, open_voltage
-from models.telemetry import TelemetrySample
+from skyway.link.plausible import STRANGE_BOOTS, BootTimes, Plausible
+from skyway.link.supervisor.flies import flies
+from skyway.link.supervisor.told_charge import ToldCharge
+from skyway.link.supervisor.voltage import VoltageWatch, open_voltage
+from skyway.models.telemetry import TelemetrySample
 
 AUTOPILOTS = ("px4", "ardupilot")
 SAFE = ("delivered", "held", "stopped")

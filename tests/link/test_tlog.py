@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from tlog_factory import START_US, Recorder, counted_by_pymavlink, mixed_log
 
-from link.logs.tlog import ScanState, read_frames, scan
-from models.errors import InputError
+from skyway.link.logs.tlog import ScanState, read_frames, scan
+from skyway.models.errors import InputError
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
 
@@ -140,7 +140,7 @@ def test_memory_does_not_grow_with_the_log(tmp_path):
         script = textwrap.dedent(f"""
             import resource
             from pathlib import Path
-            from link.logs.tlog import scan
+            from skyway.link.logs.tlog import scan
             scan(Path({str(path)!r}))
             print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
         """)

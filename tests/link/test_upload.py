@@ -7,20 +7,20 @@ from dataclasses import replace
 import pytest
 from wires import FAMILIES, Meddler, Scene, a_mission, as_stored, bad_radio, changed_frame, waypoint
 
-from link.connection import Connection
-from link.exchange import Target
-from link.frames import FrameWriter, kind_named
-from link.mavlink_vehicle import MavlinkVehicle
-from link.mission_words import MissionKind
-from link.upload import Upload, UploadEnd
-from link.verified import UploadJob, UploadState, upload_verified
-from missions.commands import Command
-from missions.coordinates import Point
-from missions.geofence import FenceCircle, FencePolygon, Geofence
-from missions.mission import Mission, MissionItem
-from missions.rally import RallyPoint, RallyPoints
-from models.errors import UploadMismatchError
-from sim_stub.faults import Fault
+from skyway.link.connection import Connection
+from skyway.link.exchange import Target
+from skyway.link.frames import FrameWriter, kind_named
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.mission_words import MissionKind
+from skyway.link.upload import Upload, UploadEnd
+from skyway.link.verified import UploadJob, UploadState, upload_verified
+from skyway.missions.commands import Command
+from skyway.missions.coordinates import Point
+from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
+from skyway.missions.mission import Mission, MissionItem
+from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.models.errors import UploadMismatchError
+from skyway.sim_stub.faults import Fault
 
 OLD = a_mission(5, height=90.0)
 NEW = a_mission(6, height=40.0)

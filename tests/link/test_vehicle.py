@@ -6,15 +6,15 @@ from itertools import pairwise
 import pytest
 from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, bad_radio
 
-from link.connection import Connection
-from link.frames import FrameWriter
-from link.mavlink_vehicle import MavlinkVehicle
-from link.mission_words import MissionKind
-from link.verified import UploadState
-from missions.dialects import dialect
-from missions.mission import Mission
-from missions.parameters import FlightNeeds
-from models.errors import (
+from skyway.link.connection import Connection
+from skyway.link.frames import FrameWriter
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.mission_words import MissionKind
+from skyway.link.verified import UploadState
+from skyway.missions.dialects import dialect
+from skyway.missions.mission import Mission
+from skyway.missions.parameters import FlightNeeds
+from skyway.models.errors import (
     CommandRefusedError,
     InputError,
     ParameterAbsentError,
@@ -22,9 +22,9 @@ from models.errors import (
     UploadMismatchError,
     VehicleTimeoutError,
 )
-from sim_stub.autopilot.modes import Mode
-from sim_stub.faults import Fault
-from sim_stub.physics import offset_m
+from skyway.sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.faults import Fault
+from skyway.sim_stub.physics import offset_m
 
 
 def aboard(family, **how):
@@ -422,7 +422,7 @@ def test_once_another_station_is_heard_nothing_more_is_said_to_the_vehicle(scene
 
 def test_with_no_vehicle_named_it_is_made_sure_that_there_is_only_one(monkeypatch):
     """The second one's first heartbeat comes a second after the first one's."""
-    monkeypatch.setattr("link.seen.ALONE_S", 1.5)
+    monkeypatch.setattr("skyway.link.seen.ALONE_S", 1.5)
     scene = Scene("px4")
     other = FrameWriter(7, 1).frame("HEARTBEAT", {"type": 2, "autopilot": 12, "mavlink_version": 3})
     beats = []

@@ -15,19 +15,19 @@ import pytest
 from sim_serving import free_port, served
 from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, bad_radio, some_rally_points
 
-from link.connection import Connection
-from link.mavlink_vehicle import MavlinkVehicle
-from link.mission_words import MissionKind
-from link.opening import open_connection
-from link.vehicle import Vehicle
-from link.verified import UploadState
-from missions.commands import Command, Frame
-from missions.mission import Mission, MissionItem
-from models.clock import WallClock
-from models.errors import CommandRefusedError, InputError, ParameterAbsentError
-from sim_stub.faults import Fault
-from sim_stub.physics import offset_m
-from sim_stub.transports.lockstep import VirtualClock
+from skyway.link.connection import Connection
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.mission_words import MissionKind
+from skyway.link.opening import open_connection
+from skyway.link.vehicle import Vehicle
+from skyway.link.verified import UploadState
+from skyway.missions.commands import Command, Frame
+from skyway.missions.mission import Mission, MissionItem
+from skyway.models.clock import WallClock
+from skyway.models.errors import CommandRefusedError, InputError, ParameterAbsentError
+from skyway.sim_stub.faults import Fault
+from skyway.sim_stub.physics import offset_m
+from skyway.sim_stub.transports.lockstep import VirtualClock
 
 DRIVERS = ("pymavlink", "mavsdk")
 SPEEDUP = 20.0
@@ -60,7 +60,7 @@ def by_pymavlink(family, *, speedup=1.0, **how):
 @contextlib.contextmanager
 def by_mavsdk(family, *, speedup=SPEEDUP, **how):
     pytest.importorskip("mavsdk")
-    from link.mavsdk_vehicle import MavsdkVehicle
+    from skyway.link.mavsdk_vehicle import MavsdkVehicle
 
     how["parameters"] = how.get("parameters", ()) + NO_LINK_FAILSAFE[family]
     with served(tcp_port=0, autopilot=family, speedup=speedup, **how) as there:
@@ -303,7 +303,7 @@ def test_after_a_restart_it_is_spoken_with_again(site):
 @pytest.mark.slow
 def test_mavsdk_goes_on_when_the_link_has_died_and_come_back():
     pytest.importorskip("mavsdk")
-    from link.mavsdk_vehicle import MavsdkVehicle
+    from skyway.link.mavsdk_vehicle import MavsdkVehicle
 
     port = free_port(socket.SOCK_STREAM)
     with served(tcp_port=port, autopilot="px4"):
@@ -335,7 +335,7 @@ def test_over_a_bad_radio_what_is_said_to_be_aboard_is_aboard(driver, family, lo
 @pytest.mark.parametrize("name", [name for name in vars(Vehicle) if not name.startswith("_")])
 def test_both_drivers_have_every_verb_with_the_same_words(name):
     pytest.importorskip("mavsdk")
-    from link.mavsdk_vehicle import MavsdkVehicle
+    from skyway.link.mavsdk_vehicle import MavsdkVehicle
 
     wanted = vars(Vehicle)[name]
     for driver in (MavlinkVehicle, MavsdkVehicle):
@@ -347,8 +347,8 @@ def test_both_drivers_have_every_verb_with_the_same_words(name):
 
 def test_the_mavsdk_driver_says_in_one_line_what_it_cannot_do(lone_connection):
     pytest.importorskip("mavsdk")
-    from link.frames import Signing
-    from link.mavsdk_vehicle import MavsdkVehicle
+    from skyway.link.frames import Signing
+    from skyway.link.mavsdk_vehicle import MavsdkVehicle
 
     signed = Connection(lone_connection.transport, WallClock(), signing=Signing(bytes(32)))
     with pytest.raises(InputError, match=r"cannot sign.*--driver pymavlink") as told:
@@ -373,8 +373,8 @@ def lone_connection():
 
 def test_what_mavsdk_says_and_hears_is_recorded_and_its_heart_beats_for_us(tmp_path):
     pytest.importorskip("mavsdk")
-    from link.frames import FrameReader
-    from link.mavsdk_vehicle import MavsdkVehicle
+    from skyway.link.frames import FrameReader
+    from skyway.link.mavsdk_vehicle import MavsdkVehicle
 
     with served(tcp_port=0, autopilot="px4", speedup=5.0) as there:
         host, port = there.where()

@@ -8,13 +8,13 @@ import pytest
 from drone_truth import fly
 from log_factory import dataflash, multirotor, plane, tlog, ulog
 
-from link.logs.reader import open_log
-from link.logs.vehicle_kind import KINDS, MAV_KINDS, KindEvidence
-from link.replay import ReplayOptions, flight_blocks, replay
-from link.replay_report import as_json
-from models.calibration_wind import identify_drag
-from models.errors import InputError
 from skyway.cli.main import main
+from skyway.link.logs.reader import open_log
+from skyway.link.logs.vehicle_kind import KINDS, MAV_KINDS, KindEvidence
+from skyway.link.replay import ReplayOptions, flight_blocks, replay
+from skyway.link.replay_report import as_json
+from skyway.models.calibration_wind import identify_drag
+from skyway.models.errors import InputError
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
 PITOT = 0x10

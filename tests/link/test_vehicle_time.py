@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from speeded import Speeded
 
-from link.frames import Message
-from link.mavlink_vehicle import MavlinkVehicle
-from link.timebase import VehicleClock
-from link.vehicle_time import VehicleTime
+from skyway.link.frames import Message
+from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.timebase import VehicleClock
+from skyway.link.vehicle_time import VehicleTime
 
 
 class Wall:

@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from link.supervisor.voltage import VoltageWatch, open_voltage, soc_of
+from skyway.link.supervisor.voltage import VoltageWatch, open_voltage, soc_of
 
 CELLS, OHM = 6, 0.025
 

@@ -2,19 +2,19 @@
 
 import math
 
-from link.connection import Connection
-from link.frames import FrameReader, FrameWriter
-from link.verified import UploadJob, upload_verified
-from missions.commands import Command, Frame
-from missions.coordinates import Point
-from missions.geofence import FencePolygon, Geofence
-from missions.mission import Mission, MissionItem
-from missions.rally import RallyPoint, RallyPoints
-from sim_stub.config import VehicleConfig
-from sim_stub.transports.channel import Impairment
-from sim_stub.transports.lockstep import Lockstep
-from sim_stub.wind_truth import ConstantWind
-from sim_stub.world import World
+from skyway.link.connection import Connection
+from skyway.link.frames import FrameReader, FrameWriter
+from skyway.link.verified import UploadJob, upload_verified
+from skyway.missions.commands import Command, Frame
+from skyway.missions.coordinates import Point
+from skyway.missions.geofence import FencePolygon, Geofence
+from skyway.missions.mission import Mission, MissionItem
+from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.transports.channel import Impairment
+from skyway.sim_stub.transports.lockstep import Lockstep
+from skyway.sim_stub.wind_truth import ConstantWind
+from skyway.sim_stub.world import World
 
 LAT, LON = 40.7392, -73.9756
 FAMILIES = ("px4", "ardupilot")

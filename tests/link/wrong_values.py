@@ -8,16 +8,17 @@ from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.deliveries import Stage, Story
-from link.frames import Message
-from link.supervisor import Scripted, read_journal
-from sim_stub.wire.frames import FrameWriter
+from skyway.link import frames
+from skyway.link.frames import Message
+from skyway.link.supervisor import Scripted, read_journal
+from skyway.sim_stub.wire.frames import FrameWriter
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from sim_stub.ports import Port
-    from sim_stub.wire.messages import MessageSpec
+    from skyway.sim_stub.ports import Port
+    from skyway.sim_stub.wire.messages import MessageSpec
 
 PACKETS = (1, 3, 10, 100)
 KINDS = ("low", "high", "zero", "plausible", "frozen", "not-a-number")
@@ -81,20 +82,19 @@ class Reading(dict):
 
 def fields_read(story: Story, folder: Path, monkeypatch: Any) -> list[tuple[str, str]]:
     """Every field of every message that is read in a delivery without a question of ours, found by watching."""
-    import link.frames
 
     read: set[tuple[str, str]] = set()
-    original = link.frames.unpack
+    original = frames.unpack
 
     def unpack(kind: Any, payload: bytes) -> dict[str, Any]:
         return Reading(kind.name, original(kind, payload), read)
 
-    monkeypatch.setattr(link.frames, "unpack", unpack)
+    monkeypatch.setattr(frames, "unpack", unpack)
     folder.mkdir(parents=True, exist_ok=True)
     outcome = Stage(story, folder).fly()
-    monkeypatch.setattr(link.frames, "unpack", original)
+    monkeypatch.setattr(frames, "unpack", original)
     assert outcome.delivered, outcome
-    assert Message is link.frames.Message
+    assert Message is frames.Message
     addresses = ("target_system", "target_component")
     return sorted((name, key) for name, key in read if name not in _ANSWERS and key not in addresses)
 

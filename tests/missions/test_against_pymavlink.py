@@ -2,8 +2,8 @@
 
 import pytest
 
-from missions import dialect, mission_file, whole_mission
-from missions.commands import LOCATED_COMMANDS, Command, Frame
+from skyway.missions import dialect, mission_file, whole_mission
+from skyway.missions.commands import LOCATED_COMMANDS, Command, Frame
 
 mavutil = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
 mavwp = pytest.importorskip("pymavlink.mavwp")

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from test_one_builder import random_plan
 
-from missions import FlightConditions, MissionOptions, armed_mission, check, dialect, leg_mission, whole_mission
-from missions.commands import Command, Frame
-from missions.coordinates import Point
-from missions.mission import Home, Mission, MissionItem
-from models.drone import M200_V2
-from models.geodesy import along
-from models.network import Station
-from models.services import Place
+from skyway.missions import FlightConditions, MissionOptions, armed_mission, check, dialect, leg_mission, whole_mission
+from skyway.missions.commands import Command, Frame
+from skyway.missions.coordinates import Point
+from skyway.missions.mission import Home, Mission, MissionItem
+from skyway.models.drone import M200_V2
+from skyway.models.geodesy import along
+from skyway.models.network import Station
+from skyway.models.services import Place
 
 HOME = Home(Point.of_degrees(46.0, 8.0), 80.0)
 STATIONS = (Station("a", "a", 46.0, 8.0, 80.0, pads=2), Station("b", "b", 46.0, 8.1, 2.0, pads=2))

@@ -7,8 +7,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.corridor import corridor
-from models.errors import InputError
+from skyway.missions.corridor import corridor
+from skyway.models.errors import InputError
 
 ROUTE = [(40.70, -74.00), (40.72, -73.95), (40.74, -73.92)]
 SCHOOL = (40.71, -73.90)

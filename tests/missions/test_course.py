@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.course import pieces, split_count
-from models import geodesy
+from skyway.missions.course import pieces, split_count
+from skyway.models import geodesy
 
 
 def rhumb_midpoint(lat1, lon1, lat2, lon2):

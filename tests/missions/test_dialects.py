@@ -5,22 +5,22 @@ from dataclasses import replace
 
 import pytest
 
-from missions.commands import Command, Frame
-from missions.coordinates import Point
-from missions.dialects import ardupilot, dialect, dialect_of_firmware, px4
-from missions.dialects.wire import (
+from skyway.missions.commands import Command, Frame
+from skyway.missions.coordinates import Point
+from skyway.missions.dialects import ardupilot, dialect, dialect_of_firmware, px4
+from skyway.missions.dialects.wire import (
     fence_from_wire,
     fence_to_wire,
     from_wire,
     rally_from_wire,
     rally_to_wire,
 )
-from missions.document import MissionDocument
-from missions.geofence import FenceCircle, FencePolygon, Geofence
-from missions.mission import Home, Mission, MissionItem
-from missions.parameters import FlightNeeds
-from missions.rally import RallyPoint, RallyPoints
-from models.errors import InputError
+from skyway.missions.document import MissionDocument
+from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
+from skyway.missions.mission import Home, Mission, MissionItem
+from skyway.missions.parameters import FlightNeeds
+from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.models.errors import InputError
 
 PX4, ARDUPILOT = dialect("px4"), dialect("ardupilot")
 BOTH = pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT], ids=lambda d: d.name)

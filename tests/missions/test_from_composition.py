@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import pytest
 
-from missions import MissionOptions, armed_mission, check, dialect, leg_mission, whole_mission
-from missions.commands import Command
-from missions.dialects import DIALECTS
-from models import geodesy
-from models.errors import InputError
-from models.services import Place, Stop
+from skyway.missions import MissionOptions, armed_mission, check, dialect, leg_mission, whole_mission
+from skyway.missions.commands import Command
+from skyway.missions.dialects import DIALECTS
+from skyway.models import geodesy
+from skyway.models.errors import InputError
+from skyway.models.services import Place, Stop
 
 PX4, ARDUPILOT = dialect("px4"), dialect("ardupilot")
 BOTH = pytest.mark.parametrize("autopilot", list(DIALECTS.values()), ids=list(DIALECTS))

@@ -2,9 +2,9 @@
 
 import pytest
 
-from missions import mission_file
-from missions.coordinates import Point
-from models.errors import InputError
+from skyway.missions import mission_file
+from skyway.missions.coordinates import Point
+from skyway.models.errors import InputError
 
 
 def read(text):

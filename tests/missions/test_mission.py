@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from missions.commands import Command, Frame, command_name, command_of
-from missions.coordinates import Point
-from missions.mission import Home, Mission, MissionItem
+from skyway.missions.commands import Command, Frame, command_name, command_of
+from skyway.missions.coordinates import Point
+from skyway.missions.mission import Home, Mission, MissionItem
 
 
 def test_items_with_yaw_left_open_are_equal():

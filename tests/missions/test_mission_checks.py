@@ -4,15 +4,15 @@ import math
 
 import pytest
 
-from missions import FlightConditions, check, dialect
-from missions.checks.route import MAX_REPEATED_STEPS, fly
-from missions.commands import Command, Frame
-from missions.coordinates import Point
-from missions.document import MissionDocument
-from missions.geofence import FenceCircle, FencePolygon, Geofence
-from missions.mission import Home, Mission, MissionItem
-from missions.rally import RallyPoint, RallyPoints
-from models.drone import M200_V2
+from skyway.missions import FlightConditions, check, dialect
+from skyway.missions.checks.route import MAX_REPEATED_STEPS, fly
+from skyway.missions.commands import Command, Frame
+from skyway.missions.coordinates import Point
+from skyway.missions.document import MissionDocument
+from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
+from skyway.missions.mission import Home, Mission, MissionItem
+from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.models.drone import M200_V2
 
 NAMED = FlightConditions(M200_V2)
 HOME = Home(Point.of_degrees(47.0, 8.0), 400.0)
@@ -276,7 +276,7 @@ def test_thousands_of_rally_points_need_no_more_memory_than_they_must():
 def test_no_fly_zones_are_not_crossed():
     import shapely
 
-    from models.zones import NoFlyZones
+    from skyway.models.zones import NoFlyZones
 
     zone = NoFlyZones(("airport",), (shapely.box(7.99, 47.005, 8.01, 47.01),))
     assert found(TAKEOFF, AWAY, LAND, zones=zone) == {("error", "no-fly-zone", 1)}

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import pytest
 
-from missions import dialect, diff
-from missions.commands import Command, Frame
-from missions.coordinates import Point
-from missions.dialects.wire import fence_from_wire, fence_to_wire
-from missions.geofence import FenceCircle, FencePolygon, Geofence
-from missions.mission import Mission, MissionItem
-from missions.rally import RallyPoint, RallyPoints
-from models.errors import InputError
+from skyway.missions import dialect, diff
+from skyway.missions.commands import Command, Frame
+from skyway.missions.coordinates import Point
+from skyway.missions.dialects.wire import fence_from_wire, fence_to_wire
+from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
+from skyway.missions.mission import Mission, MissionItem
+from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.models.errors import InputError
 
 SENT = Mission(
     (

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from missions import FlightConditions, ForecastWind, SteadyWind, check
-from missions.commands import Command, Frame
-from missions.coordinates import Point
-from missions.mission import Home, Mission, MissionItem
-from models import geodesy
-from models.drone import M200_V2
-from models.network import Station
-from models.wind_forecast import WindEnsemble
+from skyway.missions import FlightConditions, ForecastWind, SteadyWind, check
+from skyway.missions.commands import Command, Frame
+from skyway.missions.coordinates import Point
+from skyway.missions.mission import Home, Mission, MissionItem
+from skyway.models import geodesy
+from skyway.models.drone import M200_V2
+from skyway.models.network import Station
+from skyway.models.wind_forecast import WindEnsemble
 
 HOME = Home(Point.of_degrees(47.0, 8.0), 400.0)
 NORTH_5_KM = geodesy.direct(47.0, 8.0, 0.0, 5000.0)

@@ -7,8 +7,8 @@ import tracemalloc
 
 import pytest
 
-from missions import check, mission_file, plan_writer, waypoints_file
-from models.errors import InputError
+from skyway.missions import check, mission_file, plan_writer, waypoints_file
+from skyway.models.errors import InputError
 
 SEED = 20131
 SNIPPETS = (

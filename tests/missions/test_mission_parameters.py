@@ -3,10 +3,10 @@
 import pytest
 from settings_page import PAGE, page
 
-from missions.dialects import DIALECTS, dumps_for
-from missions.parameters import FlightNeeds, Parameter, dumps
-from missions.settings import version_of
-from models.errors import InputError
+from skyway.missions.dialects import DIALECTS, dumps_for
+from skyway.missions.parameters import FlightNeeds, Parameter, dumps
+from skyway.missions.settings import version_of
+from skyway.models.errors import InputError
 
 
 @pytest.mark.parametrize(

@@ -5,14 +5,14 @@ import math
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions import diff, mission_file, plan_writer, waypoints_file
-from missions.commands import FENCE_COMMANDS, INDEX_COMMANDS, LOCATED_COMMANDS, Command, Frame, command_of
-from missions.coordinates import Point
-from missions.dialects import DIALECTS
-from missions.document import MissionDocument
-from missions.geofence import FenceCircle, FencePolygon, Geofence
-from missions.mission import Home, Mission, MissionItem
-from missions.rally import RallyPoint, RallyPoints
+from skyway.missions import diff, mission_file, plan_writer, waypoints_file
+from skyway.missions.commands import FENCE_COMMANDS, INDEX_COMMANDS, LOCATED_COMMANDS, Command, Frame, command_of
+from skyway.missions.coordinates import Point
+from skyway.missions.dialects import DIALECTS
+from skyway.missions.document import MissionDocument
+from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
+from skyway.missions.mission import Home, Mission, MissionItem
+from skyway.missions.rally import RallyPoint, RallyPoints
 
 latitudes, longitudes = st.integers(-900_000_000, 900_000_000), st.integers(-1_800_000_000, 1_800_000_000)
 numbers = st.floats(-1e6, 1e6, allow_nan=False).map(lambda v: v + 0.0)

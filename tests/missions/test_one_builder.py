@@ -10,10 +10,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from link.supervisor.legs import plan_leg, turn_leg
-from missions import MissionOptions, armed_mission, dialect, leg_mission, whole_mission
-from missions.commands import Command
-from models.services import Place, Stop
+from skyway.link.supervisor.legs import plan_leg, turn_leg
+from skyway.missions import MissionOptions, armed_mission, dialect, leg_mission, whole_mission
+from skyway.missions.commands import Command
+from skyway.models.services import Place, Stop
 
 CRUISE_M = 60.0
 FORMS = {"px4": dialect("px4"), "ardupilot": dialect("ardupilot")}

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import pytest
 
-from missions import plan_reader, plan_writer
-from missions.commands import Command, Frame
-from missions.coordinates import Point
-from missions.document import MissionDocument
-from missions.geofence import FenceCircle, FencePolygon, Geofence
-from missions.mission import Home, Mission, MissionItem
-from missions.rally import RallyPoint, RallyPoints
-from models.errors import InputError
+from skyway.missions import plan_reader, plan_writer
+from skyway.missions.commands import Command, Frame
+from skyway.missions.coordinates import Point
+from skyway.missions.document import MissionDocument
+from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
+from skyway.missions.mission import Home, Mission, MissionItem
+from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.models.errors import InputError
 
 
 def item(**fields):

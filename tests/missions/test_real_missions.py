@@ -2,8 +2,8 @@
 
 import pytest
 
-from missions import check, mission_file, plan_writer, waypoints_file
-from models.errors import InputError
+from skyway.missions import check, mission_file, plan_writer, waypoints_file
+from skyway.models.errors import InputError
 
 REFUSED = {
     "mavlink__qgroundcontrol_sample_wrong_mission_version.plan": "mission version we do not know",
@@ -76,7 +76,7 @@ def test_a_real_file_reads_and_comes_back_from_both_formats(real, name, tmp_path
 @pytest.mark.parametrize("name", EXPECTED)
 @pytest.mark.parametrize("autopilot", [None, "px4", "ardupilot"])
 def test_a_real_file_is_checked_to_the_end(real, name, autopilot):
-    from missions import dialect
+    from skyway.missions import dialect
 
     report = check(real(name), dialect=dialect(autopilot) if autopilot else None)
     raw = report.to_json()
@@ -96,7 +96,7 @@ def codes(report, severity=None):
 
 
 def test_the_delivery_contest_is_legal_inside_any_area_and_a_breach_inside_all(real):
-    from missions import dialect
+    from skyway.missions import dialect
 
     document = real("luk8426__Mission1_Manching_2X.plan")
     assert not any(code == "outside-fence" for code, _ in codes(check(document, dialect=dialect("px4"))))
@@ -105,7 +105,7 @@ def test_the_delivery_contest_is_legal_inside_any_area_and_a_breach_inside_all(r
 
 
 def test_the_recharge_mission_of_another_planner_lands_delays_and_takes_off_again(real):
-    from missions import dialect
+    from skyway.missions import dialect
 
     name = "droneicarus__test2-Petite_mission_necssitant_une_recharge-generated.plan"
     px4 = check(real(name), dialect=dialect("px4"))

@@ -2,12 +2,12 @@
 
 import pytest
 
-from missions import mission_file, waypoints_file
-from missions.commands import Command
-from missions.coordinates import Point
-from missions.document import MissionDocument
-from missions.mission import Home, Mission, MissionItem
-from models.errors import InputError
+from skyway.missions import mission_file, waypoints_file
+from skyway.missions.commands import Command
+from skyway.missions.coordinates import Point
+from skyway.missions.document import MissionDocument
+from skyway.missions.mission import Home, Mission, MissionItem
+from skyway.models.errors import InputError
 
 HOME = "0 1 0 16 0 0 0 0 47.5 8.5 400 1"
 

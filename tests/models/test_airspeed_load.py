@@ -5,8 +5,8 @@ import csv
 import numpy as np
 import pytest
 
-from models.airspeed_load import AirspeedLoad
-from models.drag import DragModel
+from skyway.models.airspeed_load import AirspeedLoad
+from skyway.models.drag import DragModel
 
 M200 = AirspeedLoad(DragModel(linear_per_s=0.037, quadratic_per_m=0.005))
 

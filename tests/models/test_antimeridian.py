@@ -9,7 +9,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.antimeridian import about, line_geometry, middle_longitude, wrapped
+from skyway.models.antimeridian import about, line_geometry, middle_longitude, wrapped
 
 LON = st.floats(-180.0, 180.0)
 LAT = st.floats(-80.0, 80.0)

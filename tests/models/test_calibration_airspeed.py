@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from models.airspeed import AirspeedModel
-from models.calibration_airspeed import identify_airspeed
-from models.drag import DragModel
-from models.drag_file import drag_file, read_air, read_drag
-from models.errors import InputError
-from models.telemetry import TelemetryTrack
-from models.wind_filter_blocks import blocks
-from models.wind_filter_measurement import airspeed_wind
+from skyway.models.airspeed import AirspeedModel
+from skyway.models.calibration_airspeed import identify_airspeed
+from skyway.models.drag import DragModel
+from skyway.models.drag_file import drag_file, read_air, read_drag
+from skyway.models.errors import InputError
+from skyway.models.telemetry import TelemetryTrack
+from skyway.models.wind_filter_blocks import blocks
+from skyway.models.wind_filter_measurement import airspeed_wind
 
 WIND = np.array([3.0, -2.0])
 

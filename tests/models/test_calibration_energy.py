@@ -6,13 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from link.logs.reader import open_log
-from models.calibration_energy import PowerRecord, calibrated, drone_file, fit_energy, power_record, published_errors
-from models.drone import M200_V2
-from models.energy import EnduranceEnergy, MomentumEnergy
-from models.errors import InputError
-from models.fleet import read_fleet
-from models.telemetry import TelemetryTrack
+from skyway.link.logs.reader import open_log
+from skyway.models.calibration_energy import (
+    PowerRecord,
+    calibrated,
+    drone_file,
+    fit_energy,
+    power_record,
+    published_errors,
+)
+from skyway.models.drone import M200_V2
+from skyway.models.energy import EnduranceEnergy, MomentumEnergy
+from skyway.models.errors import InputError
+from skyway.models.fleet import read_fleet
+from skyway.models.telemetry import TelemetryTrack
 
 M100 = replace(M200_V2, id="m100", name="DJI Matrice 100", mass_kg=3.68, max_payload_kg=1.0)
 

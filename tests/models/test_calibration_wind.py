@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from drone_truth import fly
 
-from link.logs.reader import open_log
-from models.calibration_wind import fit_known_wind, identify_drag
-from models.drag import DragModel, thrust_acceleration
-from models.drag_file import drag_file, read_drag
-from models.errors import InputError
-from models.wind_filter_blocks import Blocks, blocks
-from models.wind_filter_live import LiveWind
-from models.wind_filter_measurement import tilt_wind
+from skyway.link.logs.reader import open_log
+from skyway.models.calibration_wind import fit_known_wind, identify_drag
+from skyway.models.drag import DragModel, thrust_acceleration
+from skyway.models.drag_file import drag_file, read_drag
+from skyway.models.errors import InputError
+from skyway.models.wind_filter_blocks import Blocks, blocks
+from skyway.models.wind_filter_live import LiveWind
+from skyway.models.wind_filter_measurement import tilt_wind
 
 CHI2_95 = -2.0 * math.log(0.05)
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from models.charging import CC_END_SOC, CUT_OFF_RATIO, ChargingCurve
-from models.drone import M200_V2
-from models.errors import InputError
+from skyway.models.charging import CC_END_SOC, CUT_OFF_RATIO, ChargingCurve
+from skyway.models.drone import M200_V2
+from skyway.models.errors import InputError
 
 FULL_S = 2.24 * 3600.0
 CURVE = M200_V2.charging_curve()

@@ -7,10 +7,8 @@ from pathlib import Path
 
 import pytest
 
-CALLEE = "from models.compiled import compiled\n\n@compiled\ndef inner(x):\n    return x + {}\n"
-CALLER = (
-    "from callee import inner\nfrom models.compiled import compiled\n\n@compiled\ndef outer(x):\n    return inner(x)\n"
-)
+CALLEE = "from skyway.models.compiled import compiled\n\n@compiled\ndef inner(x):\n    return x + {}\n"
+CALLER = "from callee import inner\nfrom skyway.models.compiled import compiled\n\n@compiled\ndef outer(x):\n    return inner(x)\n"
 
 
 def _run(folder: Path, code: str = "", **environment: str) -> str:
@@ -61,7 +59,7 @@ def test_the_first_kernel_does_not_bring_in_what_only_products_of_matrices_need(
 
 @pytest.mark.slow
 def test_a_kernel_can_multiply_matrices_all_the_same(tmp_path):
-    product = "from models.compiled import compiled\n\n@compiled\ndef product(a):\n    return a @ a\n"
+    product = "from skyway.models.compiled import compiled\n\n@compiled\ndef product(a):\n    return a @ a\n"
     (tmp_path / "product.py").write_text(product)
     code = "import numpy, product; print(product.product(2.0 * numpy.eye(2)).trace())"
     assert _run(tmp_path, code) == "8.0"
@@ -69,7 +67,7 @@ def test_a_kernel_can_multiply_matrices_all_the_same(tmp_path):
 
 
 def test_a_lean_kernel_that_makes_an_array_is_refused(tmp_path):
-    lean = "import numpy\nfrom models.compiled import compiled_lean\n\n@compiled_lean\ndef lean(n):\n    return numpy.zeros(n).sum()\n"
+    lean = "import numpy\nfrom skyway.models.compiled import compiled_lean\n\n@compiled_lean\ndef lean(n):\n    return numpy.zeros(n).sum()\n"
     (tmp_path / "lean.py").write_text(lean)
     done = subprocess.run(
         [sys.executable, "-c", "import lean; lean.lean(3)"], cwd=tmp_path, capture_output=True, text=True, check=False
@@ -80,7 +78,7 @@ def test_a_lean_kernel_that_makes_an_array_is_refused(tmp_path):
 
 BEYOND = """
 import numpy
-from models.compiled import compiled_lean
+from skyway.models.compiled import compiled_lean
 
 @compiled_lean
 def third(values):

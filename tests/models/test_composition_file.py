@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.composition_file import SCHEMA, from_json, load, save, to_json
-from models.errors import AuditError, InputError
-from models.figure import Figure
-from models.services import ArrivalDistribution, Composition, DroneService, LegSegment, Place, Stop, Wind
+from skyway.models.composition_file import SCHEMA, from_json, load, save, to_json
+from skyway.models.errors import AuditError, InputError
+from skyway.models.figure import Figure
+from skyway.models.services import ArrivalDistribution, Composition, DroneService, LegSegment, Place, Stop, Wind
 
 START = datetime(2013, 7, 10, 18, tzinfo=UTC)
 NUMBER = st.floats(0.0, 1e6)

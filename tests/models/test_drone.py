@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from models.drone import M200_V2
-from models.energy import EnduranceEnergy, MomentumEnergy
+from skyway.models.drone import M200_V2
+from skyway.models.energy import EnduranceEnergy, MomentumEnergy
 
 
 def test_a_drone_flies_no_faster_than_its_autopilot_accepts():

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.drone import M200_V2
-from models.energy import M100_COEFFICIENTS, PHASES, EnduranceEnergy, MomentumEnergy
+from skyway.models.drone import M200_V2
+from skyway.models.energy import M100_COEFFICIENTS, PHASES, EnduranceEnergy, MomentumEnergy
 
 MODEL = M200_V2.energy_model
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.errors import (
+from skyway.models.errors import (
     Fault,
     InfeasibleError,
     InputError,

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.errors import InputError
-from models.fields import finite, read_toml
-from models.files import read_bytes, read_text, write_atomically
+from skyway.models.errors import InputError
+from skyway.models.fields import finite, read_toml
+from skyway.models.files import read_bytes, read_text, write_atomically
 
 LIMIT = 64 * 1024 * 1024
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from models.drone import M200_V2
-from models.energy import MomentumEnergy
-from models.errors import InputError
-from models.fleet import read_fleet
+from skyway.models.drone import M200_V2
+from skyway.models.energy import MomentumEnergy
+from skyway.models.errors import InputError
+from skyway.models.fleet import read_fleet
 
 FIELDS = {
     "mass_kg": "4.69",

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models import geodesy
-from models.drone import M200_V2
-from models.flight import Air, FlightRules, air_over
-from models.flight_kernels import NEVER, cruise, land, leg, next_opening, segment_speed, slot_end, slot_of
-from models.network import ConnectionRule, Station
-from models.network_builders import build_network
-from models.wind import MIN_GROUND_SPEED_MPS, ground_speed, speed_from, vector, wind_triangle
-from models.wind_ensemble import WindEnsemble
+from skyway.models import geodesy
+from skyway.models.drone import M200_V2
+from skyway.models.flight import Air, FlightRules, air_over
+from skyway.models.flight_kernels import NEVER, cruise, land, leg, next_opening, segment_speed, slot_end, slot_of
+from skyway.models.network import ConnectionRule, Station
+from skyway.models.network_builders import build_network
+from skyway.models.wind import MIN_GROUND_SPEED_MPS, ground_speed, speed_from, vector, wind_triangle
+from skyway.models.wind_ensemble import WindEnsemble
 
 START = 1_373_464_800.0
 SPEED = st.floats(0.0, 30.0)

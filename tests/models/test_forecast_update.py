@@ -6,13 +6,13 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from models.forecast_update import SlotAverages, crps, refined, update_forecast
-from models.geodesy import direct
-from models.wind_ensemble import WindEnsemble
-from models.wind_field import ResidualModel, WindField, WindObservation
-from models.wind_filter import WindEstimate
-from models.wind_forecast import analogue_ensemble, truth_series
+from skyway.models.errors import InputError
+from skyway.models.forecast_update import SlotAverages, crps, refined, update_forecast
+from skyway.models.geodesy import direct
+from skyway.models.wind_ensemble import WindEnsemble
+from skyway.models.wind_field import ResidualModel, WindField, WindObservation
+from skyway.models.wind_filter import WindEstimate
+from skyway.models.wind_forecast import analogue_ensemble, truth_series
 
 START_S = 1_700_000_000.0
 
@@ -132,8 +132,8 @@ def mean_crps(forecast, truth, slots):
 
 def test_on_the_record_the_updated_forecast_beats_the_plain_one_at_1_2_and_3_hours():
     """New York 2013: three hours measured by one drone at one airport, scored at all three."""
-    from missions.examples import NEW_YORK
-    from models.scenario_file import read_scenario
+    from skyway.missions.examples import NEW_YORK
+    from skyway.models.scenario_file import read_scenario
 
     history = read_scenario(NEW_YORK).history
     generator = np.random.default_rng(0)

@@ -9,7 +9,7 @@ from geographiclib.geodesic import Geodesic
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from models import geodesy
+from skyway.models import geodesy
 
 LAT = st.floats(-89.9, 89.9)
 LON = st.floats(-180.0, 180.0)

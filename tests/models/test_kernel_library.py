@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 import build_kernels
-from models import kernel_library
-from models.kernel_library import kind_of
+from skyway.models import kernel_library
+from skyway.models.kernel_library import kind_of
 
 ROOT = Path(__file__).parents[2]
 KERNELS = """
 import numpy
 from typing import NamedTuple
-from models.compiled import compiled
+from skyway.models.compiled import compiled
 
 class Pair(NamedTuple):
     values: numpy.ndarray

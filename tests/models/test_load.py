@@ -7,9 +7,9 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from models.load import IDLE_CHARGING_S, PadLoad, hours_of_week
-from models.load_files import read_load, read_occupancy
+from skyway.models.errors import InputError
+from skyway.models.load import IDLE_CHARGING_S, PadLoad, hours_of_week
+from skyway.models.load_files import read_load, read_occupancy
 
 NEW_YORK = "America/New_York"
 HEADER = "station,hour_of_week,arrivals_per_h,mean_charging_min"

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models import geodesy
-from models.errors import InputError
-from models.network import ConnectionRule, Network, Station, coordinate_faults
-from models.network_builders import build_network
-from models.zones import NoFlyZones
+from skyway.models import geodesy
+from skyway.models.errors import InputError
+from skyway.models.network import ConnectionRule, Network, Station, coordinate_faults
+from skyway.models.network_builders import build_network
+from skyway.models.zones import NoFlyZones
 
 BRONX = Station("bronx", "Bronx Hospital", 40.85, -73.90)
 HARLEM = Station("harlem", "Harlem Hospital", 40.81, -73.94)

@@ -10,11 +10,11 @@ from geographiclib.geodesic import Geodesic
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from models import network_builders
-from models.errors import InputError
-from models.network import ConnectionRule, Network, Station
-from models.network_builders import build_network
-from models.zones import NoFlyZones
+from skyway.models import network_builders
+from skyway.models.errors import InputError
+from skyway.models.network import ConnectionRule, Network, Station
+from skyway.models.network_builders import build_network
+from skyway.models.zones import NoFlyZones
 
 REGIONS = st.sampled_from([(40.7, -74.0), (-37.8, 145.0), (69.6, 18.9), (0.0, 0.0), (-17.0, 179.99)])
 SPREAD = st.floats(-0.3, 0.3)

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.errors import InputError
-from models.network import Network, Station
-from models.network_files import (
+from skyway.models.errors import InputError
+from skyway.models.network import Network, Station
+from skyway.models.network_files import (
     MAX_FAULTS,
     read_segments,
     read_stations,

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.errors import InputError
-from models.load import PadLoad
-from models.queue_paths import QueuePath, expected_path, no_queue, pack, sample_path, sample_paths
-from models.queues import forecast_waits
+from skyway.models.errors import InputError
+from skyway.models.load import PadLoad
+from skyway.models.queue_paths import QueuePath, expected_path, no_queue, pack, sample_path, sample_paths
+from skyway.models.queues import forecast_waits
 
 NEW_YORK = "America/New_York"
 HOUR = 3600.0

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from models.errors import InputError
-from models.load import PadLoad
-from models.queues import LOST_MASS, PadQueue, WaitForecast, erlang_c, forecast_waits, stationary, transient
+from skyway.models.errors import InputError
+from skyway.models.load import PadLoad
+from skyway.models.queues import LOST_MASS, PadQueue, WaitForecast, erlang_c, forecast_waits, stationary, transient
 
 NEW_YORK = "America/New_York"
 HOUR = 3600.0

@@ -9,11 +9,11 @@ from datetime import UTC, date, datetime
 import numpy as np
 import pytest
 
-from missions.examples import NEW_YORK
-from models import geodesy
-from models.drone import M200_V2
-from models.errors import InputError
-from models.scenario_file import read_scenario
+from skyway.missions.examples import NEW_YORK
+from skyway.models import geodesy
+from skyway.models.drone import M200_V2
+from skyway.models.errors import InputError
+from skyway.models.scenario_file import read_scenario
 
 TOML = """schema = "skyway.scenario/1"
 name = "Test"

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from models.services import ArrivalDistribution, Composition, DroneService, Place, State, Stop, Wind
+from skyway.models.services import ArrivalDistribution, Composition, DroneService, Place, State, Stop, Wind
 
 START = datetime(2013, 7, 10, 18, tzinfo=UTC)
 

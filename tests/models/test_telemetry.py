@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from models.telemetry import QUANTITIES, TelemetrySample, TelemetryTrack
+from skyway.models.errors import InputError
+from skyway.models.telemetry import QUANTITIES, TelemetrySample, TelemetryTrack
 
 
 def test_what_is_not_said_is_not_known():

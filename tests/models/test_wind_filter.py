@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from drone_truth import fly
 
-from models.drag import DragModel
-from models.drag_monitor import check_drag
-from models.errors import InputError
-from models.wind_filter import GATE_99, WindFilter, WindFilterSettings, filter_log
-from models.wind_filter_blocks import blocks
-from models.wind_filter_health import ConsistencyMonitor, chi2_band
-from models.wind_filter_measurement import measurements, tilt_air_velocity
+from skyway.models.drag import DragModel
+from skyway.models.drag_monitor import check_drag
+from skyway.models.errors import InputError
+from skyway.models.wind_filter import GATE_99, WindFilter, WindFilterSettings, filter_log
+from skyway.models.wind_filter_blocks import blocks
+from skyway.models.wind_filter_health import ConsistencyMonitor, chi2_band
+from skyway.models.wind_filter_measurement import measurements, tilt_air_velocity
 
 TRUE_DRAG = DragModel(linear_per_s=0.15, quadratic_per_m=0.010, sigma_mps2=0.115)
 MEAN = np.array([-4.0, 3.0])

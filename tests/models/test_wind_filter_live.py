@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from drone_truth import fly
 
-from models.drag import DragModel
-from models.forecast_update import update_forecast
-from models.wind_ensemble import WindEnsemble
-from models.wind_filter import filter_log
-from models.wind_filter_blocks import blocks
-from models.wind_filter_live import LiveWind, forecast_of, settings_for
-from models.wind_filter_measurement import measurements
+from skyway.models.drag import DragModel
+from skyway.models.forecast_update import update_forecast
+from skyway.models.wind_ensemble import WindEnsemble
+from skyway.models.wind_filter import filter_log
+from skyway.models.wind_filter_blocks import blocks
+from skyway.models.wind_filter_live import LiveWind, forecast_of, settings_for
+from skyway.models.wind_filter_measurement import measurements
 
 DRAG = DragModel(linear_per_s=0.15, quadratic_per_m=0.010, sigma_mps2=0.115)
 

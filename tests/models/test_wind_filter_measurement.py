@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.drag import DragModel
-from models.telemetry import TelemetryTrack
-from models.wind_filter_blocks import BlockMaker, Blocks, blocks
-from models.wind_filter_measurement import airspeed_wind, autopilot_wind, measurements, tilt_wind
+from skyway.models.drag import DragModel
+from skyway.models.telemetry import TelemetryTrack
+from skyway.models.wind_filter_blocks import BlockMaker, Blocks, blocks
+from skyway.models.wind_filter_measurement import airspeed_wind, autopilot_wind, measurements, tilt_wind
 
 START_S = 1_700_000_000.0
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from drone_truth import fly
 
-from models.airspeed import AirspeedModel
-from models.drag import DragModel
-from models.drag_file import drag_file, read_air
-from models.wind_filter import WindFilter, WindFilterSettings, filter_log
-from models.wind_filter_blocks import blocks
-from models.wind_filter_live import NOMINAL_DRAG, LiveWind
-from models.wind_filter_measurement import PLAIN_SENSOR, measurements
-from models.wind_filter_systematic import COUNT, Dependence, dependence, prior_sigma
+from skyway.models.airspeed import AirspeedModel
+from skyway.models.drag import DragModel
+from skyway.models.drag_file import drag_file, read_air
+from skyway.models.wind_filter import WindFilter, WindFilterSettings, filter_log
+from skyway.models.wind_filter_blocks import blocks
+from skyway.models.wind_filter_live import NOMINAL_DRAG, LiveWind
+from skyway.models.wind_filter_measurement import PLAIN_SENSOR, measurements
+from skyway.models.wind_filter_systematic import COUNT, Dependence, dependence, prior_sigma
 
 RELATIVE, LEVEL_MPS2 = 0.10, 0.10
 CHI2_95 = 5.991464547107979

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.errors import InputError
-from models.wind import speed_from
-from models.wind_columns import WindColumns
-from models.wind_history import WindHistory, WindSite, read_history
+from skyway.models.errors import InputError
+from skyway.models.wind import speed_from
+from skyway.models.wind_columns import WindColumns
+from skyway.models.wind_history import WindHistory, WindSite, read_history
 
 NEW_YORK = (
     WindSite("EWR", 40.6925, -74.1687),

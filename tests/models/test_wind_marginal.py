@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from models.errors import InputError
-from models.wind import speed_from, vector
-from models.wind_ensemble import WindEnsemble
-from models.wind_marginal import marginal, marginals, rose
+from skyway.models.errors import InputError
+from skyway.models.wind import speed_from, vector
+from skyway.models.wind_ensemble import WindEnsemble
+from skyway.models.wind_marginal import marginal, marginals, rose
 
 COMPONENTS = st.floats(-40.0, 40.0)
 

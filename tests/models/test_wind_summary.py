@@ -7,9 +7,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from models.wind import vector
-from models.wind_ensemble import WindEnsemble
-from models.wind_summary import PREVAILS, Passage, summarise_wind, summary_of
+from skyway.models.wind import vector
+from skyway.models.wind_ensemble import WindEnsemble
+from skyway.models.wind_summary import PREVAILS, Passage, summarise_wind, summary_of
 
 WINDS = st.lists(
     st.tuples(st.floats(0.5, 30.0), st.integers(0, 35999).map(lambda x: x / 100), st.floats(0.01, 1.0)),

@@ -8,8 +8,8 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.errors import InputError
-from models.zones import NoFlyZones, read_zones
+from skyway.models.errors import InputError
+from skyway.models.zones import NoFlyZones, read_zones
 
 SQUARE = [[[-74.0, 40.6], [-73.9, 40.6], [-73.9, 40.7], [-74.0, 40.7], [-74.0, 40.6]]]
 

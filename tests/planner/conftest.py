@@ -2,8 +2,8 @@
 
 import pytest
 
-from missions.examples import NEW_YORK
-from models.scenario_file import read_scenario
+from skyway.missions.examples import NEW_YORK
+from skyway.models.scenario_file import read_scenario
 
 
 @pytest.fixture(scope="session")

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from worlds import DEPART, make_request, make_wind, make_world
 
-from models.drone import M200_V2
-from models.flight import FlightRules
-from models.network import ConnectionRule
-from models.network_builders import build_network
-from models.services import State
-from planner.problem import Problem
+from skyway.models.drone import M200_V2
+from skyway.models.flight import FlightRules
+from skyway.models.network import ConnectionRule
+from skyway.models.network_builders import build_network
+from skyway.models.services import State
+from skyway.planner.problem import Problem
 
 LONG_RANGE = replace(
     M200_V2,

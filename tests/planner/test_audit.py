@@ -10,10 +10,10 @@ import pytest
 from referee_worlds import KINDS, SLOTS_MIN, instance
 from worlds import DEPART, make_request, make_wind, make_world
 
-from models.errors import AuditError, InfeasibleError
-from models.services import Composition, State
-from planner import plan as planning
-from planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS, plan
+from skyway.models.errors import AuditError, InfeasibleError
+from skyway.models.services import Composition, State
+from skyway.planner import plan as planning
+from skyway.planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS, plan
 
 LATER = timedelta(seconds=3)
 

@@ -6,17 +6,17 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from models.errors import NoRouteError
-from models.load import PadLoad
-from models.services import State
-from models.wind_forecast import constant_wind
-from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
-from planner.exact import ExactSearch
-from planner.ies import ExhaustiveSearch
-from planner.itinerary import fly_sampled, fly_true
-from planner.plan import plan
-from planner.problem import HORIZON_H, Problem
-from planner.request import Request
+from skyway.models.errors import NoRouteError
+from skyway.models.load import PadLoad
+from skyway.models.services import State
+from skyway.models.wind_forecast import constant_wind
+from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from skyway.planner.exact import ExactSearch
+from skyway.planner.ies import ExhaustiveSearch
+from skyway.planner.itinerary import fly_sampled, fly_true
+from skyway.planner.plan import plan
+from skyway.planner.problem import HORIZON_H, Problem
+from skyway.planner.request import Request
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 CALM = constant_wind(4.0, 200.0, DEPART, HORIZON_H, 40.75, -73.97, 60.0)

@@ -8,10 +8,10 @@ from datetime import UTC, date, datetime, timedelta
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from models.services import State
-from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
-from planner.evaluate import (
+from skyway.models.errors import InputError
+from skyway.models.services import State
+from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from skyway.planner.evaluate import (
     NO_ERRORS,
     Errors,
     OpenLoop,
@@ -25,14 +25,14 @@ from planner.evaluate import (
     season_days,
     summarise,
 )
-from planner.evaluation_flights import DELIVERED, GAVE_UP, Flown, courses
-from planner.evaluation_kernels import GUST_STEP_S, LATERAL, MOST_DEVIATION, gust_at
-from planner.evaluation_statistics import DayBootstrap, Estimate
-from planner.itinerary import fly_true
-from planner.outcome import Outcome
-from planner.plan import plan
-from planner.problem import HORIZON_H
-from planner.request import Request
+from skyway.planner.evaluation_flights import DELIVERED, GAVE_UP, Flown, courses
+from skyway.planner.evaluation_kernels import GUST_STEP_S, LATERAL, MOST_DEVIATION, gust_at
+from skyway.planner.evaluation_statistics import DayBootstrap, Estimate
+from skyway.planner.itinerary import fly_true
+from skyway.planner.outcome import Outcome
+from skyway.planner.plan import plan
+from skyway.planner.problem import HORIZON_H
+from skyway.planner.request import Request
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 MASK = 2**64 - 1

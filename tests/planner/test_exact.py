@@ -8,15 +8,15 @@ import pytest
 from referee_grid import Grid
 from worlds import DEPART, make_request, make_wind, make_world
 
-from models.errors import NoRouteError
-from models.queue_paths import expected_path
-from models.services import State
-from planner.course_kernels import SOC_DOWN, TAKE_OFF, TOUCH_DOWN
-from planner.exact import ExactSearch
-from planner.flight_table import ground_speeds
-from planner.ies import ExhaustiveSearch
-from planner.itinerary import fly_true
-from planner.problem import Problem
+from skyway.models.errors import NoRouteError
+from skyway.models.queue_paths import expected_path
+from skyway.models.services import State
+from skyway.planner.course_kernels import SOC_DOWN, TAKE_OFF, TOUCH_DOWN
+from skyway.planner.exact import ExactSearch
+from skyway.planner.flight_table import ground_speeds
+from skyway.planner.ies import ExhaustiveSearch
+from skyway.planner.itinerary import fly_true
+from skyway.planner.problem import Problem
 
 RELATIVE = 1e-6
 

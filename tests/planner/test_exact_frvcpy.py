@@ -24,11 +24,11 @@ import numpy as np
 import pytest
 from worlds import make_request, make_wind, make_world
 
-from models.errors import NoRouteError
-from models.network import ConnectionRule, Network
-from models.network_builders import build_network
-from planner.exact import ExactSearch
-from planner.problem import Problem
+from skyway.models.errors import NoRouteError
+from skyway.models.network import ConnectionRule, Network
+from skyway.models.network_builders import build_network
+from skyway.planner.exact import ExactSearch
+from skyway.planner.problem import Problem
 
 frvcpy_solver = pytest.importorskip("frvcpy.solver", reason="frvcpy, of the extra dev, is not installed")
 RELATIVE = 1e-8

@@ -6,14 +6,14 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from models.services import State
-from models.wind_forecast import constant_wind
-from models.wind_summary import Passage, summarise_wind
-from planner.explain import bought
-from planner.plan import plan
-from planner.precision import Crossed
-from planner.problem import HORIZON_H
-from planner.request import Request
+from skyway.models.services import State
+from skyway.models.wind_forecast import constant_wind
+from skyway.models.wind_summary import Passage, summarise_wind
+from skyway.planner.explain import bought
+from skyway.planner.plan import plan
+from skyway.planner.precision import Crossed
+from skyway.planner.problem import HORIZON_H
+from skyway.planner.request import Request
 
 DEPART = datetime(2013, 7, 10, 18, 0, tzinfo=UTC)
 

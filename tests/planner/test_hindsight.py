@@ -6,13 +6,13 @@ from datetime import UTC, datetime
 
 import pytest
 
-from models.services import State
-from models.wind_forecast import constant_wind
-from planner.evaluation_truths import NO_ERRORS, USUAL_ERRORS
-from planner.exact import ExactSearch
-from planner.hindsight import Hindsight
-from planner.problem import HORIZON_H, Problem
-from planner.request import Request
+from skyway.models.services import State
+from skyway.models.wind_forecast import constant_wind
+from skyway.planner.evaluation_truths import NO_ERRORS, USUAL_ERRORS
+from skyway.planner.exact import ExactSearch
+from skyway.planner.hindsight import Hindsight
+from skyway.planner.problem import HORIZON_H, Problem
+from skyway.planner.request import Request
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 

@@ -7,11 +7,11 @@ import pytest
 from referee_grid import Grid
 from worlds import make_request, make_wind, make_world
 
-from models.errors import NoRouteError
-from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
-from planner.ies import ExhaustiveSearch
-from planner.itinerary import fly_true
-from planner.problem import Problem
+from skyway.models.errors import NoRouteError
+from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from skyway.planner.ies import ExhaustiveSearch
+from skyway.planner.itinerary import fly_true
+from skyway.planner.problem import Problem
 
 
 def instance(seed, **world):

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from geographiclib.geodesic import Geodesic
 
-from models.errors import NoRouteError
-from models.scenario_file import read_scenario
-from models.services import State
-from planner.plan import plan
-from planner.request import Request
+from skyway.models.errors import NoRouteError
+from skyway.models.scenario_file import read_scenario
+from skyway.models.services import State
+from skyway.planner.plan import plan
+from skyway.planner.request import Request
 
 MELBOURNE = ZoneInfo("Australia/Melbourne")
 DEPART = datetime(2023, 7, 12, 10, tzinfo=MELBOURNE).astimezone(UTC)

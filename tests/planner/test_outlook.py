@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from worlds import make_request, make_wind, make_world
 
-from models.flight_kernels import leg, slot_of
-from planner.outlook import Outlook
-from planner.outlook_kernels import least_time, lower_time, mean_flight
-from planner.problem import Problem
+from skyway.models.flight_kernels import leg, slot_of
+from skyway.planner.outlook import Outlook
+from skyway.planner.outlook_kernels import least_time, lower_time, mean_flight
+from skyway.planner.problem import Problem
 
 
 def make_outlook(seed, mean_mps):

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from worlds import make_request, make_wind, make_world
 
-from models.errors import NoRouteError
-from planner.course_kernels import SOC_DOWN, TOUCH_DOWN
-from planner.ies import ExhaustiveSearch
-from planner.itinerary import fly_expected
-from planner.pfs import ForwardSearch, charging_time_per_flight_s
-from planner.pfs_strict import StrictForwardSearch
-from planner.problem import Problem
-from planner.shortest import ShortestFlight
+from skyway.models.errors import NoRouteError
+from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from skyway.planner.ies import ExhaustiveSearch
+from skyway.planner.itinerary import fly_expected
+from skyway.planner.pfs import ForwardSearch, charging_time_per_flight_s
+from skyway.planner.pfs_strict import StrictForwardSearch
+from skyway.planner.problem import Problem
+from skyway.planner.shortest import ShortestFlight
 
 
 def single_member_problem(seed, recharge, *, utilisation=0.0, mean_mps=None):

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from worlds import DEPART, make_request, make_wind, make_world
 
-from models.composition_file import from_json, to_json
-from models.drone import M200_V2
-from models.errors import InputError, NoRouteError, PayloadError
-from models.services import State
-from models.wind import wind_triangle
-from models.wind_forecast import constant_wind
-from planner.plan import FORECAST_PLANNERS, PLANNERS, ROBUST, compare, plan
-from planner.problem import HORIZON_H
-from planner.request import Request
+from skyway.models.composition_file import from_json, to_json
+from skyway.models.drone import M200_V2
+from skyway.models.errors import InputError, NoRouteError, PayloadError
+from skyway.models.services import State
+from skyway.models.wind import wind_triangle
+from skyway.models.wind_forecast import constant_wind
+from skyway.planner.plan import FORECAST_PLANNERS, PLANNERS, ROBUST, compare, plan
+from skyway.planner.problem import HORIZON_H
+from skyway.planner.request import Request
 
 AFTERNOON = datetime(2013, 7, 10, 18, tzinfo=UTC)
 

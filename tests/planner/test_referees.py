@@ -14,9 +14,9 @@ from referee_flights import flown
 from referee_grid import Grid
 from referee_worlds import KINDS, SLOTS_MIN, instance
 
-from models.errors import NoRouteError
-from planner.exact import ExactSearch
-from planner.ies import ExhaustiveSearch
+from skyway.models.errors import NoRouteError
+from skyway.planner.exact import ExactSearch
+from skyway.planner.ies import ExhaustiveSearch
 
 HOURS = 14.0
 SEEDS = pytest.mark.parametrize("seeds", [range(3), pytest.param(range(100, 200), marks=pytest.mark.slow)])

@@ -7,20 +7,20 @@ from datetime import datetime
 import numpy as np
 import pytest
 
-from missions.examples import NEW_YORK
-from models import geodesy
-from models.drag import DragModel
-from models.scenario_file import read_scenario
-from models.services import State
-from models.wind_forecast import constant_wind
-from planner.diverts import Reach
-from planner.energy_belief import EnergyBelief
-from planner.plan import plan
-from planner.problem import HORIZON_H, Problem
-from planner.replan import Grounded, GroundReplanner, ReplanSettings
-from planner.replan_candidates import best_charges, itinerary_of, needed_charges
-from planner.replan_flight import Airborne, FlightReplanner
-from planner.request import Request
+from skyway.missions.examples import NEW_YORK
+from skyway.models import geodesy
+from skyway.models.drag import DragModel
+from skyway.models.scenario_file import read_scenario
+from skyway.models.services import State
+from skyway.models.wind_forecast import constant_wind
+from skyway.planner.diverts import Reach
+from skyway.planner.energy_belief import EnergyBelief
+from skyway.planner.plan import plan
+from skyway.planner.problem import HORIZON_H, Problem
+from skyway.planner.replan import Grounded, GroundReplanner, ReplanSettings
+from skyway.planner.replan_candidates import best_charges, itinerary_of, needed_charges
+from skyway.planner.replan_flight import Airborne, FlightReplanner
+from skyway.planner.request import Request
 
 DEPART = datetime.fromisoformat("2013-07-10T14:00-04:00")
 QUICK = "pfs-charge-aware"

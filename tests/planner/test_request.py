@@ -5,11 +5,11 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from models.errors import InputError
-from models.services import State
-from planner.objective import Objective
-from planner.plan import plan
-from planner.request import Request
+from skyway.models.errors import InputError
+from skyway.models.services import State
+from skyway.planner.objective import Objective
+from skyway.planner.plan import plan
+from skyway.planner.request import Request
 
 DEPART = datetime(2013, 7, 10, 18, 0, tzinfo=UTC)
 

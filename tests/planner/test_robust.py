@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.errors import InputError, NoRouteError
-from models.queue_paths import no_queue, sample_path
-from models.services import State
-from models.wind_forecast import constant_wind
-from planner.charge_policy import ChargePolicy, known_at, left_out, margin_for
-from planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
-from planner.departure import plan_within
-from planner.evaluate import (
+from skyway.models.errors import InputError, NoRouteError
+from skyway.models.queue_paths import no_queue, sample_path
+from skyway.models.services import State
+from skyway.models.wind_forecast import constant_wind
+from skyway.planner.charge_policy import ChargePolicy, known_at, left_out, margin_for
+from skyway.planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
+from skyway.planner.departure import plan_within
+from skyway.planner.evaluate import (
     NO_ERRORS,
     Errors,
     evaluate,
@@ -27,16 +27,16 @@ from planner.evaluate import (
     sample_truths,
     season_days,
 )
-from planner.evaluation_kernels import gusty_land, plain_sky
-from planner.explain import alternatives, charge_ranges, stop_names, stop_reasons, wait_and_see
-from planner.need_kernels import flight_energy, gust_mean
-from planner.objective import Objective
-from planner.plan import alternative_plans, plan
-from planner.problem import HORIZON_H, Problem
-from planner.request import Request
-from planner.rolling import RollingRobust
-from planner.room import chance_full_after
-from planner.room_kernels import chance_full
+from skyway.planner.evaluation_kernels import gusty_land, plain_sky
+from skyway.planner.explain import alternatives, charge_ranges, stop_names, stop_reasons, wait_and_see
+from skyway.planner.need_kernels import flight_energy, gust_mean
+from skyway.planner.objective import Objective
+from skyway.planner.plan import alternative_plans, plan
+from skyway.planner.problem import HORIZON_H, Problem
+from skyway.planner.request import Request
+from skyway.planner.rolling import RollingRobust
+from skyway.planner.room import chance_full_after
+from skyway.planner.room_kernels import chance_full
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.drone import M200_V2
-from models.errors import PayloadError
-from planner.skyline import skyline
+from skyway.models.drone import M200_V2
+from skyway.models.errors import PayloadError
+from skyway.planner.skyline import skyline
 
 few = st.sampled_from([1.0, 2.0, 3.0])
 

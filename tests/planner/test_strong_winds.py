@@ -6,15 +6,15 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from models.errors import NoRouteError
-from models.flight_kernels import slot_of
-from models.services import State
-from models.wind_forecast import constant_wind
-from planner.course_kernels import flight_parts
-from planner.plan import compare, plan
-from planner.problem import HORIZON_H, Problem
-from planner.profile_kernels import interpolate
-from planner.request import Request
+from skyway.models.errors import NoRouteError
+from skyway.models.flight_kernels import slot_of
+from skyway.models.services import State
+from skyway.models.wind_forecast import constant_wind
+from skyway.planner.course_kernels import flight_parts
+from skyway.planner.plan import compare, plan
+from skyway.planner.problem import HORIZON_H, Problem
+from skyway.planner.profile_kernels import interpolate
+from skyway.planner.request import Request
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 

@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.flight_kernels import land, slot_end, slot_of
-from models.services import State
-from models.wind_forecast import constant_wind
-from planner.charge_policy import known_at
-from planner.evaluate import NO_ERRORS, Errors, fly_policy, sample_truths, season_days
-from planner.evaluation_policies import Departure
-from planner.problem import HORIZON_H, Problem
-from planner.request import Request
-from planner.turning import LIKELY, Turns
-from planner.turning_kernels import out_or_back
+from skyway.models.flight_kernels import land, slot_end, slot_of
+from skyway.models.services import State
+from skyway.models.wind_forecast import constant_wind
+from skyway.planner.charge_policy import known_at
+from skyway.planner.evaluate import NO_ERRORS, Errors, fly_policy, sample_truths, season_days
+from skyway.planner.evaluation_policies import Departure
+from skyway.planner.problem import HORIZON_H, Problem
+from skyway.planner.request import Request
+from skyway.planner.turning import LIKELY, Turns
+from skyway.planner.turning_kernels import out_or_back
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 GUSTY = Errors(energy=0.0)

@@ -7,15 +7,15 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from models.drone import M200_V2
-from models.flight import FlightRules
-from models.load import PadLoad
-from models.network import ConnectionRule, Station
-from models.network_builders import build_network
-from models.scenario import Scenario
-from models.services import State
-from models.wind_forecast import WindEnsemble
-from planner.request import Request
+from skyway.models.drone import M200_V2
+from skyway.models.flight import FlightRules
+from skyway.models.load import PadLoad
+from skyway.models.network import ConnectionRule, Station
+from skyway.models.network_builders import build_network
+from skyway.models.scenario import Scenario
+from skyway.models.services import State
+from skyway.models.wind_forecast import WindEnsemble
+from skyway.planner.request import Request
 
 DEPART = datetime(2026, 6, 1, 9, 20, tzinfo=UTC)
 

@@ -6,9 +6,9 @@ import threading
 
 from sim_station import LAT, LON
 
-from models.network import Station as Place
-from sim_stub.fleet import FleetOptions, build_world, serve
-from sim_stub.transports.urls import parse_address
+from skyway.models.network import Station as Place
+from skyway.sim_stub.fleet import FleetOptions, build_world, serve
+from skyway.sim_stub.transports.urls import parse_address
 
 HERE = Place("here", "Here", LAT, LON, 5.0, 2, 2)
 

@@ -4,10 +4,10 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from sim_stub.config import VehicleConfig
-from sim_stub.transports.lockstep import Lockstep
-from sim_stub.wind_truth import ConstantWind
-from sim_stub.world import World
+from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.transports.lockstep import Lockstep
+from skyway.sim_stub.wind_truth import ConstantWind
+from skyway.sim_stub.world import World
 
 NAN = math.nan
 LAT, LON = 40.7392, -73.9756

@@ -23,12 +23,12 @@ from sim_station import (
     plain,
 )
 
-from models.network import Station as Place
-from sim_stub.autopilot.modes import Mode
-from sim_stub.faults import parse_fault
-from sim_stub.physics import offset_m
-from sim_stub.transports.channel import Impairment
-from sim_stub.wind_truth import ConstantWind
+from skyway.models.network import Station as Place
+from skyway.sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.faults import parse_fault
+from skyway.sim_stub.physics import offset_m
+from skyway.sim_stub.transports.channel import Impairment
+from skyway.sim_stub.wind_truth import ConstantWind
 
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 GUIDED_RETURN = {"px4": "NAV_DLL_ACT", "ardupilot": "FS_GCS_ENABLE"}
@@ -498,7 +498,7 @@ def test_row_an_armed_hold_leaves_by_the_clock_whatever_the_soc():
 
 
 def test_row_ardupilots_battery_percentage_only_falls_until_battery_reset():
-    from sim_stub.vehicle import Charge
+    from skyway.sim_stub.vehicle import Charge
 
     stage = Stage("ardupilot", soc=0.5)
     s = stage.station

@@ -15,10 +15,10 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim_serving import served
 from sim_station import LAT, LON, NAN, Stage, Station, item, leg
 
-from sim_stub.transports import tcp
-from sim_stub.transports.channel import Impairment
-from sim_stub.transports.pad_server import MAX_CLIENTS
-from sim_stub.wire.messages import specs
+from skyway.sim_stub.transports import tcp
+from skyway.sim_stub.transports.channel import Impairment
+from skyway.sim_stub.transports.pad_server import MAX_CLIENTS
+from skyway.sim_stub.wire.messages import specs
 
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 

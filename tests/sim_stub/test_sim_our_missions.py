@@ -7,15 +7,15 @@ import pytest
 from sim_station import Station
 
 import missions
-from models import geodesy
-from models.network import Station as Place
-from models.services import ArrivalDistribution, Composition, DroneService, Stop, Wind
-from models.services import Place as PlanPlace
-from sim_stub.config import VehicleConfig
-from sim_stub.physics import offset_m
-from sim_stub.transports.lockstep import Lockstep
-from sim_stub.wind_truth import ConstantWind
-from sim_stub.world import World
+from skyway.models import geodesy
+from skyway.models.network import Station as Place
+from skyway.models.services import ArrivalDistribution, Composition, DroneService, Stop, Wind
+from skyway.models.services import Place as PlanPlace
+from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.physics import offset_m
+from skyway.sim_stub.transports.lockstep import Lockstep
+from skyway.sim_stub.wind_truth import ConstantWind
+from skyway.sim_stub.world import World
 
 NOON = datetime(2026, 5, 4, 12, 0, tzinfo=UTC)
 PLACES = {

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from sim_station import LAT, LON, Stage
 
-from models.load import WEEK_H, PadLoad
-from models.network import Station as Place
-from models.pad_service import (
+from skyway.models.load import WEEK_H, PadLoad
+from skyway.models.network import Station as Place
+from skyway.models.pad_service import (
     PadRequest,
     PadServiceError,
     StationStatus,
@@ -16,9 +16,9 @@ from models.pad_service import (
     decode_request,
     encode,
 )
-from sim_stub.config import VehicleConfig
-from sim_stub.pads import Pads
-from sim_stub.world import World
+from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.pads import Pads
+from skyway.sim_stub.world import World
 
 
 def pads_stage(pads=1, spots=1, load=None, soc=0.4, seed=1, **place):

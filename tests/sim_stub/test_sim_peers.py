@@ -13,8 +13,8 @@ import pytest
 from sim_serving import free_port, served
 from sim_station import LAT, LON, item, leg
 
-from models.pad_service import PadRequest, decode_answer, encode
-from sim_stub.physics import offset_m
+from skyway.models.pad_service import PadRequest, decode_answer, encode
+from skyway.sim_stub.physics import offset_m
 
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 

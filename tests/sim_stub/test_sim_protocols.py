@@ -8,12 +8,12 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim_station import LAT, LON, NAN, TAKEOFF, WAYPOINT, Stage, Station, item, leg, plain
 
-from sim_stub.autopilot.modes import Mode
-from sim_stub.faults import parse_fault
-from sim_stub.transports.channel import Impairment
-from sim_stub.wind_truth import ConstantWind
-from sim_stub.wire.frames import FrameWriter
-from sim_stub.wire.messages import spec
+from skyway.sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.faults import parse_fault
+from skyway.sim_stub.transports.channel import Impairment
+from skyway.sim_stub.wind_truth import ConstantWind
+from skyway.sim_stub.wire.frames import FrameWriter
+from skyway.sim_stub.wire.messages import spec
 
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 
@@ -446,8 +446,8 @@ def test_a_finer_step_of_physics_flies_the_same():
 
 @BOTH
 def test_every_message_that_can_be_asked_for_is_sent(autopilot):
-    from sim_stub.protocols.telemetry import BUILDERS, FAMILY_ONLY
-    from sim_stub.wire.messages import specs
+    from skyway.sim_stub.protocols.telemetry import BUILDERS, FAMILY_ONLY
+    from skyway.sim_stub.wire.messages import specs
 
     stage = Stage(autopilot, parameters=(("EKF2_DRAG_CTRL", 1),) if autopilot == "px4" else ())
     stage.take_off()

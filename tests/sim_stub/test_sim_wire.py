@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from sim_stub.wire.frames import FrameReader, FrameWriter, Signing
-from sim_stub.wire.messages import spec, specs
+from skyway.sim_stub.wire.frames import FrameReader, FrameWriter, Signing
+from skyway.sim_stub.wire.messages import spec, specs
 
 
 def peer() -> dialect.MAVLink:

@@ -13,27 +13,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sim_station import LAT, LON, Stage, dialect, item
 
-from models.errors import InputError
-from models.geodesy import inverse
-from models.network import Station as Place
-from models.wind_ensemble import WindEnsemble
-from sim_stub.airframe import Airframe
-from sim_stub.battery import Battery
-from sim_stub.config import VehicleConfig
-from sim_stub.faults import KINDS, parse_fault
-from sim_stub.fleet import FleetOptions, build_world, serve
-from sim_stub.physics import Body, Demand, offset_m
-from sim_stub.power import PowerModel
-from sim_stub.transports.channel import Channel, Impairment
-from sim_stub.transports.loop import SocketLoop
-from sim_stub.transports.urls import Address, parse_address
-from sim_stub.wind_truth import ConstantWind, Gusts, RecordedWind, parse_constant
-from sim_stub.world import World
+from skyway.models.errors import InputError
+from skyway.models.geodesy import inverse
+from skyway.models.network import Station as Place
+from skyway.models.wind_ensemble import WindEnsemble
+from skyway.sim_stub.airframe import Airframe
+from skyway.sim_stub.battery import Battery
+from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.faults import KINDS, parse_fault
+from skyway.sim_stub.fleet import FleetOptions, build_world, serve
+from skyway.sim_stub.physics import Body, Demand, offset_m
+from skyway.sim_stub.power import PowerModel
+from skyway.sim_stub.transports.channel import Channel, Impairment
+from skyway.sim_stub.transports.loop import SocketLoop
+from skyway.sim_stub.transports.urls import Address, parse_address
+from skyway.sim_stub.wind_truth import ConstantWind, Gusts, RecordedWind, parse_constant
+from skyway.sim_stub.world import World
 
 
 @given(st.floats(-70, 70), st.floats(-179.9, 179.9), st.floats(0, 360), st.floats(10, 20_000))
 def test_flat_offsets_agree_with_geodesics(lat, lon, bearing, length):
-    from models.geodesy import direct
+    from skyway.models.geodesy import direct
 
     to_lat, to_lon = direct(lat, lon, bearing, length)
     north, east = offset_m(lat, lon, to_lat, to_lon)
