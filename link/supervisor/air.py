@@ -24,6 +24,8 @@ DECIDE_EVERY_S = 10.0
 LAND_AGAIN_S = 5.0
 SUDDEN_S = 15.0
 """So long a loss of charge counts as sudden."""
+LANDING_SHARE, LEAST_DOUBTED_SOC = 2.0, 0.1
+"""Below so many times the charge of a landing, or below this charge, there is no time to doubt a loss."""
 LEARN_SOC = 0.04
 """From so much charge used on, the energy of this very flight is counted in."""
 _WAY_MODES = ("mission", "takeoff")
@@ -269,7 +271,7 @@ def _watch(ctx: Context, replanner: FlightReplanner) -> After | None:
 
 def _unsure(ctx: Context) -> bool:
     """Whether a landing away from any station rests on a measurement that another one contradicts."""
-    if not ctx.voltage.doubtful:
+    if not ctx.voltage.doubtful(affordable=_affords_doubt(ctx)):
         return False
     ctx.lost_s = ctx.now_s - 1.0  # as sudden as it was: it is thought of again soon
     ctx.say(
@@ -277,6 +279,15 @@ def _unsure(ctx: Context) -> bool:
         "it does not land here: the voltage fell and no more current is drawn, so the charge is not known to be lost",
     )
     return True
+
+
+def _affords_doubt(ctx: Context) -> bool:
+    """Whether the charge as it is feared to be is still more than a landing here takes."""
+    leg = ctx.leg
+    if leg is None or leg.modelled is None:
+        return False
+    landing_soc = leg.modelled.per_s * ctx.belief.factor * ctx.mandate.scenario.rules.descent_s
+    return ctx.soc > max(LANDING_SHARE * landing_soc, LEAST_DOUBTED_SOC)
 
 
 def _turn(ctx: Context, station: str, state: State) -> After:

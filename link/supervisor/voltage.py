@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from statistics import median
+from enum import StrEnum
+from statistics import median, quantiles
 
 _SOC = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 _CELL_V = (3.20, 3.56, 3.655, 3.71, 3.75, 3.785, 3.83, 3.87, 3.94, 4.02, 4.12, 4.25)
@@ -26,6 +27,8 @@ NOTICED_SOC = 0.05
 REST_A, FLIGHT_A = 5.0, 10.0
 SURE, DOUBTED_S = 16, 130.0
 """So many measurements, two a second, tell whether the power fell with the voltage; so long a loss is doubted for that."""
+HALF, TOO_MUCH = 0.5, 1.5
+"""Shares of the voltage's fall: a power that fell by less was not measured with it, one that fell by more changed for another reason."""
 AGAIN, AGAIN_S = 6, 300.0
 """A loss is taken back where so many voltages in a row, so long after it at most, are as before."""
 REST_S = 180.0
@@ -50,6 +53,15 @@ def _between(value: float, given: tuple[float, ...], wanted: tuple[float, ...]) 
     return wanted[-1]
 
 
+class Witness(StrEnum):
+    """What the power says of a voltage that fell: motors that carry a vehicle draw more current from a weaker battery."""
+
+    AWAITED = "awaited"
+    LOST = "lost"
+    UNCLEAR = "unclear"
+    MISMEASURED = "mismeasured"
+
+
 @dataclass(slots=True)
 class _Fall:
     """A loss found, and what became of voltage and power since.
@@ -58,10 +70,18 @@ class _Fall:
     ----------
     lost, told : float
         Charge, and what the vehicle said of it then.
-    found_s, volts, watts : float
+    volts, watts : float
         When, and what was there before.
+    spread : float
+        By what share of itself the power varied before: between its quartiles.
     after : deque of (volts, watts)
         Since then.
+    second : bool
+        A loss was certain before: a battery that has failed is not doubted when it fails again.
+    witness : Witness
+        Told by the first `SURE` measurements, before a turn to another station changes the power.
+    fell_to : float
+        What the voltage was in them.
     """
 
     lost: float
@@ -69,7 +89,34 @@ class _Fall:
     found_s: float
     volts: float
     watts: float
+    spread: float
     after: deque[tuple[float, float]]
+    second: bool
+    witness: Witness = Witness.AWAITED
+    fell_to: float = math.nan
+
+    def compare(self) -> None:
+        """Ask the power, once there are measurements enough."""
+        if self.witness is not Witness.AWAITED or len(self.after) < SURE:
+            return
+        self.fell_to = median(volts for volts, _ in self.after)
+        watts = [watts for _, watts in self.after if math.isfinite(watts)]
+        if len(watts) < SURE or not math.isfinite(self.watts):
+            self.witness = Witness.LOST
+            return
+        fell = 1.0 - self.fell_to / self.volts
+        share = (1.0 - median(watts) / self.watts) / fell
+        if share < HALF:
+            self.witness = Witness.LOST
+        elif share < TOO_MUCH and max(self.spread, _spread(watts)) < fell:
+            self.witness = Witness.MISMEASURED
+        else:
+            self.witness = Witness.UNCLEAR
+
+
+def _spread(values: list[float]) -> float:
+    low, middle, high = quantiles(values, n=4)
+    return (high - low) / middle
 
 
 @dataclass(slots=True)
@@ -118,6 +165,7 @@ class VoltageWatch:
         if fall is None:
             return 0.0
         fall.after.append((self._seen[-1][1], self._seen[-1][3]))
+        fall.compare()
         now = [volts for volts, _ in list(fall.after)[-AGAIN:]]
         if len(now) < AGAIN or time_s > fall.found_s + AGAIN_S:
             return 0.0
@@ -129,21 +177,29 @@ class VoltageWatch:
         self._seen.clear()
         return -back
 
-    @property
-    def doubtful(self) -> bool:
-        """Whether it is the measurement that fell: motors that carry a vehicle draw the more current, the less voltage there is.
+    def doubtful(self, *, affordable: bool = True) -> bool:
+        """Whether it may be the measurement that fell; true also until that can be told.
 
-        True also until that can be told.
+        Parameters
+        ----------
+        affordable : bool
+            If the loss is true, there is still charge for more than the landing. Where there is not, only a power that clearly
+            fell with the voltage is a reason to doubt.
         """
         fall = self._fall
-        if fall is None:
+        if fall is None or fall.second or self._heard_s >= fall.found_s + DOUBTED_S or self._falls_on(fall):
             return False
-        if len(fall.after) < SURE:
-            return True
-        volts = median(volts for volts, _ in fall.after) / fall.volts
-        watts = [watts for _, watts in fall.after if math.isfinite(watts)]
-        known = len(watts) >= SURE and math.isfinite(fall.watts) and self._heard_s < fall.found_s + DOUBTED_S
-        return known and median(watts) / fall.watts < 1.0 - 0.5 * (1.0 - volts)
+        return fall.witness in (Witness.AWAITED, Witness.MISMEASURED) or (
+            fall.witness is Witness.UNCLEAR and affordable
+        )
+
+    def _falls_on(self, fall: _Fall) -> bool:
+        """Whether the voltage goes on falling as that of a battery that is nearly empty, which an error of measurement does not."""
+        if not (self.ohm > 0.0 and self._seen and math.isfinite(fall.fell_to)):
+            return False
+        now = median([volts for volts, _ in fall.after][-AGAIN:])
+        sound = fall.fell_to * open_voltage(self._seen[-1][2]) / open_voltage(fall.told)
+        return now < sound * (1.0 - 0.5 * FALL)
 
     def _fallen(self, time_s: float) -> float:
         new = [one for one in self._seen if one[0] > time_s - NOW_S]
@@ -161,8 +217,10 @@ class VoltageWatch:
         self.lost += lost
         level = [one[3] for one in self._seen if one not in new and math.isfinite(one[3])]
         watts = median(level) if len(level) >= SURE else math.nan
+        spread = _spread(level) if len(level) >= SURE else math.nan
         after = deque(((one[1], one[3]) for one in new), maxlen=int(2.0 * BACK_S))
-        self._fall = _Fall(lost, old[-1][2], time_s, before, watts, after)
+        second = self._fall is not None and (self._fall.second or self._fall.witness is Witness.LOST)
+        self._fall = _Fall(lost, old[-1][2], time_s, before, watts, spread, after, second)
         self._seen.clear()
         return lost
 

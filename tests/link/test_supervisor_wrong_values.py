@@ -138,10 +138,54 @@ def test_a_voltage_that_is_measured_wrongly_is_doubted_and_what_was_lost_comes_b
     assert max(said) > 0.1
     assert burst.lost == pytest.approx(0.0, abs=1e-9)
     lasting, _ = watched(150, lambda n, v: (0.9 * v if n >= 100 else v, v))
-    assert lasting.doubtful
+    assert lasting.doubtful()
     failed, _ = watched(150, lambda n, v: (0.9 * v, 0.9 * v) if n >= 100 else (v, v))
     assert failed.lost > 0.1
-    assert not failed.doubtful
+    assert not failed.doubtful()
+
+
+def doubted(watts_of, measured_of, *, seconds, soc_of=lambda n: 0.8 - RATE * n, ohm=0.0):
+    """Fly with a power, a charge and an error of the voltage for each second; returns the watch at the end."""
+    watch = VoltageWatch(ohm=ohm)
+    for second in range(seconds):
+        volts = 6.0 * open_voltage(soc_of(second))
+        watch.hear(float(second), volts * measured_of(second), watts_of(second) / volts, 0.8 - RATE * second)
+    assert watch.lost > 0.1
+    return watch
+
+
+@pytest.mark.parametrize("afterwards_w", [600.0, 640.0, 680.0])
+def test_where_the_power_varied_before_a_loss_is_doubted_only_while_that_can_be_afforded(afterwards_w):
+    """A turn to another station draws more for a while, so less afterwards is no sign of a wrong measurement."""
+    luck = random.Random(7)
+    power = [luck.uniform(600.0, 880.0) if n < 100 else afterwards_w for n in range(130)]
+    watch = doubted(
+        power.__getitem__, lambda _: 1.0, seconds=130, soc_of=lambda n: (0.8 if n < 100 else 0.12) - RATE * n
+    )
+    assert not watch.doubtful(affordable=False)
+
+
+def test_a_steady_power_that_fell_with_the_voltage_is_a_reason_to_doubt_however_little_seems_left():
+    luck = random.Random(8)
+    power = [luck.gauss(700.0, 15.0) for _ in range(140)]
+    for error in (0.75, 0.85, 0.9):
+        watch = doubted(power.__getitem__, lambda n, error=error: error if n >= 100 else 1.0, seconds=130)
+        assert watch.doubtful(affordable=False)
+
+
+def test_a_second_loss_is_not_doubted():
+    soc = [(0.8 if n < 60 else 0.4 if n < 110 else 0.1) - 0.0005 * n for n in range(130)]
+    watch = doubted(lambda n: 700.0 if n < 110 else 650.0, lambda _: 1.0, seconds=130, soc_of=soc.__getitem__)
+    assert watch.lost > 0.5
+    assert not watch.doubtful()
+
+
+def test_a_voltage_that_falls_on_as_that_of_an_empty_battery_is_not_doubted():
+    def measured(second, falls):
+        return 1.0 if second < 100 else 0.9 - falls * (second - 100)
+
+    assert doubted(lambda _: 700.0, lambda n: measured(n, 0.0), seconds=140, ohm=0.02).doubtful()
+    assert not doubted(lambda _: 700.0, lambda n: measured(n, 0.001), seconds=140, ohm=0.02).doubtful()
 
 
 # What cannot be
