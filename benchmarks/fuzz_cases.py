@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 SIZES = ((2, 4, 0.30), (5, 10, 0.37), (11, 30, 0.22), (31, 100, 0.08), (101, 300, 0.02), (301, 1000, 0.01))
 """Stations of a network, from and to, and the share of the requests."""
 MANY = 60
-"""On more stations than that `ies`, which tries all sequences, is not asked."""
+"""On more stations than that others are asked for those that try all sequences, or walk for a long time."""
+SEARCHING = {"ies": "exact", "pfs-strict": "pfs"}
 SLOTS_S = (300.0, 600.0, 1200.0, 3600.0, 3600.0, 10_800.0)
 
 
@@ -75,8 +76,8 @@ def draw(number: int) -> Case:
     depart = datetime(2013, 7, 10, 18, tzinfo=UTC) + timedelta(minutes=int(rng.integers(0, 7 * 24 * 60)))
     wind = _wind(rng, depart)
     planner = str(rng.choice(PLANNERS))
-    if planner == "ies" and len(scenario.network) > MANY:
-        planner = "exact"
+    if planner in SEARCHING and len(scenario.network) > MANY:
+        planner = SEARCHING[planner]
     scenario, request = _request(rng, scenario, depart)
     return Case(number, scenario, request, planner, wind)
 
@@ -106,7 +107,7 @@ def _request(rng: Generator, scenario: Scenario, depart: datetime) -> tuple[Scen
         busy[one.id] = int(rng.integers(0, 3 * one.pads + one.holding_spots + 2)) if rng.random() < 0.9 else 60
     soc = float(cast("float", _pick(rng, (0.5, 1.0), (0.4, float(rng.uniform(0.05, 1.0))), (0.05, 0.0), (0.05, 0.2))))
     state = State(depart, None if position else network.stations[start].id, position, soc, busy)
-    reserve = _pick(rng, (0.6, 0.2), (0.2, float(rng.uniform(0.0, 0.95))), (0.1, 0.0), (0.05, 0.95), (0.05, 0.02))
+    reserve = _pick(rng, (0.6, 0.2), (0.2, float(rng.uniform(0.01, 0.95))), (0.1, 0.0), (0.05, 0.95), (0.05, 0.02))
     epsilon = _pick(rng, (0.6, 1e-3), (0.1, 0.0), (0.1, 0.05), (0.1, 0.5), (0.1, float(rng.uniform(0.0, 0.5))))
     fleet = [drone.id for drone in scenario.drones]
     airspeed = _pick(rng, (0.85, None), (0.1, float(rng.uniform(5.0, 25.0))), (0.03, 1.0), (0.02, 150.0))

@@ -53,7 +53,7 @@ class Stop(NamedTuple):
     now_s, soc : float
         Landing, and charge then.
     pad_s : float
-        When it can have a pad.
+        When it can have a pad; infinite where there is none.
     landing : float
         Least charge at the end of the flight.
     error : float
@@ -121,7 +121,7 @@ def _leave(
                 return pad, min(ready, at), at, level, base, for_room
             continue
         reached = NEVER
-        if wanted <= curve_soc[-1]:
+        if wanted <= curve_soc[-1] and stop.pad_s < NEVER:
             reached = stop.pad_s + interpolate(wanted, curve_soc, curve_s) - u
             ready = max(reached, at)
             for_room = 0.0  # what it held before, it charged in
@@ -167,7 +167,7 @@ def fly_by_need(
     row : ndarray of int, shape (runs,)
         Row of `Known.share` of each run.
     hops, queues, waits, start, cost
-        As there; only the segments and curves of `Hops` are read.
+        As there; of `Hops` the segments, curves and pads are read.
     room, there : Room, Present
         Of the stations at the ends of the hops, and who is at those before them; looked at where queues are sampled.
     tables : ndarray, shape (members, hops, points)
@@ -198,7 +198,9 @@ def fly_by_need(
         for hop in range(count):
             segments = hops.segments[hops.offset[hop] : hops.offset[hop + 1]]
             entry = sky.queue[run] * (count + 1) + hop
-            pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, hop, now)
+            pad = NEVER
+            if hops.has_pads[hop]:
+                pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, hop, now)
             first = hop == 0
             stop = Stop(now, soc, pad, landing[hop], error, at_once and first, first)
             curve = hops.curve_s[hop], hops.curve_soc[hop]

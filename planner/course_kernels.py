@@ -35,6 +35,8 @@ class Hops(NamedTuple):
         At the stop before: charge to this SoC (NaN: use no pad) and stay until this time (-inf: do not).
     curve_s, curve_soc : ndarray, shape (hops, points)
         Charging curve at the stop before; rows padded by repeating the last point.
+    has_pads : ndarray of bool, shape (hops,)
+        Whether there is a pad at the stop before at all.
     """
 
     offset: NDArray[np.int64]
@@ -43,6 +45,7 @@ class Hops(NamedTuple):
     not_before_s: NDArray[np.float64]
     curve_s: NDArray[np.float64]
     curve_soc: NDArray[np.float64]
+    has_pads: NDArray[np.bool_]
 
 
 class Queues(NamedTuple):

@@ -133,7 +133,8 @@ def held_in_the_air(problem: Problem, course: NDArray[np.float64]) -> NDArray[np
 def hops_of(problem: Problem, itinerary: Itinerary) -> Hops:
     """Lay an itinerary out as arrays for `course_kernels`."""
     offset = np.cumsum([0, *(len(hop.segments) for hop in itinerary)])
-    curves = [problem.curve(node) for node in stop_nodes(problem, itinerary)]
+    stops = stop_nodes(problem, itinerary)
+    curves = [problem.curve(node) for node in stops]
     points = max(len(time) for time, _ in curves)
     return Hops(
         offset=offset.astype(np.int64),
@@ -142,6 +143,7 @@ def hops_of(problem: Problem, itinerary: Itinerary) -> Hops:
         not_before_s=np.array([hop.not_before_s for hop in itinerary], dtype=np.float64),
         curve_s=np.array([np.pad(time, (0, points - len(time)), mode="edge") for time, _ in curves]),
         curve_soc=np.array([np.pad(soc, (0, points - len(soc)), mode="edge") for _, soc in curves]),
+        has_pads=np.array([problem.has_pads(node) for node in stops], dtype=np.bool_),
     )
 
 

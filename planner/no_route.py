@@ -53,7 +53,7 @@ def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc:
     leg : int
         Number of the leg that is never begun, see `grounded_leg`.
     required_soc : float
-        Charge at its take-off that the drone insists on, at the least: above 1 the energy binds.
+        Charge at its take-off that the drone insists on, at the least: the energy binds where it cannot have that.
     """
     network, drone = problem.network, problem.drone
     segments = np.array(itinerary[leg].segments, dtype=np.int64)
@@ -61,11 +61,12 @@ def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc:
     begin = f"no route from {network.stations[problem.origin].id} to {network.stations[problem.destination].id}:"
     where = f"leg {a} > {b} ({network.distance_m[segments].sum() / 1000:.1f} km)"
     members = range(len(problem.probability))
-    if required_soc > 1.0:
+    most = problem.soc if leg == 0 and not problem.has_pads(problem.origin) else 1.0
+    if required_soc > most:
         message = (
             f"{begin} {where} takes {100 * (required_soc - problem.reserve):.0f} % of the battery of {drone.id} in the best "
-            f"of the forecast winds, with gusts and the error of the energy model, {100 * (1.0 - problem.reserve):.0f} % are "
-            f"there above the reserve of {100 * problem.reserve:.0f} %"
+            f"of the forecast winds, with gusts and the error of the energy model, {100 * (most - problem.reserve):.0f} % are "
+            f"there above the reserve of {100 * problem.reserve:.0f} %{'' if most == 1.0 else f', and no pad at {a}'}"
         )
         return NoRouteError(message, constraint="energy")
     if all(next_opening(problem.air, member, segments, problem.depart_s) == NEVER for member in members):
@@ -88,14 +89,14 @@ def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc:
     return NoRouteError(message, constraint="room")
 
 
-def runs_empty(problem: Problem, itinerary: Itinerary, leg: int) -> NoRouteError:
-    """Refuse a route that is flown as it stands and typically ends with an empty battery in the air, on a leg."""
+def runs_empty(problem: Problem, itinerary: Itinerary, leg: int, advice: str = "") -> NoRouteError:
+    """Refuse a route that typically ends with an empty battery in the air, on a leg."""
     network, segments = problem.network, itinerary[leg].segments
     a, b = (network.stations[int(node)].id for node in (network.tail[segments[0]], network.head[segments[-1]]))
     message = (
-        f"no route from {network.stations[problem.origin].id} to {network.stations[problem.destination].id} that can be flown as "
-        f"it stands: on leg {a} > {b} {problem.drone.id} typically runs out of charge, hovering until there is a pad or a holding "
-        f"spot at {b} or in more wind than the planner expected; the planner robust waits on the ground"
+        f"no route from {network.stations[problem.origin].id} to {network.stations[problem.destination].id}: on leg {a} > {b} "
+        f"{problem.drone.id} typically runs out of charge, hovering until there is a pad or a holding spot at {b} or in more "
+        f"wind than the planner expected{advice}"
     )
     return NoRouteError(message, constraint="energy")
 

@@ -97,7 +97,7 @@ class Outcome:
         if self.crossed is None or not len(self.weight):
             return certain(self.p_by(deadline_s))
         found = self.crossed.rate(self.arrival_s <= deadline_s + 1e-6)
-        return found.scaled(float(self.weight.sum()))
+        return found.scaled(self.p_arrive)
 
 
 def outcome(

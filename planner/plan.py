@@ -283,7 +283,8 @@ def _solve(
             raise never_leaves(problem, itinerary, grounded_leg(runs.course))
         typical = typical_fixed(same, itinerary, runs)
         if typical.course[:, SOC_DOWN].min() < 0.0:
-            raise runs_empty(same, itinerary, int(np.argmax(typical.course[:, SOC_DOWN] < 0.0)))
+            leg = int(np.argmax(typical.course[:, SOC_DOWN] < 0.0))
+            raise runs_empty(same, itinerary, leg, "; the planner robust waits on the ground")
         summary = outcome(same, runs.course, runs.weight, (runs.member, runs.queue))
         notes = _doubts(problem, typical.course, summary)
         composition = compose(
@@ -334,13 +335,23 @@ def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: di
         except InfeasibleError as error:
             errors[problem.drone.id] = error
         spent += time.perf_counter() - started
-    drones = [search.problem.drone.id for search in searches]
-    best = _best(objective, drones, outcomes, errors, rejected)
-    started = time.perf_counter()
-    answer = searches[best].solve()
-    spent += time.perf_counter() - started
-    looked_at = sum(search.looked_at for search in searches)
-    return _told(answer, spent, looked_at, rejected)
+    looked_at = 0
+    while True:
+        drones = [search.problem.drone.id for search in searches]
+        told: dict[str, str] = {}
+        best = _best(objective, drones, outcomes, errors, told)
+        started = time.perf_counter()
+        try:
+            answer = searches[best].solve()
+        except InfeasibleError as error:  # looked at closely, none of its routes will do: the next best drone may
+            errors[drones[best]] = error
+            looked_at += searches.pop(best).looked_at
+            outcomes.pop(best)
+        else:
+            spent += time.perf_counter() - started
+            looked_at += sum(search.looked_at for search in searches)
+            return _told(answer, spent, looked_at, rejected | told)
+        spent += time.perf_counter() - started
 
 
 def _told(answer: RobustAnswer, spent_s: float, looked_at: int, rejected: dict[str, str]) -> PlanResult:

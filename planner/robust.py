@@ -20,10 +20,11 @@ import numpy as np
 from skyway.models.errors import NoRouteError
 from skyway.models.wind_ensemble import evenly
 from skyway.planner.charge_policy import PROMISING, ChargePolicy, Rehearsal, known_at, margin_for
+from skyway.planner.course_kernels import SOC_DOWN
 from skyway.planner.equivalent import HOURS, ExpectedQueues
 from skyway.planner.evaluation_truths import USUAL_ERRORS, Errors
 from skyway.planner.exact import ExactSearch
-from skyway.planner.no_route import no_route
+from skyway.planner.no_route import no_route, runs_empty
 from skyway.planner.outlook import Outlook
 from skyway.planner.room import chances_full
 from skyway.planner.speeds import MeanSpeeds
@@ -181,7 +182,7 @@ class RobustSearch:
         for number in range(len(candidates)):
             try:
                 return self.finish([candidates[number], *candidates[:number], *candidates[number + 1 :]])
-            except NoRouteError:  # once calibrated, the drone never leaves: the next one may
+            except NoRouteError:  # looked at closely, the drone never leaves or runs empty: the next one may
                 if number == len(candidates) - 1:
                     raise
         raise AssertionError
@@ -210,7 +211,7 @@ class RobustSearch:
         Raises
         ------
         NoRouteError
-            Calibrated, it never arrives.
+            Calibrated, it never arrives, or its typical course runs out of charge.
         """
         policy = candidates[0].policy
         rehearsal = policy.rehearse(self.errors, FINAL_RUNS, before=candidates[0].rehearsal, worlds=PROMISING)
@@ -226,6 +227,9 @@ class RobustSearch:
         if outcome.p_arrive <= 0.0:
             raise policy.grounded(rehearsal)
         typical = policy.typical(rehearsal)
+        empty = typical.course[:, SOC_DOWN] < 0.0
+        if empty.any():
+            raise runs_empty(self.problem, policy.itinerary, int(np.argmax(empty)))
         return RobustAnswer(policy.with_charges(typical.course), typical, rehearsal, outcome, tuple(candidates))
 
     def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:

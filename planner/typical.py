@@ -72,7 +72,8 @@ def typical_course(
     Parameters
     ----------
     runs : Runs
-        Simulated deliveries, at least one of which arrives. Those with a landing below the reserve are only told where there are no others.
+        Simulated deliveries, at least one of which arrives. Those with a landing below the reserve are only told where there
+        are no others, and those that run empty only where even those are none.
     reserve : float
         SoC.
     fly : callable
@@ -82,16 +83,22 @@ def typical_course(
     arrived = np.flatnonzero(np.isfinite(landings[:, -1]))
     weight = runs.weight[arrived]
     median = np.array([weighted_quantile(times, weight, 0.5) for times in landings[arrived].T])
-    low = runs.course[arrived, :, SOC_DOWN].min(axis=1) < reserve - 1e-9
+    low = _shortfall(runs.course[arrived], reserve)
     nearest = arrived[np.lexsort((_distance(landings[arrived], median), low))[:CANDIDATES]]
     member, queue = runs.member[nearest], runs.queue[nearest]
     calm = fly(member, queue)
-    low = calm[:, :, SOC_DOWN].min(axis=1) < reserve - 1e-9
+    low = _shortfall(calm, reserve)
     away = _distance(calm[:, :, TOUCH_DOWN], median)
     best = int(np.lexsort((away, low, ~np.isfinite(away)))[0])
     if not np.isfinite(away[best]):
         return Typical(int(member[0]), None, runs.course[nearest[0]])
     return Typical(int(member[best]), int(queue[best]), calm[best])
+
+
+def _shortfall(courses: NDArray[np.float64], reserve: float) -> NDArray[np.int64]:
+    """Whether each run, shape (runs, hops, 7), keeps the reserve (0), uses some of it (1) or runs empty (2)."""
+    least = courses[:, :, SOC_DOWN].min(axis=1)
+    return np.asarray((least < reserve - 1e-9).astype(np.int64) + (least < 0.0), dtype=np.int64)
 
 
 def _distance(landings: NDArray[np.float64], median: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from worlds import make_request, make_wind, make_world
 
 from skyway.models.errors import NoRouteError
 from skyway.models.load import PadLoad
@@ -96,3 +97,17 @@ def test_planners_that_do_not_look_at_the_pads_fly_to_a_full_station_in_vain(qui
 def test_few_drones_at_the_destination_change_nothing(quiet):
     free, some = (plan(quiet, ask(busy=busy), planner="exact", forecast=CALM) for busy in (0, 3))
     assert some.composition.arrive == free.composition.arrive
+
+
+@pytest.mark.parametrize("planner", ["robust", "pfs"])
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_no_planner_answers_with_a_course_that_runs_empty(planner, seed):
+    """Where more drones come than the pads can serve, whoever flies there hovers until it is empty."""
+    rng = np.random.default_rng(seed)
+    world = make_world(rng, 3, length_m=12_000.0, utilisation=1.3)
+    stations = tuple(replace(one, pads=1, holding_spots=0) for one in world.network.stations)
+    crowded = replace(world, network=replace(world.network, stations=stations))
+    request = make_request(crowded, rng, reserve_soc=0.0)
+    with pytest.raises(NoRouteError, match="typically runs out of charge, hovering") as refused:
+        plan(crowded, request, planner=planner, forecast=make_wind(rng, members=3))
+    assert refused.value.constraint == "energy"

@@ -42,8 +42,8 @@ DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 
 
 def ask(**changes):
-    values = {"destination": "white-plains", "payload_kg": 0.8, "drone": "m200"} | changes
-    return Request(state=State(DEPART, "siuh-north"), **values)
+    state = State(DEPART, "siuh-north")
+    return Request(**{"state": state, "destination": "white-plains", "payload_kg": 0.8, "drone": "m200"} | changes)
 
 
 @pytest.fixture(scope="module")
@@ -395,3 +395,25 @@ def test_twelve_in_twenty_thousand(newyork):
         broken += int(outcome.below_reserve.sum())
         flown += len(outcome)
     assert broken <= 12
+
+
+def without_pads(scenario, key):
+    """The same scenario where nobody can recharge at one station."""
+    bare = tuple(replace(one, pads=0) if one.id == key else one for one in scenario.network.stations)
+    return replace(scenario, network=replace(scenario.network, stations=bare))
+
+
+@pytest.mark.parametrize("soc", [0.42, 0.58, 0.7])
+def test_a_drone_at_a_station_without_pads_leaves_with_what_it_has(newyork, soc):
+    """It cannot wait for a charge there, neither for the flight nor for the margin of it."""
+    wind = constant_wind(6.0, 23.0, DEPART, HORIZON_H, 40.75, -73.97, 60.0)
+    request = ask(state=State(DEPART, "bellevue", None, soc), destination="jacobi")
+    told = plan(without_pads(newyork, "bellevue"), request, forecast=wind)
+    assert told.composition.services[0].soc_depart == soc
+    assert all(stop.station != "bellevue" or stop.recharge_s == 0.0 for stop in told.composition.stops)
+
+
+def test_a_probability_to_be_on_time_is_none_above_one_when_weights_add_up_to_a_little_more(planned):
+    outcome = planned.outcome
+    heavy = replace(outcome, weight=outcome.weight * (1.0 + 1e-15))
+    assert 0.0 <= heavy.on_time(DEPART.timestamp() + 1e7).value <= 1.0
