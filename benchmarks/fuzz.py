@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 LONGEST_S = 600.0
 """A request that takes longer hangs."""
-SEARCH_S = 0.5
+SEARCH_S = 0.2
 """Seconds that `ies` may search."""
 NOT_A_NUMBER = re.compile(r"(?<![a-z])[-+]?(nan|inf|infinity)(?![a-z])", re.IGNORECASE)
 

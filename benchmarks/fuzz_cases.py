@@ -31,9 +31,8 @@ if TYPE_CHECKING:
 
 SIZES = ((2, 4, 0.30), (5, 10, 0.37), (11, 30, 0.22), (31, 100, 0.08), (101, 300, 0.02), (301, 1000, 0.01))
 """Stations of a network, from and to, and the share of the requests."""
-MANY = 60
-"""On more stations than that others are asked for those that try all sequences, or walk for a long time."""
-SEARCHING = {"ies": "exact", "pfs-strict": "pfs"}
+SEARCHING = {"ies": ("exact", 60), "pfs-strict": ("pfs", 12)}
+"""Planners that try all sequences, or walk for a long time; the one asked in their place, and on more stations than that."""
 SLOTS_S = (300.0, 600.0, 1200.0, 3600.0, 3600.0, 10_800.0)
 
 
@@ -76,8 +75,8 @@ def draw(number: int) -> Case:
     depart = datetime(2013, 7, 10, 18, tzinfo=UTC) + timedelta(minutes=int(rng.integers(0, 7 * 24 * 60)))
     wind = _wind(rng, depart)
     planner = str(rng.choice(PLANNERS))
-    if planner in SEARCHING and len(scenario.network) > MANY:
-        planner = SEARCHING[planner]
+    instead, most = SEARCHING.get(planner, (planner, 0))
+    planner = planner if len(scenario.network) <= most else instead
     scenario, request = _request(rng, scenario, depart)
     return Case(number, scenario, request, planner, wind)
 

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 STEPS_S = (1, 2, 5, 10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600)
 """Times are rounded to one of these."""
+UNKNOWN = "unknown"
+"""What is said of a figure that is not known, or no finite number."""
 SURE = 0.25
 """A figure is rounded to a step of at least this share of how far its interval reaches."""
 
@@ -26,6 +28,8 @@ def step_for(half_width_s: float) -> int:
 
 def duration(seconds: float) -> str:
     """Return a duration for people: ``1 h 12 min``, ``17 min``, ``4.5 min``, ``20 s``."""
+    if not math.isfinite(seconds):
+        return UNKNOWN
     if seconds < 59.5:
         return f"{seconds:.0f} s"
     minutes = seconds / 60.0
@@ -36,11 +40,15 @@ def duration(seconds: float) -> str:
 
 def about(figure: Figure) -> str:
     """Return a delivery time with as many digits as it is sure: ``1 h 35 min``, ``19 min 30 s``."""
+    if not _known(figure):
+        return UNKNOWN
     return _stepped(figure.value, step_for(figure.half_width))
 
 
 def between(figure: Figure) -> str:
     """Return its interval, rounded outwards: ``1 h 20 min to 1 h 50 min``; empty where nothing was sampled."""
+    if not _known(figure):
+        return ""
     step = step_for(figure.half_width)
     low, high = step * math.floor(figure.low / step + 1e-9), step * math.ceil(figure.high / step - 1e-9)
     return f"{_stepped(low, step)} to {_stepped(high, step)}" if high > low else ""
@@ -54,6 +62,8 @@ def rounded_s(figure: Figure) -> float:
 
 def minutes(figure: Figure) -> str:
     """Return a time for a table in minutes: ``95 ± 15``, ``33.0 ± 0.5``, ``17.5`` where nothing was sampled."""
+    if not _known(figure):
+        return UNKNOWN
     step = step_for(figure.half_width)
     digits = 0 if step >= 60 else 1
     value = rounded_s(figure) / 60.0
@@ -66,6 +76,8 @@ def minutes(figure: Figure) -> str:
 
 def share(figure: Figure) -> str:
     """Return a probability with as many digits as it is sure: ``92 %``, ``99.8 %``, ``>99.8 %``, ``<0.2 %``."""
+    if not _known(figure):
+        return UNKNOWN
     value, low, high = figure.value, figure.low, figure.high
     if high <= low:
         return percent(value, 1)
@@ -78,8 +90,8 @@ def share(figure: Figure) -> str:
 
 def percent(fraction: float | None, digits: int = 0) -> str:
     """Return a percentage; a probability just below 1 does not round up to it, nor one just above 0 down."""
-    if fraction is None:
-        return "unknown"
+    if fraction is None or not math.isfinite(fraction):
+        return UNKNOWN
     text = f"{100 * fraction:.{digits}f}"
     if fraction < 1.0 and float(text) >= 100.0:
         return f">{100.0 - 10.0**-digits:g} %" if digits else ">99 %"
@@ -90,6 +102,8 @@ def percent(fraction: float | None, digits: int = 0) -> str:
 
 def spent(seconds: float) -> str:
     """Return computing time such as ``4.1 ms`` or ``12.3 s``."""
+    if not math.isfinite(seconds):
+        return UNKNOWN
     return f"{1000 * seconds:.1f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
 
 
@@ -102,6 +116,8 @@ def clock(instant: datetime, zone: ZoneInfo, since: datetime, *, seconds: bool =
 
 def later_text(later: Figure) -> str:
     """Say how much later something arrives on average, or that no difference can be told."""
+    if not _known(later):
+        return UNKNOWN
     if later.low < 0.0 < later.high:
         return f"no clear difference on average ({minutes(later)} min)"
     word = "later" if later.value > 0.0 else "earlier"
@@ -122,7 +138,13 @@ def headline(c: Composition, zone: ZoneInfo) -> str:
 
 def by(figure: Figure, c: Composition, zone: ZoneInfo) -> str:
     """Clock time of a delivery time, as sure as that is."""
+    if not _known(figure):
+        return UNKNOWN
     return clock(c.depart + timedelta(seconds=rounded_s(figure)), zone, c.depart, seconds=figure.half_width < 60.0)
+
+
+def _known(figure: Figure) -> bool:
+    return all(map(math.isfinite, (figure.value, figure.low, figure.high)))
 
 
 def _stepped(seconds: float, step: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 import textwrap
@@ -12,6 +13,11 @@ from typing import Literal
 import typer
 from rich.cells import cell_len
 
+from skyway.models.formatting import UNKNOWN
+
+NUMBERS = re.compile(r"(?:[-+0-9.,<>%±°() ]|to|nan|inf)+")
+"""A cell of figures and nothing else."""
+NO_NUMBER = re.compile(r"[-+]?(?:nan|inf)\b")
 GAP = 2
 """Blanks between columns."""
 LEAST_WIDTH = 20
@@ -58,8 +64,9 @@ class Sheet:
     rows: list[tuple[str, ...] | str] = field(default_factory=list)
 
     def add(self, *cells: str) -> None:
-        """Add a row."""
-        self.rows.append(cells)
+        """Add a row; a figure that is no finite number is unknown."""
+        figures = (NO_NUMBER.sub(UNKNOWN, one) if NUMBERS.fullmatch(one) else one for one in cells[self.names :])
+        self.rows.append((*cells[: self.names], *figures))
 
     def note(self, line: str) -> None:
         """Add a line between rows."""

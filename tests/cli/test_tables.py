@@ -1,10 +1,20 @@
 """Tables: whatever the width, nothing is cut; in a pipe every row is one line."""
 
+import math
+from datetime import UTC, datetime, timedelta
+from zoneinfo import ZoneInfo
+
 import pytest
 from cli_requests import HOP, TRIP
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from skyway.cli.sheet import Column, Sheet, wrapped
+from skyway.cli.plan_view import course_sheet
+from skyway.cli.sheet import NO_NUMBER, Column, Sheet, wrapped
+from skyway.models.figure import Figure
+from skyway.models.formatting import about, between, by, duration, later_text, minutes, percent, share, spent
+from skyway.models.services import ArrivalDistribution, Composition, DroneService, Place, Stop, Wind
 
 COMMANDS = {
     "plan": ("plan", *TRIP, "--drone", "m300"),
@@ -59,3 +69,52 @@ def test_a_line_is_broken_between_words_only():
     assert " ".join(" ".join(wrapped(text, 24)).split()) == text.strip()
     assert all(len(line) <= 24 for line in wrapped(text, 24))
     assert wrapped(text, None) == [text]
+
+
+def unknown_delivery():
+    """A composition in which whatever may be unknown is."""
+    start = datetime(2013, 7, 10, 18, tzinfo=UTC)
+    landed = start + timedelta(minutes=5)
+    wind = Wind(3.0, None)
+    legs = (
+        DroneService("1", "a", "b", start, landed, 5000.0, 0.0, 15.0, 500.0, 1.0, 0.5, wind, -3.0, 0.0),
+        DroneService(
+            "2", "b", "c", landed, landed + timedelta(minutes=5), 5000.0, 0.0, 15.0, 500.0, 0.5, 0.4, wind, 0.0, 0.0
+        ),
+    )
+    stop = Stop("b", landed, wait_s=0.0, recharge_s=60.0, hold_s=0.0, soc_from=0.5, soc_to=0.5)
+    places = {name: Place(40.0, -74.0) for name in "abc"}
+    return Composition(
+        "x", "pfs", "m200", 0.8, 20.0, 20.0, 60.0, 5.0, 3.0, 0.2, start, "a", "c", places, legs, (stop,),
+        ArrivalDistribution(None, None, None), 0.0,
+    )  # fmt: skip
+
+
+def test_a_plan_whose_figures_are_unknown_says_so():
+    delivery = unknown_delivery()
+    text = "\n".join(course_sheet(delivery, ZoneInfo("America/New_York")).lines(None))
+    assert "unknown" in text
+    assert NO_NUMBER.search(text) is None
+
+
+@pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "+nan", "nan > 40", "nan %", "8 (nan to inf)", "nan ± nan"])
+def test_a_cell_that_is_no_number_is_unknown(cell):
+    sheet = Sheet([Column("leg"), Column("tail", "m/s")])
+    sheet.add("nan > inf", cell)
+    sheet.add("a > nancy", "inferior")
+    [*_, bad, good] = sheet.lines(None)
+    assert NO_NUMBER.search(bad.removeprefix("nan > inf")) is None
+    assert "unknown" in bad
+    assert bad.startswith("nan > inf")  # the name of a station is a name
+    assert good.endswith("inferior")
+
+
+@given(st.floats(-1e9, 1e9), st.floats(0.0, 1e9), st.sampled_from([math.nan, math.inf, -math.inf]), st.integers(0, 2))
+def test_words_for_figures_never_show_what_is_no_number(value, width, hole, place):
+    values = [value, value - width, value + width]
+    values[place] = hole
+    figure, delivery, zone = Figure(*values), unknown_delivery(), ZoneInfo("America/New_York")
+    said = [words_for(figure) for words_for in (about, between, minutes, share, later_text)]
+    said += [by(figure, delivery, zone), duration(hole), spent(hole), percent(hole), percent(None)]
+    assert all(NO_NUMBER.search(text) is None for text in said)
+    assert "unknown" in said
