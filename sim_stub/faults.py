@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from skyway.models.errors import Fault as Wrong
@@ -51,7 +51,7 @@ _PILOT_MODES = ("position", "stabilize", "altitude", "hold", "land", "return")
 _LASTS_S = {"gust": 15.0, "gps-glitch": 20.0, "pads-taken": 3600.0}
 _SCALE_S = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 _TIME = r"(\d+(?:\.\d+)?)(s|min|m|h)?"
-_FORM = re.compile(rf"([a-z-]+)(?:=([\w.-]+))?(?:@{_TIME})?(?:\+{_TIME})?(?:#(\d+))?")
+_FORM = re.compile(rf"([a-z-]+)(?:=([\w.-]+))?(?:@(T\+)?{_TIME})?(?:\+{_TIME})?(?:#(\d+))?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +63,15 @@ class Fault:
     kind : str
         One of `KINDS`.
     start_s, end_s : float
-        Simulated time.
+        Simulated time, or seconds after the first take-off.
     value : float
         Its strength.
     word : str
         Its value as written, for ``pilot=MODE`` and ``pads-taken=STATION``.
     system : int or None
         The vehicle it befalls; None is every one.
+    after_take_off : bool
+        Whether its times count from the first take-off of the vehicle.
     """
 
     kind: str
@@ -78,10 +80,13 @@ class Fault:
     value: float = 0.0
     word: str = ""
     system: int | None = None
+    after_take_off: bool = False
 
 
 def parse_fault(text: str) -> Fault:
     """Read ``KIND[=VALUE][@START][+DURATION][#SYSTEM]``, for example ``link-loss@60s+20s``.
+
+    START counts from the beginning of the simulation; written ``T+60s``, from the first take-off of the vehicle.
 
     Raises
     ------
@@ -89,20 +94,23 @@ def parse_fault(text: str) -> Fault:
         Unknown kind, or not of that form.
     """
     found = _FORM.fullmatch(text.strip())
-    remedy = "KIND[=VALUE][@START][+DURATION][#SYSTEM], for example gust=8@120s+15s or link-loss@60s+20s"
+    remedy = (
+        "KIND[=VALUE][@START][+DURATION][#SYSTEM], for example gust=8@120s+15s, or link-loss@T+60s+20s after take-off"
+    )
     if found is None:
         raise InputError(Wrong("not a fault", field="--fault", value=text, remedy=remedy))
-    kind, word, start, start_unit, length, length_unit, system = found.groups()
+    kind, word, take_off, start, start_unit, length, length_unit, system = found.groups()
     if kind not in KINDS:
         remedy = "one of " + ", ".join(KINDS)
         raise InputError(Wrong("no such fault", field="--fault", value=kind, remedy=remedy))
     start_s = float(start) * _SCALE_S[start_unit or ""] if start else 0.0
     lasts_s = float(length) * _SCALE_S[length_unit or ""] if length else _LASTS_S.get(kind, math.inf)
     befalls = int(system) if system else None
-    if kind in _WORDS:
-        told = _word(kind, word, text)
-        return Fault(kind, start_s, start_s + lasts_s, word=told, system=befalls)
-    return Fault(kind, start_s, start_s + lasts_s, _value(kind, word, text), system=befalls)
+    if take_off and kind == AT_STATIONS:
+        remedy = f"{kind}@60s: from the beginning of the simulation"
+        raise InputError(Wrong("befalls stations, which do not take off", field="--fault", value=text, remedy=remedy))
+    told, value = (_word(kind, word, text), 0.0) if kind in _WORDS else ("", _value(kind, word, text))
+    return Fault(kind, start_s, start_s + lasts_s, value, told, befalls, after_take_off=bool(take_off))
 
 
 def _word(kind: str, word: str | None, text: str) -> str:
@@ -147,6 +155,7 @@ class FaultState:
     faults: tuple[Fault, ...] = ()
     active: dict[str, Fault] = field(default_factory=dict)
     next_change_s: float = math.inf
+    _took_off_s: float = math.inf
     _begun: set[int] = field(default_factory=set)
     _stuck_percent: int | None = None
 
@@ -154,11 +163,29 @@ class FaultState:
     def of(cls, faults: Iterable[Fault], system: int) -> FaultState:
         """Those faults that befall one vehicle."""
         mine = tuple(f for f in faults if f.system in (None, system) and f.kind != AT_STATIONS)
-        return cls(mine, next_change_s=min((f.start_s for f in mine), default=math.inf))
+        return cls(mine, next_change_s=min((f.start_s for f in mine if not f.after_take_off), default=math.inf))
+
+    def took_off(self, sim_s: float) -> None:
+        """From the first take-off on it is known when the faults that count from there begin."""
+        if math.isfinite(self._took_off_s):
+            return
+        self._took_off_s = sim_s
+        self.faults = tuple(self._dated(fault) for fault in self.faults)
+        self.next_change_s = sim_s
+
+    def _dated(self, fault: Fault) -> Fault:
+        """Return the fault with simulated times, where they are known already."""
+        if not fault.after_take_off or not math.isfinite(self._took_off_s):
+            return fault
+        start_s, end_s = fault.start_s + self._took_off_s, fault.end_s + self._took_off_s
+        return replace(fault, start_s=start_s, end_s=end_s, after_take_off=False)
 
     def add(self, fault: Fault, sim_s: float) -> None:
         """One more, which begins at its time, or now where that is past."""
+        fault = self._dated(fault)
         self.faults = (*self.faults, fault)
+        if fault.after_take_off:
+            return
         self.next_change_s = min(self.next_change_s, max(fault.start_s, sim_s))
 
     def update(self, sim_s: float) -> Sequence[Fault]:
@@ -167,6 +194,8 @@ class FaultState:
         self.active = {}
         following = math.inf
         for number, fault in enumerate(self.faults):
+            if fault.after_take_off:
+                continue
             if sim_s < fault.start_s:
                 following = min(following, fault.start_s)
                 continue

@@ -119,7 +119,7 @@ class World:
             self.pads.advance(sim_s)
 
     def inject(self, fault: Fault | str) -> None:
-        """Let a fault happen that nobody planned; its times count from now.
+        """Let a fault happen that nobody planned; its times count from now, or from the first take-off.
 
         Parameters
         ----------
@@ -132,7 +132,8 @@ class World:
             No such fault, vehicle, or station with pads.
         """
         told = parse_fault(fault) if isinstance(fault, str) else fault
-        now = replace(told, start_s=told.start_s + self.sim_s, end_s=told.end_s + self.sim_s)
+        begun_s = 0.0 if told.after_take_off else self.sim_s
+        now = replace(told, start_s=told.start_s + begun_s, end_s=told.end_s + begun_s)
         if told.kind == AT_STATIONS:
             if self.pads is None:
                 raise InputError(Wrong("there are no pads here", field="--fault", value=told.kind))

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import tempfile
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skyway.link.connection import Connection
 from skyway.link.mavlink_vehicle import MavlinkVehicle
+from skyway.link.recorder import Recorder
 from skyway.missions.commands import Command, Frame
 from skyway.missions.mission import Mission, MissionItem
 from skyway.models.calibration_wind import identify_drag
 from skyway.models.errors import LinkError
+from skyway.models.files import write_atomically
 from skyway.models.telemetry import TelemetryTrack
 from skyway.models.wind_filter_blocks import blocks
 from skyway.sim_stub.airframe import Airframe
@@ -22,6 +26,7 @@ from skyway.sim_stub.world import World
 if TYPE_CHECKING:
     from skyway.models.drag import DragModel
     from skyway.models.drone import Drone
+    from skyway.models.telemetry import TelemetrySample
 
 LAT, LON = 40.7392, -73.9756
 _SIDE_LAT, _SIDE_LON = 0.010, 0.013
@@ -50,6 +55,28 @@ def drag_of(drone: Drone, payload_kg: float) -> DragModel:
     LinkError
         The flight did not tell it.
     """
+    fit = identify_drag(blocks(TelemetryTrack.of_samples(_flown(drone, payload_kg))))
+    if fit.drag is None:
+        raise LinkError(f"the proving flight does not tell the drag: {fit.reason}")
+    return fit.drag
+
+
+def record_square(drone: Drone, payload_kg: float, path: Path, *, force: bool = False) -> None:
+    """Fly the same square and record it as a ``.tlog``: a flight to calibrate with.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        _flown(drone, payload_kg, Path(folder))
+        (recorded,) = Path(folder).glob("*.tlog")
+        write_atomically(path, recorded.read_bytes(), force=force)
+
+
+def _flown(drone: Drone, payload_kg: float, folder: Path | None = None) -> list[TelemetrySample]:
+    """Fly the square; returns what was heard, and records it where a folder is given."""
     world = World(wind=ConstantWind(*_WIND))
     parameters = (("MPC_XY_VEL_MAX", 20.0), ("MPC_Z_V_AUTO_UP", 5.0))
     vehicle = world.add(
@@ -59,7 +86,9 @@ def drag_of(drone: Drone, payload_kg: float) -> DragModel:
         )
     )  # fmt: skip
     lockstep = Lockstep(world)
-    craft = MavlinkVehicle(Connection(lockstep.connect(vehicle), lockstep.clock))
+    recorder = None if folder is None else Recorder(folder, lockstep.clock)
+    connection = Connection(lockstep.connect(vehicle), lockstep.clock, recorder=recorder)
+    craft = MavlinkVehicle(connection)
     craft.request_telemetry()
     if not craft.upload(_square()).verified:
         raise LinkError("the proving flight could not be uploaded")
@@ -69,7 +98,6 @@ def drag_of(drone: Drone, payload_kg: float) -> DragModel:
         samples.append(sample)
         if len(samples) > 600 and not craft.armed:
             break
-    fit = identify_drag(blocks(TelemetryTrack.of_samples(samples)))
-    if fit.drag is None:
-        raise LinkError(f"the proving flight does not tell the drag: {fit.reason}")
-    return fit.drag
+    if recorder is not None:
+        connection.close()
+    return samples

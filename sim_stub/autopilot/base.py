@@ -173,6 +173,7 @@ class Autopilot(Family):
                 self.landed = False
                 self.flown = True
                 self.event("in the air")
+                self.vehicle.faults.took_off(self.sim_s)
             self.grounded_s = None
             return
         if body.impact_mps > _CRASH_MPS and not self.landed:

@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from skyway.models.errors import Fault, InputError
+
 DEMO_HELP = """Show a whole delivery: planned, flown by a simulated vehicle in another wind than forecast, replanned, delivered.
 
 No vehicle, no network and no waiting: everything runs in virtual time. Another day or seed tells another story.
@@ -15,6 +17,7 @@ No vehicle, no network and no waiting: everything runs in virtual time. Another 
 Examples:
   skyway demo
   skyway demo --day 2013-05-20 --seed 3 --autopilot ardupilot -o out/other
+  skyway demo --proving-flight flight.tlog --payload 0.7
 """
 
 
@@ -27,8 +30,26 @@ def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for plan, journal and report.")] = Path(
         "out/demo"
     ),
+    proving_flight: Annotated[
+        Path | None,
+        typer.Option(
+            "--proving-flight",
+            help="Only fly a square twice, as one does to calibrate a drone, and record it: FILE.tlog.",
+            show_default=False,
+        ),
+    ] = None,
+    payload: Annotated[
+        float | None, typer.Option("--payload", help="Package on the proving flight, kg: 0.8.", show_default=False)
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the recording of a proving flight.")] = False,
 ) -> None:
     """Show a whole delivery (the help text is `DEMO_HELP`)."""
+    if proving_flight is not None:
+        _prove(proving_flight, payload, force=force)
+        return
+    if payload is not None:
+        remedy = "the demonstration carries 0.8 kg; skyway plan and fly take any"
+        raise InputError(Fault("goes with --proving-flight only", field="--payload", value=payload, remedy=remedy))
     from skyway.demo import DemoOptions, plan_demo, run_demo, tell_end, with_day
 
     options = with_day(DemoOptions(folder=output, seed=seed, autopilot=autopilot, planner=planner), day)
@@ -40,6 +61,22 @@ def demo(
         typer.echo(line)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)
+
+
+def _prove(path: Path, payload: float | None, *, force: bool) -> None:
+    """Record a proving flight of the drone of the demonstration."""
+    from skyway.cli import options
+    from skyway.demo import DRONE, PAYLOAD_KG
+    from skyway.proving_flight import record_square
+
+    options.refuse_overwriting(path, force=force)
+    drone = options.load_scenario(None).drone(DRONE)
+    carried = PAYLOAD_KG if payload is None else payload
+    if not 0.0 <= carried <= drone.max_payload_kg:
+        remedy = f"0 to {drone.max_payload_kg:g} kg, what the {drone.name} lifts"
+        raise InputError(Fault("out of range", field="--payload", value=payload, remedy=remedy))
+    record_square(drone, carried, path, force=force)
+    typer.echo(f"wrote {path}: a square flown twice with {carried:g} kg by a simulated {drone.name}")
 
 
 def register(app: typer.Typer) -> None:

@@ -110,7 +110,7 @@ def drone_of(named: Path) -> Drone:
 
 def load_named(name: str | None) -> Scenario:
     """Read the scenario named; ``newyork``, or none, is the built-in one."""
-    return options.load_scenario(None if name in (None, "newyork", options.BUILT_IN) else Path(str(name)))
+    return options.load_scenario(None if name is None else Path(str(name)))
 
 
 def log_forecast(log: Log, wind: str | None, file: Path | None, scenario: str | None) -> dict[str, Any]:

@@ -248,11 +248,9 @@ def check(
 
 
 def _scenario(path: Path | None) -> Scenario | None:
-    if path is None:
-        return None
-    from skyway.models.scenario_file import read_scenario
+    from skyway.cli import options
 
-    return read_scenario(path)
+    return None if path is None else options.load_scenario(path)
 
 
 def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> Weather | None:

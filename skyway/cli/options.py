@@ -92,11 +92,11 @@ def parse_position(text: str) -> tuple[float, float] | None:
 
 
 def load_scenario(path: Path | None) -> Scenario:
-    """Read the scenario named, or the built-in one."""
+    """Read the scenario named, or the built-in one, which ``newyork`` names where there is no such folder."""
     from skyway.missions.examples import NEW_YORK
     from skyway.models.scenario_file import read_scenario
 
-    if path is None:
+    if path is None or str(path) == BUILT_IN or (str(path) == NEW_YORK.name and not path.exists()):
         return replace(read_scenario(NEW_YORK), path=BUILT_IN)
     return read_scenario(path)
 

@@ -43,7 +43,7 @@ Examples:
 
   skyway sim --loss 0.1 --delay 0.02 --jitter --duplicate --reorder
 
-  skyway sim --fault gust@120s --fault battery-sag --fault link-loss@60s+20s --fault gps@5m+10s#2
+  skyway sim --fault gust@T+120s --fault battery-sag --fault link-loss@T+60s+20s --fault gps@5m+10s#2
 """
 
 
@@ -106,7 +106,8 @@ Reorder = Annotated[
     float, typer.Option("--reorder", help=f"Share of packets held back, 0-1; bare: {BARE['--reorder']}.")
 ]
 FAULT_HELP = (
-    "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s; repeatable. See docs/reference/sim.md."
+    "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s, or link-loss@T+60s+20s: 60 s after "
+    "take-off; repeatable. See docs/reference/sim.md."
 )
 Faults = Annotated[list[str] | None, typer.Option("--fault", help=FAULT_HELP, show_default=False)]
 Parameters = Annotated[
@@ -218,10 +219,10 @@ def _tcp_port(tcp: int | None, vehicles: int) -> int | None:
 
 def _run(world: World, loop: SocketLoop, told: list[str], lasting: float | None, *, as_json: bool) -> None:
     """Run until the time is over or somebody stops it; Ctrl-C is the usual end and no error."""
-    for line in told:
-        typer.echo(json.dumps({"listening": line}) if as_json else line)
     before = {number: signal.signal(number, lambda *_: loop.stop()) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
+        for line in told:
+            typer.echo(json.dumps({"listening": line}) if as_json else line)
         loop.run(None if lasting is None else lambda: world.sim_s >= lasting)
     finally:
         for number, handler in before.items():

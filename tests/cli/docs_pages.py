@@ -1,4 +1,4 @@
-"""The commands, outputs and programs that the documentation shows, and how to make them anew.
+"""The commands, outputs and programs that the documentation shows, and how to make its outputs again.
 
 ``python tests/cli/docs_pages.py`` runs every command of README.md and docs/, puts the real output into the blocks
 marked ``<!-- output -->``, draws the pictures of docs/assets and writes docs/reference/commands.md.
@@ -12,13 +12,14 @@ import os
 import re
 import shlex
 import tempfile
+import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-NOT_RUN = "<!-- not run:"
+SHELLS = ("console", "bash", "sh", "")
 OUTPUT = "<!-- output -->"
-_FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,11 @@ class Block:
     mark: str
 
     @property
-    def commands(self) -> list[str]:
-        """Commands of skyway in the block, continued lines joined."""
-        if self.language not in ("console", "bash") or self.mark.startswith(NOT_RUN):
+    def typed(self) -> list[str]:
+        """Commands of skyway in the block, continued lines joined; whatever else is typed is not ours."""
+        if self.language not in SHELLS:
             return []
-        lines = self.text.replace("\\\n", " ").splitlines()
+        lines = textwrap.dedent(self.text).replace("\\\n", " ").splitlines()
         return [line for line in lines if line.startswith("skyway ")]
 
 
@@ -78,15 +79,15 @@ def run(command: str) -> tuple[int, str, str]:
 
 
 def refresh(page: Path) -> None:
-    """Put real output into the marked blocks of a page."""
-    text, last, changes = page.read_text(), "", []
-    for block in blocks(page):
-        if block.mark == OUTPUT:
-            changes.append((block, last))
-        for command in block.commands:
-            code, last, err = run(command)
-            if code:
-                raise SystemExit(f"{page}: {command}: exit {code}: {err}")
+    """Put real output into the marked blocks of a page, typed after the pages that it goes on with."""
+    from docs_session import Reader, pages_before
+
+    with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
+        reader = Reader(Path(name), compares=False)
+        for earlier in pages_before(page):
+            reader.type_page(earlier)
+        changes = reader.type_page(page)
+    text = page.read_text()
     for block, output in reversed(changes):
         text = text[: block.start] + output.strip("\n") + "\n" + text[block.end :]
     page.write_text(text)
@@ -115,6 +116,6 @@ if __name__ == "__main__":
     command_reference.PAGE.write_text(command_reference.page())
     draw_pictures()
     for one in pages():
-        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        if "<!-- output -->" in one.read_text():
             refresh(one)
         print(os.fspath(one.relative_to(ROOT)))

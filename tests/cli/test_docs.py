@@ -1,36 +1,93 @@
 """The documentation is true: every command and program it shows runs, every output is what comes out."""
 
+import os
 import re
 import subprocess
 import sys
 
 import pytest
 from command_reference import PAGE, page
-from docs_pages import OUTPUT, ROOT, blocks, pages, run, shape
+from docs_pages import ROOT, blocks, pages
+from docs_session import Reader, pages_before, reading_order, reasons_not_run
 
-IDS = [str(path.relative_to(ROOT)) for path in pages()]
+
+def names_of(paths):
+    return [str(path.relative_to(ROOT)) for path in paths]
+
+
+def tutorial_faults():
+    """What the tutorial proposes in its text, beside the blocks."""
+    return re.findall(r"`--fault (\S+)`", FIRST_DELIVERY.read_text())
+
+
+IDS = names_of(pages())
+TYPED = [path for path in reading_order() if any(block.typed or block.language == "python" for block in blocks(path))]
+"""Pages with something to type."""
+FIRST_DELIVERY = ROOT / "docs" / "tutorial" / "first-delivery.md"
+NOWHERE = {"installs skyway", "a real vehicle", "PX4 itself", "ArduPilot itself", "a firmware that is not there yet"}
+"""Why a block cannot be typed by a test."""
+NOT_RUN = 6
 REMEDY = "run: python tests/cli/docs_pages.py"
 
 
-@pytest.mark.parametrize("path", pages(), ids=IDS)
-def test_every_command_of_a_page_runs_and_prints_what_the_page_shows(path, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    last = ""
-    for block in blocks(path):
-        if block.mark == OUTPUT:
-            assert shape(last) == shape(block.text), REMEDY
-        for command in block.commands:
-            code, last, err = run(command)
-            assert code == 0, f"{command}: {err}"
+def type_everything(folder, *, flights):
+    reader = Reader(folder, flights=flights)
+    for each in reading_order():
+        reader.type_page(each)
 
 
-@pytest.mark.parametrize("path", pages(), ids=IDS)
-def test_every_program_of_a_page_runs(path, tmp_path, monkeypatch, capsys):
+def test_the_documentation_typed_in_order_in_one_fresh_folder_works(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {}
-    for block in blocks(path):
-        if block.language == "python":
-            exec(compile(block.text, str(path), "exec"), names)
+    type_everything(tmp_path, flights=False)
+
+
+@pytest.mark.slow
+def test_the_documentation_typed_in_order_with_its_flights_works(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    type_everything(tmp_path, flights=True)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=[pytest.mark.slow] if pages_before(path) else []) for path in TYPED],
+    ids=names_of(TYPED),
+)
+def test_a_page_typed_alone_works_after_the_pages_that_it_says_it_goes_on_with(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    reader = Reader(tmp_path)
+    for earlier in pages_before(path):
+        reader.type_page(earlier)
+    reader.type_page(path)
+
+
+def test_a_page_goes_on_with_earlier_pages_only_and_links_to_them():
+    order = reading_order()
+    for path in order:
+        for earlier in pages_before(path):
+            assert order.index(earlier) < order.index(path), path
+        for name in re.findall(r"<!-- after: (\S+) -->", path.read_text()):
+            link = f"({os.path.relpath(ROOT / 'docs' / name, path.parent)})"
+            assert link in path.read_text().split("```")[0], f"{path}: no link to {name} before the first command"
+
+
+def test_every_page_is_in_the_reading_order():
+    assert sorted(reading_order()) == sorted(pages())
+
+
+def test_only_what_can_be_run_nowhere_is_not_run():
+    found = reasons_not_run()
+    assert {reason for _, reason in found} <= NOWHERE, found
+    assert len(found) == NOT_RUN, found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", tutorial_faults())
+def test_a_fault_that_the_tutorial_proposes_falls_into_the_flight(fault, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    reader = Reader(tmp_path)
+    for earlier in pages_before(FIRST_DELIVERY):
+        reader.type_page(earlier)
+    reader.type_faulty_flight(FIRST_DELIVERY, fault)
 
 
 def test_the_page_of_commands_is_what_the_commands_say():

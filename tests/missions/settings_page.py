@@ -11,10 +11,13 @@ HEAD = """# Parameters by firmware version
 Made from the tables that skyway itself uses (`missions/dialects/*_settings.py`). A setting has one meaning; firmware calls
 it by one name or another, in one unit or another. skyway asks a vehicle for every name that it knows: builds between two
 versions have some of the new ones. Where a vehicle has none of them, that is known within seconds, and preflight ends with
-the names that were tried. A firmware that is newer than this table is flown by giving its name:
+the names that were tried. A firmware that is newer than this table is flown by giving its name, here with the plan of
+[Your first delivery](../tutorial/first-delivery.md):
 
+<!-- after: tutorial/first-delivery.md -->
+<!-- not run: a firmware that is not there yet -->
 ```sh
-skyway fly plan.json --parameter-name mission-speed=WP_SPEED:m/s
+skyway fly delivery.json --parameter-name mission-speed=WP_SPEED:m/s
 ```
 
 `skyway mission --firmware 4.6` writes a parameter file for that version; `skyway upload --parameters` sets what such a file

@@ -56,6 +56,33 @@ def test_an_injected_fault_counts_its_times_from_now_and_ends():
 
 
 @BOTH
+def test_a_fault_counted_from_the_take_off_waits_for_it_however_long_the_checklist_takes(autopilot):
+    stage = Stage(autopilot, faults=[parse_fault("link-loss@T+20s+10s")])
+    stage.station.run(100.0)
+    stage.station.upload(stage.mission(*leg()))
+    assert not stage.happened("fault link-loss")
+    stage.start()
+    stage.station.run(60.0)
+    told = {text: event.sim_s for event in stage.world.events for text in [event.text]}
+    assert told["fault link-loss begins"] == pytest.approx(told["in the air"] + 20.0, abs=0.2)
+    assert told["fault link-loss ends"] == pytest.approx(told["in the air"] + 30.0, abs=0.2)
+
+
+def test_a_fault_injected_in_flight_may_count_from_its_take_off_and_stations_take_off_never():
+    stage = Stage("px4")
+    stage.station.upload(stage.mission(*leg()))
+    stage.world.inject("gust@T+10s")
+    stage.start()
+    stage.station.run(30.0)
+    assert stage.happened("fault gust begins")
+    stage.world.inject("rc-loss@T+1s")  # long past: now
+    stage.station.run(1.0)
+    assert stage.happened("fault rc-loss begins")
+    with pytest.raises(InputError, match="do not take off"):
+        parse_fault("pads-taken@T+60s")
+
+
+@BOTH
 def test_a_weak_battery_flies_shorter_and_ardupilots_count_does_not_see_it(autopilot):
     hovered, told = {}, {}
     for factor in (1.0, 0.9):
