@@ -150,7 +150,7 @@ class Reader:
 
     def _fly(self, command: str, where: str) -> str:
         with Terminal(command, where, ready=False) as terminal:
-            terminal.wait_for("type yes")
+            terminal.wait_for("yes or no?")
             terminal.answer("yes")
             terminal.ends(4 * DEADLINE_S)
         return "\n".join(terminal.lines)
@@ -165,7 +165,7 @@ class Reader:
                     simulator = terminals.enter_context(Terminal(command, where))
                 elif block.mark == ANSWERED_FLIGHT:
                     with Terminal(self._with_free_ports(block.typed[0]), where, ready=False) as flight:
-                        flight.wait_for("type yes")
+                        flight.wait_for("yes or no?")
                         flight.answer("yes")
                         simulator.wait_for("in the air")
                         simulator.wait_for_faults()
@@ -233,7 +233,7 @@ class Terminal:
         except subprocess.TimeoutExpired:
             self._kill()
             raise AssertionError(self._told("does not end")) from None
-        self._reading.join(DEADLINE_S)
+        self._close()
         assert code in codes, self._told(f"exit {code}")
         assert not any("Traceback" in line for line in self.lines), self._told("a traceback")
 
@@ -269,6 +269,15 @@ class Terminal:
     def _kill(self) -> None:
         self._process.kill()
         self._process.wait()
+        self._close()
+
+    def _close(self) -> None:
+        """Read what is left and close both pipes, once it has ended."""
+        self._reading.join(DEADLINE_S)
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with contextlib.suppress(BrokenPipeError):
+                    pipe.close()
 
     def _told(self, what: str) -> str:
         return "\n".join([f"{self.where}{self.command}: {what}", *self.lines[-30:]])
