@@ -253,8 +253,8 @@ class Terminal:
 
     def wait_for_faults(self) -> None:
         """Wait until every fault that the command announces has begun."""
-        for kind, _ in announced(self.command):
-            self.wait_for(f"fault {kind} begins")
+        for text, _ in announced(self.command):
+            self.wait_for(text)
 
     def stop(self) -> None:
         """End it at once, as ``kill -9`` does."""
@@ -284,18 +284,21 @@ class Terminal:
 
 
 def announced(command: str) -> list[tuple[str, bool]]:
-    """Kind of every fault of vehicles in a command, and whether it counts from the take-off."""
-    words = re.findall(r"--fault[ =](\S+)", command)
-    return [(re.split(r"[=@+#]", word)[0], "@T+" in word) for word in words if not word.startswith("pads-taken")]
+    """What the simulator says when each fault of a command begins, and whether it counts from the take-off."""
+    found = []
+    for word in re.findall(r"--fault[ =](\S+)", command):
+        kind = re.split(r"[=@+#]", word)[0]
+        found.append(("are taken" if kind == "pads-taken" else f"fault {kind} begins", "@T+" in word))
+    return found
 
 
 def assert_faults_happened(command: str, lines: list[str]) -> None:
     """Every fault that a command announces has begun, after the take-off where it counts from there."""
-    for kind, in_flight in announced(command):
-        begun = [number for number, line in enumerate(lines) if f"fault {kind} begins" in line]
-        assert begun, f"{command}: {kind} never happened"
+    for text, in_flight in announced(command):
+        begun = [number for number, line in enumerate(lines) if text in line]
+        assert begun, f"{command}: never said {text!r}"
         if in_flight:
-            assert any("in the air" in line for line in lines[: begun[0]]), f"{command}: {kind} not in flight"
+            assert any("in the air" in line for line in lines[: begun[0]]), f"{command}: {text!r} before the take-off"
 
 
 def _free_ports(count: int) -> list[str]:
