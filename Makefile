@@ -40,7 +40,7 @@ check: setup
 FUZZ_S ?= 150
 bounds: setup
 	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -q -n auto tests/planner tests/models tests/link/test_log_readers.py tests/link/test_tlog.py
-	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m benchmarks.fuzz --seconds $(FUZZ_S)
+	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m benchmarks.fuzz --strict --seconds $(FUZZ_S)
 
 bench: setup
 	$(BIN)/python -m benchmarks

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,12 +17,20 @@ from skyway.planner.problem import HORIZON_H
 from skyway.planner.request import Request
 
 DEPART = datetime(2013, 7, 10, 18, 0, tzinfo=UTC)
+FAR = "siuh-north", "white-plains"
 
 
 def ask(origin, destination, **more):
     more = {"payload_kg": 0.8} | more
     busy = more.pop("busy_pads", {})
     return Request(state=State(DEPART, origin, busy_pads=busy), destination=destination, **more)
+
+
+@pytest.fixture(scope="module")
+def planned(newyork):
+    """Plans that several tests look at, each made once."""
+
+    return cache(lambda route, planner, seed: plan(newyork, ask(*route, seed=seed), planner=planner))
 
 
 def crossed_runs(rng, days=30, queues=128, runs=1500):
@@ -76,20 +85,19 @@ def test_one_wind_and_no_stop_leave_nothing_unsure_but_gusts(newyork):
     assert found.delivery_mean.value == pytest.approx((found.mean - DEPART).total_seconds(), abs=0.01)
 
 
-@pytest.mark.parametrize("route", [("siuh-north", "white-plains"), ("bellevue", "jacobi"), ("edison", "nyu-brooklyn")])
+@pytest.mark.parametrize("route", [FAR, ("bellevue", "jacobi"), ("edison", "nyu-brooklyn")])
 @pytest.mark.parametrize("planner", ["robust", "pfs"])
-def test_the_course_that_is_shown_is_a_typical_one(newyork, route, planner):
-    found = plan(newyork, ask(*route), planner=planner)
+def test_the_course_that_is_shown_is_a_typical_one(planned, route, planner):
+    found = planned(route, planner, 0)
     median = found.composition.arrival.delivery_p50
     shown = found.composition.delivery_time_s
     assert median.low * 0.97 <= shown <= median.high * 1.03
     assert shown == pytest.approx(median.value, rel=0.03)
 
 
-def test_seeds_differ_by_no_more_than_their_figures_say(newyork):
+def test_seeds_differ_by_no_more_than_their_figures_say(planned):
     """Issue 16: 80.9 to 105.5 min between seeds, printed to the second."""
-    request = ask("siuh-north", "white-plains")
-    plans = [plan(newyork, replace(request, seed=seed)) for seed in range(5)]
+    plans = [planned(FAR, "robust", seed) for seed in range(5)]
     found = [(one.composition.route, one.outcome.delivery) for one in plans]
     pairs = [(a, b) for way, a in found for other, b in found if way == other and a is not b]
     assert len(pairs) >= 6
@@ -97,9 +105,8 @@ def test_seeds_differ_by_no_more_than_their_figures_say(newyork):
     assert all(one.seed_error < one.error < 0.2 * one.value for _, one in found)
 
 
-def test_a_planner_is_compared_by_the_figures_that_its_plan_tells(newyork):
-    request = ask("siuh-north", "white-plains")
-    robust, pfs = (plan(newyork, request, planner=name) for name in ("robust", "pfs"))
+def test_a_planner_is_compared_by_the_figures_that_its_plan_tells(planned):
+    robust, pfs = (planned(FAR, name, 0) for name in ("robust", "pfs"))
     one = bought(robust, pfs)
     assert one.mean_there == pfs.outcome.delivery
     assert one.broken_there.value == pytest.approx(1.0 - pfs.composition.success_probability)
@@ -132,9 +139,8 @@ def test_waiting_for_room_is_no_waiting_for_wind(newyork):
     assert leg.p_hold_room == 0.0
 
 
-def test_the_wind_of_a_leg_is_that_of_the_forecast_where_and_when_it_is_flown(newyork):
-    request = ask("siuh-north", "white-plains")
-    composition = plan(newyork, request).composition
+def test_the_wind_of_a_leg_is_that_of_the_forecast_where_and_when_it_is_flown(newyork, planned):
+    composition = planned(FAR, "robust", 0).composition
     forecast = newyork.forecast(DEPART, HORIZON_H)
     for leg in composition.services:
         a, b = (composition.stations[key] for key in (leg.origin, leg.destination))
