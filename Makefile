@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo test slow check bounds bench docs clean
+.PHONY: setup demo test slow check bounds kernels bench docs clean
 
 setup: $(STAMP)
 
@@ -41,6 +41,12 @@ FUZZ_S ?= 150
 bounds: setup
 	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -q -n auto tests/planner tests/models tests/link/test_log_readers.py tests/link/test_tlog.py
 	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m benchmarks.fuzz --strict --seconds $(FUZZ_S)
+
+# Which kernels a wheel holds, and for which types of arguments: what the tests call.
+kernels: setup
+	rm -rf out/kernels
+	SKYWAY_KERNELS=out/kernels $(BIN)/python -m pytest -q -n auto -m "slow or not slow" tests/planner tests/models tests/link tests/cli
+	$(BIN)/python build_kernels.py list out/kernels
 
 bench: setup
 	$(BIN)/python -m benchmarks

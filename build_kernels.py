@@ -1,7 +1,7 @@
 """Compile the kernels of the source into one shared library, ahead of time: what a wheel is built with.
 
 ``models/kernels.json`` lists which kernels, for which types of arguments. ``python build_kernels.py FOLDER`` writes the
-library there; `setup.py` calls `build`. `entries` says which kernels Python code calls, and `observed` for which types
+library there; `setup.py` calls `build`. ``python build_kernels.py list FOLDER`` writes the list. `entries` says which kernels Python code calls, and `observed` for which types
 a process has called them: that is how the tests keep the list complete (``make kernels`` writes it anew).
 """
 
@@ -144,5 +144,19 @@ def observed() -> dict[str, list[list[Any]]]:
     return found
 
 
+def write_list(folder: Path) -> None:
+    """Write the list anew from what processes have observed, one JSON file each in a folder."""
+    found: dict[str, list[Any]] = {}
+    for path in sorted(folder.glob("*.json")):
+        for name, all_kinds in json.loads(path.read_text(encoding="utf-8")).items():
+            kept = found.setdefault(name, [])
+            kept += [kinds for kinds in all_kinds if kinds not in kept]
+    rows = [f"{json.dumps(name)}: {json.dumps(sorted(found[name], key=json.dumps))}" for name in sorted(found)]
+    LIST.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")
+
+
 if __name__ == "__main__":
-    build(Path(sys.argv[1]))
+    if sys.argv[1] == "list":
+        write_list(Path(sys.argv[2]))
+    else:
+        build(Path(sys.argv[1]))

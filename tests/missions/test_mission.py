@@ -57,13 +57,13 @@ def test_importing_missions_is_cheap():
     import subprocess
     import sys
 
-    code = "import sys, missions, missions.mission; print('numpy' in sys.modules, 'pymavlink' in sys.modules)"
+    code = "import sys, skyway.missions.mission; print('numpy' in sys.modules, 'pymavlink' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["False", "False"]
 
 
 def test_every_name_of_the_package_can_be_had():
-    import missions
+    from skyway import missions
 
     for name in missions.__all__:
         assert callable(getattr(missions, name)) or name == "Dialect"

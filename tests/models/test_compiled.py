@@ -105,6 +105,6 @@ def test_a_run_that_checks_bounds_is_never_given_a_kernel_that_does_not_and_the_
 
 def test_whoever_watches_is_told_before_and_after_a_kernel_is_compiled_and_not_when_it_is_read_from_disk(tmp_path):
     (tmp_path / "callee.py").write_text(CALLEE.format(1.0))
-    code = "from models import compiled; from callee import inner; told = []; compiled.watchers.append(told.append); inner(1.0); print(told)"
+    code = "from skyway.models import compiled; from callee import inner; told = []; compiled.watchers.append(told.append); inner(1.0); print(told)"
     assert _run(tmp_path, code) == "['inner', '']"
     assert _run(tmp_path, code) == "[]"

@@ -66,7 +66,7 @@ def test_a_library_built_ahead_of_time_is_called_without_numba(tmp_path):
     _python(build, tmp_path)
     use = (
         "import sys; sys.modules['numba'] = None\n"
-        "from pathlib import Path; from models import kernel_library as k\n"
+        "from pathlib import Path; from skyway.models import kernel_library as k\n"
         f"k.LIST = Path(r'{tmp_path}') / 'kernels.json'\n"
         "import some_library; k.library = lambda: some_library\n"
         "import numpy; from some_kernels import scaled, count, Pair\n"

@@ -5,7 +5,7 @@ import math
 import pytest
 from sim_station import LAT, LON, Stage, item, leg
 
-import sim_stub
+from skyway import sim_stub
 from skyway.models.errors import InputError
 from skyway.models.network import Station as Place
 from skyway.sim_stub import Pads, World, parse_fault

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sim_station import Station
 
-import missions
+from skyway import missions
 from skyway.models import geodesy
 from skyway.models.network import Station as Place
 from skyway.models.services import ArrivalDistribution, Composition, DroneService, Stop, Wind
