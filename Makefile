@@ -14,7 +14,7 @@ $(STAMP): pyproject.toml
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
 	@echo "compiling the modules and the kernels, once"
-	@$(BIN)/python -m compileall -q skyway
+	@$(BIN)/python -m compileall -q link missions models planner sim_stub skyway
 	@$(BIN)/skyway demo --plan-only > /dev/null
 	@$(BIN)/skyway compare --from siuh-north --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00 --drone m200 \
 		> $(VENV)/compare.log 2>&1 || { cat $(VENV)/compare.log; false; }
