@@ -104,4 +104,4 @@ def __getattr__(name: str) -> object:
     """Import what is asked for, and no sooner: `from skyway import missions` costs nothing."""
     if name not in _HOMES:
         raise AttributeError(f"module 'missions' has no attribute {name!r}")
-    return getattr(import_module(f"missions.{_HOMES[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -21,7 +21,9 @@ def test_a_host_with_folders_of_the_same_names_does_not_disturb(tmp_path):
         (tmp_path / name / "__init__.py").write_text(f"raise RuntimeError('the host\\'s own {name}')\n")
     program = (
         f"import sys; sys.path[:0] = [r'{tmp_path}', r'{ROOT}']; import skyway; "
-        "print(repr(skyway.read_scenario(str(skyway.NEW_YORK)))); import skyway.planner.plan, skyway.sim_stub, skyway.link"
+        "print(repr(skyway.read_scenario(str(skyway.NEW_YORK)))); import skyway.planner.plan; "
+        "from skyway import missions, sim_stub; from skyway.link import supervisor; "
+        "[getattr(part, name) for part in (missions, sim_stub, supervisor) for name in part.__all__]"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False, env={}

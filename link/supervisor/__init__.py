@@ -46,4 +46,4 @@ def __getattr__(name: str) -> object:
     """Import what is asked for, and no sooner."""
     if name not in _HOMES:
         raise AttributeError(f"module 'skyway.link.supervisor' has no attribute {name!r}")
-    return getattr(import_module(f"link.supervisor.{_HOMES[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -165,9 +165,9 @@ def test_the_table_shows_what_the_json_says(skyway, plan_json):
         assert f"{leg['distance_m'] / 1000:.1f}" in answer.out
     for stop in plan["stops"]:
         assert f"{stop['station']}: " in answer.out
-    first = answer.out.splitlines()[0]
-    assert re.fullmatch(
-        r"Delivery in [0-9a-z ]+ on average: half of the deliveries by [0-9:]+, 95 % by [0-9:]+ EDT", first
+    assert re.match(
+        r"Delivery in [0-9a-z ]+ on average: half of the deliveries by [0-9:]+, 95 % by [0-9:]+ EDT\b",
+        " ".join(answer.out.split()),
     )
     assert "A typical course" in answer.out
     mean = plan["arrival"]["delivery_mean_s"]
@@ -344,8 +344,8 @@ def test_a_window_lists_the_departures_that_were_tried(plan_json):
 def test_a_comparison_says_in_plain_words_what_robust_buys(skyway):
     answer = skyway("compare", *TRIP, "--drone", "m200", "--planners", "robust,pfs")
     assert answer.code == 0
-    out = answer.out
+    out = " ".join(answer.out.split())
     assert "pfs against robust:" in out
     assert "on average" in out
     assert "of the deliveries land below the reserve, with robust" in out
-    assert "  why: " in out
+    assert " why: " in out

@@ -35,7 +35,7 @@ def test_help_version_and_no_command(skyway):
     assert skyway("--version").out.startswith("skyway 0.")
     bare = skyway()
     assert bare.code == 2
-    assert "Commands:" in bare.out
+    assert "Plan:\n  plan " in bare.out
     group = skyway("scenario")
     assert group.code == 2
     assert "init" in group.out

@@ -38,6 +38,27 @@ def test_every_listed_kernel_is_in_the_source_and_called_from_python():
     assert set(kernel_library.listed()) <= build_kernels.entries()
 
 
+COMMANDS = """
+import sys; sys.path.insert(0, r'{root}')
+import build_kernels, contextlib, io, json
+from skyway.cli.main import main
+trip = ["--from", "bellevue", "--to", "jacobi", "--payload", "0.8", "--depart", "2013-07-10T14:00-04:00", "--drone", "m200"]
+with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+    codes = [main(["plan", *trip, "--planner", name]) for name in ("robust", "pfs", "pfs-charge-aware", "shortest", "exact", "ies")]
+    codes.append(main(["plan", *trip, "--wind", "9@200", "--objective", "p95"]))
+listed = json.loads(build_kernels.LIST.read_text())
+called = build_kernels.observed()
+print(codes, [name for name, kinds in called.items() if any(kind not in listed.get(name, []) for kind in kinds)])
+"""
+
+
+def test_every_kernel_that_planning_calls_is_listed_for_the_types_it_is_called_with():
+    done = subprocess.run(
+        [sys.executable, "-c", COMMANDS.format(root=ROOT)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[0, 0, 0, 0, 0, 0, 0] []", "run: make kernels"
+
+
 def test_types_are_told_apart_as_numba_does():
     from numba import typeof
 
