@@ -41,8 +41,11 @@ def build(folder: Path, name: str = "_kernels") -> Path:
         kernel = getattr(import_module(module), function)
         for number, kinds in enumerate(all_kinds):
             exported = symbol(kernel_name, number)
-            arguments = tuple(_numba_type(kind) for kind in kinds)
-            kernel.compile(arguments)
+            try:
+                arguments = tuple(_numba_type(kind) for kind in kinds)
+                kernel.compile(arguments)
+            except Exception as error:
+                raise RuntimeError(f"{kernel_name} is not compiled for {kinds}; run: make kernels") from error
             answer = kernel.overloads[_overload(kernel, arguments)].signature.return_type
             compiler.export(exported, Signature(answer, arguments, None))(_wrapper(kernel, exported, len(kinds)))
     compiler.compile()
