@@ -18,7 +18,7 @@ ROOT = Path(__file__).parent
 PACKAGE = "skyway"
 FLOORS = ("models", "planner", "link")
 """Folders with kernels; the package has them as skyway.models and so on."""
-LIST = ROOT / "models" / "kernels.json"
+LIST = ROOT / PACKAGE / "models" / "kernels.json"
 DECORATORS = {"compiled", "compiled_lean"}
 
 
@@ -101,11 +101,8 @@ def _kind(numba_type: Any) -> Any:
 
 def entries() -> set[str]:
     """Return the kernels, ``module.function``, that code which is not compiled refers to."""
-    sources = [path for floor in FLOORS for path in sorted((ROOT / floor).rglob("*.py"))]
-    trees = {
-        ".".join((PACKAGE, *path.relative_to(ROOT).with_suffix("").parts)): ast.parse(path.read_text())
-        for path in sources
-    }
+    sources = [path for floor in FLOORS for path in sorted((ROOT / PACKAGE / floor).rglob("*.py"))]
+    trees = {".".join(path.relative_to(ROOT).with_suffix("").parts): ast.parse(path.read_text()) for path in sources}
     kernels = {
         f"{module}.{node.name}"
         for module, tree in trees.items()
