@@ -4,7 +4,7 @@ The facade loads its parts when they are first used:
 
 >>> import skyway
 >>> skyway.read_scenario(skyway.NEW_YORK)
-Scenario(New York hospitals: 46 stations, 504 segments, 4 drones, wind record of 3 sites)
+Scenario(New York: 46 stations, 278 segments, 4 drones, wind record of 3 sites)
 """
 
 from __future__ import annotations

@@ -5,6 +5,8 @@ from __future__ import annotations
 DISTRIBUTION = "skyway-planner"
 EXTRAS = {
     "pymavlink": "fly",
+    "fastcrc": "fly",
+    "lxml": "fly",
     "mavsdk": "fly",
     "filterpy": "fly",
     "matplotlib": "plot",

@@ -47,3 +47,13 @@ def test_compiling_is_announced_once(capsys):
     told = capsys.readouterr().err
     assert told.count("compiling its numerical kernels") == 1
     assert notice.count == 2
+
+
+@pytest.mark.parametrize(("package", "extra"), [("fastcrc", "fly"), ("pymavlink.mavutil", "fly"), ("numba", "jit")])
+def test_a_command_that_misses_a_package_names_the_extra_that_brings_it(package, extra, capsys, monkeypatch):
+    def missing(*_, **__):
+        raise ModuleNotFoundError(f"No module named {package!r}", name=package)
+
+    monkeypatch.setattr("skyway.cli.main.app", missing)
+    assert main(["demo"]) == 2
+    assert f"pip install 'skyway-planner[{extra}]'" in capsys.readouterr().err
