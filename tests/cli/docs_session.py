@@ -50,6 +50,11 @@ _AFTER = re.compile(r"<!-- after: (\S+) -->")
 _INPUT = re.compile(r"[\w./-]+\.(?:json|jsonl|plan|waypoints|param|toml|tlog|csv|txt)")
 _WRITTEN_BY = ("-o", "--output", "--plot", "--geojson", "--report", "--csv", "--journal", "--proving-flight")
 
+_AS_TYPED = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from skyway.cli.main import run; run()"
+)
+"""As from a terminal: Ctrl-C ends it, also where whoever runs the tests (a job in the background) does not listen to it."""
+
 
 class _NavLoader(yaml.SafeLoader):
     """Reads mkdocs.yml, whose other entries may name Python objects."""
@@ -199,7 +204,7 @@ class Terminal:
     def __enter__(self) -> Self:
         environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "skyway", *arguments(self.command)],
+            [sys.executable, "-c", _AS_TYPED, *arguments(self.command)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
