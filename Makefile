@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo test slow check bounds kernels bench docs clean
+.PHONY: setup demo test slow check bounds fuzz kernels bench docs clean
 
 setup: $(STAMP)
 
@@ -35,11 +35,14 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-# Whatever reaches a kernel once more, with every index checked: the tests, then random requests for so long. Kernels that check have
+# Whatever reaches a kernel once more, with every index checked: the tests. Kernels that check have
 # cache files of their own (models/kernel_cache.py): nothing unchecked runs here and nothing checked elsewhere.
 FUZZ_S ?= 150
 bounds: setup
 	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -q -n auto tests/planner tests/models tests/link/test_log_readers.py tests/link/test_tlog.py
+
+# Random requests with every index checked, for so long; a child that compiles may take minutes more.
+fuzz: setup
 	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m benchmarks.fuzz --strict --seconds $(FUZZ_S)
 
 # Which kernels a wheel holds, and for which types of arguments: what the tests call.
