@@ -21,7 +21,7 @@ import traceback
 from collections import Counter
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -177,8 +177,7 @@ def _one_child(number: int, stop: int, until: float, tally: Tally) -> int:
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
         lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         assert child.stdout is not None
-        out = child.stdout
-        threading.Thread(target=lambda: [lines.put(line) for line in (*out, "")], daemon=True).start()
+        threading.Thread(target=_hand_on, args=(child.stdout, lines), daemon=True).start()
         begun = number
         while True:
             try:
@@ -200,6 +199,13 @@ def _one_child(number: int, stop: int, until: float, tally: Tally) -> int:
                 if time.monotonic() > until:
                     child.kill()
                     return begun + 1
+
+
+def _hand_on(out: IO[str], lines: queue.SimpleQueue[str]) -> None:
+    """Each line as it comes, then an empty one."""
+    for line in out:
+        lines.put(line)
+    lines.put("")
 
 
 def main(arguments: list[str] | None = None) -> int:
