@@ -54,6 +54,8 @@ _SET_MODE, _PAUSE, _START, _BATTERY_RESET = 176, 193, 300, 42651
 _SPEED, _GROUND_SPEED, _SAME_THROTTLE = 178, 1.0, -1.0
 _MODE_S, _RETRY_ARM_S, _BATTERY_S = 8.0, 1.0, 3.0
 _REQUEST_MESSAGE, _VERSION, _ANSWERS_S = 512, 148.0, 3.0
+SETS = 4
+"""Tries to set a parameter before the value it keeps is its answer."""
 _PERCENT = 0.0101
 _ORDERS, _BEATS_S = 3, 3.0
 _ABOVE_HOME, _ABOVE_SEA = 6, 0
@@ -178,18 +180,25 @@ class MavlinkVehicle(Seen):
         raise VehicleTimeoutError(f"parameter {name}", GIVE_UP_S)
 
     def set_parameter(self, name: str, value: float) -> ParameterValue:
-        """Set a parameter, and read it back."""
+        """Set a parameter, and read it back.
+
+        A late answer to an earlier question tells the old value as a refusal does: only one that is told after each of
+        `SETS` tries is a refusal.
+        """
         if not math.isfinite(value):
             raise InputError(Fault("not a finite number", field=name, value=value))
-        before = self.parameter(name)
+        kind = self.parameter(name).kind
         bytewise, trip = self.family.bytewise, self.peer.round_trip
-        given = SetParameter(self.peer.target, name, value, before.kind, bytewise=bytewise, round_trip=trip)
-        refused = self._do(given).refused
-        after = self.parameter(name)
-        if not same_value(value, after.value, before.kind):
-            reason = "" if refused is None else f" ({PARAMETER_ERRORS.get(refused, f'error {refused}')})"
-            raise CommandRefusedError(f"set {name} to {value:g}", f"it is {after.value:g}{reason}", self.texts()[-1:])
-        return after
+        for _ in range(SETS):
+            given = SetParameter(self.peer.target, name, value, kind, bytewise=bytewise, round_trip=trip)
+            refused = self._do(given).refused
+            after = self.parameter(name)
+            if same_value(value, after.value, kind):
+                return after
+            if refused is not None:
+                break
+        reason = "" if refused is None else f" ({PARAMETER_ERRORS.get(refused, f'error {refused}')})"
+        raise CommandRefusedError(f"set {name} to {value:g}", f"it is {after.value:g}{reason}", self.texts()[-1:])
 
     def parameters(self) -> dict[str, ParameterValue]:
         """Read all parameters, by name."""

@@ -189,6 +189,15 @@ def test_all_parameters_come_though_the_radio_is_bad(family, loss):
     assert all(store[name] == pytest.approx(value.value) for name, value in found.items())
 
 
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_parameter_is_set_though_late_answers_still_tell_its_old_value(family):
+    name = "MPC_XY_CRUISE" if family == "px4" else "WPNAV_SPEED"
+    for seed in range(12):
+        scene = aboard(family, impairment=bad_radio(0.2), seed=seed)
+        for value in (4.0, 9.0, 5.0, 8.0):
+            assert scene.craft.set_parameter(name, value).value == value
+
+
 def test_required_parameters_are_checked_and_what_to_set_is_said(scene):
     needs = FlightNeeds(12.0, 3.0, 2.0, 60.0, fenced=True)
     checks = scene.craft.check_required(dialect(scene.family).parameters(needs))
