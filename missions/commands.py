@@ -209,6 +209,7 @@ LOCATED_COMMANDS = frozenset(
 PLAIN_PARAM5_COMMANDS = frozenset(
     {
         Command.DO_SET_ACTUATOR,
+        Command.DO_SET_ROI_WPNEXT_OFFSET,
         Command.DO_DIGICAM_CONFIGURE,
         Command.DO_DIGICAM_CONTROL,
         Command.DO_MOUNT_CONFIGURE,

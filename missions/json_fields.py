@@ -73,3 +73,24 @@ def place(value: object, file: str, field: str) -> Point:
 def without(source: Mapping[str, Any], known: frozenset[str]) -> Mapping[str, Any]:
     """Return what is left of an object besides the keys that we understand."""
     return {key: value for key, value in source.items() if key not in known}
+
+
+def quantity(
+    source: Mapping[str, Any], key: str, file: str, field: str, *, least: float = -math.inf, positive: bool = False
+) -> float:
+    """Take a setting that must be there and be a finite number, not below `least`."""
+    at, raw = f"{field}.{key}", source.get(key)
+    value = number(raw, file, at)
+    if math.isnan(value):
+        raise fault("is missing: a number is needed", file, at)
+    if value < least or (positive and value <= 0.0):
+        raise fault("is not above 0" if positive else f"is below {least:g}", file, at, raw)
+    return value
+
+
+def flag(source: Mapping[str, Any], key: str, file: str, field: str, *, missing: bool | None = None) -> bool:
+    """Take a setting that is true or false; `missing` where it is not there, if that is allowed."""
+    value = source.get(key, missing)
+    if not isinstance(value, bool):
+        raise fault("is neither true nor false", file, f"{field}.{key}", value)
+    return value

@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from skyway.missions.commands import Command, Frame
-from skyway.missions.json_fields import fault, sequence
+from skyway.missions.json_fields import fault, flag, quantity, sequence
+from skyway.missions.pattern_items import item
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -16,42 +17,39 @@ if TYPE_CHECKING:
 LANDINGS = {"fwLandingPattern": Command.NAV_LAND, "vtolLandingPattern": Command.NAV_VTOL_LAND}
 HEADING_REQUIRED = 1
 LEAVE_ON_TANGENT = 1
+AIRSPEED = 0
+THROTTLE_AS_IT_IS = -1
 
 
 def expand(kind: str, source: Mapping[str, Any], file: str, field: str) -> list[Mapping[str, Any]]:
-    """Return the items of a landing pattern as a plan file writes them: land start, cameras off, approach, landing.
+    """Return the items of a landing pattern as a plan file writes them: land start, speed, cameras off, approach, landing.
 
     Raises
     ------
     InputError
-        A place, the radius or a choice is missing, or it changes the speed on approach.
+        A place, the radius, the speed or a choice is missing or impossible.
     """
-    if source.get("useDoChangeSpeed"):
-        remedy = "switch the approach speed off in QGroundControl, and order it by a speed item"
-        raise fault(
-            "not supported: a landing pattern that changes the speed", file, f"{field}.useDoChangeSpeed", remedy=remedy
-        )
     key = "landingApproachCoordinate" if "landingApproachCoordinate" in source else "loiterCoordinate"
     approach, landing = _place(source, key, file, field), _place(source, "landCoordinate", file, field)
-    radius, clockwise = source.get("loiterRadius"), source.get("loiterClockwise")
-    if isinstance(radius, bool) or not isinstance(radius, (int, float)):
-        raise fault("is not a length", file, f"{field}.loiterRadius", radius)
-    if not isinstance(clockwise, bool):
-        raise fault("is neither true nor false", file, f"{field}.loiterClockwise", clockwise)
+    radius = quantity(source, "loiterRadius", file, field)
+    clockwise = flag(source, "loiterClockwise", file, field)
     both = source.get("altitudesAreRelative")
-    items = [_item(Command.DO_LAND_START, Frame.MISSION)]
+    items = [item(Command.DO_LAND_START, Frame.MISSION)]
+    if flag(source, "useDoChangeSpeed", file, field, missing=False):
+        speed_mps = quantity(source, "finalApproachSpeed", file, field, positive=True)
+        items.append(item(Command.DO_CHANGE_SPEED, Frame.MISSION, [AIRSPEED, speed_mps, THROTTLE_AS_IT_IS, 0, 0, 0, 0]))
     if source.get("stopTakingPhotos"):
-        items += [_item(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION), _item(Command.IMAGE_STOP_CAPTURE, Frame.MISSION)]
+        items += [item(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION), item(Command.IMAGE_STOP_CAPTURE, Frame.MISSION)]
     if source.get("stopVideoPhotos"):
-        items.append(_item(Command.VIDEO_STOP_CAPTURE, Frame.MISSION))
+        items.append(item(Command.VIDEO_STOP_CAPTURE, Frame.MISSION))
     high = _frame(source.get("loiterAltitudeRelative") if both is None else both, file, field)
     if source.get("useLoiterToAlt", True):
         turn = [HEADING_REQUIRED, radius if clockwise else -radius, 0, LEAVE_ON_TANGENT]
-        items.append(_item(Command.NAV_LOITER_TO_ALT, high, [*turn, *approach]))
+        items.append(item(Command.NAV_LOITER_TO_ALT, high, [*turn, *approach]))
     else:
-        items.append(_item(Command.NAV_WAYPOINT, high, [0, 0, 0, None, *approach]))
+        items.append(item(Command.NAV_WAYPOINT, high, [0, 0, 0, None, *approach]))
     low = _frame(source.get("landingAltitudeRelative") if both is None else both, file, field)
-    items.append(_item(LANDINGS[kind], low, [0, 0, 0, 0, *landing]))
+    items.append(item(LANDINGS[kind], low, [0, 0, 0, 0, *landing]))
     return items
 
 
@@ -66,7 +64,3 @@ def _frame(relative: object, file: str, field: str) -> Frame:
     if not isinstance(relative, bool):
         raise fault("is neither true nor false", file, f"{field}.altitudesAreRelative", relative)
     return Frame.GLOBAL_RELATIVE_ALT if relative else Frame.GLOBAL
-
-
-def _item(command: Command, frame: Frame, params: list[Any] | None = None) -> Mapping[str, Any]:
-    return {"command": int(command), "frame": int(frame), "autoContinue": True, "params": params or [0] * 7}

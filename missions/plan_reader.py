@@ -11,32 +11,23 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from skyway.missions import fence_items, landing_pattern
+from skyway.missions import fence_items, patterns
 from skyway.missions.commands import GLOBAL_FRAMES, INDEX_COMMANDS, LOCATED_COMMANDS, Command, command_of, frame_of
 from skyway.missions.coordinates import to_e7
 from skyway.missions.document import MissionDocument
 from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
 from skyway.missions.json_fields import MAX_PARAM, fault, integer, mapping, number, place, sequence, without
 from skyway.missions.mission import ComplexItem, Home, Mission, MissionItem
+from skyway.missions.patterns import MAX_ITEMS
 from skyway.missions.rally import RallyPoint, RallyPoints
 from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-MAX_ITEMS = 100_000
 MAX_FAULTS = 20
 PLAN_VERSION = 1
 MISSION_VERSION = 2
-PATTERN_VERSIONS = {
-    "survey": (2, 3, 4, 5),
-    "CorridorScan": (1, 2),
-    "StructureScan": (1, 2, 3),
-    "fwLandingPattern": (1, 2),
-    "vtolLandingPattern": (1,),
-    "TransectStyleComplexItem": (0, 1, 2),
-}
-"""Versions of patterns that QGroundControl has written and reads."""
 UNKNOWN_KEY = "skywayUnknown"
 """Key of ours in the mission: which of the keys that QGroundControl requires are only filled in."""
 
@@ -186,7 +177,7 @@ def _read_items(
                 items.append(_read_item(source, file, field))
                 ids.append(_jump_id(source, file, field))
                 continue
-            inner = _expansion(source, len(items), file, field)
+            inner = patterns.expand(source, len(items), file, field)
             expanded = [_read_item(mapping(i, file, field), file, field) for i in inner]
             complex_items.append(ComplexItem(len(items), len(expanded), source))
             items += expanded
@@ -198,38 +189,6 @@ def _read_items(
     if faults:
         raise InputError(faults[:MAX_FAULTS])
     return items, ids, tuple(complex_items)
-
-
-def _expansion(source: Mapping[str, Any], number_here: int, file: str, field: str) -> list[Mapping[str, Any]]:
-    """Return the simple items that a ground station worked out for a survey or corridor."""
-    kind = str(source.get("complexItemType") or source.get("type"))
-    if kind in landing_pattern.LANDINGS:
-        _check_pattern_version(kind, source, field, file)
-        return landing_pattern.expand(kind, source, file, field)
-    style = source.get("TransectStyleComplexItem")
-    inner = style.get("Items") if isinstance(style, dict) else source.get("Items")
-    if not isinstance(inner, list) or not inner:
-        raise fault(
-            f"not supported: {kind} (item {number_here}) without the items it expands to",
-            file,
-            field,
-            remedy="open and save the plan in QGroundControl, or replace the pattern by waypoints",
-        )
-    _check_pattern_version(kind, source, field, file)
-    if isinstance(style, dict):
-        _check_pattern_version("TransectStyleComplexItem", style, f"{field}.TransectStyleComplexItem", file)
-    if len(inner) > MAX_ITEMS:
-        raise fault(f"has more than {MAX_ITEMS} items", file, field, len(inner))
-    return [mapping(item, file, field) for item in inner]
-
-
-def _check_pattern_version(kind: str, source: Mapping[str, Any], field: str, file: str) -> None:
-    """Refuse a pattern of a version that QGroundControl refuses: its items may mean something else."""
-    known = PATTERN_VERSIONS.get(kind)
-    version = source.get("version", 0 if kind == "TransectStyleComplexItem" else None)
-    if known is not None and (isinstance(version, bool) or version not in known):
-        remedy = f"known: {', '.join(map(str, known))}; open and save the plan in QGroundControl"
-        raise fault(f"is a version of {kind} that we do not know", file, f"{field}.version", version, remedy)
 
 
 def _jump_id(source: Mapping[str, Any], file: str, field: str) -> int | None:

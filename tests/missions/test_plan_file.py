@@ -209,10 +209,12 @@ def test_a_landing_pattern_of_the_oldest_form_has_a_loiter_and_two_references():
         ({"landCoordinate": None}, r"items\[0\].landCoordinate: is not a list"),
         ({"landCoordinate": [95, 8, 0]}, "latitude is not between -90 and 90"),
         ({"landingApproachCoordinate": [47.5, 8.5]}, r"is not \[latitude, longitude, altitude\]"),
-        ({"loiterRadius": None}, "loiterRadius: is not a length"),
+        ({"loiterRadius": None}, "loiterRadius: is missing: a number is needed"),
         ({"loiterClockwise": 1}, "loiterClockwise: is neither true nor false"),
         ({"altitudesAreRelative": None}, "altitudesAreRelative: is neither true nor false"),
-        ({"useDoChangeSpeed": True}, "not supported: a landing pattern that changes the speed"),
+        ({"useDoChangeSpeed": True}, "finalApproachSpeed: is missing: a number is needed"),
+        ({"useDoChangeSpeed": True, "finalApproachSpeed": 0}, "finalApproachSpeed: is not above 0"),
+        ({"useDoChangeSpeed": 1, "finalApproachSpeed": 9}, "useDoChangeSpeed: is neither true nor false"),
     ],
 )
 def test_a_landing_pattern_that_cannot_be_flown_as_it_is_is_refused(wrong, message):
@@ -220,9 +222,19 @@ def test_a_landing_pattern_that_cannot_be_flown_as_it_is_is_refused(wrong, messa
         read(plan(landing(**wrong)))
 
 
-@pytest.mark.parametrize("kind", ["survey", "StructureScan", "CorridorScan"])
+def test_a_landing_pattern_that_orders_a_speed_flies_the_approach_at_it():
+    pattern = landing(useDoChangeSpeed=True, finalApproachSpeed=14, stopTakingPhotos=True)
+    document = read(plan(pattern))
+    assert [i.command for i in document.mission.items] == [189, 178, 206, 2001, 31, 21]
+    speed = document.mission.items[1]
+    assert (speed.frame, speed.params) == (Frame.MISSION, (0.0, 14.0, -1.0, 0.0))
+    assert rewritten(document)["mission"]["items"] == [pattern]
+    assert read(plan(landing(useDoChangeSpeed=False, finalApproachSpeed=14))) == read(plan(landing()))
+
+
+@pytest.mark.parametrize("kind", ["survey", "CorridorScan", "orchard"])
 def test_a_pattern_without_its_items_is_not_supported_and_named(kind):
-    pattern = {"type": "ComplexItem", "complexItemType": kind, "version": 4}
+    pattern = {"type": "ComplexItem", "complexItemType": kind, "version": 2 if kind == "CorridorScan" else 4}
     with pytest.raises(InputError, match=rf"not supported: {kind} \(item 1\)"):
         read(plan(item(), pattern))
 

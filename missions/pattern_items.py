@@ -1,0 +1,33 @@
+"""Items that patterns of a ground station expand to, as a plan file writes them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from skyway.missions.commands import Command, Frame
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+Place = tuple[float, float]
+"""Latitude and longitude, degrees."""
+
+
+def item(command: Command, frame: Frame, params: list[Any] | None = None) -> Mapping[str, Any]:
+    """Return one item; without parameters all seven are 0."""
+    return {"command": int(command), "frame": int(frame), "autoContinue": True, "params": params or [0] * 7}
+
+
+def waypoint(frame: Frame, place: Place, altitude_m: float, hold_s: float = 0) -> Mapping[str, Any]:
+    """Return a waypoint that leaves the yaw to the vehicle."""
+    return item(Command.NAV_WAYPOINT, frame, [hold_s, 0, 0, None, *place, altitude_m])
+
+
+def trigger(distance_m: float, *, at_once: bool = True) -> Mapping[str, Any]:
+    """Return the order to take a picture every so many metres; 0 ends it."""
+    return item(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION, [distance_m, 0, int(at_once), 0, 0, 0, 0])
+
+
+def one_photo() -> Mapping[str, Any]:
+    """Return the order to take one picture now."""
+    return item(Command.IMAGE_START_CAPTURE, Frame.MISSION, [0, 0, 1, 0, None, None, None])
