@@ -37,11 +37,11 @@ check: setup
 
 # Whatever reaches a kernel once more, with every index checked: the tests. Kernels that check have
 # cache files of their own (models/kernel_cache.py): nothing unchecked runs here and nothing checked elsewhere.
-FUZZ_S ?= 150
 bounds: setup
 	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -q -n auto tests/planner tests/models tests/link/test_log_readers.py tests/link/test_tlog.py
 
-# Random requests with every index checked, for so long; a child that compiles may take minutes more.
+FUZZ_S ?= 150
+# Random requests with every index checked, for so long and no longer; fails where none was answered.
 fuzz: setup
 	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m benchmarks.fuzz --strict --seconds $(FUZZ_S)
 

@@ -1,6 +1,7 @@
 """Fuzzing the planners: random requests end in a plan whose every figure is finite, or in an error of ours; nothing else.
 
-``python -m benchmarks.fuzz --requests 20000``. With ``NUMBA_BOUNDSCHECK=1`` a kernel that reads or writes beyond an array is an
+``python -m benchmarks.fuzz --requests 20000``. Each request is planned; one in `ONLINE_EVERY` is carried on, too: evaluated, replanned on the ground
+and in the air, decided at every stop (`benchmarks.fuzz_online`; ``--online``: all, and only that). With ``NUMBA_BOUNDSCHECK=1`` a kernel that reads or writes beyond an array is an
 `IndexError`, and so a finding. A child process answers, so that a crash or a request without an end is a finding, too. ``--only N``
 tries one request again and shows the trace.
 """
@@ -26,6 +27,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.fuzz_cases import Case, draw
+from benchmarks.fuzz_online import carry_on, draw_online
 from skyway.models.composition_file import from_json, to_json
 from skyway.models.errors import InfeasibleError, InputError
 from skyway.planner.plan import CLAIRVOYANT_PLANNERS, plan
@@ -35,10 +37,15 @@ if TYPE_CHECKING:
 
     from skyway.planner.result import PlanResult
 
+CHILD = [sys.executable, "-X", "faulthandler", "-m", "benchmarks.fuzz", "--child"]
+"""Command of the process that answers; it is given the first number and the one to stop before."""
 LONGEST_S = 600.0
 """A request that takes longer hangs."""
 SEARCH_S = 0.2
 """Seconds that `ies` may search."""
+ONLINE_EVERY = 5
+"""One request in so many is carried on after it was planned."""
+PROGRESS_EVERY = 500
 NOT_A_NUMBER = re.compile(r"(?<![a-z])[-+]?(nan|inf|infinity)(?![a-z])", re.IGNORECASE)
 
 
@@ -76,6 +83,25 @@ def judge(case: Case) -> str:
     if case.number % 4 == 0:
         _no_nan(shown(result), "table")
     return "plan"
+
+
+def judge_online(case: Case) -> str:
+    """Carry a request on and look at every figure; returns how, and ``done`` or what binds.
+
+    Raises
+    ------
+    FindingError
+        A figure that is not finite.
+    """
+    online = draw_online(case)
+    try:
+        for where, value in carry_on(online):
+            if not math.isfinite(value):
+                raise FindingError(f"{online.way}: {where} is {value}")
+    except (InfeasibleError, InputError) as error:
+        _no_nan(str(error), "error")
+        return f"{online.way}: {getattr(error, 'constraint', 'input')}"
+    return f"{online.way}: done"
 
 
 def _first(wind: Any) -> Any:
@@ -122,7 +148,7 @@ def _no_nan(text: str, where: str) -> None:
         raise FindingError(f"{where} shows {found.group()}: …{text[max(found.start() - 60, 0) : found.end() + 20]}…")
 
 
-def _answer(numbers: range) -> None:
+def _answer(numbers: range, *, online_only: bool) -> None:
     """In the child: a line for the beginning and one for the end of each request."""
     for number in numbers:
         print(json.dumps({"begin": number}), flush=True)
@@ -131,7 +157,10 @@ def _answer(numbers: range) -> None:
         try:
             case = draw(number)
             row["planner"] = case.planner
-            row["ended"] = judge(case)
+            if not online_only:
+                row["ended"] = judge(case)
+            if online_only or number % ONLINE_EVERY == 0:
+                row["online"] = judge_online(case)
         except Exception as error:  # noqa: BLE001  whatever it is, it is a finding
             where = traceback.extract_tb(error.__traceback__)[-1]
             row |= {
@@ -143,8 +172,9 @@ def _answer(numbers: range) -> None:
 
 @dataclass
 class Tally:
-    """What became of the requests."""
+    """What became of the requests: how many were answered, how they ended, and what must not be."""
 
+    answered: int = 0
     ended: Counter[str] = field(default_factory=Counter)
     findings: list[str] = field(default_factory=list)
     slowest: tuple[float, int] = (0.0, -1)
@@ -154,8 +184,14 @@ class Tally:
         self.slowest = max(self.slowest, (row["s"], row["end"]))
         if "finding" in row:
             self.find(row["end"], f"{row['finding']} ({row.get('planner')}, {row['where']})")
-        else:
+            return
+        self.answered += 1
+        if "ended" in row:
             self.ended[f"{row['planner']}: {row['ended']}"] += 1
+        if "online" in row:
+            self.ended[f"under way, {row['online']}"] += 1
+        if self.answered % PROGRESS_EVERY == 0:
+            print(f"{self.answered} answered, the last is #{row['end']}", file=sys.stderr, flush=True)
 
     def find(self, number: int, what: str) -> None:
         """Keep and print a finding."""
@@ -163,28 +199,33 @@ class Tally:
         print(f"FOUND #{number} {what}", flush=True)
 
 
-def run(first: int, count: int, seconds: float = math.inf) -> Tally:
+def run(first: int, count: int, seconds: float = math.inf, *, online_only: bool = False) -> Tally:
     """Answer so many requests, or as many as there is time for."""
     tally, until, number = Tally(), time.monotonic() + seconds, first
     while number < first + count and time.monotonic() < until:
-        number = _one_child(number, first + count, until, tally)
+        command = [*CHILD, str(number), str(first + count), *(["--online"] if online_only else [])]
+        number = _one_child(command, number, first + count, until, tally)
     return tally
 
 
-def _one_child(number: int, stop: int, until: float, tally: Tally) -> int:
-    """Let a child answer until it ends, dies or hangs; returns the number to go on with."""
-    command = [sys.executable, "-X", "faulthandler", "-m", "benchmarks.fuzz", "--child", str(number), str(stop)]
+def _one_child(command: list[str], number: int, stop: int, until: float, tally: Tally) -> int:
+    """Let a child answer until it ends, dies or hangs, or time is over; returns the number to go on with.
+
+    What it is at when time is over, be that compiling, counts as neither answered nor found.
+    """
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
         lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         assert child.stdout is not None
         threading.Thread(target=_hand_on, args=(child.stdout, lines), daemon=True).start()
         begun = number
         while True:
+            left = until - time.monotonic()
             try:
-                line = lines.get(timeout=LONGEST_S)
+                line = lines.get(timeout=max(min(LONGEST_S, left), 0.0))
             except queue.Empty:
                 child.kill()
-                tally.find(begun, f"no end within {LONGEST_S:g} s")
+                if left > LONGEST_S:
+                    tally.find(begun, f"no end within {LONGEST_S:g} s")
                 return begun + 1
             if not line:
                 if child.wait() != 0:
@@ -196,9 +237,6 @@ def _one_child(number: int, stop: int, until: float, tally: Tally) -> int:
                 begun = row["begin"]
             else:
                 tally.add(row)
-                if time.monotonic() > until:
-                    child.kill()
-                    return begun + 1
 
 
 def _hand_on(out: IO[str], lines: queue.SimpleQueue[str]) -> None:
@@ -216,26 +254,33 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=math.inf, help="stop after so long")
     parser.add_argument("--only", type=int, help="answer one request here and show what it is")
     parser.add_argument("--strict", action="store_true", help="fail at any finding, not only at an index or a crash")
+    parser.add_argument(
+        "--online", action="store_true", help="carry every request on under way, and plan none beforehand"
+    )
     parser.add_argument("--child", type=int, nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     if options.child is not None:
-        _answer(range(*options.child))
+        _answer(range(*options.child), online_only=options.online)
         return 0
     if options.only is not None:
         case = draw(options.only)
         print(case)
-        print(judge(case))
+        print(judge_online(case) if options.online else judge(case))
         return 0
     started = time.monotonic()
-    tally = run(options.first, options.requests, options.seconds)
+    tally = run(options.first, options.requests, options.seconds, online_only=options.online)
     checked = "with" if os.environ.get("NUMBA_BOUNDSCHECK", "0") not in ("", "0") else "WITHOUT"
     for name, count in sorted(tally.ended.items()):
         print(f"{count:>7}  {name}")
-    answered = sum(tally.ended.values()) + len(tally.findings)
     print(
-        f"{answered} requests {checked} bounds checks in {time.monotonic() - started:.0f} s, slowest {tally.slowest[0]:.1f} s "
-        f"(#{tally.slowest[1]}); {len(tally.findings)} findings"
+        f"{tally.answered + len(tally.findings)} of {options.requests} requests answered {checked} bounds checks in "
+        f"{time.monotonic() - started:.0f} s, slowest {tally.slowest[0]:.1f} s (#{tally.slowest[1]}); {len(tally.findings)} findings"
     )
+    if not tally.answered:
+        print(
+            "no request was answered: that proves nothing; give it more time (--seconds), the first compiles the kernels"
+        )
+        return 1
     memory = [one for one in tally.findings if "IndexError" in one or "process died" in one]
     return 1 if memory or (options.strict and tally.findings) else 0
 

@@ -7,6 +7,8 @@ compiled code is cached beside the source (`models.kernel_cache`).
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import update_wrapper
+from types import CodeType, FunctionType
 from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -41,16 +43,32 @@ def _compile(function: F, *, counting: bool) -> F:
     import numba
 
     from skyway.models.kernel_cache import KernelCache
+    from skyway.models.kernel_library import LibraryKernel
 
+    names = {name: function.__globals__.get(name) for name in _names(function.__code__)}
+    callees = {
+        name: value.compiled if isinstance(value, LibraryKernel) else value
+        for name, value in names.items()
+        if hasattr(value, "py_func")
+    }
+    source: Any = function
+    if any(isinstance(names[name], LibraryKernel) for name in callees):  # numba compiles calls of its own kernels only
+        source = FunctionType(
+            function.__code__, function.__globals__ | callees, function.__name__, function.__defaults__
+        )
+        update_wrapper(source, function)
     options: dict[str, Any] = {"_nrt": counting}
-    kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False, **options)(function)
-    callees = [
-        value for name in function.__code__.co_names if hasattr(value := function.__globals__.get(name), "py_func")
-    ]
+    kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False, **options)(source)
     own = function.__code__.co_filename
-    kernel.skyway_sources = frozenset({own, *(path for callee in callees for path in sources(callee))})
+    kernel.skyway_sources = frozenset({own, *(path for callee in callees.values() for path in sources(callee))})
     kernel._cache = KernelCache(function, kernel.skyway_sources, watchers)  # noqa: SLF001  numba offers no public way
     return cast("F", kernel)
+
+
+def _names(code: CodeType) -> set[str]:
+    """Return the global names that a function may read, those of its comprehensions included."""
+    inner = [part for part in code.co_consts if isinstance(part, CodeType)]
+    return set(code.co_names).union(*map(_names, inner))
 
 
 def sources(kernel: Any) -> frozenset[str]:

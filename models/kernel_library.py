@@ -11,7 +11,7 @@ Types are written as JSON: ``"float64"``, ``["array", "float64", 2, "C", true]``
 from __future__ import annotations
 
 import json
-from functools import cache, update_wrapper
+from functools import cache, cached_property, update_wrapper
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -119,13 +119,18 @@ class LibraryKernel:
             kernel = self._by_look[look] = self._for(tuple(map(kind_of, arguments)))
         return kernel(*arguments)
 
+    @cached_property
+    def compiled(self) -> Callable[..., Any]:
+        """The same kernel for any types of arguments, compiled when it is called; raises ImportError without numba."""
+        return self._compile_it()
+
     def _for(self, kinds: tuple[Kind, ...]) -> Callable[..., Any]:
         """Return the machine code for these types of arguments; compiled now where the library has none."""
         compiled_for = listed().get(self._name, [])
         if kinds in compiled_for:
             return cast("Callable[..., Any]", getattr(library(), symbol(self._name, compiled_for.index(kinds))))
         try:
-            return self._compile_it()
+            return self.compiled
         except ImportError as error:
             raise KernelError(
                 f"kernel {self._name} was not compiled for arguments ({', '.join(map(str, kinds))}); "

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import build_kernels
 from skyway.models import kernel_library
@@ -15,15 +16,22 @@ ROOT = Path(__file__).parents[2]
 KERNELS = """
 import numpy
 from typing import NamedTuple
-from skyway.models.compiled import compiled
+from skyway.models.compiled import compiled, compiled_lean
 
 class Pair(NamedTuple):
     values: numpy.ndarray
     factor: float
 
+@compiled_lean
+def times(value, factor):
+    return value * factor
+
 @compiled
 def scaled(pair, offset):
-    return pair.values * pair.factor + offset
+    out = numpy.empty(len(pair.values))
+    for k in range(len(pair.values)):
+        out[k] = times(pair.values[k], pair.factor) + offset
+    return out
 
 @compiled
 def count(flags):
@@ -71,33 +79,76 @@ def test_types_are_told_apart_as_numba_does():
         assert json.loads(json.dumps(kind_of(sample))) == build_kernels._kind(typeof(sample)), sample
 
 
-def test_a_library_built_ahead_of_time_is_called_without_numba(tmp_path):
-    """The whole way: list, library, a process in which numba cannot be imported."""
-    (tmp_path / "some_kernels.py").write_text(KERNELS)
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Folder with a module of kernels, a list of them and the library that was built from it; as a wheel has them."""
+    folder = tmp_path_factory.mktemp("wheel")
+    (folder / "some_kernels.py").write_text(KERNELS)
     array = ["array", "float64", 1, "C", True]
     listed = {
         "some_kernels.scaled": [[["named", "some_kernels:Pair", array, "float64"], "float64"]],
         "some_kernels.count": [[["array", "bool", 1, "C", True]]],
+        "some_kernels.times": [["float64", "float64"]],
     }
-    (tmp_path / "kernels.json").write_text(json.dumps(listed))
+    (folder / "kernels.json").write_text(json.dumps(listed))
     build = (
         "import sys; from pathlib import Path; import build_kernels as b; "
-        f"b.LIST = Path(r'{tmp_path}') / 'kernels.json'; b.build(Path(r'{tmp_path}'), 'some_library')"
+        f"b.LIST = Path(r'{folder}') / 'kernels.json'; b.build(Path(r'{folder}'), 'some_library')"
     )
-    _python(build, tmp_path)
+    _python(build, folder)
+    return folder
+
+
+USE = """
+from pathlib import Path; from skyway.models import kernel_library as k
+k.LIST = Path(r'{folder}') / 'kernels.json'
+import some_library; k.library = lambda: some_library
+import numpy; from some_kernels import scaled, count, Pair
+"""
+
+
+def test_a_library_built_ahead_of_time_is_called_without_numba(built):
+    """The whole way: list, library, a process in which numba cannot be imported."""
     use = (
-        "import sys; sys.modules['numba'] = None\n"
-        "from pathlib import Path; from skyway.models import kernel_library as k\n"
-        f"k.LIST = Path(r'{tmp_path}') / 'kernels.json'\n"
-        "import some_library; k.library = lambda: some_library\n"
-        "import numpy; from some_kernels import scaled, count, Pair\n"
+        f"import sys; sys.modules['numba'] = None\n{USE.format(folder=built)}"
         "print(scaled(Pair(numpy.array([1.0, 2.0]), 3.0), 0.5).tolist(), count(numpy.array([True, False, True])))\n"
         "try:\n    count(numpy.array([1.0]))\nexcept k.KernelError as error:\n    print(error)\n"
     )
-    told = _python(use, tmp_path)
+    told = _python(use, built)
     assert told.splitlines()[0] == "[3.5, 6.5] 2"
     assert "some_kernels.count was not compiled for arguments" in told
     assert "skyway-planner[jit]" in told
+
+
+def test_with_numba_beside_a_library_kernels_take_any_types_and_so_do_those_that_they_call(built):
+    """A kernel of the library calls others of the library, which numba cannot type."""
+    use = (
+        f"{USE.format(folder=built)}"
+        "listed = scaled(Pair(numpy.array([1.0, 2.0]), 3.0), 0.5).tolist()\n"
+        "import sys; compiles = 'numba' in sys.modules\n"
+        "narrow = Pair(numpy.array([1, 2], dtype=numpy.int32), 3.0)\n"
+        "print(listed, compiles, scaled(narrow, 0.5).tolist(), scaled(narrow, 1).tolist(), count(numpy.array([1.0, 2.0])))"
+    )
+    for _ in range(2):  # compiled, then from the cache
+        assert _python(use, built) == "[3.5, 6.5] False [3.5, 6.5] [4.0, 7.0] 3.0\n"
+
+
+PLAN = """
+import contextlib, io
+from skyway.models import kernel_library as k
+k.library, k.listed = (lambda: k), dict
+from skyway.cli.main import main
+from skyway.planner.charge_kernels import fly_by_need
+trip = ["--from", "bellevue", "--to", "jacobi", "--payload", "0.8", "--depart", "2013-07-10T14:00-04:00", "--drone", "m200"]
+with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+    codes = [main(["plan", *trip, "--planner", name]) for name in ("robust", "exact")]
+print(codes, type(fly_by_need).__name__)
+"""
+
+
+def test_with_numba_beside_it_a_library_that_lacks_every_kernel_plans_all_the_same(tmp_path):
+    """Every kernel of planning is compiled as one beside a wheel is: none depends on a callee that is in the library."""
+    assert _python(PLAN, tmp_path) == "[0, 0] LibraryKernel\n"
 
 
 def _python(program: str, folder: Path) -> str:
