@@ -229,7 +229,8 @@ class ReadParameters(Exchange):
             return
         self._lost += not self._probed
         self._missed += not self._probed
-        loss = (self._lost + 1.0) / (self._lost + self._answered + 2.0)
+        lost = self._lost + sum(self._silent[name] for name in self.found if name in self._silent)
+        loss = (lost + 2.0) / (lost + self._answered + 3.0)
         for name in self._round:
             if self._probed and name in self._open:
                 self._silent[name] += 1

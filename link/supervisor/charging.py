@@ -123,6 +123,7 @@ def _reset_counter(ctx: Context, soc: float | None) -> None:
         return
     ctx.note("battery", f"the vehicle's counter was set to {100 * soc:.0f} %", soc=soc, reported=reported)
     if math.isfinite(reported):
+        ctx.told.measured(ctx.now_s, reported)
         ctx.soc, ctx.told_soc, ctx.soc_source = reported, reported, "the vehicle"
 
 

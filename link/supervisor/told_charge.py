@@ -65,6 +65,12 @@ class ToldCharge:
         self.soc, self.at_s, self.held_s, self.contradicted = math.nan, -math.inf, math.nan, False
         self._met_s, self._fell = -math.inf, (math.nan, -math.inf)
 
+    def measured(self, time_s: float, soc: float) -> None:
+        """Begin anew with a charge that is sure: reports of before that are still to come are held, not believed."""
+        self.forget()
+        self._met_s = time_s
+        self._believe(time_s, soc)
+
     def hear(self, time_s: float, told: float, open_v: float, rate_per_s: float, *, flies: bool) -> float:
         """Take a report with the voltage that the battery would have without load; returns charge lost at once, mostly 0.
 

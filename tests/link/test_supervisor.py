@@ -60,6 +60,14 @@ def test_a_package_is_delivered_with_a_recharge_on_the_way(autopilot, tmp_path):
     assert not strange  # an autopilot that disarms itself after its landing is nobody's intervention
 
 
+@pytest.mark.slow
+def test_what_a_pad_has_charged_is_believed_from_the_take_off_on(tmp_path):
+    stage = Stage(Story(autopilot="ardupilot", soc=0.22, traffic=False, **SHORT), tmp_path)
+    assert stage.fly().delivered
+    counters, (leg,) = events(stage, "battery"), events(stage, "leg")
+    assert leg.data["told_soc"] == pytest.approx(counters[-1].data["soc"], abs=0.02)
+
+
 def test_the_table_of_states_is_never_left_and_is_what_the_page_shows():
     for state, rule in TABLE.items():
         for other in State:

@@ -114,6 +114,16 @@ def test_a_charge_that_is_lost_is_believed_within_seconds(seed):
     assert late <= 5
 
 
+def test_reports_of_before_a_counter_was_set_are_no_loss():
+    told = ToldCharge()
+    for second in range(60):
+        told.hear(float(second), 0.38, math.nan, 0.0, flies=False)
+    told.measured(60.0, 0.73)
+    for second, soc in ((58.0, 0.38), (59.0, 0.38), (61.0, 0.73), (62.0, 0.72)):
+        assert told.hear(second, soc, math.nan, 0.0006, flies=second > 61.5) == 0.0
+        assert told.line(second, 0.0006) == pytest.approx(0.73, abs=0.015)
+
+
 def test_without_a_voltage_a_charge_must_be_told_for_longer_than_a_burst():
     burst, truth = told_flight(lambda n, soc: 0.1 if 100 <= n < 110 else soc, volts_known=False)
     assert max(abs(one - other) for one, other in zip(burst, truth, strict=True)) < 0.08
