@@ -18,7 +18,8 @@ from skyway.link.logs.dataflash_messages import ESTIMATES, SPOKEN, doubting, hov
 from skyway.link.logs.log import LogEvent, LogSummary
 from skyway.link.logs.pieces import HOLD_S, WARM_UP_S, InOrder, read_pieces
 from skyway.link.logs.stamps import SteadyTimes
-from skyway.link.logs.vehicle_kind import KindEvidence
+from skyway.link.logs.table_kernels import table_of
+from skyway.link.logs.vehicle_kind import WATCHED, KindEvidence
 from skyway.models.telemetry import TimeBase
 
 if TYPE_CHECKING:
@@ -69,6 +70,7 @@ class MessageFormat:
     factor: dict[str, float]
 
 
+_WATCHED = np.array([name.encode() for name in sorted(WATCHED)])
 _SIZES = np.full(256, -1, dtype=np.int64)
 for _letter, (_kind, _count, _) in PACKED.items():
     _SIZES[ord(_letter)] = np.dtype((_kind, (_count,)) if _count > 1 else _kind).itemsize
@@ -98,11 +100,12 @@ def _format(body: bytes) -> tuple[int, MessageFormat] | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Messages:
-    """The messages of a piece of a log: place of each in it and type, shape (messages,), and bytes that belong to none."""
+    """The messages of a piece of a log: place of each in it and type, shape (messages,), bytes that belong to none, counts by type."""
 
     offset: NDArray[np.int64]
     kind: NDArray[np.uint8]
     skipped: int
+    counts: NDArray[np.int64]
 
 
 @dataclass(slots=True)
@@ -211,19 +214,16 @@ class DataFlash:
         most = len(data) // 3 + 1
         offset, kind = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.uint8)
         count, used, skipped = kernels.find_messages(data, final, self._length, self._packed, _SIZES, offset, kind)
-        return Messages(offset[:count], kind[:count], skipped), used
+        return Messages(offset[:count], kind[:count], skipped, np.bincount(kind[:count], minlength=256)), used
 
     def _fields(
         self, name: str, data: NDArray[np.uint8], found: Messages
     ) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
         """Messages of one type in a piece: their places, and columns in the units of the log; empty where there is none."""
         for number, form in self._formats.items():
-            if form.name == name:
+            if form.name == name and found.counts[number]:
                 rows = found.offset[found.kind == number]
-                if not len(rows):
-                    continue
-                place = rows[:, None] + np.arange(3, 3 + form.layout.itemsize)
-                table = np.ascontiguousarray(data[place]).view(form.layout)[:, 0]
+                table = table_of(data, rows + 3, form.layout)
                 return rows, {
                     field: table[field] * factor if factor != 1.0 else table[field]
                     for field, factor in form.factor.items()
@@ -266,7 +266,7 @@ class DataFlash:
         for base, data, found in read_pieces(self.path, self._find):
             self._pieces.append(_Piece(base, self._range_s[1], self._events.lasting()))
             self._skipped += found.skipped
-            self._counts += np.bincount(found.kind, minlength=256)
+            self._counts += found.counts
             for at in found.offset[found.kind == kernels.FORMAT_TYPE]:
                 body = data[at + 3 : at + kernels.FORMAT_LENGTH].tobytes()
                 self._named[body[0]] = _text(body[2:6])
@@ -328,11 +328,11 @@ class DataFlash:
 def _parameters(
     stamped: tuple[NDArray[np.int64], NDArray[np.float64], dict[str, NDArray[Any]]] | None,
 ) -> Iterator[tuple[str, float]]:
-    """Names and values of messages PARM."""
+    """Names and values of those messages PARM that say something of the vehicle."""
     fields = {} if stamped is None else stamped[2]
     if {"Name", "Value"} <= fields.keys():
-        for name, value in zip(fields["Name"], fields["Value"].tolist(), strict=True):
-            yield bytes(name).split(b"\0")[0].decode("ascii", "replace"), float(value)
+        for row in np.flatnonzero(np.isin(fields["Name"], _WATCHED)).tolist():
+            yield fields["Name"][row].decode("ascii"), float(fields["Value"][row])
 
 
 def _boot_s(fields: dict[str, NDArray[Any]]) -> NDArray[np.float64] | None:

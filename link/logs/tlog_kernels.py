@@ -336,16 +336,3 @@ def walk(
             return at, length
         at += length
     return at, 0
-
-
-@compiled
-def gather(
-    data: NDArray[np.uint8], payload: NDArray[np.int64], length: NDArray[np.int64], out: NDArray[np.uint8]
-) -> None:
-    """Copy payloads, one a row; what is shorter than a row is filled with zeros (MAVLink 2 cuts trailing zeros)."""
-    for row in range(len(payload)):
-        count = min(length[row], out.shape[1])
-        for step in range(count):
-            out[row, step] = data[payload[row] + step]
-        for step in range(count, out.shape[1]):
-            out[row, step] = 0

@@ -75,6 +75,12 @@ class StampCheck:
     def _believed(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which stamps are to be believed."""
         begins = math.isnan(self.last_s)
+        step = np.diff(time_s, prepend=time_s[0] if begins else self.last_s)
+        if (
+            len(step) * self.FIRST_GAP_S < self.REACH_S
+            and ((step > 0.01 - self.JITTER_S) & (step < self.FIRST_GAP_S)).all()
+        ):
+            return np.ones(len(time_s), dtype=np.bool_)  # as below, found faster
         good = np.abs(time_s - (float(np.median(time_s)) if begins else self.last_s)) <= self.REACH_S
         if len(time_s) < 3:
             return np.asarray(good)

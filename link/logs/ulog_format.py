@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.link.logs import ulog_kernels as kernels
-from skyway.link.logs.vehicle_kind import KindEvidence
+from skyway.link.logs.table_kernels import table_of
+from skyway.link.logs.vehicle_kind import WATCHED, KindEvidence
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,6 +28,7 @@ HEADER_BYTES = 16
 MAX_TEXTS = 5000
 SYNC = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 """A whole sync message."""
+_DATA, _FORMAT, _PARAMETER, _SUBSCRIPTION, _TEXT, _TAGGED_TEXT, _DROPOUT = b"DFPALCO"
 _SYNC = np.frombuffer(SYNC, dtype=np.uint8)[3:]
 LOOK_BYTES = 1024 * 1024
 MAX_FIELDS = 2000
@@ -105,6 +107,10 @@ class ULogContents:
     dropouts_ms: int = 0
     skipped: int = 0
     evidence: KindEvidence = field(default_factory=KindEvidence)
+    _wanted: NDArray[np.int64] = field(default_factory=lambda: np.full(1 << 16, -1))
+    """Bytes of the messages of each subscription, -1: none."""
+    _packed: dict[str, np.dtype[np.void] | None] = field(default_factory=dict)
+    """Layouts made so far, by topic."""
 
     def counts(self) -> dict[str, int]:
         """Messages of each topic, all its instances together."""
@@ -117,45 +123,57 @@ class ULogContents:
     def see(self, data: NDArray[np.uint8], found: Messages) -> None:
         """Take notice of the messages of a piece."""
         since: dict[int, int] = {}
-        for row in np.flatnonzero(found.kind != ord("D")).tolist():
-            at, size = int(found.place[row]), int(found.size[row])
-            subscribed = self._see_one(int(found.kind[row]), data[at : at + size].tobytes())
+        other = np.flatnonzero(found.kind != _DATA)
+        columns = (column[other].tolist() for column in (found.kind, found.place, found.size))
+        for kind, at, size in zip(*columns, strict=True):
+            subscribed = self._see_one(kind, data[at : at + size].tobytes())
             if subscribed is not None:
                 since[subscribed] = at
-        for number, layout in self.layouts.items():
-            mine = (found.number == number) & (found.size == layout.itemsize + 2)
-            count = int((mine & (found.place > since.get(number, -1))).sum())
-            self.number[number] = self.number.get(number, 0) + count
+                self._wanted[subscribed] = self.layouts[subscribed].itemsize + 2
+        mine = np.flatnonzero((found.kind == _DATA) & (found.size == self._wanted[found.number]))
+        if since:
+            begun = np.full(len(self._wanted), -1)
+            begun[list(since)] = list(since.values())
+            mine = mine[found.place[mine] > begun[found.number[mine]]]
+        counts = np.bincount(found.number[mine])
+        for number in np.flatnonzero(counts).tolist():
+            self.number[number] += int(counts[number])
 
     def _see_one(self, kind: int, body: bytes) -> int | None:
         """Take one message that holds no data; returns the number of a subscription that it begins anew."""
-        if kind == ord("F"):
+        if kind == _PARAMETER:
+            self._see_parameter(body)
+        elif kind == _FORMAT:
             found = _read_format(body.decode("utf-8", "ignore"))
             if found is not None:
                 self.formats[found[0]] = found[1]
-        elif kind == ord("A") and len(body) >= 3:
+                self._packed.clear()
+        elif kind == _SUBSCRIPTION and len(body) >= 3:
             number, topic = body[1] + 256 * body[2], body[3:].decode("utf-8", "ignore")
-            layout = self._layout(topic)
+            if topic not in self._packed:
+                self._packed[topic] = self._layout(topic)
+            layout = self._packed[topic]
             if layout is not None:
                 self.topics[number], self.layouts[number] = (topic, body[0]), layout
                 self.number[number] = 0
                 return number
-        elif kind in {ord("L"), ord("C")} and len(self.texts) < MAX_TEXTS:
-            head = 9 if kind == ord("L") else 11
+        elif kind in {_TEXT, _TAGGED_TEXT} and len(self.texts) < MAX_TEXTS:
+            head = 9 if kind == _TEXT else 11
             if len(body) >= head:
                 (time_us,) = struct.unpack_from("<Q", body, head - 8)
                 self.texts.append((time_us, body[head:].decode("utf-8", "replace")))
-        elif kind == ord("P") and body:
-            self._see_parameter(body)
-        elif kind == ord("O") and len(body) >= 2:
+        elif kind == _DROPOUT and len(body) >= 2:
             self.dropouts += 1
             self.dropouts_ms += body[0] + 256 * body[1]
         return None
 
     def _see_parameter(self, body: bytes) -> None:
         """Take a parameter: the length of its key, the key (type and name), the value."""
-        kind, _, name = body[1 : 1 + body[0]].decode("ascii", "replace").partition(" ")
-        value = body[1 + body[0] :]
+        size = body[0] if body else 0
+        kind, _, name = body[1 : 1 + size].decode("ascii", "replace").partition(" ")
+        if name not in WATCHED:
+            return
+        value = body[1 + size :]
         if kind in _TYPES and len(value) == np.dtype(_TYPES[kind]).itemsize:
             self.evidence.parameter(name, float(np.frombuffer(value, dtype=_TYPES[kind])[0]))
 
@@ -171,7 +189,7 @@ class ULogContents:
             rows = found.place[(found.number == number) & (found.size == layout.itemsize + 2)] + 2
             if not len(rows):
                 continue
-            table = np.ascontiguousarray(data[rows[:, None] + np.arange(layout.itemsize)]).view(layout)[:, 0]
+            table = table_of(data, rows, layout)
             return rows, {str(name): table[name] for name in layout.names or ()}
         return nothing, {}
 
@@ -246,7 +264,7 @@ class ULogScan:
         place, kind, size = np.empty(most, np.int64), np.empty(most, np.uint8), np.empty(most, np.int64)
         count, used, skipped = kernels.find_messages(data, final, _SYNC, self._state, place, kind, size)
         place, kind, size = place[:count], kind[:count], size[:count]
-        mine = kind == ord("D")
+        mine = kind == _DATA
         number = np.full(count, -1, dtype=np.int64)
         number[mine] = data[place[mine]] + 256 * data[place[mine] + 1].astype(np.int64)
         return Messages(place, kind, size, number, skipped), used

@@ -109,7 +109,7 @@ def find_messages(
             step = 1 if damage else min(stop, end) - at
             at, skipped = at + step, skipped + (0 if whole else step)
             continue
-        if letter in {A, C, D, I, L, M, O, P, Q, S}:
+        if letter == D or letter in {A, C, I, L, M, O, P, Q, S}:  # data first: a set is made for each question
             state[ENDED] = length < least_bytes(letter) or (letter == O and length != 2)
             if state[ENDED]:
                 break
