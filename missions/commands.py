@@ -270,6 +270,14 @@ GLOBAL_FRAMES = frozenset(
 )
 
 
+def is_scaled(command: int, frame: int) -> bool:
+    """Whether parameters 5 and 6 travel in units of 1e-7 degree.
+
+    They do for located commands, and, as QGroundControl sends them, for commands without a name here in a global frame.
+    """
+    return command in LOCATED_COMMANDS or (command not in _COMMANDS and frame in GLOBAL_FRAMES)
+
+
 def command_of(number: int) -> int:
     """Return the named command of a number, or the number itself where we have no name."""
     return _COMMANDS.get(number, number)

@@ -17,7 +17,6 @@ _SHOWN = 6
 """Keys that are named one by one."""
 _REPEATED = frozenset({"Altitude", "AMSLAltAboveTerrain", "AltitudeMode"})
 """Keys of items by which QGroundControl shows again what the item says."""
-_ABOVE_TERRAIN_MODE = 3
 
 
 def dropped(document: MissionDocument, suffix: str) -> tuple[str, ...]:
@@ -51,7 +50,7 @@ def _of_waypoints(document: MissionDocument) -> Iterator[str]:
     comments = sum(COMMENT in item.extra for item in mission.items)
     if comments:
         yield f"comments of {comments} items: QGroundControl opens no file that has them"
-    terrain = sum(item.extra.get("AltitudeMode") == _ABOVE_TERRAIN_MODE for item in mission.items)
+    terrain = sum(item.was_planned_above_terrain for item in mission.items)
     if terrain:
         yield f"that the heights of {terrain} items were worked out above terrain: they stay, above sea level"
     patterns = {n for p in mission.complex_items for n in range(p.first, p.first + p.count)}

@@ -24,8 +24,13 @@ if TYPE_CHECKING:
     from typing import Any
 
 
+WING_TYPES = frozenset({1, *range(19, 26)})
+"""MAV_TYPE of aeroplanes and of what takes off upright and flies on wings."""
 SURFACE_TYPES = frozenset({10, 11, 12})
 """MAV_TYPE of rovers, boats and submarines."""
+
+
+_ABOVE_TERRAIN_MODE = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,6 +136,16 @@ class MissionItem:
         return Point(self.x, self.y)
 
     @property
+    def was_planned_above_terrain(self) -> bool:
+        """Whether QGroundControl worked this altitude above the sea out from one above terrain; its file keeps both."""
+        mode, shown, worked_out = (self.extra.get(key) for key in ("AltitudeMode", "Altitude", "AMSLAltAboveTerrain"))
+        if self.frame not in (Frame.GLOBAL, Frame.GLOBAL_INT):
+            return False
+        # before version 4 it numbered its altitude modes from 0
+        older = mode == _ABOVE_TERRAIN_MODE - 1 and worked_out == self.z and shown != self.z
+        return mode == _ABOVE_TERRAIN_MODE or older
+
+    @property
     def jump_target(self) -> int | None:
         """Number of the item this one refers to, for the commands that refer to one."""
         if self.command not in INDEX_COMMANDS or not math.isfinite(self.param1):
@@ -204,6 +219,11 @@ class Mission:
 
     def __len__(self) -> int:
         return len(self.items)
+
+    @property
+    def is_for_wings(self) -> bool:
+        """Whether it was planned for an aeroplane or a VTOL: what a multirotor needs says nothing of its battery."""
+        return self.vehicle_type in WING_TYPES
 
     @property
     def is_for_the_surface(self) -> bool:

@@ -29,7 +29,6 @@ _ALTITUDE_MODES: dict[int, int] = {
     Frame.GLOBAL_TERRAIN_ALT_INT: 4,
 }
 _ABOVE_TERRAIN_MODE = 3
-"""QGroundControl worked out an absolute altitude from one above terrain; it keeps both."""
 
 
 def dumps(document: MissionDocument) -> str:
@@ -150,8 +149,8 @@ def _altitude(item: MissionItem) -> dict[str, Any]:
     kept = item.extra
     mode = _ALTITUDE_MODES[item.frame]
     above_terrain = kept.get("AMSLAltAboveTerrain")
-    if mode == 2 and kept.get("AltitudeMode") == _ABOVE_TERRAIN_MODE and above_terrain == item.z:
-        return {}
+    if item.was_planned_above_terrain and above_terrain == item.z:
+        return {"AltitudeMode": _ABOVE_TERRAIN_MODE}
     return {
         "Altitude": _short(item.z),
         "AltitudeMode": mode,

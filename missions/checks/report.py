@@ -47,11 +47,14 @@ class CheckReport:
     findings : tuple of Finding
         Errors first, then warnings, then information; each in the order of items.
     legs : tuple of LegEnergy
-        Flights, in order.
+        Flights, in order; their distances alone where no vehicle was judged.
+    vehicle_judged : bool
+        False where nobody named the vehicle and it is no multirotor: speeds, range and battery are unknown.
     """
 
     findings: tuple[Finding, ...]
     legs: tuple[LegEnergy, ...]
+    vehicle_judged: bool = True
 
     @property
     def ok(self) -> bool:
@@ -122,7 +125,8 @@ def check(
         *check_rally_distances(document, route),
         *check_fence(document, route, autopilot.name if autopilot else None),
     ]
-    if mission.is_for_the_surface and flown_by.drone_is_assumed:
+    judged = not (flown_by.drone_is_assumed and (mission.is_for_the_surface or mission.is_for_wings))
+    if mission.is_for_the_surface and not judged:
         message = "planned for a rover, boat or submarine: take-off, landing, heights and battery were not judged"
         findings.append(
             Finding("warning", None, "not-for-the-air", message, "name the drone that flies it, if one does")
@@ -130,13 +134,19 @@ def check(
     else:
         findings += check_heights(mission, route, flown_by.stations)
         findings += check_clearance(mission, route, flown_by.stations)
-        findings += _of_the_vehicle(mission, route, legs, flown_by)
+        if judged:
+            findings += _of_the_vehicle(mission, route, legs, flown_by)
+        else:
+            message = "planned for an aeroplane or a VTOL: speeds, range and battery were not judged"
+            findings.append(Finding("warning", None, "not-a-multirotor", message, "name the drone that flies it"))
     if autopilot is not None:
         findings += autopilot.cannot_fly(document)
     if zones is not None:
         findings += check_zones(document, route, zones)
     findings.sort(key=lambda f: (_ORDER[f.severity], -1 if f.item is None else f.item))
-    return CheckReport(tuple(_without_floods(findings)), legs)
+    if not judged:
+        legs = tuple(replace(leg, time_s=None, energy_j=None, soc_end=None, p_reserve=None) for leg in legs)
+    return CheckReport(tuple(_without_floods(findings)), legs, judged)
 
 
 def _of_the_vehicle(
@@ -150,7 +160,7 @@ def _of_the_vehicle(
         *check_energy(route, legs, conditions),
     ]
     for finding in found:
-        if conditions.drone_is_assumed and finding.severity == "error":
+        if conditions.drone_is_assumed and finding.severity != "info":
             message = f"{finding.message} (vehicle assumed: {drone.name})"
             yield replace(finding, severity="warning", message=message)
         else:

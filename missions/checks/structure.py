@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from skyway.missions.commands import PLAIN_PARAM5_COMMANDS, TAKEOFF_COMMANDS, Command
+from skyway.missions.commands import PLAIN_PARAM5_COMMANDS, TAKEOFF_COMMANDS, Command, is_scaled
 from skyway.missions.finding import Finding
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ _NAN_ALLOWED = {
     Command.NAV_VTOL_LAND: {3, 4},
 }
 ALTITUDE_TOLERANCE_M = 0.1
+MOUNT_MODE_GPS_POINT = 4
 _PLAIN_ALTITUDE_MODES = (0, 1, 2)
 """Altitude modes of QGroundControl in which its own altitude is the one of the parameters."""
 _NO_NAN: set[int] = set()
@@ -143,6 +144,14 @@ def _jumps(mission: Mission) -> Iterator[Finding]:
             yield Finding("error", number, "jump-target", "jumps to itself", "correct the target")
 
 
+def _uses_plain_param5(item: MissionItem) -> bool:
+    """Whether parameters 5 and 6 mean something that is no place."""
+    if item.command == Command.DO_MOUNT_CONTROL:
+        return item.z == MOUNT_MODE_GPS_POINT
+    unnamed = not isinstance(item.command, Command)
+    return item.command in PLAIN_PARAM5_COMMANDS or (unnamed and not is_scaled(item.command, item.frame))
+
+
 def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
     allowed = _NAN_ALLOWED.get(Command(item.command), _NO_NAN) if item.command in _NAN_ALLOWED else _NO_NAN
     wrong = [i for i, value in enumerate(item.params, start=1) if math.isnan(value) and i not in allowed]
@@ -156,12 +165,12 @@ def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
             "write 0",
         )
     for name, value in (("param5", item.param5_or_zero), ("param6", item.param6_or_zero)):
-        used = item.command in PLAIN_PARAM5_COMMANDS or not isinstance(item.command, Command)
-        if used and not value.is_integer():
+        if _uses_plain_param5(item) and not value.is_integer():
             message = f"{name} of {item.name} is {value:g}, and travels to the vehicle as {round(value)}"
             yield Finding("warning", number, "fraction-lost", message, "use a whole number")
     shown = item.extra.get("Altitude")
     plain = item.is_located and item.extra.get("AltitudeMode") in _PLAIN_ALTITUDE_MODES and math.isfinite(item.z)
+    plain = plain and not item.was_planned_above_terrain
     if plain and isinstance(shown, (int, float)) and abs(shown - item.z) > ALTITUDE_TOLERANCE_M:
         message = f"the altitude is {item.z:g} m in the parameters, and QGroundControl shows and edits {shown:g} m"
         yield Finding("warning", number, "altitude-disagrees", message, "open and save the plan in QGroundControl")

@@ -19,7 +19,7 @@ from skyway.missions.commands import (
 )
 from skyway.missions.coordinates import Point
 from skyway.missions.dialects.ardupilot_settings import FIRMWARES, RELEASED, SETTINGS
-from skyway.missions.dialects.wire import from_wire, to_wire
+from skyway.missions.dialects.wire import from_wire, no_such_command, to_wire
 from skyway.missions.finding import Finding
 from skyway.missions.mission import Home, Mission, MissionItem
 
@@ -275,7 +275,7 @@ def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
             "error",
             number,
             "ardupilot-unsupported-command",
-            f"ArduPilot refuses the upload: it has no {item.name} in missions",
+            f"ArduPilot refuses the upload: {no_such_command(item)} in missions",
             "remove it: ArduPilot disarms by itself" if item.command == Command.COMPONENT_ARM_DISARM else None,
         )
     if item.command in LOCATED_COMMANDS and math.isnan(item.z):

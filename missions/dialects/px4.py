@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from skyway.missions.commands import FLOWN_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
 from skyway.missions.dialects.px4_settings import FIRMWARES, RELEASED, SETTINGS
-from skyway.missions.dialects.wire import from_wire, to_wire
+from skyway.missions.dialects.wire import from_wire, no_such_command, to_wire
 from skyway.missions.finding import Finding
 from skyway.missions.mission import Mission, MissionItem
 
@@ -227,7 +227,7 @@ def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
             "error",
             number,
             "px4-unsupported-command",
-            f"PX4 refuses the upload: it has no {item.name} in missions",
+            f"PX4 refuses the upload: {no_such_command(item)} in missions",
             "remove it, or replace it by waypoints",
         )
     elif item.is_located and item.frame not in _ALTITUDE_REFERENCE:

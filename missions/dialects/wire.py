@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.missions.commands import LOCATED_COMMANDS, command_of, frame_of
+from skyway.missions.commands import LOCATED_COMMANDS, Command, command_of, frame_of, is_scaled
 from skyway.missions.coordinates import E7
 from skyway.missions.fence_items import from_fence, from_rally, to_fence, to_rally
 from skyway.missions.mission import MissionItem
@@ -76,8 +76,8 @@ def to_wire(item: MissionItem, number: int, *, shift: int = 0, current: int = 0,
     InputError
         A located item without an altitude, or a plain value that 32 bits do not hold.
     """
-    located = item.command in LOCATED_COMMANDS
-    if located and math.isnan(item.z):
+    scaled = is_scaled(item.command, item.frame)
+    if item.command in LOCATED_COMMANDS and math.isnan(item.z):
         raise InputError(Fault("has no altitude", field=f"item {number}", remedy="give each position an altitude"))
     return WireItem(
         number + shift,
@@ -86,17 +86,17 @@ def to_wire(item: MissionItem, number: int, *, shift: int = 0, current: int = 0,
         current,
         int(item.autocontinue),
         *item.params,
-        _integer(item.x, located, number),
-        _integer(item.y, located, number),
+        _integer(item.x, scaled, number),
+        _integer(item.y, scaled, number),
         0.0 if math.isnan(item.z) else item.z,
         mission_type,
     )
 
 
-def _integer(value: int | None, located: bool, number: int) -> int:  # noqa: FBT001  two units, one wire field
+def _integer(value: int | None, scaled: bool, number: int) -> int:  # noqa: FBT001  two units, one wire field
     if value is None:
         return 0
-    plain = value if located else round(value / E7)
+    plain = value if scaled else round(value / E7)
     if abs(plain) > _INT32_MAX:
         raise InputError(Fault("is too large for the wire", field=f"item {number}", value=value))
     return plain
@@ -105,7 +105,7 @@ def _integer(value: int | None, located: bool, number: int) -> int:  # noqa: FBT
 def from_wire(wire: WireItem) -> MissionItem:
     """Take one item from the wire."""
     command = command_of(wire.command)
-    located = command in LOCATED_COMMANDS
+    scaled = is_scaled(command, wire.frame)
     return MissionItem(
         command,
         frame_of(wire.frame),
@@ -113,8 +113,8 @@ def from_wire(wire: WireItem) -> MissionItem:
         wire.param2,
         wire.param3,
         wire.param4,
-        wire.x if located else wire.x * E7,
-        wire.y if located else wire.y * E7,
+        wire.x if scaled else wire.x * E7,
+        wire.y if scaled else wire.y * E7,
         wire.z,
         bool(wire.autocontinue),
     )
@@ -140,3 +140,8 @@ def rally_to_wire(rally: RallyPoints) -> tuple[WireItem, ...]:
 def rally_from_wire(items: Sequence[WireItem]) -> RallyPoints:
     """Take rally points from the wire."""
     return to_rally([from_wire(item) for item in items])
+
+
+def no_such_command(item: MissionItem) -> str:
+    """Say that an autopilot has no such command; of one without a name here, that no version we know has it."""
+    return f"it has no {item.name}" if isinstance(item.command, Command) else f"no version that we know has {item.name}"

@@ -346,7 +346,7 @@ def _print_report(report: CheckReport) -> None:
                 f"ends at {100 * leg.soc_end:.0f} %" if leg.soc_end > 0 else "the battery does not last",
                 f"keeps the reserve with probability {leg.p_reserve:.3f}",
             ]
-        else:
+        elif report.vehicle_judged:
             cells.append("no end, or cannot be flown")
         typer.echo(", ".join(cells))
     typer.echo(_verdict(report))

@@ -14,6 +14,7 @@ from skyway.missions.dialects.wire import (
     from_wire,
     rally_from_wire,
     rally_to_wire,
+    to_wire,
 )
 from skyway.missions.document import MissionDocument
 from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
@@ -63,6 +64,21 @@ def test_jumps_and_the_current_item_shift_with_ardupilots_home():
     assert (ours[2].param1, [w.current for w in ours]) == (1.0, [0, 1, 0, 0])
     assert (theirs[3].param1, [w.current for w in theirs]) == (2.0, [0, 0, 1, 0, 0])
     assert ARDUPILOT.from_wire(theirs).items[2].jump_target == 1
+
+
+def test_places_of_commands_without_a_name_travel_as_places_as_from_qgroundcontrol():
+    there = MissionItem(116, Frame.GLOBAL_RELATIVE_ALT, x=-353_624_001, y=1_491_650_003, z=20.0)
+    wire = to_wire(there, 0)
+    assert (wire.x, wire.y) == (-353_624_001, 1_491_650_003)
+    assert from_wire(wire) == there
+    plain = MissionItem(116, Frame.MISSION, x=50_000_000, y=0)
+    assert (to_wire(plain, 0).x, from_wire(to_wire(plain, 0))) == (5, plain)
+
+
+@BOTH
+def test_of_a_command_without_a_name_it_is_said_that_no_known_version_has_it(autopilot):
+    message = next(f.message for f in autopilot.cannot_fly(MissionDocument(Mission((TAKEOFF, MissionItem(219), LAND)))))
+    assert "no version that we know has MAV_CMD 219 in missions" in message
 
 
 @BOTH

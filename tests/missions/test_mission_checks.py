@@ -1,14 +1,16 @@
 """Checks of any mission: what is wrong, where, and what would be right."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from skyway.missions import FlightConditions, check, dialect
+from skyway.missions import FlightConditions, check, dialect, plan_reader, plan_writer
 from skyway.missions.checks.route import MAX_REPEATED_STEPS, fly
 from skyway.missions.commands import Command, Frame
 from skyway.missions.coordinates import Point
 from skyway.missions.document import MissionDocument
+from skyway.missions.dropped import dropped
 from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
 from skyway.missions.mission import Home, Mission, MissionItem
 from skyway.missions.rally import RallyPoint, RallyPoints
@@ -107,6 +109,46 @@ def test_a_boat_need_not_take_off_nor_land():
     way = (AWAY, at(Command.NAV_WAYPOINT, 47.01, z=0.0))
     mission = Mission(way, HOME, firmware=3, vehicle_type=11)
     assert {(f.severity, f.code) for f in check(mission).findings} == {("warning", "not-for-the-air")}
+
+
+@pytest.mark.parametrize("vehicle_type", [1, 19, 20, 22])
+def test_an_aeroplane_that_nobody_named_is_not_judged_as_the_multirotor_that_is_assumed(vehicle_type):
+    far = [at(Command.NAV_WAYPOINT, 47.0 + 0.08 * n) for n in range(1, 4)]
+    mission = Mission((TAKEOFF, speed(24.0), *far, *far[::-1], *far, LAND), HOME, vehicle_type=vehicle_type)
+    report = check(mission)
+    assert {(f.severity, f.code) for f in report.findings} == {("warning", "not-a-multirotor")}
+    assert not report.vehicle_judged
+    assert all(leg["energy_wh"] is None and leg["distance_m"] > 0 for leg in report.to_json()["legs"])
+    named = check(mission, conditions=NAMED)
+    assert {"speed-limit", "battery-empty"} <= {f.code for f in named.findings}
+
+
+def test_every_warning_about_a_vehicle_that_is_assumed_says_so():
+    mission = Mission((TAKEOFF, AWAY, LAND), HOME, hover_speed_mps=24.0)
+    told = [f for f in check(mission).findings if f.code == "speed-not-held"]
+    assert told
+    assert all("(vehicle assumed: " in f.message for f in told)
+
+
+def test_places_of_commands_without_a_name_are_no_fractions():
+    there = MissionItem(116, Frame.GLOBAL_RELATIVE_ALT, x=-353_624_000, y=1_491_650_000, z=20.0)
+    assert "fraction-lost" not in {code for _, code, _ in found(TAKEOFF, there, AWAY, LAND)}
+    pasted = MissionItem(Command.DO_MOUNT_CONTROL, Frame.MISSION, 25.0, x=473_977_656, y=85_454_441, z=2.0)
+    assert "fraction-lost" not in {code for _, code, _ in found(TAKEOFF, pasted, AWAY, LAND)}
+    plain = MissionItem(116, Frame.MISSION, x=15_000_000)
+    assert ("warning", "fraction-lost", 1) in found(TAKEOFF, plain, AWAY, LAND)
+
+
+def test_altitudes_above_terrain_of_older_qgroundcontrol_are_understood_and_kept():
+    old = {"Altitude": 50, "AltitudeMode": 2, "AMSLAltAboveTerrain": 460.0}
+    terrain = at(Command.NAV_WAYPOINT, 47.01, z=460.0, frame=Frame.GLOBAL, extra=old)
+    assert found(TAKEOFF, terrain, AWAY, LAND) == set()
+    document = MissionDocument(Mission((TAKEOFF, terrain, LAND), HOME))
+    assert any("1 items were worked out above terrain" in line for line in dropped(document, ".waypoints"))
+    written = plan_reader.loads(plan_writer.dumps(document)).mission.items[1]
+    assert written.extra == {**old, "AltitudeMode": 3}
+    framed = replace(terrain, frame=Frame.GLOBAL_TERRAIN_ALT, z=50.0)
+    assert not framed.was_planned_above_terrain
 
 
 def test_an_altitude_that_qgroundcontrol_shows_otherwise_is_told():

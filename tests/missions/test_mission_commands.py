@@ -111,7 +111,15 @@ def test_converting_says_what_the_new_format_does_not_keep(run, tmp_path):
     inner = {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, None, 47.5, 8.5, 50]}
     survey = {"type": "ComplexItem", "complexItemType": "survey", "version": 5}
     survey["TransectStyleComplexItem"] = {"version": 2, "Items": [inner, inner]}
-    raised = {**inner, "AltitudeMode": 3, "Altitude": 50, "AMSLAltAboveTerrain": 450, "pilot": "Ada"}
+    raised = {
+        **inner,
+        "frame": 0,
+        "params": [0, 0, 0, None, 47.5, 8.5, 450],
+        "AltitudeMode": 3,
+        "Altitude": 50,
+        "AMSLAltAboveTerrain": 450,
+        "pilot": "Ada",
+    }
     mission = {"version": 2, "items": [survey, raised], "cruiseSpeed": 15, "plannedHomePosition": [47.5, 8.5, None]}
     (tmp_path / "a.plan").write_text(json.dumps({"fileType": "Plan", "version": 1, "mission": mission}))
     told = run("convert", "a.plan", "a.waypoints").stderr.splitlines()

@@ -2,7 +2,8 @@
 
 import pytest
 
-from skyway.missions import check, mission_file, plan_writer, waypoints_file
+from skyway.missions import FlightConditions, check, mission_file, plan_writer, waypoints_file
+from skyway.models.drone import M200_V2
 from skyway.models.errors import InputError
 
 REFUSED = {
@@ -108,7 +109,8 @@ def test_the_recharge_mission_of_another_planner_lands_delays_and_takes_off_agai
     from skyway.missions import dialect
 
     name = "droneicarus__test2-Petite_mission_necssitant_une_recharge-generated.plan"
-    px4 = check(real(name), dialect=dialect("px4"))
+    assert check(real(name)).legs[0].soc_end is None  # planned for an aeroplane, and nobody named the drone
+    px4 = check(real(name), dialect=dialect("px4"), conditions=FlightConditions(M200_V2))
     assert ("px4-takeoff-not-first", 5) in codes(px4, "error")
     assert [(leg.item_from, leg.item_to) for leg in px4.legs] == [(0, 3), (5, 7)]
     assert px4.legs[1].soc_start > px4.legs[0].soc_end
