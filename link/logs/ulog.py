@@ -10,6 +10,7 @@ import numpy as np
 
 from skyway.link.logs.log import LogEvent, LogSummary
 from skyway.link.logs.pieces import HOLD_S, WARM_UP_S, InOrder, read_pieces
+from skyway.link.logs.px4_events import EventWords
 from skyway.link.logs.stamps import SteadyTimes
 from skyway.link.logs.ulog_events import ULogEvents
 from skyway.link.logs.ulog_format import HEADER_BYTES, MAGIC, ULogContents, ULogScan, last_sync
@@ -158,6 +159,7 @@ class ULogFile:
                 self._events.status(*stamped["vehicle_status"], self._log.evidence)
                 number = stamped["vehicle_status"][1].get("system_id", np.zeros(1))[0]
                 self._id = int(number) if 0 < number < 256 else self._id
+            self._events.happened(self._log.columns("event", data, found)[1], self._range_us[1])
             if "vehicle_land_detected" in stamped:
                 self._events.landing(*stamped["vehicle_land_detected"])
         for topic in RECEIVERS:
@@ -176,7 +178,7 @@ class ULogFile:
         if self._odd_stamps:
             doubts += (f"{self._odd_stamps} messages have times far from those around them and are left out",)
         first_us, last_us = self._range_us
-        told, spans = self._events.told(self._log.texts)
+        told, spans = self._events.told(self._log.texts, EventWords(self._log.event_metadata))
         return LogSummary(
             format="ulog",
             messages=sum(by_type.values()),

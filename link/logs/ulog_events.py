@@ -10,6 +10,8 @@ import numpy as np
 from skyway.link.logs.doubted import DoubtedSpans, doubt_in
 from skyway.link.logs.log import MAX_EVENTS
 from skyway.link.logs.modes import PX4_NAV_STATES
+from skyway.link.logs.px4_events import EventReports
+from skyway.link.logs.stamps import EDGE_S
 from skyway.link.logs.ulog_messages import ARMED
 from skyway.models.errors import one_line
 
@@ -18,8 +20,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.link.logs.px4_events import EventWords
     from skyway.link.logs.vehicle_kind import KindEvidence
 
+SAME_US = 20_000.0
+"""A text and the event that says the same are at most so far apart."""
 _FAILURES = ("roll", "pitch", "altitude", "external", "ESC arming", "battery", "imbalanced propeller", "motor")
 """Bits of ``vehicle_status.failure_detector_status``."""
 _DISARMED_BY = {
@@ -35,6 +40,12 @@ _DISARMED_BY = {
 _WATCHED = ("nav_state", "arming_state", "failsafe", "failure_detector_status", "in_transition_mode")
 
 
+def _near(times_us: NDArray[np.float64], time_us: float) -> bool:
+    """Whether one of some times, in order, is nearly this one."""
+    place = int(np.searchsorted(times_us, time_us))
+    return any(abs(near - time_us) <= SAME_US for near in times_us[max(place - 1, 0) : place + 1].tolist())
+
+
 class ULogEvents:
     """Collects what changes in the topics of state, piece by piece."""
 
@@ -42,6 +53,29 @@ class ULogEvents:
         self._told: list[tuple[float, str]] = []
         self._state: dict[str, float] = {}
         self._lasting: dict[str, float] = {}
+        self._happened: list[tuple[float, int, bytes]] = []
+
+    def happened(self, columns: dict[str, NDArray[Any]], latest_us: float) -> None:
+        """Take messages ``event``; those from before the log are written at its beginning.
+
+        Parameters
+        ----------
+        columns : dict of str to ndarray
+            Fields of the messages.
+        latest_us : float
+            Latest time known of the log; a message that is far after it takes place then.
+        """
+        if not {"timestamp", "id", "arguments[0]"} <= columns.keys():
+            return
+        stamps_us = columns["timestamp"].astype(np.float64)
+        if math.isfinite(latest_us):
+            stamps_us = np.where(stamps_us > latest_us + EDGE_S * 1e6, latest_us, stamps_us)
+        given = sorted((name for name in columns if name.startswith("arguments[")), key=lambda name: int(name[10:-1]))
+        arguments = np.stack([columns[name].astype(np.uint8) for name in given], axis=1)
+        rows = zip(stamps_us.tolist(), columns["id"].tolist(), arguments, strict=True)
+        self._happened += [(time_us, number, row.tobytes()) for time_us, number, row in rows][
+            : MAX_EVENTS - len(self._happened)
+        ]
 
     def status(self, stamps_us: NDArray[np.float64], columns: dict[str, NDArray[Any]], evidence: KindEvidence) -> None:
         """Take messages ``vehicle_status``."""
@@ -69,14 +103,38 @@ class ULogEvents:
         return dict(self._lasting)
 
     def told(
-        self, texts: Sequence[tuple[float, str]]
+        self, texts: Sequence[tuple[float, str]], words: EventWords
     ) -> tuple[list[tuple[float, str]], tuple[tuple[float, float], ...]]:
-        """Return times, microseconds, and words in the order of time, and spans in which the position was doubted, s."""
+        """Return times, microseconds, and words in the order of time, and spans in which the position was doubted, s.
+
+        A text that ends in a tab stands for an event, too, where that is told.
+        """
         doubts = DoubtedSpans()
-        lines = [(float(time_us), one_line(text)) for time_us, text in texts]
+        events, checks, in_words = self._events_told(words)
+        times_us = np.sort(np.array(in_words))
+        lines = [
+            (float(time_us), one_line(text).rstrip())
+            for time_us, text in texts
+            if not (text.endswith("\t") and _near(times_us, float(time_us)))
+        ]
+        lines = sorted([*lines, *events], key=lambda one: one[0])
         for time_us, text in lines:
             doubts.hear(time_us * 1e-6, "position", doubts=doubt_in(text))
-        return sorted([*lines, *self._told], key=lambda one: one[0])[:MAX_EVENTS], doubts.spans()
+        return sorted([*lines, *checks, *self._told], key=lambda one: one[0])[:MAX_EVENTS], doubts.spans()
+
+    def _events_told(self, words: EventWords) -> tuple[list[tuple[float, str]], list[tuple[float, str]], list[float]]:
+        """Return events; of the reports of checks each line that was not in the report before; times of the events that have words."""
+        events: list[tuple[float, str]] = []
+        checks: list[tuple[float, str]] = []
+        in_words: list[float] = []
+        reports = EventReports(words)
+        for time_us, number, arguments in self._happened:
+            text, check = reports.hear(number, arguments)
+            if text:
+                (checks if check else events).append((time_us, text))
+            if text and not check and words.describes(number):
+                in_words.append(time_us)
+        return events, checks, in_words
 
     def _changes(self, name: str, stamps_us: NDArray[np.float64], columns: dict[str, NDArray[Any]]) -> None:
         """Find where one field changes, and say so."""

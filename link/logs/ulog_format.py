@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.link.logs import ulog_kernels as kernels
+from skyway.link.logs.px4_events import MAX_PACKED
 from skyway.link.logs.table_kernels import table_of
 from skyway.link.logs.vehicle_kind import WATCHED, KindEvidence
 
@@ -28,7 +29,7 @@ HEADER_BYTES = 16
 MAX_TEXTS = 5000
 SYNC = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 """A whole sync message."""
-_DATA, _FORMAT, _PARAMETER, _SUBSCRIPTION, _TEXT, _TAGGED_TEXT, _DROPOUT = b"DFPALCO"
+_DATA, _FORMAT, _PARAMETER, _SUBSCRIPTION, _TEXT, _TAGGED_TEXT, _DROPOUT, _PARTS = b"DFPALCOM"
 _SYNC = np.frombuffer(SYNC, dtype=np.uint8)[3:]
 LOOK_BYTES = 1024 * 1024
 MAX_FIELDS = 2000
@@ -94,6 +95,8 @@ class ULogContents:
         How often the logger lost data, and for how long in all.
     skipped : int
         Bytes that lie in no message.
+    event_metadata : bytes
+        What the log says about its events (`link.logs.px4_events`), packed.
     evidence : KindEvidence
         What its parameters say of the vehicle.
     """
@@ -106,6 +109,7 @@ class ULogContents:
     dropouts: int = 0
     dropouts_ms: int = 0
     skipped: int = 0
+    event_metadata: bytes = b""
     evidence: KindEvidence = field(default_factory=KindEvidence)
     _wanted: NDArray[np.int64] = field(default_factory=lambda: np.full(1 << 16, -1))
     """Bytes of the messages of each subscription, -1: none."""
@@ -162,10 +166,19 @@ class ULogContents:
             if len(body) >= head:
                 (time_us,) = struct.unpack_from("<Q", body, head - 8)
                 self.texts.append((time_us, body[head:].decode("utf-8", "replace")))
+        elif kind == _PARTS:
+            self._see_part(body)
         elif kind == _DROPOUT and len(body) >= 2:
             self.dropouts += 1
             self.dropouts_ms += body[0] + 256 * body[1]
         return None
+
+    def _see_part(self, body: bytes) -> None:
+        """Take a piece of information that comes in parts: whether it goes on, the length of its key, the key, the part."""
+        key_end = 2 + body[1] if len(body) > 2 else 0
+        if body[2:key_end].endswith(b" metadata_events"):
+            self.event_metadata = (self.event_metadata if body[0] else b"") + body[key_end:]
+            self.event_metadata = self.event_metadata[: MAX_PACKED + 1]
 
     def _see_parameter(self, body: bytes) -> None:
         """Take a parameter: the length of its key, the key (type and name), the value."""
