@@ -5,7 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from skyway.missions.commands import PLAIN_PARAM5_COMMANDS, TAKEOFF_COMMANDS, Command, is_scaled
+from skyway.missions.commands import (
+    FLOWN_COMMANDS,
+    GLOBAL_FRAMES,
+    LOCATED_COMMANDS,
+    PLAIN_PARAM5_COMMANDS,
+    TAKEOFF_COMMANDS,
+    Command,
+    Frame,
+    is_scaled,
+)
 from skyway.missions.finding import Finding
 
 if TYPE_CHECKING:
@@ -57,6 +66,18 @@ def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
         )
     for number, item in enumerate(mission.items):
         yield from _not_numbers(number, item)
+        if _has_a_place_in_no_global_frame(item):
+            message = (
+                f"{item.name} has a place in frame {item.frame:d}: autopilots refuse it, or take it for another place"
+            )
+            yield Finding("error", number, "not-global", message, "give it in frame 0, 3 or 10: latitude and longitude")
+
+
+def _has_a_place_in_no_global_frame(item: MissionItem) -> bool:
+    if item.command not in LOCATED_COMMANDS or item.frame in GLOBAL_FRAMES:
+        return False
+    # the frame of commands without a place: ArduPilot flies to coordinates there, above sea level; PX4 refuses them
+    return item.frame != Frame.MISSION or (item.command in FLOWN_COMMANDS and bool(item.x or item.y))
 
 
 def _never_reached(mission: Mission, route: Route) -> Iterator[Finding]:

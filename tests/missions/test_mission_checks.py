@@ -111,6 +111,15 @@ def test_a_boat_need_not_take_off_nor_land():
     assert {(f.severity, f.code) for f in check(mission).findings} == {("warning", "not-for-the-air")}
 
 
+@pytest.mark.parametrize("frame", [1, 2, 4, 7, 8, 12, 20, 21])
+def test_a_place_in_a_frame_that_is_not_global_is_an_error(frame):
+    local = at(Command.NAV_LAND, 10.0, 10.0, z=0.0, frame=frame)
+    assert ("error", "not-global", 2) in found(TAKEOFF, AWAY, local)
+    marker = at(Command.DO_LAND_START, 47.01, frame=Frame.MISSION)
+    here = MissionItem(Command.NAV_LAND, Frame.MISSION)
+    assert not [f for f in found(TAKEOFF, AWAY, marker, here) if f[1] == "not-global"]
+
+
 @pytest.mark.parametrize("vehicle_type", [1, 19, 20, 22])
 def test_an_aeroplane_that_nobody_named_is_not_judged_as_the_multirotor_that_is_assumed(vehicle_type):
     far = [at(Command.NAV_WAYPOINT, 47.0 + 0.08 * n) for n in range(1, 4)]
