@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from skyway.missions.document import MissionDocument
 
 MAX_BYTES = 32 * 1024 * 1024
+SAVE_AS_UTF_8 = "save it as UTF-8, or write it again from the ground station"
 FileFormat = Literal["plan", "waypoints", "fence", "rally"]
 SUFFIXES: dict[str, FileFormat] = {".plan": "plan", ".waypoints": "waypoints"}
 
@@ -53,7 +54,9 @@ def loads(data: bytes, file: str = "mission") -> MissionDocument:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(Fault(f"is not UTF-8 text (byte {error.start})", file)) from None
+        raise InputError(Fault(f"is not UTF-8 text (byte {error.start})", file, remedy=SAVE_AS_UTF_8)) from None
+    if "\0" in text[:1000]:  # UTF-16 without its mark
+        raise InputError(Fault("is not UTF-8 text: it has null characters", file, remedy=SAVE_AS_UTF_8))
     head = text.lstrip()[:200]
     if head.startswith(("{", "[")):
         return plan_reader.loads(text, file)

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 HEADER = "QGC WPL 110"
 MAX_ROWS = 100_000
 MAX_FAULTS = 20
+_WHOLE = ("index", "frame", "command", "autocontinue")
+_FLOATS = ("param1", "param2", "param3", "param4", "latitude", "longitude", "altitude")
 
 
 class _Row(NamedTuple):
@@ -101,7 +103,8 @@ def _read_rows(lines: Sequence[str], file: str) -> list[_Row]:
 
 def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Row:
     if len(cells) != 12:  # Mission Planner takes 11 or more, and cannot know which one is missing
-        raise InputError(Fault("is not a row of 12 numbers", file, line, None, len(cells)))
+        remedy = f"index, current, frame, command, {', '.join(_FLOATS)}, autocontinue; decimals with a point"
+        raise InputError(Fault("is not a row of 12 numbers", file, line, None, len(cells), remedy))
     try:
         index, frame, command, autocontinue = int(cells[0]), int(cells[2]), int(cells[3]), int(cells[11])
         a, b, c, d, x, y, z = map(float, cells[4:11])
@@ -109,18 +112,16 @@ def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Ro
         index, frame, command, autocontinue = _whole_cells(cells, line, file)
         a, b, c, d, x, y, z = _float_cells(cells, line, file)
     if not (0 <= index < 2**31 and 0 <= frame < 256 and 0 <= command < 65536 and 0 <= autocontinue < 256):
-        remedy = "index, frame 0 to 255, command 0 to 65535, autocontinue 0 or 1"
-        found = (index, frame, command, autocontinue)
-        raise InputError(Fault("has a whole number out of range", file, line, None, found, remedy))
+        _refuse_out_of_range((index, frame, command, autocontinue), line, file)
     if not abs(a) + abs(b) + abs(c) + abs(d) + abs(z) <= MAX_FLOAT32:  # large, or NaN
-        _refuse_large((a, b, c, d, z), line, file)
+        _refuse_large((a, b, c, d, 0.0, 0.0, z), MAX_FLOAT32, line, file)
     if command in LOCATED_COMMANDS and frame in GLOBAL_FRAMES:
         if abs(x) > 90.0:
             raise InputError(Fault("latitude is not between -90 and 90", file, line, None, x))
         if abs(y) > 180.0:
             raise InputError(Fault("longitude is not between -180 and 180", file, line, None, y))
     elif abs(x) > MAX_PARAM or abs(y) > MAX_PARAM:
-        raise InputError(Fault("is too large for a mission", file, line, None, (x, y)))
+        _refuse_large((0.0, 0.0, 0.0, 0.0, x, y, 0.0), MAX_PARAM, line, file)
     item = MissionItem(
         command_of(command),
         frame_of(frame),
@@ -137,15 +138,22 @@ def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Ro
     return _Row(line, index, item)
 
 
-def _refuse_large(values: Sequence[float], line: int, file: str) -> None:
-    if any(abs(value) > MAX_FLOAT32 for value in values):
-        raise InputError(Fault("is too large for a mission", file, line, None, values))
+def _refuse_out_of_range(values: Sequence[int], line: int, file: str) -> None:
+    for field, value, most in zip(_WHOLE, values, (2**31 - 1, 255, 65535, 255), strict=True):
+        if not 0 <= value <= most:
+            raise InputError(Fault(f"is not from 0 to {most}", file, line, field, value))
+
+
+def _refuse_large(values: Sequence[float], most: float, line: int, file: str) -> None:
+    for field, value in zip(_FLOATS, values, strict=True):
+        if abs(value) > most:
+            raise InputError(Fault("is too large for a mission", file, line, field, value))
 
 
 def _whole_cells(cells: Sequence[str], line: int, file: str) -> list[int]:
     """Take index, frame, command and autocontinue where some are written as 3.0, or are no numbers."""
     values = []
-    for field, cell in (("index", cells[0]), ("frame", cells[2]), ("command", cells[3]), ("autocontinue", cells[11])):
+    for field, cell in zip(_WHOLE, (cells[0], cells[2], cells[3], cells[11]), strict=True):
         try:
             number = float(cell)
         except ValueError:
@@ -157,10 +165,13 @@ def _whole_cells(cells: Sequence[str], line: int, file: str) -> list[int]:
 
 
 def _float_cells(cells: Sequence[str], line: int, file: str) -> list[float]:
-    try:
-        return [float(cell) for cell in cells[4:11]]
-    except ValueError:
-        raise InputError(Fault("has a parameter that is not a number", file, line, None, cells[4:11])) from None
+    values = []
+    for field, cell in zip(_FLOATS, cells[4:11], strict=True):
+        try:
+            values.append(float(cell))
+        except ValueError:
+            raise InputError(Fault("is not a number", file, line, field, cell, "write 0 or NaN for none")) from None
+    return values
 
 
 def _split_home(rows: list[_Row], file: str) -> tuple[Home | None, list[_Row]]:

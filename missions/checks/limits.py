@@ -30,6 +30,7 @@ USUAL_CEILING_M = 120.0
 """Height above ground that most countries allow without a permit."""
 LOW_TAKEOFF_M = 3.0
 """PX4 wants a take-off height of its acceptance radius (2 m) and 1 m more."""
+_ABOVE_HERE = (Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT, Frame.GLOBAL_TERRAIN_ALT)
 _TERRAIN = (Frame.GLOBAL_TERRAIN_ALT, Frame.GLOBAL_TERRAIN_ALT_INT)
 
 
@@ -137,6 +138,15 @@ def check_heights(mission: Mission, route: Route, stations: Sequence[Station] = 
                 yield from _height(step, mission.items[step.item], leaves_m, -math.inf if known else lowest_m)
             elif not known_ground and not math.isnan(mission.items[step.item].z):
                 absolute.append(step.item)
+    for number, item in enumerate(mission.items):
+        # a take-off where the vehicle stands, and nobody knows where that is
+        if (
+            item.command in TAKEOFF_COMMANDS
+            and item.frame in _ABOVE_HERE
+            and number not in seen
+            and item.z < LOW_TAKEOFF_M
+        ):
+            yield _too_low(number, item.z)
     if absolute:
         yield Finding(
             "info",
@@ -153,11 +163,15 @@ def _lowest_ground_m(leg: RouteLeg) -> float:
     return min(0.0, end) if math.isfinite(end) else 0.0
 
 
+def _too_low(number: int, height_m: float) -> Finding:
+    message = f"takes off to {height_m:g} m: PX4 refuses less than {LOW_TAKEOFF_M:g} m"
+    return Finding("error", number, "takeoff-too-low", message, "climb higher")
+
+
 def _height(step: Step, item: MissionItem, leaves_m: float, lowest_m: float) -> Iterator[Finding]:
     flies_on = item.command not in LAND_COMMANDS and item.command != Command.NAV_RETURN_TO_LAUNCH
     if item.command in TAKEOFF_COMMANDS and step.height_m < leaves_m + LOW_TAKEOFF_M:
-        message = f"takes off to {step.height_m - leaves_m:g} m: PX4 refuses less than {LOW_TAKEOFF_M:g} m"
-        yield Finding("error", step.item, "takeoff-too-low", message, "climb higher")
+        yield _too_low(step.item, step.height_m - leaves_m)
     elif flies_on and step.height_m <= lowest_m:
         yield Finding(
             "warning",

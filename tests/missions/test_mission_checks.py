@@ -111,6 +111,13 @@ def test_a_boat_need_not_take_off_nor_land():
     assert {(f.severity, f.code) for f in check(mission).findings} == {("warning", "not-for-the-air")}
 
 
+def test_a_take_off_into_the_ground_is_told_wherever_the_vehicle_stands():
+    here = MissionItem(Command.NAV_TAKEOFF, Frame.GLOBAL_RELATIVE_ALT, z=-10.0)
+    assert ("error", "takeoff-too-low", 0) in found(here, AWAY, LAND, home=None)
+    assert ("error", "takeoff-too-low", 0) in found(here, AWAY, LAND)
+    assert not [f for f in found(replace(here, z=20.0), AWAY, LAND, home=None) if f[1] == "takeoff-too-low"]
+
+
 @pytest.mark.parametrize("frame", [1, 2, 4, 7, 8, 12, 20, 21])
 def test_a_place_in_a_frame_that_is_not_global_is_an_error(frame):
     local = at(Command.NAV_LAND, 10.0, 10.0, z=0.0, frame=frame)

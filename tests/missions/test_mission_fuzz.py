@@ -122,3 +122,18 @@ def test_files_made_to_hurt_end_quickly(data):
     start = time.perf_counter()
     survives(data)
     assert time.perf_counter() - start < 5.0
+
+
+PLAN = b'{"fileType": "Plan", "mission": {"version": 2, "items": [{"command": 20, "frame": 2, "params": [0, 0, 0, 0, 0, 0, 0]}]}}'
+ROWS = b"QGC WPL 110\n0 1 0 16 0 0 0 0 47.5 8.5 400 1\n1 0 3 20 0 0 0 0 0 0 0 1\n"
+FENCE = b"47.5 8.5\n47.4 8.4\n47.4 8.6\n47.6 8.6\n47.4 8.4\n"
+
+
+@pytest.mark.parametrize("data", [PLAN, ROWS, FENCE], ids=["plan", "waypoints", "fence"])
+def test_line_ends_and_a_mark_of_utf_8_change_nothing_and_other_encodings_are_named(data):
+    plain = mission_file.loads(data)
+    for same in (b"\xef\xbb\xbf" + data, data.replace(b"\n", b"\r\n"), data.replace(b"\n", b"\r"), data.rstrip()):
+        assert mission_file.loads(same) == plain
+    for encoding in ("utf-16", "utf-16-le", "utf-16-be", "utf-32"):
+        with pytest.raises(InputError, match=r"is not UTF-8 text.*save it as UTF-8"):
+            mission_file.loads(data.decode().encode(encoding), "some.file")
