@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.airspeed import AirspeedModel
-from skyway.models.calibration_wind import MIN_SPREAD_DEG, course_spread_deg
+from skyway.models.wind_filter_blocks import MIN_SPREAD_DEG, course_spread_deg
 from skyway.models.wind_filter_measurement import MIN_AIRSPEED_MPS
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ import numpy as np
 from skyway.models.drag import DragModel
 from skyway.models.errors import Fault, InputError
 from skyway.models.wind_filter import WindFilterSettings
+from skyway.models.wind_filter_blocks import MIN_SPEED_MPS, MIN_SPREAD_DEG, course_spread_deg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,9 +34,6 @@ BIAS_SIGMA_MPS2 = 0.15
 FAST_MPS = 8.0
 """Quadratic drag is fitted where airspeeds differ by more than this."""
 MIN_BLOCKS = 60
-MIN_SPEED_MPS = 3.0
-MIN_SPREAD_DEG = 60.0
-"""On courses that differ by less, drag and wind are told apart by nothing but take-off and landing."""
 MAX_RELATIVE_SIGMA = 0.20
 """A drag that is less sure than this is not identified."""
 
@@ -162,16 +160,6 @@ def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0
         sigma_mps2=float(np.sqrt((residual**2).mean())),
         period_s=period_s,
     )
-
-
-def course_spread_deg(velocity: NDArray[np.float64]) -> float:
-    """How far the courses flown above `MIN_SPEED_MPS` lie apart, 0 to 180 degrees, ignoring the outermost 5 %."""
-    fast = np.hypot(*velocity.T) > MIN_SPEED_MPS
-    if fast.sum() < 5:
-        return 0.0
-    course = np.degrees(np.arctan2(velocity[fast, 1], velocity[fast, 0]))
-    apart = np.abs((course[:, None] - course[None, :: max(1, len(course) // 200)] + 180.0) % 360.0 - 180.0)
-    return float(np.percentile(apart, 95))
 
 
 class _Fit:

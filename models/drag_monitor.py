@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.calibration_wind import MIN_SPREAD_DEG, course_spread_deg
+from skyway.models.wind_filter_blocks import MIN_SPREAD_DEG, course_spread_deg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

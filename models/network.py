@@ -292,7 +292,7 @@ class Network:
         InputError
             The position is out of range or inside a no-fly zone.
         """
-        faults = coordinate_faults(lat, lon)
+        faults = geodesy.coordinate_faults(lat, lon)
         if faults:
             raise InputError(faults)
         zone = None if self.zones is None else self.zones.contains(lat, lon)
@@ -341,18 +341,6 @@ class Network:
         """Return the same network with that many pads at every station that has any."""
         stations = tuple(replace(s, pads=pads) if s.pads else s for s in self.stations)
         return replace(self, stations=stations)
-
-
-def coordinate_faults(lat: float, lon: float, *, file: str | None = None, line: int | None = None) -> list[Fault]:
-    """Return what is wrong with a position in degrees: out of range, or not a number."""
-    faults = []
-    hint = "degrees, not ten-millionths of them" if 1e5 < abs(lat) < 1e9 else "degrees from -90 to 90"
-    if not -90.0 <= lat <= 90.0:
-        hint = "lat and lon may be swapped" if abs(lat) <= 180.0 and abs(lon) <= 90.0 else hint
-        faults.append(Fault("latitude out of range", file, line, "lat", lat, hint))
-    if not -180.0 <= lon <= 180.0:
-        faults.append(Fault("longitude out of range", file, line, "lon", lon, "degrees from -180 to 180"))
-    return faults
 
 
 def _free_circles(offset: NDArray[np.float64]) -> NDArray[np.bool_]:

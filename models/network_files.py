@@ -12,8 +12,9 @@ from skyway.models.antimeridian import line_geometry
 from skyway.models.errors import Fault, InputError, one_line
 from skyway.models.fields import finite
 from skyway.models.files import read_text, write_atomically
+from skyway.models.geodesy import coordinate_faults
 from skyway.models.json_text import json_text
-from skyway.models.network import Network, Station, coordinate_faults
+from skyway.models.network import Network, Station
 from skyway.models.zones import features, read_geojson
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.models.errors import Fault, InputError
-from skyway.models.network import ConnectionRule, Network, Station, coordinate_faults
+from skyway.models.geodesy import coordinate_faults
+from skyway.models.network import ConnectionRule, Network, Station
 from skyway.models.network_builders import build_network
 
 if TYPE_CHECKING:

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
     from skyway.models.telemetry import TelemetryTrack
 
+MIN_SPEED_MPS = 3.0
+MIN_SPREAD_DEG = 60.0
+"""On courses that differ by less, drag and wind are told apart by nothing but take-off and landing."""
 MIN_HEIGHT_M = 2.0
 STUCK_S = 5.0
 """A sensor that has given exactly the same, and not 0, for so long is stuck; held values are at most 2 s old."""
@@ -283,3 +286,13 @@ def _accelerations(
     span = np.diff(edge_s)
     whole = joined[1:] & joined[:-1] & (span > 0.0)
     return np.where(whole[:, None], np.diff(edge, axis=0) / np.where(whole, span, 1.0)[:, None], np.nan)
+
+
+def course_spread_deg(velocity: NDArray[np.float64]) -> float:
+    """How far the courses flown above `MIN_SPEED_MPS` lie apart, 0 to 180 degrees, ignoring the outermost 5 %."""
+    fast = np.hypot(*velocity.T) > MIN_SPEED_MPS
+    if fast.sum() < 5:
+        return 0.0
+    course = np.degrees(np.arctan2(velocity[fast, 1], velocity[fast, 0]))
+    apart = np.abs((course[:, None] - course[None, :: max(1, len(course) // 200)] + 180.0) % 360.0 - 180.0)
+    return float(np.percentile(apart, 95))

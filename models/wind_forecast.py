@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.errors import Fault, InputError
-from skyway.models.network import coordinate_faults
+from skyway.models.geodesy import coordinate_faults
 from skyway.models.units import from_posix, iso, utc
 from skyway.models.wind import vector
 from skyway.models.wind_ensemble import WindEnsemble

@@ -15,7 +15,7 @@ import numpy as np
 
 from skyway.models import geodesy
 from skyway.models.errors import Fault, InputError
-from skyway.models.network import coordinate_faults
+from skyway.models.geodesy import coordinate_faults
 from skyway.models.units import iso
 from skyway.models.wind import vector
 from skyway.models.wind_columns import read_rows

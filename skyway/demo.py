@@ -108,11 +108,11 @@ def plan_demo(options: DemoOptions) -> Composition:
 
 def _plan(options: DemoOptions, planner: str) -> tuple[Scenario, Request, WindEnsemble, Composition]:
     """Plan for a departure on that day; its own wind is never a member of the forecast."""
-    from skyway.cli.options import load_scenario
     from skyway.models.services import State
     from skyway.planner.plan import plan
     from skyway.planner.problem import HORIZON_H
     from skyway.planner.request import Request
+    from skyway.scenarios import load_scenario
 
     scenario = load_scenario(None)
     depart = datetime.combine(options.day, HOUR, ZoneInfo(scenario.timezone))

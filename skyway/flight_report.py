@@ -97,7 +97,7 @@ def _built_in(document: dict[str, Any]) -> Scenario | None:
 
     No path out of the journal is opened: it may come from anybody.
     """
-    from skyway.cli.options import BUILT_IN, load_scenario
+    from skyway.scenarios import BUILT_IN, load_scenario
 
     told = document["delivery"]["scenario"]
     if told["path"] != BUILT_IN:

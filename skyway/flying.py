@@ -32,7 +32,7 @@ def scenario_of(composition: Composition, folder: Path | None) -> Scenario:
     InputError
         It cannot be found, or has changed since the plan was made.
     """
-    from skyway.cli.options import BUILT_IN, load_scenario
+    from skyway.scenarios import BUILT_IN, load_scenario
 
     path = composition.scenario_path
     if folder is None and path not in (None, BUILT_IN):

@@ -114,7 +114,8 @@ def _air_of(air: Blocks, wind: str | None) -> _Air:
 
     from skyway.link.replay_monitors import PERIOD_S
     from skyway.models.calibration_airspeed import identify_airspeed
-    from skyway.models.calibration_wind import course_spread_deg, fit_known_wind, identify_drag
+    from skyway.models.calibration_wind import fit_known_wind, identify_drag
+    from skyway.models.wind_filter_blocks import course_spread_deg
 
     spread = course_spread_deg(air.velocity[air.flying & np.isfinite(air.velocity).all(axis=1)])
     if wind is not None:

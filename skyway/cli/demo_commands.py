@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from skyway.models.errors import Fault, InputError
+from skyway.scenarios import load_scenario
 
 DEMO_HELP = """Show a whole delivery: planned, flown by a simulated vehicle in another wind than forecast, replanned, delivered.
 
@@ -70,7 +71,7 @@ def _prove(path: Path, payload: float | None, *, force: bool) -> None:
     from skyway.proving_flight import record_square
 
     options.refuse_overwriting(path, force=force)
-    drone = options.load_scenario(None).drone(DRONE)
+    drone = load_scenario(None).drone(DRONE)
     carried = PAYLOAD_KG if payload is None else payload
     if not 0.0 <= carried <= drone.max_payload_kg:
         remedy = f"0 to {drone.max_payload_kg:g} kg, what the {drone.name} lifts"

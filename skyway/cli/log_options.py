@@ -11,6 +11,7 @@ import typer
 
 from skyway.cli import options
 from skyway.models.errors import Fault, InputError
+from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
     from skyway.link.logs.log import Log
@@ -110,7 +111,7 @@ def drone_of(named: Path) -> Drone:
 
 def load_named(name: str | None) -> Scenario:
     """Read the scenario named; ``newyork``, or none, is the built-in one."""
-    return options.load_scenario(None if name is None else Path(str(name)))
+    return load_scenario(None if name is None else Path(str(name)))
 
 
 def log_forecast(log: Log, wind: str | None, file: Path | None, scenario: str | None) -> dict[str, Any]:

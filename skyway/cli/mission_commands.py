@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skyway.scenarios import load_scenario
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -248,9 +250,8 @@ def check(
 
 
 def _scenario(path: Path | None) -> Scenario | None:
-    from skyway.cli import options
 
-    return None if path is None else options.load_scenario(path)
+    return None if path is None else load_scenario(path)
 
 
 def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> Weather | None:

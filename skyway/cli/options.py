@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from skyway.models.wind_history import WindSite
     from skyway.planner.objective import Objective
 
-BUILT_IN = "builtin:newyork"
 """What a plan names as its scenario's path when it was made on the built-in one."""
 WIND = re.compile(r"^\s*([0-9]+(?:\.[0-9]*)?)\s*@\s*([0-9]+(?:\.[0-9]*)?)\s*$")
 POSITION = re.compile(r"^\s*(-?[0-9]+(?:\.[0-9]*)?)\s*,\s*(-?[0-9]+(?:\.[0-9]*)?)\s*$")
@@ -89,16 +88,6 @@ def parse_position(text: str) -> tuple[float, float] | None:
     """Read ``lat,lon``; None where the text is something else."""
     match = POSITION.match(text)
     return (float(match[1]), float(match[2])) if match else None
-
-
-def load_scenario(path: Path | None) -> Scenario:
-    """Read the scenario named, or the built-in one, which ``newyork`` names where there is no such folder."""
-    from skyway.missions.examples import NEW_YORK
-    from skyway.models.scenario_file import read_scenario
-
-    if path is None or str(path) == BUILT_IN or (str(path) == NEW_YORK.name and not path.exists()):
-        return replace(read_scenario(NEW_YORK), path=BUILT_IN)
-    return read_scenario(path)
 
 
 def hint_at_warnings(scenario: Scenario, path: Path | None) -> None:

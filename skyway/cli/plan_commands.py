@@ -11,6 +11,7 @@ import typer
 
 from skyway.cli import completion, options
 from skyway.models.errors import Fault, InputError
+from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -172,7 +173,7 @@ def plan(
     options.refuse_overwriting(output, geojson, plot, force=force)
     options.check_picture(plot)
     _check_planners([planner], "--planner")
-    world = options.load_scenario(scenario)
+    world = load_scenario(scenario)
     asked = _ask(world, start, to, payload, depart, drone, reserve, soc, airspeed, recharge, seed, objective)
     tried: list[Departure] = []
     if depart_window is None:
@@ -233,7 +234,7 @@ def compare(
 
     names = [name.strip() for name in planners.split(",") if name.strip()]
     _check_planners(names, "--planners")
-    world = options.load_scenario(scenario)
+    world = load_scenario(scenario)
     asked = _ask(world, start, to, payload, depart, drone, reserve, soc, airspeed, recharge, seed)
     answers: list[Comparison] = []
     for name in names:

@@ -11,6 +11,7 @@ import typer
 from skyway.cli import options
 from skyway.cli.log_options import AsJson, Force
 from skyway.models.errors import Fault, InputError
+from skyway.scenarios import load_scenario
 
 REPORT_HELP = """Make a page of a flight from its journal: what was planned, what happened, and why.
 
@@ -64,7 +65,7 @@ def report(
     if plot is not None and plot.suffix.lower() != ".svg":
         raise InputError(Fault("is no name of a picture", str(plot), field="--plot", remedy="FILE.svg"))
     options.refuse_overwriting(page, plot, force=force)
-    where = None if scenario is None else options.load_scenario(scenario)
+    where = None if scenario is None else load_scenario(scenario)
     if page is None:
         document = flight(journal, logs=log or (), plan=plan)
     else:

@@ -12,6 +12,7 @@ from skyway.cli.plan_commands import Depart, Force, Forecast, ScenarioArgument, 
 from skyway.cli.sheet import Column, Sheet, say
 from skyway.models.errors import InputError
 from skyway.models.json_text import json_text
+from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
     from skyway.models.scenario import Scenario
@@ -71,7 +72,7 @@ def network(
 
     options.refuse_overwriting(plot, geojson, force=force)
     options.check_picture(plot)
-    world = options.load_scenario(scenario)
+    world = load_scenario(scenario)
     options.hint_at_warnings(world, scenario)
     if geojson is not None:
         write_geojson(world.network, geojson, force=force)
@@ -144,7 +145,7 @@ def wind(
     """Show the wind forecast."""
     options.refuse_overwriting(plot, force=force)
     options.check_picture(plot)
-    world = options.load_scenario(scenario)
+    world = load_scenario(scenario)
     instant = options.parse_depart(depart)
     with options.as_typed():
         true, day = options.true_wind(world, instant, truth)
@@ -184,7 +185,7 @@ def check(
     if as_json:
         _check_json(folder)
         return
-    world = options.load_scenario(folder)
+    world = load_scenario(folder)
     for warning in world.warnings:
         typer.echo(f"warning: {warning}", err=True)
     record = "no wind record" if world.history is None else f"wind of {world.history.covers}"
@@ -196,7 +197,7 @@ def _check_json(folder: Path | None) -> None:
     faults: list[dict[str, object]] = []
     warnings: tuple[str, ...] = ()
     try:
-        warnings = options.load_scenario(folder).warnings
+        warnings = load_scenario(folder).warnings
     except InputError as error:
         faults = [
             {

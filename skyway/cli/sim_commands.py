@@ -14,6 +14,7 @@ from skyway.cli import options
 from skyway.cli.bare_values import BareValueCommand
 from skyway.models.errors import Fault, InputError
 from skyway.models.json_text import json_text
+from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -157,7 +158,7 @@ def sim(
     if lasting is not None and not lasting > 0.0:
         raise InputError(Fault("out of range", field="--for", value=lasting, remedy="seconds, above 0"))
     begins = options.parse_depart(depart)
-    known, places = _placed(options.load_scenario(scenario), at)
+    known, places = _placed(load_scenario(scenario), at)
     asked = FleetOptions(
         stations=known.network.stations,
         places=places,

