@@ -202,7 +202,10 @@ def _parameters(source: Mapping[str, Any], file: str, field: str) -> list[Any]:
         raw = list(sequence(source["params"], file, f"{field}.params"))
     else:
         raw = [source.get(f"param{i}", 0) for i in (1, 2, 3, 4)]
-    if "coordinate" in source and len(raw) == 4:
+    if "coordinate" in source and len(raw) == 7:
+        problem = "says again, and maybe otherwise, what the seven parameters say: QGroundControl opens no such plan"
+        raise fault(problem, file, f"{field}.coordinate", source["coordinate"], "remove it, or parameters 5 to 7")
+    if "coordinate" in source:
         raw += [*sequence(source["coordinate"], file, f"{field}.coordinate")]
     if len(raw) != 7:
         raise fault("does not have 7 parameters", file, f"{field}.params", len(raw))

@@ -126,6 +126,14 @@ def test_jumps_follow_their_ids_whatever_numbers_those_are():
     assert again[2]["params"][0] == again[1]["doJumpId"]
 
 
+def test_an_item_that_says_its_place_twice_is_refused_as_in_qgroundcontrol():
+    twice = item(params=[0, 0, 0, None, 47.5, 8.5, 0], coordinate=[47.6, 8.6, 120])
+    with pytest.raises(InputError, match=r"items\[0\].coordinate: says again.*QGroundControl opens no such plan"):
+        read(plan(twice))
+    older = item(params=[0, 0, 0, None], coordinate=[47.6, 8.6, 120])
+    assert read(plan(older)).mission.items[0].z == 120.0
+
+
 def test_a_jump_that_leads_nowhere_is_kept_as_one():
     content = plan(item(), item(command=177, frame=2, doJumpId=2, params=[99, 1, 0, 0, 0, 0, 0]))
     document = read(content)
