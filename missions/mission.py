@@ -179,11 +179,14 @@ class ComplexItem:
         The items it was expanded to.
     source : mapping
         As the file had it; written again as long as its items are unchanged.
+    is_built : bool
+        The file did not hold its items: they were built from its settings.
     """
 
     first: int
     count: int
     source: Mapping[str, Any] = field(repr=False)
+    is_built: bool = False
 
 
 @dataclass(frozen=True, slots=True)

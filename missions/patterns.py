@@ -21,13 +21,15 @@ PATTERN_VERSIONS = {
 }
 """Versions of patterns that QGroundControl reads, and those older ones whose items the file holds."""
 BUILT = {"survey": transect_patterns.survey, "CorridorScan": transect_patterns.corridor}
-"""Patterns that are built anew where their file holds no items."""
+"""Patterns that are built from their settings where their file holds no items."""
 _WITHOUT_STYLE = (2, 3)
 """Versions of surveys that never held items."""
 
 
-def expand(source: Mapping[str, Any], number_here: int, file: str, field: str) -> list[Mapping[str, Any]]:
-    """Return the simple items of a pattern: those the file holds, or those QGroundControl builds.
+def expand(source: Mapping[str, Any], number_here: int, file: str, field: str) -> tuple[list[Mapping[str, Any]], bool]:
+    """Return the simple items of a pattern, and whether they were built as QGroundControl builds them.
+
+    The items are those that the file holds, if any. Landing patterns count as held: their expansion is exact.
 
     Parameters
     ----------
@@ -46,9 +48,9 @@ def expand(source: Mapping[str, Any], number_here: int, file: str, field: str) -
     kind = str(source.get("complexItemType") or source.get("type"))
     _check_version(kind, source, field, file)
     if kind in landing_pattern.LANDINGS:
-        return landing_pattern.expand(kind, source, file, field)
+        return landing_pattern.expand(kind, source, file, field), False
     if kind == "StructureScan":
-        return structure_scan.structure_scan(source, file, field)
+        return structure_scan.structure_scan(source, file, field), True
     style = source.get("TransectStyleComplexItem")
     if isinstance(style, dict):
         _check_version("TransectStyleComplexItem", style, f"{field}.TransectStyleComplexItem", file)
@@ -56,14 +58,14 @@ def expand(source: Mapping[str, Any], number_here: int, file: str, field: str) -
     if isinstance(inner, list) and inner:
         if len(inner) > MAX_ITEMS:
             raise fault(f"has more than {MAX_ITEMS} items", file, field, len(inner))
-        return [mapping(item, file, field) for item in inner]
+        return [mapping(item, file, field) for item in inner], False
     never_held = kind == "survey" and source.get("version") in _WITHOUT_STYLE
     if kind not in BUILT or source.get("version") == 1 or (inner is None and not never_held):
         # QGroundControl opens no plan in which the list is missing
         remedy = "open and save the plan in QGroundControl, or replace the pattern by waypoints"
         problem = f"not supported: {kind} (item {number_here}) without the items it expands to"
         raise fault(problem, file, field, remedy=remedy)
-    return BUILT[kind](source, file, field)
+    return BUILT[kind](source, file, field), True
 
 
 def _check_version(kind: str, source: Mapping[str, Any], field: str, file: str) -> None:

@@ -177,9 +177,9 @@ def _read_items(
                 items.append(_read_item(source, file, field))
                 ids.append(_jump_id(source, file, field))
                 continue
-            inner = patterns.expand(source, len(items), file, field)
+            inner, is_built = patterns.expand(source, len(items), file, field)
             expanded = [_read_item(mapping(i, file, field), file, field) for i in inner]
-            complex_items.append(ComplexItem(len(items), len(expanded), source))
+            complex_items.append(ComplexItem(len(items), len(expanded), source, is_built))
             items += expanded
             ids += [_jump_id(i, file, field) for i in inner]
         except InputError as error:

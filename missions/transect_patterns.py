@@ -31,6 +31,8 @@ CLOSEST_TRANSECTS_M = {"survey": 0.3, "CorridorScan": 0.5}
 """Below this spacing QGroundControl flies one transect."""
 ONE_TRANSECT_M = 100_000.0
 TOP_RIGHT = 1
+MANUAL = "Manual"
+"""Begins the name of no camera: it alone may be flown at heights above the sea."""
 _FRAMES = {1: Frame.GLOBAL_RELATIVE_ALT, 2: Frame.GLOBAL, 4: Frame.GLOBAL_TERRAIN_ALT}
 """By the altitude mode of QGroundControl; 3 works heights out from a terrain model."""
 _DISAGREES = 0.01
@@ -128,11 +130,15 @@ def _settings(source: Mapping[str, Any], style: Mapping[str, Any], kind: str, fi
         mode = camera["DistanceMode"]
     else:
         mode = 1 if flag(camera, "DistanceToSurfaceRelative", file, seen) else 2
+    frame = _frame(mode, file, f"{seen}.DistanceMode")
+    if frame == Frame.GLOBAL and not str(camera.get("CameraName", MANUAL)).startswith(MANUAL):
+        problem = "not supported: a pattern above sea level with a camera (QGroundControl flies it above home)"
+        raise fault(problem, file, f"{seen}.DistanceMode", mode, "open the plan in QGroundControl, and save it")
     return Transects(
         _spacing(quantity(camera, "AdjustedFootprintSide", file, seen, least=0.0), kind),
         quantity(camera, "AdjustedFootprintFrontal", file, seen, least=0.0),
         quantity(camera, "DistanceToSurface", file, seen),
-        _frame(mode, file, f"{seen}.DistanceMode"),
+        frame,
         quantity(style, "TurnAroundDistance", file, at),
         _entry(source, "EntryPoint" if kind == "CorridorScan" else "entryLocation", file, field),
         flag(style, "HoverAndCapture", file, at),

@@ -64,6 +64,13 @@ def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
             "the jumps repeat so often that only the beginning of the flight was checked",
             "lower the numbers of repeats",
         )
+    for pattern in mission.complex_items:
+        if pattern.is_built:
+            message = (
+                f"its {pattern.count} items are built from the settings of the pattern, as QGroundControl builds them:"
+                " a few metres may differ"
+            )
+            yield Finding("info", pattern.first, "pattern-built", message, "open and save the plan in QGroundControl")
     for number, item in enumerate(mission.items):
         yield from _not_numbers(number, item)
         if _has_a_place_in_no_global_frame(item):

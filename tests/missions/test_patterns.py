@@ -255,7 +255,10 @@ def test_a_built_pattern_is_checked_kept_in_a_plan_and_flown_from_waypoints(raw,
     assert mission_file.loads(plan_writer.dumps(document).encode()) == document
     mission_file.write(document, tmp_path / "a.waypoints")
     assert mission_file.read(tmp_path / "a.waypoints").mission.items == document.mission.items
-    assert sum(leg.distance_m for leg in check(document).legs) > 400.0
+    report = check(document)
+    assert sum(leg.distance_m for leg in report.legs) > 400.0
+    built = [f for f in report.findings if f.code == "pattern-built"]
+    assert [(f.severity, f.item) for f in built] == [("info", 0)]
 
 
 CAMERA = {
@@ -286,6 +289,7 @@ def test_a_camera_that_agrees_with_the_grid_is_flown_and_another_is_refused():
         (survey(version=9), "is a version of survey that we do not know"),
         (survey(style(FollowTerrain=True)), "above terrain without the items.*it knows the terrain"),
         (survey(style(camera={"DistanceMode": 3})), "above terrain without the items.*it knows the terrain"),
+        (survey(style(camera={"DistanceMode": 2, "CameraName": "Sony a6000"})), "above sea level with a camera"),
         (survey(style(camera={"DistanceMode": 7})), "DistanceMode: is an altitude mode we do not know"),
         (survey(style(camera={"AdjustedFootprintSide": None})), "AdjustedFootprintSide: is missing: a number"),
         (survey(style(camera={"DistanceToSurface": "50"})), "DistanceToSurface: is not a number"),
