@@ -70,7 +70,7 @@ def _of_plan(document: MissionDocument) -> Iterator[str]:
 
 
 def _of_both(document: MissionDocument) -> Iterator[str]:
-    for number, area in enumerate(document.fence.areas):
+    for number, area in enumerate(document.fence.polygons):
         claimed = area.extra.get(CLAIMED_COUNT)
         if claimed is not None:
             yield f"fence polygon {number} said {claimed:g} vertices and has another number: written with the right one"

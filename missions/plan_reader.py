@@ -288,6 +288,7 @@ def _read_fence(source: Mapping[str, Any], file: str) -> Geofence:
         entry = mapping(raw, file, field)
         vertices = _vertices(entry.get("polygon"), file, f"{field}.polygon")
         extra = without(entry, frozenset({"polygon", "inclusion", "version"}))
+        number(entry.get(fence_items.CLAIMED_COUNT), file, f"{field}.{fence_items.CLAIMED_COUNT}")
         polygons.append(FencePolygon(vertices, _inclusion(entry, file, field), extra))
     circles = []
     for index, raw in enumerate(sequence(source.get("circles") or [], file, "geoFence.circles")):

@@ -180,6 +180,11 @@ def _uses_plain_param5(item: MissionItem) -> bool:
     return item.command in PLAIN_PARAM5_COMMANDS or (unnamed and not is_scaled(item.command, item.frame))
 
 
+def _is_near(shown: float, z: float) -> bool:
+    """Compare without turning a whole number of any length into a float."""
+    return z - ALTITUDE_TOLERANCE_M <= shown <= z + ALTITUDE_TOLERANCE_M
+
+
 def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
     allowed = _NAN_ALLOWED.get(Command(item.command), _NO_NAN) if item.command in _NAN_ALLOWED else _NO_NAN
     wrong = [i for i, value in enumerate(item.params, start=1) if math.isnan(value) and i not in allowed]
@@ -199,8 +204,10 @@ def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
     shown = item.extra.get("Altitude")
     plain = item.is_located and item.extra.get("AltitudeMode") in _PLAIN_ALTITUDE_MODES and math.isfinite(item.z)
     plain = plain and not item.was_planned_above_terrain
-    if plain and isinstance(shown, (int, float)) and abs(shown - item.z) > ALTITUDE_TOLERANCE_M:
-        message = f"the altitude is {item.z:g} m in the parameters, and QGroundControl shows and edits {shown:g} m"
+    if plain and isinstance(shown, (int, float)) and not _is_near(shown, item.z):
+        message = (
+            f"the altitude is {item.z:g} m in the parameters, and QGroundControl shows and edits {str(shown)[:12]} m"
+        )
         yield Finding("warning", number, "altitude-disagrees", message, "open and save the plan in QGroundControl")
     if item.is_located and item.is_flown_to and math.isnan(item.z):
         yield Finding("error", number, "no-altitude", f"{item.name} has no altitude", "give it one")

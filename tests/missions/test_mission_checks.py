@@ -170,6 +170,8 @@ def test_altitudes_above_terrain_of_older_qgroundcontrol_are_understood_and_kept
 def test_an_altitude_that_qgroundcontrol_shows_otherwise_is_told():
     odd = at(Command.NAV_WAYPOINT, 47.01, z=60.0, extra={"Altitude": 3, "AltitudeMode": 1})
     assert found(TAKEOFF, odd, AWAY, LAND) == {("warning", "altitude-disagrees", 1)}
+    huge = at(Command.NAV_WAYPOINT, 47.01, z=60.0, extra={"Altitude": 10**400, "AltitudeMode": 1})
+    assert found(TAKEOFF, huge, AWAY, LAND) == {("warning", "altitude-disagrees", 1)}
     terrain = at(Command.NAV_WAYPOINT, 47.01, z=460.0, frame=Frame.GLOBAL, extra={"Altitude": 50, "AltitudeMode": 3})
     assert found(TAKEOFF, terrain, AWAY, LAND) == set()
 

@@ -1,12 +1,14 @@
 """Damaged files: an `InputError` or a mission, never anything else, and never for long."""
 
+import json
 import random
 import re
 import tracemalloc
 
 import pytest
 
-from skyway.missions import check, mission_file, plan_writer, waypoints_file
+from skyway.missions import check, dialect, mission_file, plan_writer, waypoints_file
+from skyway.missions.dropped import dropped
 from skyway.models.errors import InputError
 
 SEED = 20131
@@ -131,3 +133,39 @@ def test_line_ends_and_a_mark_of_utf_8_change_nothing_and_other_encodings_are_na
     for encoding in ("utf-16", "utf-16-le", "utf-16-be", "utf-32"):
         with pytest.raises(InputError, match=r"is not UTF-8 text.*save it as UTF-8"):
             mission_file.loads(data.decode().encode(encoding), "some.file")
+
+
+def strange_plan(value):
+    """Return a plan that says this value wherever a reader might take it unasked."""
+    item = {"command": 16, "frame": 3, "params": [0, 0, 0, 0, 47.5, 8.5, 50]}
+    keys = (
+        "comment",
+        "Altitude",
+        "AltitudeMode",
+        "AMSLAltAboveTerrain",
+        "claimedVertexCount",
+        "skywayUnknown",
+        "circle",
+    )
+    strange = dict.fromkeys(keys, value)
+    polygon = {"inclusion": True, "polygon": [[47, 8], [47, 9], [48, 9]]}
+    circle = {"inclusion": True, "circle": {**strange, "center": [47, 8], "radius": 5}}
+    fence = {**strange, "version": 2, "polygons": [{**strange, **polygon}], "circles": [{**strange, **circle}]}
+    mission = {**strange, "version": 2, "items": [{**strange, **item}], "globalPlanAltitudeMode": value}
+    rally = {**strange, "version": 2, "points": [[47, 8, 5]]}
+    return {**strange, "fileType": "Plan", "mission": mission, "geoFence": fence, "rallyPoints": rally}
+
+
+@pytest.mark.parametrize("value", ["x", None, 5, 10**400, -1e300, [1], {"a": 1}, True], ids=lambda v: str(v)[:6])
+def test_strange_values_of_keys_that_are_only_kept_do_no_harm(value):
+    plan = strange_plan(value)
+    if value is not None and value != 5:
+        with pytest.raises(InputError, match=r"polygons\[0\].claimedVertexCount: is"):
+            mission_file.loads(json.dumps(plan).encode(), "strange.plan")
+        del plan["geoFence"]["polygons"][0]["claimedVertexCount"]
+    document = mission_file.loads(json.dumps(plan).encode(), "strange.plan")
+    for autopilot in ("px4", "ardupilot"):
+        json.dumps(check(document, dialect=dialect(autopilot)).to_json(), allow_nan=False)
+    assert mission_file.loads(plan_writer.dumps(document).encode()) == document
+    assert dropped(document, ".plan") is not None
+    assert dropped(document, ".waypoints")
