@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.journal import Record
 
 SCHEMA = "skyway.flight/1"
-END_WORDS = ("delivered", "stopped-safe", "landed-elsewhere", "left-to-itself")
+END_WORDS = ("delivered", "stopped-safe", "landed-elsewhere", "crashed", "left-to-itself")
 _QUIET = frozenset({"track", "truth"})
 _MAX_ROWS = 20_000
 _LANDING_S = 15.0

@@ -20,6 +20,7 @@ _ENDS = {
     "delivered": "Delivered",
     "stopped-safe": "Not delivered: stopped, safe on the ground",
     "landed-elsewhere": "Not delivered: down away from a station",
+    "crashed": "Not delivered: crashed",
     "left-to-itself": "Not delivered: left to what its own parameters make it do",
 }
 

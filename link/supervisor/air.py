@@ -25,7 +25,7 @@ LAND_AGAIN_S = 5.0
 SUDDEN_S = 15.0
 """So long a loss of charge counts as sudden."""
 LANDING_SHARE, LEAST_DOUBTED_SOC = 2.0, 0.1
-"""Below so many times the charge of a landing, or below this charge, there is no time to doubt a loss."""
+"""Below so many times the charge of a landing, or below this charge, a loss is not doubted for longer than wrong values last."""
 LEARN_SOC = 0.04
 """From so much charge used on, the energy of this very flight is counted in."""
 _WAY_MODES = ("mission", "takeoff")
@@ -270,13 +270,12 @@ def _watch(ctx: Context, replanner: FlightReplanner) -> After | None:
 
 
 def _unsure(ctx: Context) -> bool:
-    """Whether a landing away from any station rests on a measurement that another one contradicts."""
+    """Whether a landing away from any station rests on a voltage that nothing else confirms."""
     if not ctx.voltage.doubtful(affordable=_affords_doubt(ctx)):
         return False
-    ctx.lost_s = ctx.now_s - 1.0  # as sudden as it was: it is thought of again soon
     ctx.say(
         "gauge",
-        "it does not land here: the voltage fell and no more current is drawn, so the charge is not known to be lost",
+        "it does not land here: the voltage fell, and neither does the current show that charge was lost, nor does it fall on",
     )
     return True
 

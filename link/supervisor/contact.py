@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from skyway.link.supervisor.crash import crashed
 from skyway.link.supervisor.departure import make_leg
 from skyway.link.supervisor.legs import Leg
 from skyway.link.supervisor.modelled_use import ModelledUse
@@ -49,7 +50,8 @@ def connecting(ctx: Context) -> After:
     while not (ctx.on_ground and ctx.here_station() == origin) and ctx.clock.now_s() < end:
         ctx.tick()
     if not ctx.on_ground:
-        return State.STOPPED if not ctx.in_air else State.HOLDING, "the vehicle does not stand disarmed on the ground"
+        armed = State.LEFT if ctx.vehicle.armed else State.STOPPED
+        return State.HOLDING if ctx.in_air else armed, "the vehicle does not stand disarmed on the ground"
     ctx.station = ctx.here_station()
     if ctx.station != origin:
         return State.STOPPED, f"the vehicle stands at {ctx.station or 'no station'}, and the plan begins at {origin}"
@@ -291,6 +293,9 @@ def holding(ctx: Context) -> After:
         ground_s = (ctx.clock.now_s() if math.isnan(ground_s) else ground_s) if ctx.on_ground else math.nan
         if ctx.clock.now_s() - ground_s > 30.0:
             ctx.station = ctx.here_station()
+            crash = crashed(ctx, ctx.entered_s)
+            if crash:
+                return State.CRASHED, f"it has crashed, and is at {ctx.station or 'no station'}: {crash}"
             if ctx.station is None:
                 return State.ENDED_ELSEWHERE, "it was landed away from any station, not by us"
             return State.STOPPED, f"it was landed at {ctx.station}, not by us; nobody is there to give the word"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.mission_words import MissionKind
 from skyway.link.supervisor.briefing import Checklist, brief
+from skyway.link.supervisor.crash import crashed
 from skyway.link.supervisor.foreign import refuse_foreign
 from skyway.link.supervisor.legs import Leg, plan_leg, with_places
 from skyway.link.supervisor.modelled_use import ModelledUse
@@ -99,6 +100,8 @@ def _after_preflight(ctx: Context, first: Check, reason: str, service: DroneServ
     """Plan anew where another station, more charge or another hour helps; else stop: what is not known is no reason to fly."""
     if first.verdict == "unknown":
         return State.STOPPED, f"preflight: {reason}"
+    if first.name == "attitude":
+        return State.CRASHED, first.said
     if first.name == "pads":
         ctx.unusable[service.destination] = ctx.now_s
         return State.REPLANNING, reason
@@ -285,4 +288,7 @@ def _disarmed(ctx: Context, reason: str) -> After:
             ctx.note("start", str(error))
         ctx.wait(2.0)
     ctx.flight -= 1
-    return (State.STOPPED if ctx.on_ground else State.HOLDING), reason
+    if not ctx.on_ground:
+        return State.HOLDING, reason
+    crash = crashed(ctx, ctx.entered_s)
+    return (State.CRASHED, f"{reason}; {crash}") if crash else (State.STOPPED, reason)

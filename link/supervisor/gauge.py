@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from skyway.link.supervisor.flies import CLIMBS_MPS
 from skyway.link.supervisor.states import IN_AIR
+from skyway.models.airspeed_load import BLADE_SHARE, INFLOW_MPS
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
@@ -42,8 +42,11 @@ def read_gauge(ctx: Context, sample: TelemetrySample) -> None:
         leg.told_start -= fell
         _lost(ctx, fell, f"the charge fell by {100 * fell:.0f} % at once, and the voltage with it: lost, not used")
     if told.contradicted or not sample.time_s < told.held_s + CONFIRMING_S:
-        level = abs(sample.vel_down_mps) < CLIMBS_MPS
-        fell = ctx.voltage.hear(sample.time_s, sample.voltage_v, sample.current_a, ctx.told_soc, level=level)
+        doubted = ctx.voltage.doubtful()
+        given = (sample.time_s, sample.voltage_v, sample.current_a, ctx.told_soc)
+        fell = ctx.voltage.hear(*given, load=_load(ctx, sample), flies=flies and ctx.in_air)
+        if doubted and ctx.voltage.lost > 0.0 and not ctx.voltage.doubtful():
+            ctx.lost_s = ctx.now_s
         if flies and fell != 0.0:
             said = f"the vehicle says {100 * sample.soc:.0f} %, that is not believed"
             _lost(ctx, fell, f"the voltage fell as if {100 * fell:.0f} % were lost at once; {said}")
@@ -51,6 +54,21 @@ def read_gauge(ctx: Context, sample: TelemetrySample) -> None:
     if leg is not None and math.isfinite(leg.soc_start) and (ctx.gauge != 1.0 or ctx.voltage.lost > 0.0):
         soc, source = leg.soc_start - ctx.gauge * (leg.told_start - ctx.told_soc), "the vehicle, corrected"
     ctx.soc, ctx.soc_source = max(soc, 0.0), source
+
+
+def _load(ctx: Context, sample: TelemetrySample) -> float:
+    """Power at the airspeed and climb of now, over that of hover: momentum theory, blades as they are."""
+    use = None if ctx.leg is None else ctx.leg.modelled
+    wind = ctx.wind.estimate
+    blown = (
+        ctx.wind.expected(sample.time_s, sample.lat_deg, sample.lon_deg)
+        if wind is None
+        else (wind.north_mps, wind.east_mps)
+    )
+    airspeed = math.hypot(sample.vel_north_mps - blown[0], sample.vel_east_mps - blown[1])
+    level = 1.0 if use is None or use.load is None else float(use.load.factor(airspeed))
+    half = -0.5 * sample.vel_down_mps / INFLOW_MPS
+    return level * (BLADE_SHARE + (1.0 - BLADE_SHARE) * (half + math.sqrt(half * half + 1.0)))
 
 
 def _lost(ctx: Context, fell: float, reason: str) -> None:

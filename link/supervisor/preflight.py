@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from skyway.link.supervisor.crash import LIES_DEG, leans_deg
 from skyway.link.supervisor.failsafes import finishes_alone, in_our_units, read_failsafes, when_left
 from skyway.link.supervisor.lean import airspeed_at_lean
 from skyway.link.supervisor.parameter_changes import ParameterChange
@@ -102,6 +103,9 @@ def _identity(ctx: Context) -> Iterator[Check]:
 
 
 def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
+    lean = leans_deg(ctx)
+    if lean > LIES_DEG:
+        yield Check("attitude", "no", f"it lies there, leaning by {lean:.0f}°", waits=True)
     place = ctx.place
     station = ctx.plan.stations[service.origin] if ctx.plan is not None else None
     if place is None or station is None:
@@ -113,6 +117,8 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
         yield Check("position", "no", f"{away:.0f} m from {service.origin}, at most {AT_PLACE_M:.0f} m", waits=True)
     elif doubt is not None:
         yield Check("position", "no", doubt, waits=True)
+    elif ctx.sample is not None and ctx.sample.gps_ok == 0.0:
+        yield Check("position", "no", "its receiver has no fix that it trusts", waits=True)
     else:
         yield Check("position", "ok", f"{away:.0f} m from {service.origin}")
     try:

@@ -35,6 +35,7 @@ class State(StrEnum):
     DELIVERED = "delivered"
     STOPPED = "stopped-safe"
     ENDED_ELSEWHERE = "landed-elsewhere"
+    CRASHED = "crashed"
     LEFT = "left-to-itself"
 
 
@@ -61,7 +62,7 @@ class Rule:
 
 
 _S = State
-_GROUND_TROUBLE = (_S.STOPPED, _S.HOLDING, _S.LOST_LINK, _S.LEFT)
+_GROUND_TROUBLE = (_S.STOPPED, _S.CRASHED, _S.HOLDING, _S.LOST_LINK, _S.LEFT)
 _AIR_TROUBLE = (_S.HOLDING, _S.LOST_LINK, _S.LEFT)
 
 TABLE: Mapping[State, Rule] = {
@@ -127,7 +128,17 @@ TABLE: Mapping[State, Rule] = {
         "not heard, or hears us not: it does what its parameters say; nothing is commanded",
     ),
     _S.HOLDING: Rule(
-        (_S.FLYING, _S.DIVERTING, _S.LANDED, _S.LOST_LINK, _S.STOPPED, _S.ENDED_ELSEWHERE, _S.LEFT, _S.REPLANNING),
+        (
+            _S.FLYING,
+            _S.DIVERTING,
+            _S.LANDED,
+            _S.LOST_LINK,
+            _S.STOPPED,
+            _S.ENDED_ELSEWHERE,
+            _S.CRASHED,
+            _S.LEFT,
+            _S.REPLANNING,
+        ),
         math.inf,
         None,
         "somebody else has control: nothing is commanded, all is watched, until the operator's word",
@@ -135,6 +146,7 @@ TABLE: Mapping[State, Rule] = {
     _S.DELIVERED: Rule((), math.inf, None, "the package is there, the vehicle stands disarmed"),
     _S.STOPPED: Rule((), math.inf, None, "on the ground, disarmed, at a known place, with a reason"),
     _S.ENDED_ELSEWHERE: Rule((), math.inf, None, "on the ground, disarmed, away from any station"),
+    _S.CRASHED: Rule((), math.inf, None, "on the ground after a crash, or lying over: people must look at it"),
     _S.LEFT: Rule((), math.inf, None, "left to what its parameters make it do, and that was said"),
 }
 

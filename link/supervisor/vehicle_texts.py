@@ -72,6 +72,11 @@ class TextLog:
             del self._said[next(iter(self._said))]
         return list(self._due(now_s))
 
+    def saying(self, words: re.Pattern[str], since_s: float) -> str:
+        """What was said last, from an instant on, with some words in it; nothing where nothing was."""
+        found = [said for said in self._said.values() if said.heard_s >= since_s and words.search(said.text)]
+        return max(found, key=lambda said: said.heard_s).text if found else ""
+
     def _due(self, now_s: float) -> Iterator[Said]:
         for said in self._said.values():
             if said.count == said.told_count or now_s < said.told_s + (said.wait_s if said.told_count else 0.0):

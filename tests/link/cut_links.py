@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from branches import Branches
 
 from benchmarks.deliveries import Stage, Story
 from skyway.link.frames import FrameReader
@@ -99,6 +101,7 @@ class CutLink:
     cuts: tuple[Cut, ...] = ()
     seen: dict[Moment, None] = field(default_factory=dict)
     begun_s: dict[Cut, float] = field(default_factory=dict)
+    branches: Branches[Cut] | None = None
     _reader: FrameReader = field(default_factory=FrameReader)
 
     def note(self, exchange: str) -> None:
@@ -107,6 +110,9 @@ class CutLink:
         state = "connecting" if supervisor is None else str(supervisor.context.state)
         for moment in (Moment(state), Moment(state, exchange)):
             self.seen[moment] = None
+            mine = None if self.branches is None else self.branches.at(moment, self.stage)
+            if mine is not None:
+                self.cuts = (mine,)
             for cut in self.cuts:
                 if cut.moment == moment:
                     self.begun_s.setdefault(cut, self.stage.lockstep.now_s)
@@ -208,7 +214,20 @@ class Ended:
 
 def fly_cut(story: Story, folder: Path, *cuts: Cut) -> Ended:
     """Fly one delivery through cuts; one that ends undelivered is resumed once, after the last."""
-    stage, link = cut_stage(story, folder, cuts)
+    return _flown(*cut_stage(story, folder, cuts))
+
+
+def fly_each_cut(story: Story, folder: Path, cuts: list[Cut]) -> dict[Cut, Ended]:
+    """How the delivery ends with each of these alone; what comes before them is flown once."""
+    stage, link = cut_stage(story, folder)
+    waiting: dict[Any, list[Cut]] = {}
+    for cut in cuts:
+        waiting.setdefault(cut.moment, []).append(cut)
+    link.branches = Branches(waiting, folder)
+    return link.branches.fly(lambda: _flown(stage, link))
+
+
+def _flown(stage: Stage, link: CutLink) -> Ended:
     outcome = stage.fly()
     seconds = stage.lockstep.now_s
     first = outcome

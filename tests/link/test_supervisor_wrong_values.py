@@ -4,7 +4,9 @@ import math
 import random
 
 import pytest
-from wrong_values import KINDS, PACKETS, Wrong, fields_read, fly_wrong
+from failing_packs import CAPACITY_J, HOVER_W, LANDING_S, MOMENTS_S
+from failing_packs import fly as fly_battery
+from wrong_values import KINDS, PACKETS, Wrong, fields_read, fly_each_wrong, fly_wrong
 
 from benchmarks.deliveries import Story
 from skyway.link.plausible import STRANGE_BOOTS, BootTimes, Plausible
@@ -12,11 +14,13 @@ from skyway.link.supervisor.flies import flies
 from skyway.link.supervisor.told_charge import ToldCharge
 from skyway.link.supervisor.voltage import VoltageWatch, open_voltage
 from skyway.models.telemetry import TelemetrySample
+from skyway.sim_stub.faults import parse_fault
 
 AUTOPILOTS = ("px4", "ardupilot")
 SAFE = ("delivered", "held", "stopped")
 STATES = (("flying", 60.0), ("flying", 5.0), ("charging", 0.0), ("connecting", 0.0), ("preflight", 0.0), ("arming", 0.0),
-          ("replanning", 0.0), ("landed", 0.0))  # fmt: skip
+          ("flying", 90.0), ("landed", 0.0))  # fmt: skip
+LANDING_SOC = LANDING_S * 0.9 * HOVER_W / CAPACITY_J
 UNREAD = (("MISSION_CURRENT", "mission_id"), ("MISSION_CURRENT", "fence_id"))
 """Read from the payload itself: pymavlink's tables do not have them."""
 BURSTS = (
@@ -34,6 +38,11 @@ BURSTS = (
 
 def delivery(autopilot, **how):
     return Story(autopilot=autopilot, start="bellevue", to="city-hall", soc=0.3, traffic=False, **how)
+
+
+def short_delivery(autopilot):
+    """The shortest there is that charges first."""
+    return Story(autopilot=autopilot, start="jersey-city", to="hoboken", soc=0.38, traffic=False)
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
@@ -63,21 +72,40 @@ def test_on_a_signed_link_a_forger_is_not_even_heard(autopilot, tmp_path):
 @pytest.mark.parametrize("part", range(16))
 def test_every_field_that_is_read_may_be_wrong_for_a_while(autopilot, part, tmp_path, monkeypatch):
     """Each field with each kind of wrong value; numbers of packets, states and forgers are drawn."""
-    story = delivery(autopilot)
+    story = short_delivery(autopilot)
     found = [*fields_read(story, tmp_path / "watched", monkeypatch), *UNREAD]
-    failed = []
-    for number, (message, name) in enumerate(found):
-        if number % 16 != part:
-            continue
+    wrongs = []
+    for message, name in found[part::16]:
         for kind in KINDS:
             for packets in PACKETS:
                 luck = random.Random(f"{message}.{name}/{kind}/{packets}")
-                state, after_s = luck.choice(STATES)
-                wrong = Wrong(message, name, kind, packets, state, after_s, forged=luck.random() < 0.3)
-                ended = fly_wrong(story, tmp_path / f"{number}-{kind}-{packets}", wrong)
-                if ended.kind not in SAFE:
-                    failed.append((wrong, ended))
-    assert not failed
+                wrongs.append(Wrong(message, name, kind, packets, *luck.choice(STATES), forged=luck.random() < 0.3))
+    assert wrongs
+    ended = fly_each_wrong(story, tmp_path / "wrong", wrongs)
+    assert not {wrong: end for wrong, end in ended.items() if end.kind not in SAFE}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@pytest.mark.parametrize("seed", range(4))
+def test_a_voltage_told_wrongly_lands_no_healthy_vehicle_in_the_street(autopilot, seed, tmp_path):
+    """Far from stations, in climb, turn, gusts and level flight, by much and by little, for one packet to a hundred."""
+    luck = random.Random(f"street/{seed}")
+    faults = tuple(parse_fault(f"gust={luck.uniform(4.0, 8.0):.1f}@T+{at}s+20s") for at in (40, 160, 300))
+    story = Story(autopilot=autopilot, start="bellevue", to="white-plains", seed=seed, faults=faults, traffic=False)
+    moments = [
+        luck.choice((1.0, 6.0)),
+        luck.choice((12.0, 17.0)),
+        luck.choice((24.0, 40.0, 90.0)),
+        luck.uniform(100, 350),
+    ]
+    wrongs = [
+        Wrong("SYS_STATUS", "voltage_battery", f"times {luck.uniform(0.6, 0.97):.3f}", packets, "flying", after_s)
+        for after_s in moments
+        for packets in (10, 100)
+    ]
+    ended = fly_each_wrong(story, tmp_path, wrongs)
+    assert not {wrong: end for wrong, end in ended.items() if end.kind not in SAFE}
 
 
 # The charge told
@@ -133,7 +161,7 @@ def test_without_a_voltage_a_charge_must_be_told_for_longer_than_a_burst():
 
 def watched(seconds, volts_of, *, soc=0.8, constant_power=True):
     """Fly by a battery whose voltage is measured wrongly, or fails; returns the watch and what it said."""
-    watch, said, luck = VoltageWatch(), [], random.Random(3)
+    watch, said, luck = VoltageWatch(ohm=0.02), [], random.Random(3)
     for second in range(seconds):
         true_v = 6.0 * open_voltage(soc - RATE * second)
         volts, real = volts_of(second, true_v)
@@ -149,53 +177,87 @@ def test_a_voltage_that_is_measured_wrongly_is_doubted_and_what_was_lost_comes_b
     assert burst.lost == pytest.approx(0.0, abs=1e-9)
     lasting, _ = watched(150, lambda n, v: (0.9 * v if n >= 100 else v, v))
     assert lasting.doubtful()
-    failed, _ = watched(150, lambda n, v: (0.9 * v, 0.9 * v) if n >= 100 else (v, v))
+    left_v = [6.0 * open_voltage(0.12 - RATE * n) for n in range(95)]
+    failed, _ = watched(195, lambda n, v: (left_v[n - 100], left_v[n - 100]) if n >= 100 else (v, v))
     assert failed.lost > 0.1
     assert not failed.doubtful()
 
 
-def doubted(watts_of, measured_of, *, seconds, soc_of=lambda n: 0.8 - RATE * n, ohm=0.0):
-    """Fly with a power, a charge and an error of the voltage for each second; returns the watch at the end."""
-    watch = VoltageWatch(ohm=ohm)
-    for second in range(seconds):
-        volts = 6.0 * open_voltage(soc_of(second))
-        watch.hear(float(second), volts * measured_of(second), watts_of(second) / volts, 0.8 - RATE * second)
-    assert watch.lost > 0.1
-    return watch
-
-
-@pytest.mark.parametrize("afterwards_w", [600.0, 640.0, 680.0])
-def test_where_the_power_varied_before_a_loss_is_doubted_only_while_that_can_be_afforded(afterwards_w):
-    """A turn to another station draws more for a while, so less afterwards is no sign of a wrong measurement."""
-    luck = random.Random(7)
-    power = [luck.uniform(600.0, 880.0) if n < 100 else afterwards_w for n in range(130)]
-    watch = doubted(
-        power.__getitem__, lambda _: 1.0, seconds=130, soc_of=lambda n: (0.8 if n < 100 else 0.12) - RATE * n
-    )
-    assert not watch.doubtful(affordable=False)
-
-
-def test_a_steady_power_that_fell_with_the_voltage_is_a_reason_to_doubt_however_little_seems_left():
-    luck = random.Random(8)
-    power = [luck.gauss(700.0, 15.0) for _ in range(140)]
-    for error in (0.75, 0.85, 0.9):
-        watch = doubted(power.__getitem__, lambda n, error=error: error if n >= 100 else 1.0, seconds=130)
-        assert watch.doubtful(affordable=False)
-
-
-def test_a_second_loss_is_not_doubted():
-    soc = [(0.8 if n < 60 else 0.4 if n < 110 else 0.1) - 0.0005 * n for n in range(130)]
-    watch = doubted(lambda n: 700.0 if n < 110 else 650.0, lambda _: 1.0, seconds=130, soc_of=soc.__getitem__)
-    assert watch.lost > 0.5
-    assert not watch.doubtful()
-
-
 def test_a_voltage_that_falls_on_as_that_of_an_empty_battery_is_not_doubted():
-    def measured(second, falls):
-        return 1.0 if second < 100 else 0.9 - falls * (second - 100)
+    def falling(rate):
+        watch = VoltageWatch(ohm=0.02)
+        for second in range(140):
+            volts = 6.0 * open_voltage(0.8 - RATE * second)
+            error = 1.0 if second < 100 else 0.9 - rate * (second - 100)
+            watch.hear(float(second), volts * error, 700.0 / (volts * error), 0.8 - RATE * second)
+        assert watch.lost > 0.1
+        return watch
 
-    assert doubted(lambda _: 700.0, lambda n: measured(n, 0.0), seconds=140, ohm=0.02).doubtful()
-    assert not doubted(lambda _: 700.0, lambda n: measured(n, 0.001), seconds=140, ohm=0.02).doubtful()
+    assert falling(0.0).doubtful()
+    assert not falling(0.001).doubtful()
+
+
+def test_an_error_that_grows_and_takes_the_measured_power_with_it_is_no_battery_that_goes_empty():
+    watch = VoltageWatch(ohm=0.02)
+    for second in range(160):
+        volts = 6.0 * open_voltage(0.8 - RATE * second)
+        error = 1.0 if second < 100 else 0.85 - 0.001 * (second - 100)
+        watch.hear(float(second), volts * error, 700.0 / volts, 0.8 - RATE * second)
+    assert watch.lost > 0.1
+    assert watch.doubtful(affordable=False)
+
+
+def forged_flight(number):
+    """A flight with a sound battery whose voltage is told wrongly: how, from when on, and what became of it."""
+    luck = random.Random(f"forged/{number}")
+    at_s = MOMENTS_S[list(MOMENTS_S)[number % len(MOMENTS_S)]] + luck.randrange(5)
+    packets = luck.choice((1, 3, 10, 100))
+    how = {
+        "soc": luck.choice((1.0, 0.9, 0.7, 0.5, 0.4, 0.3)), "factor": luck.uniform(0.6, 0.97), "packets": packets,
+        "at_s": at_s, "gusts": luck.choice((0.01, 0.03, 0.06, 0.1)),
+    }  # fmt: skip
+    return how, fly_battery(10_000 + number, **how), int(at_s) + packets + 12
+
+
+def check_forged(number):
+    how, flown, over = forged_flight(number)
+    condemned = [k for k, (lost, doubt) in enumerate(zip(flown.lost, flown.doubted, strict=True)) if lost and not doubt]
+    assert not condemned, (how, condemned)
+    assert max(flown.lost[over:], default=0.0) < 1e-9, how
+
+
+def check_failing(number):
+    """A pack that fails is believed to have while the charge that is left is enough for a landing."""
+    luck = random.Random(f"fails/{number}")
+    at_s = MOMENTS_S[list(MOMENTS_S)[number % len(MOMENTS_S)]] + luck.randrange(5)
+    soc = luck.choice((1.0, 0.9, 0.7))
+    how = {
+        "soc": soc,
+        "left": luck.uniform(0.05, soc - 0.4),
+        "at_s": at_s,
+        "gusts": luck.choice((0.01, 0.03, 0.06, 0.1)),
+    }
+    flown = fly_battery(20_000 + number, seconds=800, **how)
+    each = zip(flown.lost, flown.doubted, flown.soc, strict=True)
+    believed = next((left for lost, doubt, left in each if lost and not doubt and left < 0.2), min(flown.soc))
+    assert believed > LANDING_SOC, (how, believed)
+
+
+@pytest.mark.parametrize("number", range(14))
+def test_a_voltage_told_wrongly_at_any_moment_of_a_flight_condemns_no_sound_battery(number):
+    check_forged(number)
+
+
+@pytest.mark.parametrize("number", range(14))
+def test_a_pack_that_fails_at_any_moment_of_a_flight_is_believed_in_time_to_land(number):
+    check_failing(number)
+
+
+@pytest.mark.slow
+def test_voltages_told_wrongly_and_packs_that_fail_are_told_apart_in_a_thousand_flights():
+    for number in range(1_000, 1_500):
+        check_forged(number)
+        check_failing(number)
 
 
 # What cannot be

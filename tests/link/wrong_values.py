@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import TYPE_CHECKING, Any
 
+from branches import Branches
+
 from benchmarks.deliveries import Stage, Story
 from skyway.link import frames
 from skyway.link.frames import Message
@@ -108,7 +110,7 @@ class Wrong:
     message, name : str
         Message and field.
     kind : str
-        One of `KINDS`.
+        One of `KINDS`, or ``times`` and a factor.
     packets : int
         How many.
     state : str
@@ -181,6 +183,8 @@ class Tamper:
                 return self._first
             case "not-a-number":
                 return math.nan
+        if self.wrong.kind.startswith("times "):
+            return type(value)(float(self.wrong.kind[6:]) * value)
         told = PLAUSIBLE.get((self.wrong.message, self.wrong.name))
         return type(value)(0.75 * value) if told is None else told(value)
 
@@ -202,8 +206,8 @@ class Ended:
     done: tuple[int, ...]
 
 
-def fly_wrong(story: Story, folder: Path, *wrongs: Wrong, key: bytes | None = None) -> Ended:
-    """Fly one delivery in which something is told that is not so; the operator says go after two minutes of holding."""
+def staged(story: Story, folder: Path, key: bytes | None, tamper: Callable[[Stage, Port], Any]) -> Stage:
+    """A stage whose vehicle says what `tamper` makes of it; the operator says go after two minutes of holding."""
     folder.mkdir(parents=True, exist_ok=True)
     story = story if key is None else replace(story, vehicle={**story.vehicle, "signing_key": key})
     stage = Stage(story, folder)
@@ -211,20 +215,60 @@ def fly_wrong(story: Story, folder: Path, *wrongs: Wrong, key: bytes | None = No
         lambda question, _: (120.0, "go") if "nothing is commanded" in question else (0.0, "yes"),
         stage.lockstep.clock.now_s,
     )
-    connect, tampers = stage.lockstep.connect, []
+    connect = stage.lockstep.connect
 
     def connected(*given, **how):
         link = connect(*given, **how)
         port = stage.craft.radio.ports[-1]
-        tampers.extend(Tamper(wrong, stage, port) for wrong in wrongs)
-        port.tamper = lambda message, payload: reduce(lambda told, tamper: tamper(message, told), tampers, payload)
+        port.tamper = tamper(stage, port)
         return link
 
     stage.lockstep.connect = connected
+    return stage
+
+
+def _flown(stage: Stage, tampers: list[Tamper]) -> Ended:
     outcome = stage.fly(on_tick=_bounded)
     stage.lockstep.run_for(0.0 if stage.craft.body.grounded else 1800.0)
-    done = tuple(tamper.done for tamper in tampers)
-    return Ended(_judged(stage, outcome), outcome.state, outcome.reason, done)
+    return Ended(_judged(stage, outcome), outcome.state, outcome.reason, tuple(tamper.done for tamper in tampers))
+
+
+def fly_wrong(story: Story, folder: Path, *wrongs: Wrong, key: bytes | None = None) -> Ended:
+    """Fly one delivery in which something is told that is not so."""
+    tampers: list[Tamper] = []
+
+    def tamper(stage: Stage, port: Port) -> Any:
+        tampers.extend(Tamper(wrong, stage, port) for wrong in wrongs)
+        return lambda message, payload: reduce(lambda told, one: one(message, told), tampers, payload)
+
+    return _flown(staged(story, folder, key, tamper), tampers)
+
+
+def fly_each_wrong(story: Story, folder: Path, wrongs: list[Wrong], *, key: bytes | None = None) -> dict[Wrong, Ended]:
+    """How the delivery ends with each of these alone; what comes before them is flown once."""
+    waiting: dict[Any, list[Wrong]] = {}
+    for wrong in wrongs:
+        waiting.setdefault((wrong.state, wrong.after_s), []).append(wrong)
+    branches: Branches[Wrong] = Branches(waiting, folder)
+    tampers: list[Tamper] = []
+
+    def tamper(stage: Stage, port: Port) -> Any:
+        clocks = {moment: Tamper(cases[0], stage, port) for moment, cases in waiting.items()}
+
+        def told(message: MessageSpec, payload: bytes) -> bytes:
+            for moment, clock in list(clocks.items()) if branches.mine is None else ():
+                if clock.due():
+                    del clocks[moment]
+                    mine = branches.at(moment, stage)
+                    if mine is not None:
+                        tampers.append(Tamper(replace(mine, after_s=0.0), stage, port))
+                        break
+            return reduce(lambda said, one: one(message, said), tampers, payload)
+
+        return told
+
+    stage = staged(story, folder, key, tamper)
+    return branches.fly(lambda: _flown(stage, tampers))
 
 
 def _bounded(ctx: Any) -> None:

@@ -1,0 +1,47 @@
+"""Whether a vehicle that stands disarmed has crashed: it lies on its side or its back, or says so."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import Context
+
+LIES_DEG = 50.0
+"""No pad leans as far."""
+LOOK_S = 120.0
+"""So long an attitude is looked at: longer than it may be told wrongly."""
+_WORDS = re.compile(r"\bcrash|attitude failure|\bleaning\b", re.IGNORECASE)
+"""ArduPilot says ``Crash: Disarming`` and refuses to arm with ``Leaning``, PX4 with ``Attitude failure (roll)``."""
+
+
+def leans_deg(ctx: Context) -> float:
+    """How far it leans; NaN where that is not known."""
+    s = ctx.sample
+    if s is None:
+        return math.nan
+    return math.degrees(math.acos(max(-1.0, min(1.0, math.cos(s.roll_rad) * math.cos(s.pitch_rad)))))
+
+
+def lies(ctx: Context) -> str:
+    """How it lies, where it does not stand; nothing where it stands, or that is not known."""
+    end = ctx.clock.now_s() + LOOK_S
+    while leans_deg(ctx) > LIES_DEG:
+        if ctx.clock.now_s() >= end:
+            return f"it lies there, leaning by {leans_deg(ctx):.0f}°"
+        ctx.tick()
+    return ""
+
+
+def crashed(ctx: Context, since_s: float) -> str:
+    """Why it is taken for crashed; nothing where it is not.
+
+    Parameters
+    ----------
+    since_s : float
+        What it has said since then counts, by the clock.
+    """
+    said = ctx.texts.saying(_WORDS, since_s)
+    return f'it says "{said}"' if said else lies(ctx)
