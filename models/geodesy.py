@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from pyproj import Geod
 
+SEMI_MAJOR_M = 6_378_137.0
+ECCENTRICITY_SQUARED = 0.006_694_379_990_141_317
+"""Of the WGS-84 ellipsoid."""
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius of the Earth (IUGG), for bounding boxes and other coarse uses only."""
 
@@ -47,6 +50,14 @@ def inverse(
     bearing = np.mod(np.asarray(azimuth), 360.0)
     bearing[bearing >= 360.0] = 0.0
     return np.asarray(distance).reshape(a.shape), bearing.reshape(a.shape)
+
+
+def earth_xyz(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return places (lat, lon), shape (places, 2), as metres from the centre of the ellipsoid, shape (places, 3)."""
+    lat, lon = np.radians(places).T
+    normal = SEMI_MAJOR_M / np.sqrt(1.0 - ECCENTRICITY_SQUARED * np.sin(lat) ** 2)
+    up = normal * (1.0 - ECCENTRICITY_SQUARED) * np.sin(lat)
+    return np.column_stack((normal * np.cos(lat) * np.cos(lon), normal * np.cos(lat) * np.sin(lon), up))
 
 
 def coarse_distance_m(lat: float, lon: float, lats: ArrayLike, lons: ArrayLike) -> NDArray[np.float64]:

@@ -21,9 +21,6 @@ RULES = ("max-length", "nearest", "gabriel")
 MAX_PAIRS = 20_000_000
 FEW = 150
 """Up to so many places all pairs are looked at; beyond, a tree is worth the time that importing it takes."""
-SEMI_MAJOR_M = 6_378_137.0
-ECCENTRICITY_SQUARED = 0.006_694_379_990_141_317
-"""Of the WGS-84 ellipsoid."""
 DECIMALS = 9
 """Places are told apart by so many decimals of a degree, 0.1 mm."""
 
@@ -72,18 +69,10 @@ def _of_stations(pairs: NDArray[np.int64], place_of: NDArray[np.int64]) -> NDArr
     return np.concatenate([np.empty((0, 2), dtype=np.int64), *grids])
 
 
-def _earth_xyz(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return places (lat, lon), shape (places, 2), as metres from the centre of the ellipsoid, shape (places, 3)."""
-    lat, lon = np.radians(places).T
-    normal = SEMI_MAJOR_M / np.sqrt(1.0 - ECCENTRICITY_SQUARED * np.sin(lat) ** 2)
-    up = normal * (1.0 - ECCENTRICITY_SQUARED) * np.sin(lat)
-    return np.column_stack((normal * np.cos(lat) * np.cos(lon), normal * np.cos(lat) * np.sin(lon), up))
-
-
 def _within(places: NDArray[np.float64], rule: ConnectionRule) -> NDArray[np.int64]:
     """All pairs whose chord is not longer than the rule allows: a geodesic is never shorter than its chord."""
-    xyz = _earth_xyz(places)
-    reach = min(rule.max_length_m, 3.0 * SEMI_MAJOR_M)
+    xyz = geodesy.earth_xyz(places)
+    reach = min(rule.max_length_m, 3.0 * geodesy.SEMI_MAJOR_M)
     if len(places) <= FEW:
         near = np.triu(_chords(xyz, xyz) <= reach, k=1)
         return np.argwhere(near)
@@ -99,7 +88,7 @@ def _within(places: NDArray[np.float64], rule: ConnectionRule) -> NDArray[np.int
 
 
 def _nearest(places: NDArray[np.float64], rule: ConnectionRule) -> NDArray[np.int64]:
-    xyz = _earth_xyz(places)
+    xyz = geodesy.earth_xyz(places)
     count = min(rule.nearest + 1, len(places))
     if len(places) <= FEW:
         found = np.argsort(_chords(xyz, xyz), axis=1, kind="stable")[:, :count]
@@ -113,7 +102,7 @@ def _nearest(places: NDArray[np.float64], rule: ConnectionRule) -> NDArray[np.in
 
 def _gabriel(places: NDArray[np.float64], rule: ConnectionRule) -> NDArray[np.int64]:
     """Pairs whose ball (the chord is its diameter) holds no third place, of those that can have such a ball."""
-    xyz = _earth_xyz(places)
+    xyz = geodesy.earth_xyz(places)
     candidates = _within(places, rule) if len(places) <= FEW else _delaunay_edges(places)
     if candidates is None:
         candidates = _within(places, rule)
@@ -144,7 +133,7 @@ def _delaunay_edges(places: NDArray[np.float64]) -> NDArray[np.int64] | None:
     """
     from scipy.spatial import Delaunay, QhullError
 
-    xyz = _earth_xyz(places).mean(axis=0)
+    xyz = geodesy.earth_xyz(places).mean(axis=0)
     middle = np.degrees((np.arctan2(xyz[2], np.hypot(xyz[0], xyz[1])), np.arctan2(xyz[1], xyz[0])))
     offset = np.column_stack(geodesy.local_offsets_m(places[:, 0], places[:, 1], middle[0], middle[1]))
     angle = np.linalg.norm(offset, axis=1) / (2.0 * geodesy.EARTH_RADIUS_M)

@@ -15,7 +15,10 @@ from skyway.models import geodesy
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from numpy.typing import NDArray
+
     from skyway.missions.checks.route import Route, RouteLeg, Step
+    from skyway.missions.coordinates import Point
     from skyway.missions.document import MissionDocument
     from skyway.missions.mission import Mission, MissionItem
     from skyway.models.drone import Drone
@@ -31,6 +34,7 @@ USUAL_CEILING_M = 120.0
 LOW_TAKEOFF_M = 3.0
 """PX4 wants a take-off height of its acceptance radius (2 m) and 1 m more."""
 _ABOVE_HERE = (Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT, Frame.GLOBAL_TERRAIN_ALT)
+_CANDIDATES = 8
 _TERRAIN = (Frame.GLOBAL_TERRAIN_ALT, Frame.GLOBAL_TERRAIN_ALT_INT)
 
 
@@ -71,26 +75,39 @@ def check_home_distance(mission: Mission, route: Route) -> Iterator[Finding]:
 
 def check_rally_distances(document: MissionDocument, route: Route) -> Iterator[Finding]:
     """Tell rally points that lie far from every place of the route, with the distance."""
-    steps = route.steps
-    if not steps:
+    steps, rally = route.steps, document.rally.points
+    if not steps or not rally:
         return
-    lat = np.array([step.point.lat for step in steps])
-    lon = np.array([step.point.lon for step in steps])
-    lengths = [_length_m(leg) for leg in route.legs]
-    for number, rally in enumerate(document.rally.points):
-        away, _ = geodesy.inverse(rally.point.lat, rally.point.lon, lat, lon)
-        nearest = int(np.argmin(away))
-        distance = float(away[nearest])
-        if distance <= FAR_RALLY_M:
-            continue
+    nearest, away = _nearest([point.point for point in rally], [step.point for step in steps])
+    longest = max(_length_m(leg) for leg in route.legs)
+    for number in np.flatnonzero(away > FAR_RALLY_M).tolist():
+        distance = float(away[number])
         yield Finding(
-            "warning" if distance > max(lengths) else "info",
-            steps[nearest].item,
+            "warning" if distance > longest else "info",
+            steps[nearest[number]].item,
             "rally-far",
             f"rally point {number} is {distance / 1000:.1f} km from here, the nearest place of the mission: a vehicle"
             " that goes there needs the energy for it",
             "put a rally point near the route",
         )
+
+
+def _nearest(points: Sequence[Point], places: Sequence[Point]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return for each point which place is nearest, the first of equals, and how far, m.
+
+    Candidates are nearest by the chord, which puts places in the same order as the geodesic where they are not all but equal.
+    """
+    from scipy.spatial import cKDTree  # imported late: 0.2 s
+
+    here, there = (np.array([(p.lat, p.lon) for p in group]) for group in (points, places))
+    there, first = np.unique(there, axis=0, return_index=True)
+    count = min(_CANDIDATES, len(there))
+    tree = cKDTree(geodesy.earth_xyz(there))
+    found = tree.query(geodesy.earth_xyz(here), k=count)[1].reshape(len(here), count)
+    away, _ = geodesy.inverse(here[:, :1], here[:, 1:], there[found, 0], there[found, 1])
+    best = np.argmin(away, axis=1)
+    rows = np.arange(len(here))
+    return first[found[rows, best]], away[rows, best]
 
 
 def _length_m(leg: RouteLeg) -> float:

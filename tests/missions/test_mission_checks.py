@@ -1,6 +1,7 @@
 """Checks of any mission: what is wrong, where, and what would be right."""
 
 import math
+import random
 from dataclasses import replace
 
 import pytest
@@ -14,6 +15,7 @@ from skyway.missions.dropped import dropped
 from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
 from skyway.missions.mission import Home, Mission, MissionItem
 from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.models import geodesy
 from skyway.models.drone import M200_V2
 
 NAMED = FlightConditions(M200_V2)
@@ -331,6 +333,31 @@ def test_thousands_of_rally_points_need_no_more_memory_than_they_must():
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 100e6
+
+
+def test_each_far_rally_point_is_told_with_the_nearest_place_of_the_route():
+    """Against every geodesic, on routes around the pole and over the antimeridian, with places that come twice."""
+    luck = random.Random(5)
+    for south, north, west, east in 4 * (
+        (85.0, 89.9, -180.0, 180.0), (-20.0, -15.0, 177.0, 183.0), (46.0, 47.0, 7.0, 9.0)
+    ):  # fmt: skip
+
+        def place(margin, bounds=(south, north, west, east)):
+            lat = luck.uniform(bounds[0] - margin, min(bounds[1] + margin, 90.0))
+            return lat, (luck.uniform(bounds[2] - margin, bounds[3] + margin) + 180.0) % 360.0 - 180.0
+
+        way = [at(Command.NAV_WAYPOINT, *place(0.0)) for _ in range(30)]
+        way = [TAKEOFF, *way, *way[:10]]
+        rally = [RallyPoint(Point.of_degrees(*place(3.0)), 60.0) for _ in range(20)]
+        document = MissionDocument(Mission(tuple(way), HOME), Geofence(), RallyPoints(tuple(rally)))
+        told = {f.message.split(" from here")[0]: f.item for f in check(document).findings if f.code == "rally-far"}
+        expected = {}
+        for number, one in enumerate(rally):
+            every = [geodesy.distance_m(one.point.lat, one.point.lon, w.x / 1e7, w.y / 1e7) for w in way]
+            if min(every) > 5000.0:
+                expected[f"rally point {number} is {min(every) / 1000:.1f} km"] = every.index(min(every))
+        assert told == expected
+        assert len(told) > 10
 
 
 def test_no_fly_zones_are_not_crossed():
