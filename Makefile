@@ -24,10 +24,10 @@ demo: setup
 	$(BIN)/skyway demo --output out/demo
 
 test: setup
-	$(BIN)/python -m pytest -q -n auto
+	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
 slow: setup
-	$(BIN)/python -m pytest -q -n auto -m slow
+	$(BIN)/python -m pytest -q -n auto --dist worksteal -m slow
 
 check: setup
 	$(BIN)/ruff check .
@@ -38,7 +38,7 @@ check: setup
 # Whatever reaches a kernel once more, with every index checked: the tests. Kernels that check have
 # cache files of their own (models/kernel_cache.py): nothing unchecked runs here and nothing checked elsewhere.
 bounds: setup
-	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -q -n auto tests/planner tests/models tests/link/test_log_readers.py tests/link/test_tlog.py
+	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -q -n auto --dist worksteal tests/planner tests/models tests/link/test_log_readers.py tests/link/test_tlog.py
 
 FUZZ_S ?= 150
 # Random requests with every index checked, for so long and no longer; fails where none was answered.

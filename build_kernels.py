@@ -126,8 +126,14 @@ def _referred(module: str, tree: ast.Module) -> set[str]:
         for alias in node.names
     }
     plain = [node for node in tree.body if not _is_kernel(node)]
-    names = {part.id for node in plain for part in ast.walk(node) if isinstance(part, ast.Name)}
-    return {homes.get(name, f"{module}.{name}") for name in names}
+    parts = [part for node in plain for part in ast.walk(node)]
+    names = {part.id for part in parts if isinstance(part, ast.Name)}
+    of_modules = {
+        f"{homes[part.value.id]}.{part.attr}"
+        for part in parts
+        if isinstance(part, ast.Attribute) and isinstance(part.value, ast.Name) and part.value.id in homes
+    }
+    return {homes.get(name, f"{module}.{name}") for name in names} | of_modules
 
 
 def observed() -> dict[str, list[list[Any]]]:

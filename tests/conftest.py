@@ -6,7 +6,44 @@ from pathlib import Path
 
 import pytest
 
+CALL_NO_KERNEL = frozenset(
+    f"test_{name}"
+    for name in (
+        *(
+            "antimeridian",
+            "charging",
+            "composition_file",
+            "drone",
+            "energy",
+            "errors",
+            "files",
+            "fleet",
+            "geodesy",
+            "load",
+        ),
+        *(
+            "network",
+            "network_builders",
+            "network_files",
+            "services",
+            "telemetry",
+            "units",
+            "wind_history",
+            "wind_summary",
+        ),
+        "zones",
+    )
+)
+"""Files whose tests call no compiled kernel (``SKYWAY_KERNELS=FOLDER pytest FILES`` lists none): nothing to check the bounds of."""
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out, where bounds are checked (``make bounds``), what calls no kernel."""
+    if os.environ.get("NUMBA_BOUNDSCHECK") == "1":
+        left_out = [item for item in items if item.path.stem in CALL_NO_KERNEL]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item.path.stem not in CALL_NO_KERNEL]
 
 
 @pytest.fixture(scope="session")

@@ -160,6 +160,8 @@ class ULogFile:
                 number = stamped["vehicle_status"][1].get("system_id", np.zeros(1))[0]
                 self._id = int(number) if 0 < number < 256 else self._id
             self._events.happened(self._log.columns("event", data, found)[1], self._range_us[1])
+            if "vehicle_local_position" in stamped:
+                self._events.resets(*stamped["vehicle_local_position"])
             if "vehicle_land_detected" in stamped:
                 self._events.landing(*stamped["vehicle_land_detected"])
         for topic in RECEIVERS:

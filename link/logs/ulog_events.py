@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.link.logs.doubted import DoubtedSpans, doubt_in
+from skyway.link.logs.doubted import SETTLE_S, DoubtedSpans, doubt_in
 from skyway.link.logs.log import MAX_EVENTS
 from skyway.link.logs.modes import PX4_NAV_STATES
 from skyway.link.logs.px4_events import EventReports
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 SAME_US = 20_000.0
 """A text and the event that says the same are at most so far apart."""
+RESET_MPS, BEFORE_RESET_S = 1.0, 60.0
+"""A velocity that is corrected by so much has drifted before; for so long nothing of it is believed."""
 _FAILURES = ("roll", "pitch", "altitude", "external", "ESC arming", "battery", "imbalanced propeller", "motor")
 """Bits of ``vehicle_status.failure_detector_status``."""
 _DISARMED_BY = {
@@ -54,6 +56,7 @@ class ULogEvents:
         self._state: dict[str, float] = {}
         self._lasting: dict[str, float] = {}
         self._happened: list[tuple[float, int, bytes]] = []
+        self._wrong: list[tuple[float, float]] = []
 
     def happened(self, columns: dict[str, NDArray[Any]], latest_us: float) -> None:
         """Take messages ``event``; those from before the log are written at its beginning.
@@ -98,6 +101,20 @@ class ULogEvents:
         if "landed" in columns:
             self._changes("landed", stamps_us, columns)
 
+    def resets(self, stamps_us: NDArray[np.float64], columns: dict[str, NDArray[Any]]) -> None:
+        """Take messages ``vehicle_local_position``: a filter that resets its velocity by much was wrong for some time before."""
+        if not {"vxy_reset_counter", "delta_vxy[0]", "delta_vxy[1]"} <= columns.keys():
+            return
+        counter = columns["vxy_reset_counter"].astype(np.float64)
+        changed = np.diff(counter, prepend=self._state.get("vxy_reset_counter", counter[0])) != 0.0
+        self._state["vxy_reset_counter"] = float(counter[-1])
+        step = np.hypot(columns["delta_vxy[0]"], columns["delta_vxy[1]"])
+        for row in np.flatnonzero(changed & (step >= RESET_MPS) & np.isfinite(stamps_us)).tolist():
+            if len(self._told) < MAX_EVENTS:
+                at_us = float(stamps_us[row])
+                self._told.append((at_us, f"the filter corrects its velocity by {step[row]:.1f} m/s"))
+                self._wrong.append((at_us * 1e-6 - BEFORE_RESET_S, at_us * 1e-6 + SETTLE_S))
+
     def lasting(self) -> dict[str, float]:
         """What was told last of what lasts, by the names of `models.telemetry`."""
         return dict(self._lasting)
@@ -120,7 +137,10 @@ class ULogEvents:
         lines = sorted([*lines, *events], key=lambda one: one[0])
         for time_us, text in lines:
             doubts.hear(time_us * 1e-6, "position", doubts=doubt_in(text))
-        return sorted([*lines, *checks, *self._told], key=lambda one: one[0])[:MAX_EVENTS], doubts.spans()
+        return sorted([*lines, *checks, *self._told], key=lambda one: one[0])[:MAX_EVENTS], (
+            *doubts.spans(),
+            *self._wrong,
+        )
 
     def _events_told(self, words: EventWords) -> tuple[list[tuple[float, str]], list[tuple[float, str]], list[float]]:
         """Return events; of the reports of checks each line that was not in the report before; times of the events that have words."""

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from skyway.models.telemetry import TelemetrySample
 
 WINDOW_S, STEADY_S = 12.0, 8.0
+JUDGE_EVERY_S = 0.5
 LEAN_SHARE, SPEED_SHARE = 0.93, 0.92
 """Leaning at least so far of the limit, and no faster than so much of what is commanded."""
 REACHED_SHARE = 0.96
@@ -94,12 +95,14 @@ class LeanWatch:
     lean_deg: float = math.nan
     taken: int = 0
     _measured_s: float = -math.inf
+    _judged_s: float = -math.inf
     _rows: deque[tuple[float, ...]] = field(default_factory=deque)
     _velocity: np.ndarray | None = None
 
     def begin(self) -> None:
         """Begin a flight."""
-        self.limited, self.taken, self._measured_s, self._velocity = False, 0, -math.inf, None
+        self.limited, self.taken, self._velocity = False, 0, None
+        self._measured_s = self._judged_s = -math.inf
         self._rows.clear()
 
     def hear(self, s: TelemetrySample, commanded_mps: float) -> bool:
@@ -112,13 +115,14 @@ class LeanWatch:
         self._rows.append(row)
         while self._rows[0][0] < s.time_s - WINDOW_S:
             self._rows.popleft()
-        if s.time_s - self._rows[0][0] < STEADY_S:
+        if s.time_s - self._rows[0][0] < STEADY_S or s.time_s < self._judged_s + JUDGE_EVERY_S:
             return False
         before = self.limited
-        self._judge(commanded_mps)
+        self._judge(commanded_mps, min(s.time_s - self._judged_s, JUDGE_EVERY_S))
+        self._judged_s = s.time_s
         return self.limited != before
 
-    def _judge(self, commanded_mps: float) -> None:
+    def _judge(self, commanded_mps: float, step_s: float) -> None:
         table = np.array(self._rows)
         velocity, force = table[:, 1:3], self._force(table)
         lean_deg = float(np.degrees(np.arctan2(np.hypot(*force.mean(axis=0)), GRAVITY_MPS2)))
@@ -134,7 +138,7 @@ class LeanWatch:
         if not self.limited:
             self._velocity = None
             return
-        mean, step_s = velocity.mean(axis=0), table[-1, 0] - table[-2, 0]
+        mean = velocity.mean(axis=0)
         keep = math.exp(-step_s / GUSTS_S)
         self._velocity = mean if self._velocity is None else keep * self._velocity + (1.0 - keep) * mean
 

@@ -47,11 +47,8 @@ def test_the_documentation_typed_in_order_with_its_flights_works(tmp_path, monke
     type_everything(tmp_path, flights=True)
 
 
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(path, marks=[pytest.mark.slow] if pages_before(path) else []) for path in TYPED],
-    ids=names_of(TYPED),
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("path", TYPED, ids=names_of(TYPED))
 def test_a_page_typed_alone_works_after_the_pages_that_it_says_it_goes_on_with(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     reader = Reader(tmp_path)

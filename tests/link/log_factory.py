@@ -201,15 +201,22 @@ class ULogWriter:
         return b"".join(self.parts)
 
 
-def ulog(columns, *, status=None, parameters=None, sensor=False, gps=None, ratios=None) -> ULogWriter:
-    """A log of PX4 in the air; `status` gives (vehicle_type, is_vtol, in_transition_mode, system_type) of a row."""
+def ulog(columns, *, status=None, parameters=None, sensor=False, gps=None, ratios=None, reset=None) -> ULogWriter:
+    """A log of PX4 in the air; `status` gives (vehicle_type, is_vtol, in_transition_mode, system_type) of a row.
+
+    `reset` gives how often the filter has reset its velocity, and by how much last.
+    """
     log = ULogWriter()
     floats = {f"q[{number}]": "float" for number in range(4)}
     log.topic("vehicle_attitude", **{name.replace("[", "").replace("]", ""): kind for name, kind in floats.items()})
     log.parts[-1] = log._message("F", b"vehicle_attitude:uint64_t timestamp;float[4] q;")
     position = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "ref_alt"), "float")
+    position |= {"ref_lat": "double", "ref_lon": "double", "xy_global": "bool", "v_xy_valid": "bool"}
     log.topic(
-        "vehicle_local_position", **position, ref_lat="double", ref_lon="double", xy_global="bool", v_xy_valid="bool"
+        "vehicle_local_position",
+        **position,
+        vxy_reset_counter="uint8_t",
+        **{"delta_vxy[0]": "float", "delta_vxy[1]": "float"},
     )
     log.topic(
         "vehicle_gps_position", hdop="float", s_variance_m_s="float", fix_type="uint8_t", satellites_used="uint8_t"
@@ -244,7 +251,8 @@ def ulog(columns, *, status=None, parameters=None, sensor=False, gps=None, ratio
         (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle), math.sin(angle)) for angle in half)
         quaternion = (cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy)
         log.add("vehicle_attitude", now, *quaternion, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy)
-        log.add("vehicle_local_position", now, 0.0, 0.0, -60.0, north, east, 0.0, 500.0, 47.0, 8.0, 1, 1)
+        corrected = (0, 0.0, 0.0) if reset is None else reset(row)
+        log.add("vehicle_local_position", now, 0.0, 0.0, -60.0, north, east, 0.0, 500.0, 47.0, 8.0, 1, 1, *corrected)
         if sensor:
             log.add("airspeed", now, float(columns["airspeed_mps"][row]))
     return log

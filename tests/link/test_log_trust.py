@@ -193,3 +193,20 @@ def test_one_absurd_value_in_a_log_changes_next_to_nothing(tmp_path, form, name)
     found = replayed(tmp_path, form(columns | {name: wrong}))
     miss = np.hypot(*(found.wind.wind.mean(axis=0) - plain.wind.wind.mean(axis=0)))
     assert miss < 0.3
+
+
+@pytest.mark.parametrize("corrected", [True, False])
+def test_before_a_filter_corrects_its_velocity_it_was_wrong(tmp_path, corrected):
+    """A drift of 0.3 m/s each second, which alone reads as wind, until PX4 resets the velocity to what is true."""
+    columns = multirotor(TRUTH)
+    north = columns["vel_north_mps"].copy()
+    north[BAD] += np.linspace(0.0, 12.0, BAD.stop - BAD.start)
+
+    def reset(row):
+        return (1, 12.0, 0.0) if corrected and row >= BAD.stop else (0, 0.0, 0.0)
+
+    found = replayed(tmp_path, ulog(columns | {"vel_north_mps": north}, reset=reset))
+    begin = found.seconds.time_s[0]
+    during = found.wind.wind[(found.wind.time_s - begin > 115.0) & (found.wind.time_s - begin < 128.0)]
+    assert len(during) == 0 if corrected else len(during) > 5
+    assert any("the filter corrects its velocity by 12.0 m/s" in event.text for event in found.events) == corrected

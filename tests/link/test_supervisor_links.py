@@ -35,7 +35,7 @@ ONCE_IN_EACH_STATE = (
 """What is asked, cut off at once: some of it is carried out, and only the answer is lost."""
 
 
-@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=pytest.mark.slow)])
 def test_a_link_that_is_cut_for_seconds_in_every_state_delays_a_delivery_and_does_not_end_it(autopilot, tmp_path):
     stage, link = cut_stage(delivery(autopilot), tmp_path, ONCE_IN_EACH_STATE)
     outcome = stage.fly()

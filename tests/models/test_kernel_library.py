@@ -67,6 +67,30 @@ def test_every_kernel_that_planning_calls_is_listed_for_the_types_it_is_called_w
     assert done.stdout.strip() == "[0, 0, 0, 0, 0, 0, 0] []", "run: make kernels"
 
 
+LOGS = """
+import sys; sys.path.insert(0, r'{root}')
+import warnings; warnings.simplefilter("ignore")
+import build_kernels, json
+from pathlib import Path
+from skyway.link.logs.reader import open_log
+for path in sorted(Path(r'{folder}').iterdir()):
+    if path.suffix != ".md":
+        log = open_log(path)
+        pieces = [*log.tracks(), *log.tracks(from_s=log.summary.start_s + 20.0)]
+listed = json.loads(build_kernels.LIST.read_text())
+called = build_kernels.observed()
+print(len(called), [name for name, kinds in called.items() if any(kind not in listed.get(name, []) for kind in kinds)])
+"""
+
+
+def test_every_kernel_that_reads_a_log_is_listed(shared_data):
+    program = LOGS.format(root=ROOT, folder=shared_data / "logs")
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    count, missing = done.stdout.strip().split(" ", 1)
+    assert int(count) >= 7
+    assert missing == "[]", "run: make kernels"
+
+
 def test_types_are_told_apart_as_numba_does():
     from numba import typeof
 
