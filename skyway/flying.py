@@ -116,6 +116,7 @@ def line_of(record: Record, zone: tzinfo = UTC) -> str | None:
             f"({of.number(data, 'late_s') or 0.0:+.0f} s), landing with {_percent(of.share(data, 'soc_land'))} "
             f"(planned {_percent(of.share(data, 'planned_soc_land'))}), {_figure(data, 'cross_track_m')} m off the way, "
             f"wind {of.measured_words(data) or 'not measured'} (forecast {of.forecast_words(data) or 'unknown'})"
+            + (f"; {limited}" if (limited := of.text(data, "limited")) else "")
         )
     return f"{clock}  {record.state:<12} {record.reason}" if record.event in SHOWN else None
 

@@ -200,6 +200,9 @@ class FlightView:
             ("off the way", "0 m", _with(of.number(data, "cross_track_m"), "m")),
             ("height above home", "", _with(of.number(data, "height_m"), "m")),
         ]  # fmt: skip
+        limited = of.text(data, "limited")
+        if limited:
+            rows.append(("", "", limited))
         if not self._leg:  # on the ground nothing of a way is expected
             rows = [row for row in rows if row[0] in ("charge now", "wind")]
         return rows

@@ -10,6 +10,7 @@ from datetime import datetime
 from html.parser import HTMLParser
 from xml.etree import ElementTree as ET
 
+import msgspec
 import pytest
 from rich.console import Console
 
@@ -353,6 +354,19 @@ def test_the_live_table_sets_expected_beside_actual(records):
     assert "±" in rows["wind"][1]
     assert re.fullmatch(r"\d+ \(\d+ to \d+\) m/s(, variable direction| from \d{3}°)", rows["wind"][0])
     assert f"{track.data['late_s']:+.0f} s" in rows["flight time"][1]
+
+
+def test_what_limits_the_speed_is_shown_while_it_does(records):
+    view = FlightView(Console(width=100))
+    track = next(r for r in of_kind(records, "track") if r.data.get("cross_track_m") is not None)
+    view.take(next(r for r in of_kind(records, "leg") if r.flight == track.flight))
+    said = "limited by lean 30°: 11.8 m/s over ground of 20.0 commanded"
+    limited = msgspec.structs.replace(track, data=track.data | {"limited": said})
+    assert said in [actual for _, _, actual in view.rows(limited)]
+    assert line_of(limited).endswith(f"; {said}")
+    free = msgspec.structs.replace(track, data=track.data | {"limited": None})
+    assert not any("limited" in actual for _, _, actual in view.rows(free))
+    assert "limited" not in line_of(free)
 
 
 def test_a_terminal_gets_the_table_and_a_pipe_gets_lines(records, capsys):
