@@ -70,7 +70,7 @@ class Change:
         For a person; of a mission its id and number of items. Where a vehicle tells no ids, a different number of items
         is noticed, and on ArduPilot its words.
     ours : bool
-        Whether an order of ours in the last seconds asks for it. What is not ours did the vehicle by itself (the end of
+        Whether an order of ours in the seconds before, or since it was last told otherwise, asks for it. What is not ours did the vehicle by itself (the end of
         a mission, a failsafe), its pilot, or another ground station: the texts tell more.
     time_s : float
         When we heard of it, POSIX seconds.
@@ -135,6 +135,7 @@ class Seen:
         self._expected: dict[str, tuple[frozenset[str], float]] = {}
         self._was: dict[str, str] = {}
         self._unconfirmed: dict[str, tuple[str, int]] = {}
+        self._as_before_s: dict[str, float] = {}
         self._tells_ids = False
         self._told_texts = 0
         beat = self.peer.latest.get("HEARTBEAT")
@@ -181,27 +182,30 @@ class Seen:
             self._note(kind, f"id {number}{items if kind == 'mission' else ''}")
 
     def _note(self, what: str, now: str) -> None:
-        before = self._was.setdefault(what, now)
+        before, now_s = self._was.setdefault(what, now), self.connection.clock.now_s()
+        since_s = self._as_before_s.setdefault(what, now_s)
         if before == now:
+            self._as_before_s[what] = now_s
             self._unconfirmed.pop(what, None)
             return
         told, times = self._unconfirmed.get(what, (now, 0))
         times = times + 1 if told == now else 1
-        if times < CONFIRMED and not self._ours(what, now):
+        if times < CONFIRMED and not self._ours(what, now, since_s):
             self._unconfirmed[what] = now, times
             return
         self._unconfirmed.pop(what, None)
-        self._was[what] = now
-        self._changed(what, before, now)
+        self._was[what], self._as_before_s[what] = now, now_s
+        self._changed(what, before, now, since_s)
 
-    def _ours(self, what: str, after: str) -> bool:
-        """Whether an order of ours in the last seconds asks for a change."""
+    def _ours(self, what: str, after: str, since_s: float) -> bool:
+        """Whether an order of ours asks for a change that was made since an instant at which it was still told otherwise."""
         wanted, until_s = self._expected.get(what, (frozenset(), -math.inf))
-        return self.connection.clock.now_s() <= until_s and (not wanted or after in wanted)
+        return since_s <= until_s and (not wanted or after in wanted)
 
-    def _changed(self, what: str, before: str, after: str) -> None:
-        posix_s = self.connection.clock.posix_s()
-        self._changes.append(Change(what, before, after, self._ours(what, after), posix_s))
+    def _changed(self, what: str, before: str, after: str, since_s: float | None = None) -> None:
+        clock = self.connection.clock
+        ours = self._ours(what, after, clock.now_s() if since_s is None else since_s)
+        self._changes.append(Change(what, before, after, ours, clock.posix_s()))
         del self._changes[:-_MAX_CHANGES]
 
     def expect(self, what: str, *after: str, for_s: float = _EXPECTED_S) -> None:

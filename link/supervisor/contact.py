@@ -69,7 +69,7 @@ def _meet(ctx: Context) -> None:
     while ctx.clock.now_s() < end:
         ctx.tick()
         s = ctx.sample
-        if s is not None and ctx.place is not None and all(map(math.isfinite, (s.armed, s.landed, s.soc))):
+        if s is not None and ctx.place is not None and all(map(math.isfinite, (s.armed, s.landed, ctx.soc))):
             return
         if ctx.clock.now_s() > asked + 10.0:
             ctx.must_answer("it does not send what it is asked for")
@@ -77,7 +77,7 @@ def _meet(ctx: Context) -> None:
             ctx.request_telemetry()
     s = ctx.sample
     lacking = ["position"] if ctx.place is None else []
-    if s is None or not math.isfinite(s.soc):
+    if not math.isfinite(ctx.soc):
         lacking.append("state of charge")
     if s is None or not math.isfinite(s.armed + s.landed):
         lacking.append("whether it is armed and landed")

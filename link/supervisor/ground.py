@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.context import ASK_AGAIN_S, ASK_FOR_S
 from skyway.link.supervisor.legs import with_places
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.errors import InputError, LinkError
@@ -54,14 +55,30 @@ def _stopped(ctx: Context, decision: Decision) -> After:
     return State.REPLANNING, "stations that could not be used may be usable again"
 
 
+def _look_again(ctx: Context) -> str:
+    """Return where it stands, once that and its charge are known; what is not told is asked for again."""
+    unknown, end = "where the vehicle stands, or its state of charge, is not known", ctx.clock.now_s() + ASK_FOR_S
+    while True:
+        ctx.station = ctx.station or ctx.here_station()
+        if ctx.station is not None and math.isfinite(ctx.soc):
+            return ctx.station
+        if ctx.clock.now_s() >= end:
+            raise Turn(State.STOPPED, unknown)
+        if ctx.unanswered_said != unknown:
+            ctx.unanswered_said = unknown
+            ctx.say("link", f"{unknown}: asked again")
+        ctx.must_answer(unknown)
+        ctx.request_telemetry()
+        ctx.wait(ASK_AGAIN_S)
+
+
 def _standing(ctx: Context) -> Grounded:
     """What is known where the drone stands."""
     ctx.unusable = {name: since for name, since in ctx.unusable.items() if ctx.now_s < since + _UNUSABLE_S}
-    if ctx.station is None or not math.isfinite(ctx.soc):
-        raise Turn(State.STOPPED, "where the vehicle stands, or its state of charge, is not known")
+    station = _look_again(ctx)
     busy: dict[str, int] = {}
     ahead = () if ctx.plan is None else tuple(service.destination for service in ctx.plan.services[:3])
-    for name in (ctx.station, *ahead):
+    for name in (station, *ahead):
         try:
             status = ctx.pads.status(name)
         except (LinkError, InputError):
@@ -71,7 +88,7 @@ def _standing(ctx: Context) -> Grounded:
         if full and name != ctx.station and ahead and name == ahead[0]:
             ctx.unusable[name] = ctx.now_s
     return Grounded(
-        ctx.station,
+        station,
         ctx.now_s,
         ctx.soc,
         frozenset(ctx.visited),

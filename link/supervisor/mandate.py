@@ -93,5 +93,5 @@ class Outcome:
 
     @property
     def exit_code(self) -> int:
-        """Of a command: 0 delivered, 1 not, but safe on the ground, 3 left to itself or away from a station."""
+        """Of a command: 0 delivered, 1 not, but safe on the ground, 3 left to itself, crashed, or away from a station."""
         return 0 if self.delivered else 1 if self.state == "stopped-safe" else 3

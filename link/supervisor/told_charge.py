@@ -23,8 +23,8 @@ TELLING = 0.008
 """A loss that lowers the open voltage by less cannot be told by it."""
 CONFIRMED = 0.5
 """Share of the expected fall of the voltage that confirms a loss."""
-FLAT_S, BLIND_S, GROUND_FALL_S, GROUND_RISE_S = 30.0, 20.0, 15.0, 120.0
-"""How long a report must stay: where the voltage cannot tell, where it is not known, and on the ground, where there is time."""
+FLAT_S, BLIND_S, GROUND_FALL_S, GROUND_RISE_S = 30.0, 130.0, 15.0, 120.0
+"""How long a report must stay: where the voltage cannot tell; where it is not known, longer than wrong values last; on the ground."""
 FALLING_S = 15.0
 """So long after a loss a filter of the vehicle's may still be falling."""
 YOUNG_S = 120.0

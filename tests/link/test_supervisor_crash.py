@@ -57,6 +57,7 @@ def test_a_vehicle_that_lies_on_its_back_is_not_asked_to_fly(tmp_path):
     assert "arming" not in states(stage)
 
 
+@pytest.mark.slow
 def test_an_attitude_that_is_wrong_for_a_while_ends_nothing(tmp_path):
     stage = staged(Story(**SHORT), tmp_path, None, lying(60.0))
     outcome = stage.fly()
@@ -71,7 +72,7 @@ def test_a_vehicle_that_falls_is_said_to_have_crashed_and_where(tmp_path):
     assert "at no station" in outcome.reason
 
 
-@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@pytest.mark.parametrize("autopilot", ["ardupilot"])
 def test_a_receiver_without_a_fix_is_told_by_the_checklist_and_not_by_the_refusal_to_arm(autopilot, tmp_path):
     stage = Stage(Story(autopilot=autopilot, faults=(parse_fault("gps@10s"),), soc=0.38, **SHORT), tmp_path)
     outcome = stage.fly()

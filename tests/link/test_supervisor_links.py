@@ -50,6 +50,20 @@ def test_a_link_that_is_cut_for_seconds_in_every_state_delays_a_delivery_and_doe
 
 @pytest.mark.slow
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_an_upload_of_ours_that_is_told_of_after_a_cut_is_not_somebody_elses(autopilot, tmp_path):
+    cuts = [Cut(Moment("ready"), direction, lasts_s) for direction in ("both", "down") for lasts_s in (4.5, 5.0, 5.5)]
+    ended = fly_each_cut(short_delivery(autopilot), tmp_path, cuts)
+    assert {end.kind for end in ended.values()} == {"delivered"}, ended
+
+
+def test_a_cut_as_telemetry_is_asked_for_leaves_nothing_unknown_that_comes_a_second_later(tmp_path):
+    cut = Cut(Moment("connecting", "COMMAND_LONG:511:33"), "down", 5.0)
+    ended = fly_cut(short_delivery("ardupilot"), tmp_path, cut)
+    assert ended.kind == "delivered", ended
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 @pytest.mark.parametrize("part", range(12))
 def test_wherever_a_cut_of_a_second_to_half_an_hour_begins_the_delivery_arrives(autopilot, part, tmp_path):
     """Every exchange and state, in each direction, with every duration."""
