@@ -232,7 +232,8 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                     landing = min(charge - per_s * table.descent_s, left - strict * table.descent_s)
                     if landing >= one.needed[i] - _LOOSE and found > i:
                         found = i
-                        more_s = min(after * (x + table.descent_s - depart_s), 1e9) + 60.0
+                        elapsed_s = max(x + table.descent_s - depart_s, cells.step_s)  # the first cell begins before it
+                        more_s = min(after * elapsed_s, 1e9) + 60.0
                         last = min(last, i + 1 + int(more_s / cells.step_s))
                         deadline = min(deadline, down_by + more_s)
                 elif has_pads[node]:

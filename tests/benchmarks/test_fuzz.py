@@ -14,7 +14,7 @@ sys.path.append(str(ROOT))
 from benchmarks import fuzz  # noqa: E402
 from benchmarks.fuzz_cases import draw  # noqa: E402
 from benchmarks.fuzz_online import WAYS, draw_online  # noqa: E402
-from skyway.planner.plan import PLANNERS  # noqa: E402
+from skyway.planner.plan import PLANNERS, plan  # noqa: E402
 
 END = {"end": 7, "planner": "pfs", "ended": "plan", "s": 0.1}
 SLEEP = "import time; time.sleep(600)"
@@ -69,3 +69,10 @@ def test_random_requests_end_in_a_plan_or_an_error_of_ours_and_so_does_what_foll
     case = draw(number)
     assert fuzz.judge(case)
     assert fuzz.judge_online(case)
+
+
+def test_an_arrival_in_the_first_cell_of_time_is_followed_no_further_than_any_other():
+    """Fuzzing, #6036: a cell begins before the departure; "as far as can be" times less than nothing was a negative count of cells."""
+    case = draw(6036)
+    wind = case.wind.member(6)
+    assert plan(case.scenario, case.request, planner="exact", forecast=wind).complete
