@@ -7,6 +7,11 @@ Cameron, Gelbach and Miller 2011, "Robust inference with multiway clustering"). 
 sample of the days that may come: the interval is about the mean over very many days and queues. What another seed would
 change is less: the days stay the same, only the queues, gusts and vehicles are others.
 
+Queues have rare sets: in most no drone waits for room at the next station, in one of a hundred all deliveries wait for an hour. Where none
+of n sets shows it, its probability may still be 1 / n and more, so that one more set is counted, which costs as much as the
+worst of those seen or `Crossed.rare_s`; it makes deliveries later, never earlier, so that only the upper end moves. Without
+it an interval held the mean of very many seeds in 25 to 93 % of the seeds, by the request; with it in 95 % on average.
+
 A quantile is as sure as the share of the runs below it (Woodruff 1952): Wilson's interval of that share, with as many
 runs as independent ones would have the same variance, is carried back through the distribution.
 """
@@ -36,28 +41,37 @@ class Crossed:
         Probability of each, of any sum.
     day, queue : ndarray of int, shape (runs,)
         Member of the forecast and set of queues of each.
+    rare_s : float
+        What a set of queues in which a station is full costs a delivery, about, s; 0: no others fly.
     """
 
     weight: NDArray[np.float64]
     day: NDArray[np.int64]
     queue: NDArray[np.int64]
+    rare_s: float = 0.0
 
     def mean(self, values: NDArray[np.float64]) -> Figure:
         """Weighted mean of positive values; its interval is symmetric in the logarithm, as long tails want it."""
         share = self.weight / self.weight.sum()
         value = float(share @ values)
         error, seed_error, tail = self._errors(share, values - value)
+        rare = self._rare(share, values - value)
+        above = math.hypot(error, rare)
         if value <= 0.0:
-            return Figure(value, value - tail * error, value + tail * error, error, seed_error)
-        spread = math.exp(min(tail * error / value, 50.0))
-        return Figure(value, value / spread, value * spread, error, seed_error)
+            low, high = value - tail * error, value + tail * above
+        else:
+            low, high = (value * math.exp(min(side / value, 50.0)) for side in (-tail * error, tail * above))
+        return Figure(value, low, high, error, math.hypot(seed_error, rare))
 
     def difference(self, values: NDArray[np.float64], others: NDArray[np.float64]) -> Figure:
-        """Mean of values less others of the same runs."""
+        """Mean of values less others of the same runs; a rare set of queues may delay either."""
         share = self.weight / self.weight.sum()
         value = float(share @ (values - others))
-        error, seed_error, tail = self._errors(share, values - others - value)
-        return Figure(value, value - tail * error, value + tail * error, error, seed_error)
+        off = values - others - value
+        error, seed_error, tail = self._errors(share, off)
+        rare = max(self._rare(share, off), self._rare(share, -off)) if (values != others).any() else 0.0
+        half = tail * math.hypot(error, rare)
+        return Figure(value, value - half, value + half, error, math.hypot(seed_error, rare))
 
     def quantile(self, values: NDArray[np.float64], q: float) -> Figure:
         """Least value at or below which at least a share q of the runs lies."""
@@ -100,14 +114,26 @@ class Crossed:
             variance, by_queue = by_day, 0.0
         else:
             variance = max(by_day + by_queue - by_run, by_day, by_queue)
-        within = np.bincount(self.day, weights=part)[self.day]
-        mass = np.bincount(self.day, weights=share)[self.day]
-        seed_part = part - share * within / np.maximum(mass, 1e-300)
+        seed_part = self._of_a_seed(share, part)
         by_seed = _between(seed_part, self.queue)[0] if queues > 1 else float(seed_part @ seed_part)
         groups = min(count for count in (days, queues, len(part)) if count > 1) if len(part) > 1 else 2
         freedom = float(groups - 1)
         tail = float(stdtrit(max(freedom, 1.0), 0.5 + CONFIDENCE / 2.0))
         return math.sqrt(variance), math.sqrt(by_seed), tail
+
+    def _of_a_seed(self, share: NDArray[np.float64], part: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Parts of a sum without what all runs of a day have in common, which another seed would not change."""
+        within = np.bincount(self.day, weights=part)[self.day]
+        mass = np.bincount(self.day, weights=share)[self.day]
+        return part - share * within / np.maximum(mass, 1e-300)
+
+    def _rare(self, share: NDArray[np.float64], off: NDArray[np.float64]) -> float:
+        """How much a mean is moved by one more set of queues of the rare kind."""
+        if self.rare_s <= 0.0:
+            return 0.0
+        _, number = np.unique(self.queue, return_inverse=True)
+        sums = np.bincount(number, weights=self._of_a_seed(share, share * off))
+        return max(float(sums.max()), self.rare_s / len(sums))
 
     @staticmethod
     def _wilson(value: float, error: float, tail: float) -> tuple[float, float]:
