@@ -9,10 +9,13 @@ leaving later (FIFO).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+from skyway.models.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -102,7 +105,14 @@ def air_over(
         What is flown where, in which wind, by what, and how.
     airspeed_mps : float, optional
         Planned airspeed; the drone's cruise airspeed by default.
+
+    Raises
+    ------
+    InputError
+        A speed, height or length that is not finite and above 0: kernels would never end, or read beyond their arrays.
     """
+    airspeed_mps = drone.cruise_airspeed_mps if airspeed_mps is None else airspeed_mps
+    _check_flown(network, drone, rules, airspeed_mps)
     wind = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
     bearing = np.radians(network.bearing_deg)
     return Air(
@@ -114,9 +124,37 @@ def air_over(
         cos_bearing=np.cos(bearing),
         sin_bearing=np.sin(bearing),
         distance_m=np.ascontiguousarray(network.distance_m),
-        airspeed_mps=float(airspeed_mps if airspeed_mps is not None else drone.cruise_airspeed_mps),
+        airspeed_mps=float(airspeed_mps),
         wind_limit_mps=float(drone.wind_limit_mps),
         max_ground_speed_mps=float(drone.max_ground_speed_mps),
         climb_s=rules.climb_s,
         descent_s=rules.descent_s,
     )
+
+
+def _check_flown(network: Network, drone: Drone, rules: FlightRules, airspeed_mps: float) -> None:
+    """Refuse what no flight can be worked out with."""
+    above_0 = {
+        f"{drone.id}.airspeed_mps": airspeed_mps,
+        f"{drone.id}.max_airspeed_mps": drone.max_airspeed_mps,
+        f"{drone.id}.battery_j": drone.battery_j,
+        f"{drone.id}.recharge_full_s": drone.recharge_full_s,
+        f"{drone.id}.wind_limit_mps": drone.wind_limit_mps,
+        f"{drone.id}.max_ground_speed_mps": drone.max_ground_speed_mps,
+        "rules.cruise_height_m": rules.cruise_height_m,
+        "rules.climb_rate_mps": rules.climb_rate_mps,
+        "rules.descent_rate_mps": rules.descent_rate_mps,
+    }
+    remedy = "finite and above 0"
+    faults = [
+        Fault("out of range", field=name, value=value, remedy=remedy)
+        for name, value in above_0.items()
+        if not 0.0 < value < math.inf
+    ]
+    if not math.isfinite(rules.wind_profile_exponent):
+        value = rules.wind_profile_exponent
+        faults.append(Fault("out of range", field="rules.wind_profile_exponent", value=value, remedy="a number"))
+    if not (np.isfinite(network.distance_m).all() and (network.distance_m > 0.0).all()):
+        faults.append(Fault("out of range", field="network.distance_m", remedy=remedy))
+    if faults:
+        raise InputError(faults)

@@ -20,7 +20,10 @@ SLOT_EDGE_S = 1e-6  # a time this close below a boundary counts as beyond it, so
 
 @compiled_lean
 def slot_of(air: Air, time_s: float) -> int:
-    """Slot that holds a time; times outside the series use its first or last slot, what is no number the last."""
+    """Slot that holds a time; times outside the series use its first or last slot, what is no number the last.
+
+    Takes any time, infinite and NaN included.
+    """
     last = air.north.shape[1] - 1
     slots = (time_s + SLOT_EDGE_S - air.start_s) / air.slot_s
     if not slots < last:  # later, or no number, of which no integer can be made
@@ -30,7 +33,10 @@ def slot_of(air: Air, time_s: float) -> int:
 
 @compiled_lean
 def slot_end(air: Air, slot: int) -> float:
-    """POSIX seconds at which a slot ends; the last one never does."""
+    """POSIX seconds at which a slot ends; the last one never does.
+
+    Takes any slot; those from the last on never end.
+    """
     if slot >= air.north.shape[1] - 1:
         return NEVER
     return air.start_s + (slot + 1) * air.slot_s
@@ -102,7 +108,11 @@ def land(air: Air, member: int, segments: NDArray[np.int64], depart_s: float) ->
 
 @compiled_lean
 def next_opening(air: Air, member: int, segments: NDArray[np.int64], time_s: float) -> float:
-    """First time from `time_s` on at which a take-off makes a flyable flight; never where the wind stays over limits."""
+    """First time from `time_s` on at which a take-off makes a flyable flight; never where the wind stays over limits.
+
+    Takes a member and segments of the air (checked where `air_over` and the itinerary are made), and any time: none that is infinite or NaN is
+    flyable.
+    """
     now = time_s
     while True:
         if land(air, member, segments, now) < NEVER:

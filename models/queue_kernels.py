@@ -122,7 +122,10 @@ def transient_distributions(
     times_s: Floats,
     cut: float,
 ) -> tuple[Floats, float]:
-    """Compute distributions at `times_s`, and the mass lost; -1 says that the line grew too long."""
+    """Compute distributions at `times_s`, and the mass lost; -1 says that the line grew too long.
+
+    Takes a distribution, rates from 0 up and ascending times from `begin_s` on, all finite; `models.queues` checks them.
+    """
     weight = np.empty(_MAX_TERMS)
     widest = len(initial)
     size = 2 * (widest + pads + _MAX_TERMS)
@@ -195,6 +198,8 @@ def expected_waits(distribution: Floats, pads: int, services: Floats, slot_s: fl
 
     Backwards in time: the mean time until the k-th departure from pads that are all busy, weighted with the
     probability that the arrival needs the k-th.
+
+    Takes rates above 0 and ascending times from the first slot on; `models.queues` checks them.
     """
     points, states = distribution.shape
     waits = np.zeros(points)
@@ -220,7 +225,10 @@ def expected_waits(distribution: Floats, pads: int, services: Floats, slot_s: fl
 
 @compiled
 def time_for(departures: float, pads: int, services: Floats, slot_s: float, begin_s: float) -> float:
-    """Seconds after `begin_s` in which pads that are all busy see a number of departures on average."""
+    """Seconds after `begin_s` in which pads that are all busy see a number of departures on average.
+
+    Takes 0 departures and more, rates above 0, and a finite time from the first slot on; `models.queues` checks them.
+    """
     slot = min(int(begin_s / slot_s), len(services) - 1)
     now = begin_s
     while slot < len(services) - 1:

@@ -395,6 +395,9 @@ def _lived(
 ) -> tuple[Floats, Floats, Floats, int, Floats, bool]:
     """Serve those who are there at first and all who arrive until the end, first come, first served.
 
+    Takes finite deviates from 0 up, hourly rates from 0 up that hold from before the start to the end, and as many known times as pads are busy at
+    most; `_check` and `PadLoad` see to it.
+
     Parameters
     ----------
     draws : ndarray

@@ -78,6 +78,15 @@ class WindEnsemble:
             raise InputError("a wind ensemble must be complete and finite")
         if not (np.all(self.probability >= 0.0) and math.isclose(self.probability.sum(), 1.0, rel_tol=1e-9)):
             raise InputError("the probabilities of a wind ensemble must sum to 1")
+        for name, value, fits in (
+            ("start_s", self.start_s, math.isfinite(self.start_s)),
+            ("slot_s", self.slot_s, 0.0 < self.slot_s < math.inf),
+            ("height_m", self.height_m, 0.0 < self.height_m < math.inf),
+        ):
+            if not fits:
+                raise InputError(Fault("no time, length of time or height of a wind ensemble", field=name, value=value))
+        if not (np.isfinite(self.site_lat).all() and np.isfinite(self.site_lon).all() and len(self.site_lat)):
+            raise InputError("the sites of a wind ensemble must have places")
 
     def __len__(self) -> int:
         return len(self.labels)

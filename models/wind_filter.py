@@ -394,16 +394,26 @@ def filter_log(
         What the wind reverts to.
     depends, systematic_sigma : Dependence, ndarray of shape (systematic.COUNT,), optional
         How the measurements depend on systematic errors, and how large these may be; by default there are none.
+
+    Raises
+    ------
+    InputError
+        Arrays that do not fit each other, times that are not finite and in order, a forecast that is not finite.
     """
     from skyway.models.wind_filter_kernels import run_filter
 
     given = settings or WindFilterSettings()
     count = len(time_s)
+    _check_log(time_s, wind, noise, forecast)
     result = FilteredWind.empty(count)
     result.time_s[:] = time_s
     result.forecast[:] = forecast
     sigma = np.zeros(0) if systematic_sigma is None else np.asarray(systematic_sigma, dtype=np.float64)
+    if not (np.isfinite(sigma).all() and (sigma >= 0.0).all()):
+        raise InputError(Fault("must be finite and 0 or more", field="systematic_sigma", value=sigma))
     depends = Dependence.none(count, len(sigma)) if depends is None or not len(sigma) else depends
+    if len(depends.sensitivity) != count or depends.sensitivity.shape[2] < len(sigma):
+        raise InputError(Fault("does not fit the log", field="depends", value=depends.sensitivity.shape))
     run_filter(
         result.time_s,
         np.ascontiguousarray(wind, dtype=np.float64),
@@ -429,3 +439,23 @@ def filter_log(
         result.accepted,
     )
     return result
+
+
+def _check_log(
+    time_s: NDArray[np.float64], wind: NDArray[np.float64], noise: NDArray[np.float64], forecast: NDArray[np.float64]
+) -> None:
+    """Refuse what the filter would read beyond, or could never come back from."""
+    count = len(time_s)
+    faults = [
+        Fault("has another shape", field=name, value=np.shape(values), remedy=f"({count}, {width})")
+        for name, values, width in (("wind", wind, 2), ("noise", noise, 3))
+        if np.shape(values) != (count, width)
+    ]
+    if np.shape(forecast) not in ((2,), (count, 2)) or not np.isfinite(forecast).all():
+        faults.append(
+            Fault("is no forecast", field="forecast", value=np.shape(forecast), remedy="finite, shape (2,) or (n, 2)")
+        )
+    if np.ndim(time_s) != 1 or not np.isfinite(time_s).all() or (np.diff(time_s) < 0.0).any():
+        faults.append(Fault("is not finite and in order", field="time_s"))
+    if faults:
+        raise InputError(faults)

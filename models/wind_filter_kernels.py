@@ -163,6 +163,8 @@ def run_filter(
 ) -> None:
     """Run the filter over measurements in the order of time.
 
+    Takes arrays of these shapes, finite ascending times and a finite forecast; `models.wind_filter.filter_log` checks them.
+
     Parameters
     ----------
     time_s : ndarray, shape (n,)

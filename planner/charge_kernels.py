@@ -156,6 +156,9 @@ def fly_by_need(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly a sequence of hops in several runs, charging by what is known at each stop.
 
+    Takes members, rows and sets of queues that are there, and a segment or more for each hop; `planner.kernel_inputs` checks them in
+    `ChargePolicy.fly`.
+
     Parameters
     ----------
     known : Known

@@ -22,6 +22,7 @@ from skyway.planner.charge_kernels import fly_by_need
 from skyway.planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN, Queues, Waits, no_queues
 from skyway.planner.evaluation_kernels import Sky, plain_sky
 from skyway.planner.itinerary import fly_as_it_stands, held_in_the_air, hops_of, no_waits, place_nodes
+from skyway.planner.kernel_inputs import check_runs, check_shape
 from skyway.planner.need_kernels import Known, need_tables
 from skyway.planner.no_route import grounded_leg, never_leaves
 from skyway.planner.outcome import outcome
@@ -51,7 +52,7 @@ BANDWIDTH = 1.5
 the wind's changes from hour to hour have heavier tails. Chosen on held-out days: the reserve is kept in 999 of 1,000."""
 CHOOSING, PROMISING = range(2)
 """Sets of worlds: those in which routes are compared, and others in which is counted what the chosen one promises."""
-QUEUES = (32, 64)
+QUEUES = (32, 128)
 """Sampled sets of queues in each: what is promised is told to people, and its error is mostly that of the queues."""
 _GUSTS = 0x47
 
@@ -215,7 +216,7 @@ class ChargePolicy:
         truth : Problem
             The same request in the winds that are true.
         sky, member
-            Of each run.
+            Of each run. Members and sets of queues that are not there, and arrays of other shapes, are an `InputError`.
         paths : sequence of QueuePath
             Sets of queues that `sky` names, one path for each of `planner.itinerary.place_nodes`, in order.
         share : ndarray, shape (members of truth, members), optional
@@ -232,6 +233,13 @@ class ChargePolicy:
         row = np.zeros(len(member), dtype=np.int64) if share is None else member
         known = self.known if share is None else self.known._replace(share=share)
         hops = hops_of(truth, self.itinerary)
+        truths = len(truth.air.north)
+        check_runs(member, truths, sky, paths, len(self) + 1)
+        check_shape("share", known.share, (truths if share is not None else len(known.share), len(known.air.north)))
+        if waits is not None:
+            check_shape("waits.wait_s", waits.wait_s, (len(self), waits.wait_s.shape[-1]))
+        if tables is not None:
+            check_shape("tables", tables, need_tables(truth.air, len(self)).shape)
         queues = Queues(*pack(paths)) if paths else no_queues()
         begin = start if start is not None else (float(truth.depart_s), float(truth.soc))
         cost = (float(truth.soc_per_s), float(truth.soc_fixed))

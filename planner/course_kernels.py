@@ -119,6 +119,9 @@ def fly_under(
 ) -> NDArray[np.float64]:
     """Fly an itinerary in several runs, through gusts and with errors of energy.
 
+    Takes members and sets of queues that are there, and a segment or more for each hop (`planner.kernel_inputs`, in `planner.itinerary`); it charges
+    nowhere without pads.
+
     Parameters
     ----------
     sky : Sky
@@ -154,7 +157,7 @@ def fly_under(
             entry = sky.queue[run] * (count + 1) + hop
             pad = now
             ready = now
-            charges = not math.isnan(hops.charge_to[hop]) and hops.charge_to[hop] > soc
+            charges = hops.has_pads[hop] and hops.charge_to[hop] > soc  # not where it is NaN either
             u = 0.0
             if charges:
                 pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, hop, now)
@@ -188,6 +191,8 @@ def flight_parts(air: Air, member: int, segments: NDArray[np.int64], depart_s: f
     """Cruise of a flight cut where segment or slot changes, shape (parts, 4): segment, slot, seconds, ground speed.
 
     It ends where a slot cannot be flown in. A flight that never departs (`depart_s` infinite or NaN) has no parts.
+
+    Takes a member and segments of the air, and any time.
     """
     if not math.isfinite(depart_s):
         return np.empty((0, 4))

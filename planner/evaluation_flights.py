@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.models.queue_paths import pack
-from skyway.planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN, Queues, fly_under
-from skyway.planner.itinerary import hops_of, no_waits, place_nodes, stop_nodes
+from skyway.planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
+from skyway.planner.itinerary import fly_as_it_stands, place_nodes, stop_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -129,10 +128,7 @@ def courses(truths: Truths, problem: Problem, itinerary: Itinerary, runs: NDArra
         found = truths.queues(problem, nodes, queue)
         paths += [found[node] for node in nodes]
     sky = truths.sky(runs)._replace(queue=position.astype(np.int64))
-    start = (float(problem.depart_s), float(problem.soc))
-    cost = (float(problem.soc_per_s), float(problem.soc_fixed))
-    hops, queues = hops_of(problem, itinerary), Queues(*pack(paths))
-    return fly_under(sky, problem.air, truths.day[runs], hops, queues, no_waits(len(itinerary)), start, cost)
+    return fly_as_it_stands(problem, itinerary, truths.day[runs], sky, paths)
 
 
 def tally(problem: Problem, itinerary: Itinerary, block: NDArray[np.int64], course: NDArray[np.float64]) -> Flown:

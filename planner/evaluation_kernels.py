@@ -124,6 +124,8 @@ def gusty_land(
 
     The hourly wind must allow the take-off (`next_opening`). Once begun, the flight is flown to its end: a gust beyond
     the limits slows it to the least ground speed.
+
+    Takes a member and segments of the air and a finite take-off; a time constant above 0.
     """
     if gust_sd <= 0.0:
         return land(air, member, segments, depart_s)

@@ -109,6 +109,22 @@ class Truths:
     errors: Errors
     _met: dict[tuple[int, int], QueuePath] = field(default_factory=dict, repr=False)
 
+    def __post_init__(self) -> None:
+        runs, days = len(self.day), len(self.days)
+        faults = [
+            Fault("must have one value for each run", field=name, value=np.shape(values), remedy=f"({runs},)")
+            for name, values in (("queue", self.queue), ("energy", self.energy), ("gust_key", self.gust_key))
+            if np.shape(values) != (runs,)
+        ]
+        if len(self.wind.probability) != days:
+            faults.append(Fault("must have a member for each day", field="wind", value=len(self.wind.probability)))
+        if runs and not (self.day.min() >= 0 and self.day.max() < days):
+            faults.append(Fault("names no day", field="day", remedy=f"0 to {days - 1}"))
+        if not faults and runs and self.queue.min() < 0:
+            faults.append(Fault("names no set of queues", field="queue", remedy="0 or more"))
+        if faults:
+            raise InputError(faults)
+
     def __len__(self) -> int:
         return len(self.day)
 

@@ -21,7 +21,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.errors import Fault, InputError
 from skyway.planner.escape import needed_at_destination
+from skyway.planner.kernel_inputs import check_shape, check_speeds
 from skyway.planner.label_search import GAIN_S, Round
 from skyway.planner.no_route import no_route
 from skyway.planner.outlook import Outlook
@@ -112,10 +114,15 @@ class ExactSearch:
         if speeds is None:
             self._speeds = TrueSpeeds(problem.air)
         else:
+            if isinstance(speeds, np.ndarray):
+                check_speeds(speeds, len(problem.network.head))
             self._speeds = GivenSpeeds(speeds) if isinstance(speeds, np.ndarray) else speeds
+        if not 0.0 <= margin_soc_per_s < math.inf:
+            raise InputError(Fault("must be finite and 0 or more", field="margin_soc_per_s", value=margin_soc_per_s))
         self._margin = margin_soc_per_s
         self._stops = problem.network.pads > 0
         if stops is not None:
+            check_shape("stops", stops, (len(problem.network),))
             self._stops &= stops
         self._costs = costs_of(problem, margin_soc_per_s)
         self._time_limit_s = time_limit_s

@@ -257,6 +257,8 @@ def arrival_functions(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Earliest touch-down at every node for take-offs at `source` within one slot.
 
+    Takes a node and a slot of the table, and flags for all nodes; speeds finite and 0 or more (`kernel_inputs.check_speeds`).
+
     Parameters
     ----------
     table : FlightTable
@@ -321,7 +323,10 @@ def arrival_functions(
 def flights_from(
     table: FlightTable, source: int, slots: tuple[int, int], limit_s: float, useful: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Give the arrival functions for take-offs from the first to the last of some slots; see `arrival_functions`."""
+    """Give the arrival functions for take-offs from the first to the last of some slots; see `arrival_functions`.
+
+    Takes what `arrival_functions` takes, for slots in order; where the last is before the first there are no flights.
+    """
     nodes = len(table.first) - 1
     total = np.zeros(nodes + 1, dtype=np.int64)
     found = [arrival_functions(table, source, slots[0], limit_s, useful)]

@@ -51,7 +51,10 @@ class FlightTable(NamedTuple):
 
 @compiled
 def ground_speeds(air: Air, member: int, slots: NDArray[np.int64], segments: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Ground speeds over some segments in some slots of one member, shape (slots, segments)."""
+    """Ground speeds over some segments in some slots of one member, shape (slots, segments).
+
+    Takes a member, slots and segments of the air, any number of them.
+    """
     out = np.empty((len(slots), len(segments)))
     for row in range(len(slots)):
         for column in range(len(segments)):
@@ -61,14 +64,20 @@ def ground_speeds(air: Air, member: int, slots: NDArray[np.int64], segments: NDA
 
 @compiled
 def table_slot(table: FlightTable, time_s: float) -> int:
-    """Slot that holds a time; times outside the series use its first or last slot."""
+    """Slot that holds a time; times outside the series use its first or last slot.
+
+    Takes any time, infinite and NaN included.
+    """
     slot = int(math.floor((time_s + _SLOT_EDGE_S - table.start_s) / table.slot_s))
     return min(max(slot, 0), len(table.speed_mps) - 1)
 
 
 @compiled
 def table_slot_end(table: FlightTable, slot: int) -> float:
-    """POSIX seconds at which a slot ends; the last one never does."""
+    """POSIX seconds at which a slot ends; the last one never does.
+
+    Takes any slot; those from the last on never end.
+    """
     if slot >= len(table.speed_mps) - 1:
         return NEVER
     return table.start_s + (slot + 1) * table.slot_s
@@ -95,7 +104,10 @@ def table_cruise(table: FlightTable, segment: int, time_s: float) -> float:
 
 @compiled
 def table_land(table: FlightTable, segments: NDArray[np.int64], depart_s: float) -> float:
-    """Touch-down of a flight over segments that takes off at `depart_s`; never where it is not flyable."""
+    """Touch-down of a flight over segments that takes off at `depart_s`; never where it is not flyable.
+
+    Takes segments of the table and any time; infinite and NaN never land.
+    """
     now = depart_s + table.climb_s
     for segment in segments:
         now = table_cruise(table, segment, now)

@@ -134,7 +134,10 @@ class Start(NamedTuple):
 
 @compiled_lean
 def search(world: World, start: Start, frames: Frames, candidates: Candidates, marks: Marks) -> int:
-    """Search on from where the frames stand; see the names of the answers."""
+    """Search on from where the frames stand; see the names of the answers.
+
+    Takes a world, frames and marks as `planner.lookahead` lays them out: as many frames as stops at most, one mark a node.
+    """
     if frames.depth[0] < 0:
         frames.depth[0] = 0
         _enter(frames, 0, start.node, start.time_s, start.soc)

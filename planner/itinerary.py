@@ -20,6 +20,7 @@ from skyway.planner.course_kernels import (
     no_queues,
 )
 from skyway.planner.evaluation_kernels import plain_sky
+from skyway.planner.kernel_inputs import check_itinerary, check_runs
 from skyway.planner.no_route import grounded_leg, never_leaves
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def fly_expected(problem: Problem, itinerary: Itinerary) -> NDArray[np.float64]:
     problem.waits.need(nodes)
     waits = Waits(problem.waits.start_s, problem.waits.step_s, problem.waits.wait_s[nodes])
     members = np.arange(len(problem.probability))
-    return _fly(problem, itinerary, members, no_queues(), waits)
+    return _fly(problem, itinerary, members, (), waits)
 
 
 def fly_sampled(
@@ -83,14 +84,14 @@ def fly_sampled(
 def fly_true(problem: Problem, itinerary: Itinerary, queues: dict[int, QueuePath]) -> NDArray[np.float64]:
     """Fly an itinerary in the first member with given queues, shape (1, hops, 7)."""
     paths = [queues.get(node) or no_queue() for node in place_nodes(problem, itinerary)]
-    return _fly(problem, itinerary, np.zeros(1, dtype=np.int64), Queues(*pack(paths)), no_waits(len(itinerary)))
+    return _fly(problem, itinerary, np.zeros(1, dtype=np.int64), paths, no_waits(len(itinerary)))
 
 
 def fly_as_it_stands(
     problem: Problem, itinerary: Itinerary, members: NDArray[np.int64], sky: Sky, paths: Sequence[QueuePath]
 ) -> NDArray[np.float64]:
     """Fly an itinerary in members with sampled queues: sets that `sky` names, paths in order (set, hop)."""
-    return _fly(problem, itinerary, members, Queues(*pack(paths)), no_waits(len(itinerary)), sky)
+    return _fly(problem, itinerary, members, paths, no_waits(len(itinerary)), sky)
 
 
 def no_waits(hops: int) -> Waits:
@@ -104,7 +105,8 @@ def place_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
 
 
 def stop_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
-    """Node of the stop before each hop."""
+    """Node of the stop before each hop; an `InputError` where the itinerary is none."""
+    check_itinerary(problem.network, itinerary)
     return [int(problem.network.tail[hop.segments[0]]) for hop in itinerary]
 
 
@@ -112,14 +114,17 @@ def _fly(
     problem: Problem,
     itinerary: Itinerary,
     members: NDArray[np.int64],
-    queues: Queues,
+    paths: Sequence[QueuePath],
     waits: Waits,
     sky: Sky | None = None,
 ) -> NDArray[np.float64]:
     start = (float(problem.depart_s), float(problem.soc))
     cost = (float(problem.soc_per_s), float(problem.soc_fixed))
+    sky = sky or plain_sky(len(members))
     hops = hops_of(problem, itinerary)
-    course = fly_under(sky or plain_sky(len(members)), problem.air, members, hops, queues, waits, start, cost)
+    check_runs(members, len(problem.air.north), sky, paths, len(itinerary) + 1)
+    queues = Queues(*pack(paths)) if paths else no_queues()
+    course = fly_under(sky, problem.air, members, hops, queues, waits, start, cost)
     course[held_in_the_air(problem, course)] = math.inf
     return course
 
@@ -132,8 +137,8 @@ def held_in_the_air(problem: Problem, course: NDArray[np.float64]) -> NDArray[np
 
 def hops_of(problem: Problem, itinerary: Itinerary) -> Hops:
     """Lay an itinerary out as arrays for `course_kernels`."""
-    offset = np.cumsum([0, *(len(hop.segments) for hop in itinerary)])
     stops = stop_nodes(problem, itinerary)
+    offset = np.cumsum([0, *(len(hop.segments) for hop in itinerary)])
     curves = [problem.curve(node) for node in stops]
     points = max(len(time) for time, _ in curves)
     return Hops(

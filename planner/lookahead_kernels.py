@@ -184,7 +184,10 @@ def expected_flight(world: World, segment: int, time_s: float) -> tuple[float, f
 
 @compiled_lean
 def earliest(world: World, stand: Stand, segment: int) -> Flight:
-    """Earliest flight over a segment in the wind of that time, after charging to full or to what it needs."""
+    """Earliest flight over a segment in the wind of that time, after charging to full or to what it needs.
+
+    Takes a segment that begins where the drone stands, a finite time and a charge from 0 to 1.
+    """
     full, reserve, pad, soc = world.policy.full, world.policy.reserve, stand.pad_s, stand.soc
     none = Flight(NEVER, NEVER, NEVER, math.nan, 0.0)
     leave, have, to = stand.time_s, soc, math.nan
@@ -213,7 +216,10 @@ def earliest(world: World, stand: Stand, segment: int) -> Flight:
 
 @compiled_lean
 def held(world: World, stand: Stand, segment: int) -> Flight:
-    """Earliest flight with a full battery (or, without a pad, with what there is) after waiting for better wind."""
+    """Earliest flight with a full battery (or, without a pad, with what there is) after waiting for better wind.
+
+    Takes what `earliest` takes.
+    """
     pad, air = stand.pad_s, world.ways.air
     ready, limit = stand.time_s, stand.soc - world.policy.reserve
     if pad < NEVER:

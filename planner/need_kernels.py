@@ -123,7 +123,10 @@ def gust_mean_variance(x: float) -> float:
 
 @compiled_lean
 def gust_mean(known: Known, flight_s: float) -> float:
-    """Standard deviation of the mean of a flight's gusts, as a share of the wind."""
+    """Standard deviation of the mean of a flight's gusts, as a share of the wind.
+
+    Takes any length of flight; what is not above 0 has the gust of a moment.
+    """
     return known.gust_sd * math.sqrt(gust_mean_variance(known.gust_time_s / max(flight_s, 1.0)))
 
 
@@ -200,7 +203,10 @@ def slow_land(known: Known, air: Air, member: int, segments: NDArray[np.int64], 
 def careful_speeds(
     air: Air, member: int, slots: NDArray[np.int64], segments: NDArray[np.int64], gust: float
 ) -> NDArray[np.float64]:
-    """Ground speeds with a gust against every flight, `gust` as a share of the wind, shape (slots, segments); 0 where closed."""
+    """Ground speeds with a gust against every flight, `gust` as a share of the wind, shape (slots, segments); 0 where closed.
+
+    Takes a member, slots and segments of the air, any number of them, and a finite gust.
+    """
     out = np.zeros((len(slots), len(segments)))
     for row in range(len(slots)):
         for column in range(len(segments)):
@@ -313,6 +319,8 @@ def flight_energy(
     `wind_north` and `wind_east`, shape (sites,), are measured in the slot of `time_s`. Members over the limits do not
     count (nobody would fly); without any other, never. Also returns how long the slowest flight lasts that it was worked
     out from, s: as long as that ends in the same slot, the energy is the same.
+
+    Takes a row of `Known.share`, segments of its air, one wind a site, and a finite time.
     """
     air = known.air
     first = slot_of(air, time_s)

@@ -104,7 +104,10 @@ NOWHERE = -1
 
 @compiled
 def escape_cost(air: Air, member: int, need: Need, time_s: float) -> float:
-    """Least charge that takes the empty drone from the destination to a station; infinite where none is in reach."""
+    """Least charge that takes the empty drone from the destination to a station; infinite where none is in reach.
+
+    Takes a member of the air and a finite time; no escapes cost infinitely much.
+    """
     best = NEVER
     for segment in need.escapes:
         off, down = leg(air, member, segment, time_s)
@@ -281,6 +284,8 @@ def _look_up(ways: Ways, need: Need, slot: int, segment: int) -> None:
 @compiled_lean
 def flight_outlook(ways: Ways, need: Need, segment: int, node: int, time_s: float) -> tuple[float, float, float]:
     """Expectation of a one-segment flight to `node` over the forecast.
+
+    Takes a segment that leads to the node, and a finite time.
 
     Returns
     -------

@@ -95,6 +95,10 @@ class Problem:
         self.air: Air = air_over(self.network, ensemble, drone, self.rules, airspeed_mps=request.airspeed_mps)
         self.probability = ensemble.probability
         self.soc_per_s, self.soc_fixed = self._flight_cost(request.payload_kg)
+        if not (0.0 < self.soc_per_s < math.inf and math.isfinite(self.soc_fixed)):
+            cost = self.soc_per_s, self.soc_fixed
+            remedy = "a battery above 0 J and a power above 0 W"
+            raise InputError(Fault("flies at no finite cost", field=f"drone {drone.id}", value=cost, remedy=remedy))
         self.longest_flight_s = (1.0 - self.reserve - self.soc_fixed) / self.soc_per_s
         if self.in_flight:
             climb = drone.energy_model.power_w(drone.mass_kg + request.payload_kg, "climb") / drone.battery_j

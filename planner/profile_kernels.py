@@ -53,7 +53,10 @@ def interpolate(x: float, xs: NDArray[np.float64], ys: NDArray[np.float64]) -> f
 
 @compiled
 def profile_at(profile: NDArray[np.float64], time_s: float) -> tuple[float, float]:
-    """Value of a profile and the departure that reaches it; (-inf, nan) before it begins."""
+    """Value of a profile and the departure that reaches it; (-inf, nan) before it begins.
+
+    Takes a profile z or h, shape (points, 3), in order of time, of any number of points, and any time.
+    """
     points = len(profile)
     if points == 0 or time_s < profile[0, 0] - TIME_TOLERANCE_S:
         return _NONE, math.nan
@@ -105,7 +108,10 @@ def departure_profile(
     curve_s: NDArray[np.float64],
     curve_soc: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Charge g(t) a drone can leave a stop with, shape (points, 2): time, SoC; linear between, constant after the last."""
+    """Charge g(t) a drone can leave a stop with, shape (points, 2): time, SoC; linear between, constant after the last.
+
+    Takes profiles that never decrease, and a charging curve that ascends, of two points at least.
+    """
     knots = len(curve_s)
     out = np.empty(((len(z) + 1) * (knots + 2) + 2 * len(h) + 4, 2))
     size = 0
@@ -143,7 +149,10 @@ def _along(profile: NDArray[np.float64], k: int, x: float) -> float:
 
 @compiled
 def upper_profile(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Upper envelope of two never-decreasing profiles, shape (points, 2)."""
+    """Upper envelope of two never-decreasing profiles, shape (points, 2).
+
+    Takes profiles in order of time, of any number of points.
+    """
     out = np.empty((4 * (len(a) + len(b)) + 4, 2))
     size = 0
     i, j = -1, -1  # the pieces that hold before x
@@ -184,6 +193,8 @@ def fly_profile(
     until_s: float,
 ) -> tuple[NDArray[np.float64], int]:
     """Take a departure profile through a flight.
+
+    Takes a profile and pieces in order of time, any number of them, and at least one point of `needed`.
 
     Parameters
     ----------
@@ -463,7 +474,10 @@ def _onto_pad(
 
 @compiled
 def covers(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: float) -> bool:
-    """Tell whether departure profile `a` is nowhere below `b` (by more than a tolerance)."""
+    """Tell whether departure profile `a` is nowhere below `b` (by more than a tolerance).
+
+    Takes profiles that never decrease, of any number of points; none covers nothing but none.
+    """
     if a[0, 0] > b[0, 0]:
         return False
     k = 0

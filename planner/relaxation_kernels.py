@@ -49,7 +49,10 @@ def _cell(cells: Cells, shift_s: float, time_s: float) -> int:
 def queue_cells(
     grounds: Grounds, cells: Cells, descent_s: float, nodes: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """When arrivals at the beginning of each cell get a pad and a place to land, shape (cells, nodes)."""
+    """When arrivals at the beginning of each cell get a pad and a place to land, shape (cells, nodes).
+
+    Takes a queue of one entry at least for each node, and cells from none up.
+    """
     pad = np.empty((cells.length, nodes))
     spot = np.empty((cells.length, nodes))
     for node in range(nodes):
@@ -157,6 +160,8 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
     one: Pass, origin: tuple[int, float, float, float, bool], remaining: tuple[NDArray[np.float64], float], after: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int, int]:
     """Most charge that a drone can have over each node, and leave it with, in each cell.
+
+    Takes a `Pass` of `planner.relaxation` of a cell or more, a finite start, and any pad time, deadline and `after` from 0 up, infinite included.
 
     Parameters
     ----------
@@ -293,6 +298,8 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
 def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # noqa: PLR0915  as above
     """Least charge from which the destination can be reached in time, over each node and on leaving it.
 
+    Takes a `Pass` of `planner.relaxation`: a cell or more, and arrays of its cells and nodes.
+
     Returns
     -------
     over, leave : ndarray, shape (cells, nodes)
@@ -385,7 +392,10 @@ def in_time(
     least_s: NDArray[np.float64],
     deadline_s: float,
 ) -> NDArray[np.bool_]:
-    """Tell where a drone over a node with the most charge it can have can be at the destination by a deadline."""
+    """Tell where a drone over a node with the most charge it can have can be at the destination by a deadline.
+
+    Takes arrays of the cells and nodes, and any deadline.
+    """
     out = np.zeros(over.shape, dtype=np.bool_)
     drain = (costs.soc_per_s + costs.rate_per_s) / costs.rate_per_s
     for i in range(len(over)):
@@ -399,7 +409,10 @@ def in_time(
 
 @compiled
 def least_times(table: FlightTable, goal: int) -> NDArray[np.float64]:
-    """Least cruise time from each node to one, each segment at its best ground speed of any slot, shape (nodes,)."""
+    """Least cruise time from each node to one, each segment at its best ground speed of any slot, shape (nodes,).
+
+    Takes a node of the table; speeds finite and 0 or more.
+    """
     nodes = len(table.first) - 1
     count = np.zeros(nodes + 1, dtype=np.int64)
     for other in table.head:
@@ -442,7 +455,10 @@ def slack(
     curve_s: NDArray[np.float64],
     curve_soc: NDArray[np.float64],
 ) -> float:
-    """Most by which a departure profile exceeds what a node asks for, in seconds of charging; negative: nowhere."""
+    """Most by which a departure profile exceeds what a node asks for, in seconds of charging; negative: nowhere.
+
+    Takes a window of cells of the grid (none where the last is before the first), and a curve that ascends.
+    """
     best = -1.0
     k = 0
     last = len(g) - 1

@@ -60,6 +60,8 @@ class Present(NamedTuple):
 def chance_full(pads: int, spots: int, arrivals: float, services: float, present: int) -> float:
     """Chance that all pads and spots are taken after a while in which `arrivals` others are expected.
 
+    Takes counts and expected numbers from 0 up, all finite; where there is no room the chance is 1.
+
     Parameters
     ----------
     pads, spots : int
@@ -104,7 +106,10 @@ def chances(
     services: NDArray[np.float64],
     present: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """`chance_full` of several stations."""
+    """`chance_full` of several stations.
+
+    Takes arrays of one length.
+    """
     out = np.empty(len(pads))
     for i in range(len(pads)):
         out[i] = chance_full(pads[i], spots[i], arrivals[i], services[i], present[i])

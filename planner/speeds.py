@@ -74,7 +74,10 @@ class GivenSpeeds:
 def _mean_speeds(
     air: Air, probability: NDArray[np.float64], first: int, last: int, segments: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Speeds whose times are the means of the members', shape (slots, segments)."""
+    """Speeds whose times are the means of the members', shape (slots, segments).
+
+    Takes a probability for each member, slots in order, and segments of the air.
+    """
     count, sites = len(segments), air.weight.shape[1]
     weight, cos, sin = np.empty((sites, count)), np.empty(count), np.empty(count)
     for i in range(count):

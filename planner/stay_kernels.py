@@ -82,7 +82,10 @@ def in_order(flights: NDArray[np.float64]) -> NDArray[np.float64]:
 def land_at(
     g: NDArray[np.float64], flights: NDArray[np.float64], node: int, grounds: Grounds, costs: Costs, best_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Fly from a stay to a station and put the drone on its pads: profiles z and h there, empty where it cannot."""
+    """Fly from a stay to a station and put the drone on its pads: profiles z and h there, empty where it cannot.
+
+    Takes a profile and pieces in order of time, and a node with pads.
+    """
     needed = np.array([[g[0, 0], costs.reserve]])
     flown, size = fly_profile(
         g, in_order(flights), costs.soc_per_s, costs.soc_fixed, costs.margin_soc_per_s, needed, best_s
@@ -119,6 +122,8 @@ def land_everywhere(
     best_s: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     """Fly from a stay to each target and put the drone on its pads.
+
+    Takes profiles and pieces in order of time, and nodes with pads.
 
     Parameters
     ----------
@@ -206,6 +211,8 @@ def stays_after(
     least_leave: NDArray[np.float64],
 ) -> list[tuple[int, float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
     """Fly from a stay to each target and keep what can still be on time.
+
+    Takes what `land_everywhere` takes, with a window and a row of `least_leave` for each node and cell.
 
     Parameters
     ----------

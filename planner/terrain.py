@@ -71,7 +71,10 @@ def places(network: Network) -> NDArray[np.float64]:
 def _cut(
     first: NDArray[np.int64], head: NDArray[np.int64], nodes: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """First, head and old number of the segments between some nodes."""
+    """First, head and old number of the segments between some nodes.
+
+    Takes nodes in ascending order, each once.
+    """
     local = np.full(len(first) - 1, -1, dtype=np.int64)
     most = 0
     for number in range(len(nodes)):

@@ -70,6 +70,8 @@ def later_speeds(
     """Ground speed over a segment in a slot by each member, and its standard deviation, shape (members,); m/s.
 
     By the mean of the gusts of a flight, and by what makes the wind less sure than the members say (see `Known`).
+
+    Takes a slot and a segment of the air of `known`, and any length of flight.
     """
     air = known.air
     gust = gust_mean(known, flight_s)
@@ -129,6 +131,8 @@ def out_or_back(
     air: Air, member: int, segment: int, depart_s: float, charge: float, energy: float, key: np.uint64, how: Turning
 ) -> tuple[float, bool]:
     """Touch-down of a flight over a segment, or of its return: (POSIX seconds, whether it turned back).
+
+    Takes a segment of the air with a way back, and a finite take-off and charge.
 
     Parameters
     ----------
@@ -234,7 +238,10 @@ def trials(
     keys: NDArray[np.uint64],
     how: Turning,
 ) -> tuple[float, float, float]:
-    """Of flights in many winds and gusts: share that gets there; mean time of those that turn back, and SoC they land with."""
+    """Of flights in many winds and gusts: share that gets there; mean time of those that turn back, and SoC they land with.
+
+    Takes members of the air, with an energy and a key for each.
+    """
     away, back_s, soc = 0, 0.0, 0.0
     for k in range(len(keys)):
         down, turned = out_or_back(air, members[k], segment, depart_s, charge, energies[k], keys[k], how)

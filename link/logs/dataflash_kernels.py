@@ -46,6 +46,8 @@ def find_messages(
 ) -> tuple[int, int, int]:
     """Find every message of a piece.
 
+    Takes any bytes; tables of 256 entries, and `offset` and `kind` of one length.
+
     Parameters
     ----------
     data : ndarray of uint8

@@ -23,7 +23,10 @@ def table_of(data: NDArray[np.uint8], place: NDArray[np.int64], layout: np.dtype
 def gather(
     data: NDArray[np.uint8], payload: NDArray[np.int64], length: NDArray[np.int64], out: NDArray[np.uint8]
 ) -> None:
-    """Copy payloads, one a row; what is shorter than a row is filled with zeros (MAVLink 2 cuts trailing zeros)."""
+    """Copy payloads, one a row; what is shorter than a row is filled with zeros (MAVLink 2 cuts trailing zeros).
+
+    Takes places and lengths of payloads inside the bytes, and a table with a row for each.
+    """
     for row in range(len(payload)):
         count = min(length[row], out.shape[1])
         for step in range(count):
@@ -34,7 +37,10 @@ def gather(
 
 @compiled
 def gather_same(data: NDArray[np.uint8], payload: NDArray[np.int64], out: NDArray[np.uint8]) -> None:
-    """Copy payloads as long as a row, one a row."""
+    """Copy payloads as long as a row, one a row.
+
+    Takes places of payloads that lie whole inside the bytes, and a table with a row for each.
+    """
     for row in range(len(payload)):
         for step in range(out.shape[1]):
             out[row, step] = data[payload[row] + step]

@@ -59,7 +59,10 @@ CRC_TABLE = _crc_table()
 def frame_is_good(
     data: NDArray[np.uint8], at: int, total: int, crc_extra: NDArray[np.int16], table: NDArray[np.int64]
 ) -> bool:
-    """Whether a frame that begins at `at` and has `total` bytes passes the checks; an unknown type always does."""
+    """Whether a frame that begins at `at` and has `total` bytes passes the checks; an unknown type always does.
+
+    Takes any bytes, and any place in them: a frame that is cut off is not good.
+    """
     tail = 2
     if data[at] == V2:
         if data[at + 2] & ~SIGNED:
@@ -217,7 +220,10 @@ def _place_of(data: NDArray[np.uint8], kept: NDArray[np.uint8], found: int, stat
 
 @compiled
 def announced(data: NDArray[np.uint8], at: int) -> int:
-    """Bytes of the frame whose header begins at `at`; 0 where none does."""
+    """Bytes of the frame whose header begins at `at`; 0 where none does.
+
+    Takes any bytes, and any place in them.
+    """
     if data[at] == V2:
         return int(data[at + 1]) + 12 + 13 * (int(data[at + 2]) & SIGNED)
     return int(data[at + 1]) + 8 if data[at] == V1 else 0
@@ -237,6 +243,8 @@ def scan_chunk(
     out: tuple[NDArray[Any], ...],
 ) -> int:
     """Find the messages of a chunk.
+
+    Takes any bytes, and a state of `STATE_SIZE`.
 
     Parameters
     ----------
@@ -297,7 +305,10 @@ def read_one(
     crc_extra: NDArray[np.int16],
     table: NDArray[np.int64],
 ) -> int:
-    """Read one message, stamp and all, as `scan_chunk` does; returns its length, 0 for a bad record, -1 where there is none."""
+    """Read one message, stamp and all, as `scan_chunk` does; returns its length, 0 for a bad record, -1 where there is none.
+
+    Takes any bytes.
+    """
     size = len(data)
     _take_stamp(data, size, size, state, clock)
     found = _buffered_message(data, size, state, kept, crc_extra, table)
@@ -315,6 +326,8 @@ def walk(
     """Go from header to header; returns a place and the bytes to the next one where a type is met first, or where it ends.
 
     The bytes are 0 where the piece is over, and -1 where the log is.
+
+    Takes any bytes.
     """
     while at + 14 < size:
         if not final and at + HEADER > size:

@@ -58,6 +58,8 @@ def find_messages(
 ) -> tuple[int, int, int]:
     """Find every message of a piece.
 
+    Takes any bytes, and arrays of one length to be filled.
+
     Parameters
     ----------
     data : ndarray of uint8
