@@ -8,9 +8,10 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from skyway.models.units import from_posix
+from skyway.models.weighted import weighted_quantile
 from skyway.models.wind_marginal import rose
 from skyway.pictures import CALM, INK, MUTED, ROUTE, new_figure, plain_axes, save_figure
-from skyway.wind_summary import over_region, quantiles
+from skyway.wind_summary import over_region
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -87,7 +88,10 @@ def _draw_rose(polar: Any, ensemble: WindEnsemble, north: NDArray[np.float64], e
 
 def _draw_fan(axes: Any, ensemble: WindEnsemble, speed: NDArray[np.float64]) -> None:
     """Quantiles of the speed by slot; wind is constant within a slot, hence the steps."""
-    low, quarter, middle, three, high = quantiles(speed, ensemble.probability, (0.05, 0.25, 0.5, 0.75, 0.95))
+    low, quarter, middle, three, high = (
+        np.array([weighted_quantile(slot, ensemble.probability, level) for slot in speed.T])
+        for level in (0.05, 0.25, 0.5, 0.75, 0.95)
+    )
     hour = np.arange(speed.shape[1] + 1) * ensemble.slot_s / 3600.0
     if len(ensemble.labels) > 1:
         for below, above, alpha, label in ((low, high, 0.2, "5 to 95 %"), (quarter, three, 0.35, "25 to 75 %")):

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skyway.models.antimeridian import about, middle_longitude, wrapped
 from skyway.models.units import from_posix, iso
 from skyway.models.weighted import weighted_quantile
 from skyway.models.wind import speed_from
 from skyway.models.wind_summary import summary_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from skyway.models.scenario import Scenario
@@ -24,23 +23,10 @@ def over_region(ensemble: WindEnsemble, scenario: Scenario) -> tuple[NDArray[np.
     """(north, east) at cruise height over the middle of the network, shape (members, slots) each."""
     rules = scenario.rules
     wind = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
-    lat, lon = float(np.mean(scenario.network.lat)), float(np.mean(scenario.network.lon))
-    weights = wind.idw_weights(lat, lon, wind.site_lat, wind.site_lon)[0]
+    network = scenario.network
+    lon = wrapped(float(np.mean(about(network.lon, middle_longitude(network.lon)))))
+    weights = wind.idw_weights(float(np.mean(network.lat)), lon, wind.site_lat, wind.site_lon)[0]
     return wind.north @ weights, wind.east @ weights
-
-
-def quantiles(
-    values: NDArray[np.float64], probability: NDArray[np.float64], levels: Sequence[float]
-) -> list[NDArray[np.float64]]:
-    """Weighted quantiles over the members: the least value at or below which the share lies, shape (slots,) each."""
-    order = np.argsort(values, axis=0, kind="stable")
-    ranked = np.take_along_axis(values, order, axis=0)
-    share = np.cumsum(probability[order], axis=0)
-    found = []
-    for level in levels:
-        row = np.minimum((share < level - 1e-12).sum(axis=0), len(values) - 1)
-        found.append(np.take_along_axis(ranked, row[None, :], axis=0)[0])
-    return found
 
 
 def hourly(

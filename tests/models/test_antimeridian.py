@@ -1,5 +1,6 @@
 """Lines across the antimeridian are cut as RFC 7946 asks for, and maps are centred on what they show."""
 
+import dataclasses
 import itertools
 import math
 
@@ -9,7 +10,13 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from skyway.missions.examples import NEW_YORK
 from skyway.models.antimeridian import about, line_geometry, middle_longitude, wrapped
+from skyway.models.network import ConnectionRule, Station
+from skyway.models.network_builders import build_network
+from skyway.models.scenario_file import read_scenario
+from skyway.models.wind_ensemble import WindEnsemble
+from skyway.wind_summary import over_region
 
 LON = st.floats(-180.0, 180.0)
 LAT = st.floats(-80.0, 80.0)
@@ -64,3 +71,16 @@ def test_the_middle_holds_all_within_half_the_widest_arc(offsets, centre):
 )
 def test_middles_known_beforehand(lon, middle):
     assert abs(abs(middle_longitude(lon)) - abs(middle)) < 1e-9
+
+
+def test_the_wind_of_a_region_across_the_antimeridian_is_that_of_its_middle():
+    """Stations at 179.9 and -179.9: the mean of the numbers is Greenwich, and the wind was taken half a world away."""
+    stations = [Station(f"s{k}", f"S{k}", -17.0, lon, 5.0, 2, 2) for k, lon in enumerate((179.95, -179.95))]
+    network = build_network(stations, ConnectionRule("max-length", 20_000.0))
+    fiji = dataclasses.replace(read_scenario(NEW_YORK), network=network)
+    wind = WindEnsemble(
+        site_lat=np.array([-17.0, -17.0]), site_lon=np.array([-179.99, 0.0]), start_s=0.0, slot_s=3600.0,
+        north=np.array([[[5.0, -5.0]]]), east=np.zeros((1, 1, 2)), probability=np.ones(1), labels=("one",), height_m=60.0,
+    )  # fmt: skip
+    north, _ = over_region(wind, fiji)
+    assert north[0, 0] == pytest.approx(5.0, abs=0.01)
