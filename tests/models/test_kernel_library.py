@@ -43,7 +43,7 @@ def count(flags):
 
 
 def test_every_listed_kernel_is_in_the_source_and_called_from_python():
-    assert set(kernel_library.listed()) <= build_kernels.entries()
+    assert set(kernel_library.listed()) == build_kernels.entries()  # one that is not listed needs a compiler
 
 
 COMMANDS = """
