@@ -478,6 +478,8 @@ def covers(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: float) -> 
 
     Takes profiles that never decrease, of any number of points; none covers nothing but none.
     """
+    if len(a) == 0 or len(b) == 0:
+        return len(b) == 0
     if a[0, 0] > b[0, 0]:
         return False
     k = 0
