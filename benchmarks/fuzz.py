@@ -41,8 +41,8 @@ CHILD = [sys.executable, "-X", "faulthandler", "-m", "benchmarks.fuzz", "--child
 """Command of the process that answers; it is given the first number and the one to stop before."""
 LONGEST_S = 600.0
 """A request that takes longer hangs."""
-SEARCH_S = 0.2
-"""Seconds that `ies` may search."""
+SEARCH_S = {"ies": 0.2, "exact": 120.0}
+"""Seconds that clairvoyant planners may search, for each drone."""
 ONLINE_EVERY = 5
 """One request in so many is carried on after it was planned."""
 PROGRESS_EVERY = 500
@@ -70,7 +70,7 @@ def judge(case: Case) -> str:
             case.request,
             planner=case.planner,
             forecast=truth if case.planner in CLAIRVOYANT_PLANNERS else case.wind,
-            time_limit_s=SEARCH_S,
+            time_limit_s=SEARCH_S.get(case.planner, math.inf),
         )
     except (InfeasibleError, InputError) as error:
         _no_nan(str(error), "error")

@@ -113,7 +113,7 @@ def _truths(online: Online, wind: WindEnsemble, request: Any) -> Truths:
 
 def _planned(online: Online) -> Any:
     case = online.case
-    return plan(case.scenario, case.request, planner=online.planner, forecast=case.wind, time_limit_s=1.0)
+    return plan(case.scenario, case.request, planner=online.planner, forecast=case.wind, time_limit_s=60.0)
 
 
 def _evaluated(online: Online) -> Iterator[tuple[str, float]]:

@@ -78,6 +78,13 @@ class QueuePath:
         arrival, interval = self._at(arrival_s)
         return np.maximum(arrival, self.land_s[interval])
 
+    def latest_arrival(self, land_by_s: float) -> float:
+        """Latest arrival with which it touches down by a time; -inf where nobody does who arrives from now on."""
+        served = int(np.searchsorted(self.land_s, land_by_s, side="right"))
+        if served == 0:
+            return -math.inf
+        return min(land_by_s, float(self.arrival_s[served - 1])) if served <= len(self.arrival_s) else land_by_s
+
     def present_at(self, time_s: float) -> int:
         """Others on the pads and in line at a time, as one sees who looks."""
         came = int(np.searchsorted(self.arrival_s, time_s, side="right"))

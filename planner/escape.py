@@ -11,13 +11,18 @@ from skyway.planner.flight_functions import flights_from
 from skyway.planner.flight_table import FlightTable, table_slot
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
+    from skyway.models.queue_paths import QueuePath
     from skyway.planner.problem import Problem
     from skyway.planner.speeds import Speeds
 
 _TOO_MUCH_SOC = 2.0
 """No battery holds this: there is no way on."""
+_TOO_LONG_S = 1e9
+"""Nobody hovers that long."""
 _MOMENT_S = 3e-4
 """The last take-off before a slot that is closed is known this well (`planner.flight_functions`)."""
 
@@ -52,6 +57,28 @@ def needed_at_destination(
     needed = _least(lines)
     needed[:, 1] = p.reserve + np.minimum(needed[:, 1], _TOO_MUCH_SOC)
     return needed
+
+
+def needed_to_land(
+    problem: Problem, speeds: Speeds, queues: Mapping[int, QueuePath], margin_soc_per_s: float, until_s: float
+) -> NDArray[np.float64]:
+    """Least charge on coming to the destination, by time: where it has pads, what hovering takes until there is room.
+
+    Like `needed_at_destination`, for bounds: the destination without pads is the same, for there is always room.
+    """
+    p = problem
+    if not p.has_pads(p.destination):
+        return needed_at_destination(p, speeds, margin_soc_per_s, until_s)
+    queue = queues[p.destination]
+    begin = np.concatenate(([p.depart_s], np.maximum(queue.arrival_s, p.depart_s)))
+    end = np.append(begin[1:], max(float(begin[-1]), until_s) + 1.0)
+    room = np.clip(queue.land_s, begin, end)  # when hovering is over, for those who come in the interval
+    late = np.maximum(queue.land_s - end, 0.0)
+    hover_s = np.column_stack((np.maximum(queue.land_s - begin, 0.0), late, late)).ravel()
+    needed = p.reserve + p.soc_per_s * np.minimum(hover_s, _TOO_LONG_S)
+    points = np.column_stack((np.column_stack((begin, room, end)).ravel(), needed))
+    fresh = np.concatenate(([True], np.any(np.diff(points, axis=0) != 0.0, axis=1)))
+    return np.asarray(points[fresh])
 
 
 def _cost(

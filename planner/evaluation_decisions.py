@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.flight_kernels import next_opening
+from skyway.models.units import S_PER_H
 from skyway.planner.course_kernels import COLUMNS, PAD, ROOM, SOC_DOWN, SOC_OFF, TOUCH_DOWN
 from skyway.planner.evaluation_flights import DELIVERED, GAVE_UP, Flown, courses, pooled, tally
 from skyway.planner.evaluation_kernels import gusty_land
 from skyway.planner.evaluation_policies import Adaptive, Departure, Policy, Standing
 from skyway.planner.itinerary import Hop
+from skyway.planner.problem import HORIZON_H, check_apart
 from skyway.planner.turning_kernels import out_or_back
 
 if TYPE_CHECKING:
@@ -27,6 +29,10 @@ if TYPE_CHECKING:
 
 MOST_STOPS = 60
 """A policy that stops more often has given up."""
+MOST_WAIT_S = HORIZON_H * S_PER_H
+"""A policy that stays longer at a stop has given up: no forecast that it had there reaches further."""
+PATIENCE = 1.0 / 24.0
+"""Who has waited long decides again after this share of the wait, not sooner: a wait has some 100 decisions, not one each 5 minutes."""
 _AGAIN_S = 30.0  # a drone that cannot leave yet looks at the clock again
 
 
@@ -41,8 +47,14 @@ def fly_policy(
     """Fly a policy in some truths (all by default), run by run; also returns what it did in each.
 
     `watch` is told of each flight of an adaptive policy how to fly it again in other gusts.
+
+    Raises
+    ------
+    InputError
+        Start and destination are the same.
     """
     problem = truths.problem(drone)
+    check_apart(problem)
     chosen = np.arange(len(truths)) if runs is None else runs
     parts, done = [], []
     for run in chosen.tolist():
@@ -165,12 +177,13 @@ def _fly_adaptive(
         return float(np.interp(charged_s + time_s - pad_s, curve_s, curve_soc)) if time_s > pad_s else stay.soc
 
     wind = truths.wind
-    end_s = wind.start_s + wind.slots * wind.slot_s
+    end_s = min(wind.start_s + wind.slots * wind.slot_s, stay.landed_s + MOST_WAIT_S)
     while now < end_s:
         way = policy.leave(_standing(truths, problem, stay, now, soc))
         if way is None:
             return None
         until = min(wind.start_s + (wind.slot_at(now) + 1) * wind.slot_s, max(way.look_s, now + _AGAIN_S))
+        until = max(until, now + PATIENCE * (now - stay.landed_s))
         segments = np.array(way.segments, dtype=np.int64)
         at = now
         while at < until:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 DELIVERED, STRANDED, UNFLYABLE, GAVE_UP = range(4)
 """How a run ends: delivered; the charge was used up in flight; the wind never opened a flight within the horizon; the
-policy found no way on."""
+policy found no way on, or none in the hours that a forecast reaches."""
 LEVELS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
 """On-time probabilities at which promises are compared with what happens."""
 

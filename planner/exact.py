@@ -21,15 +21,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.errors import Fault, InputError
-from skyway.planner.escape import needed_at_destination
+from skyway.models.errors import Fault, InputError, NoRouteError
+from skyway.planner.escape import needed_to_land
 from skyway.planner.kernel_inputs import check_shape, check_speeds
 from skyway.planner.label_search import GAIN_S, Round
 from skyway.planner.no_route import no_route
 from skyway.planner.outlook import Outlook
 from skyway.planner.relaxation import Start, cells_for, longest_cell_s, only_nodes, run_backward, run_forward
 from skyway.planner.speeds import GivenSpeeds, TrueSpeeds
-from skyway.planner.stays import Stays, costs_of, landing_s
+from skyway.planner.stays import Stays, come_by_s, costs_of, landing_s
 from skyway.planner.terrain import narrowed, places, terrain
 
 if TYPE_CHECKING:
@@ -80,13 +80,15 @@ class ExactSearch:
     time_limit_s : float
         As soon as there is an answer after this time, it is given, with `lower_bound_s`; `complete` is False then unless
         it is proved the best.
+    cut_off_s : float
+        It ends after this time all the same, without an answer where there is none yet; `complete` is False then.
 
     Attributes
     ----------
     looked_at : int
         Labels continued so far.
     complete : bool
-        Whether the search ended with a proof.
+        Whether the search ended with a proof: that the answer is the best, or that there is none.
     best_s : float
         Arrival of the best composition found, POSIX seconds.
     lower_bound_s : float
@@ -103,6 +105,7 @@ class ExactSearch:
         stops: NDArray[np.bool_] | None = None,
         time_limit_s: float = math.inf,
         most_labels: float = math.inf,
+        cut_off_s: float = math.inf,
     ) -> None:
         self.problem = problem
         self.queues = queues
@@ -128,6 +131,8 @@ class ExactSearch:
         self._time_limit_s = time_limit_s
         self._most_labels = most_labels
         self._stop_at = math.inf
+        self._cut_off_s = cut_off_s
+        self._end_at = math.inf
         self._answer: Itinerary | None = None
 
     @property
@@ -142,30 +147,46 @@ class ExactSearch:
         Raises
         ------
         NoRouteError
-            There is none.
+            There is none (or, with `complete` False, none was found in time).
         """
         found = self.find()
+        if found is None and not self.complete:
+            message = (
+                f"no route was found in {self._cut_off_s:g} s: there may be one; give more time, or try planner robust"
+            )
+            raise NoRouteError(message, constraint="time-limit")
         if found is None:
-            raise no_route(self.problem, Outlook(self.problem))
+            room = landing_s(self.problem, self.queues, self.problem.depart_s) < self._latest_s
+            raise no_route(self.problem, Outlook(self.problem), room=room)
         return found
 
     def find(self) -> Itinerary | None:
         """Search without a word on why there is no route: that takes longer than some searches."""
         p = self.problem
-        self._stop_at = time.perf_counter() + self._time_limit_s
+        started = time.perf_counter()
+        self._stop_at, self._end_at = started + self._time_limit_s, started + self._cut_off_s
         self._place_m = places(p.network)
-        until = p.depart_s + FIRST_GUESS * (self._straight_s() - p.depart_s) + 600.0
+        straight = self._straight_s()
+        until = p.depart_s + FIRST_GUESS * (straight - p.depart_s) + 600.0
+        least = landing_s(p, self.queues, straight)
         while self._answer is None:
             until = min(until, self._latest_s)
-            self._search_until(until)
-            if self._answer is None and (until >= self._latest_s or self._given_up):
+            if until > least:  # before that there is no room
+                self._search_until(until)
+            if self._answer is None and self._given_up:
+                self.complete = False
+                return None
+            if self._answer is None and until >= self._latest_s:
                 return None
             until = p.depart_s + 1.6 * (until - p.depart_s)
         return self._answer
 
     @property
     def _given_up(self) -> bool:
-        return self.looked_at >= self._most_labels
+        return self.looked_at >= self._most_labels or time.perf_counter() >= self._end_at
+
+    def _come_by_s(self, land_by_s: float) -> float:
+        return come_by_s(self.problem, self.queues, land_by_s)
 
     @property
     def _latest_s(self) -> float:
@@ -208,20 +229,25 @@ class ExactSearch:
         return Start(p.depart_s, p.soc, pad, p.in_flight)
 
     def _search_until(self, until_s: float) -> None:
-        """Search for arrivals until some time; without one there is none."""
+        """Search for arrivals until some time; without one there is none.
+
+        Relaxations tell of coming to the destination, deadlines of landing there, which may have to wait for room.
+        """
         whole, costs, start = self._layout(until_s), self._costs, self._start()
-        needed = needed_at_destination(self.problem, self._speeds, self._margin, until_s)
+        needed = needed_to_land(self.problem, self._speeds, self.queues, self._margin, until_s)
+        come_by = self._come_by_s(until_s)
         span = until_s - start.time_s
         step = min(max(span / COARSE_CELLS, 10.0), longest_cell_s(whole, costs))
-        cells = cells_for(whole, start, step, until_s)
+        cells = cells_for(whole, start, step, come_by)
         for after in AFTER:
-            forward = run_forward(whole, costs, start, cells, needed, until_s, after=after)
+            forward = run_forward(whole, costs, start, cells, needed, come_by, after=after)
             if math.isinf(forward.arrive_s):
                 break
             self.lower_bound_s = max(self.lower_bound_s, landing_s(self.problem, self.queues, forward.arrive_s))
             end = forward.cells.over_s + forward.cells.length * forward.cells.step_s + whole.table.descent_s
-            deadline = min(until_s, end)
-            guide = run_backward(whole, costs, forward, needed, deadline)
+            landed = landing_s(self.problem, self.queues, end)
+            deadline = min(until_s, end if landed <= end else landed + 2.0 * GAIN_S)
+            guide = run_backward(whole, costs, forward, needed, self._come_by_s(deadline))
             keep = guide.used.copy()
             keep[[whole.origin, whole.destination]] = True
             part = narrowed(whole, keep)
@@ -244,13 +270,20 @@ class ExactSearch:
         mask = guide.over.copy()
         mask[0, part.origin] = True
         forward = run_forward(
-            part, self._costs, start, cells, needed, deadline_s, after=math.inf, allowed=(mask, ratio)
+            part,
+            self._costs,
+            start,
+            cells,
+            needed,
+            self._come_by_s(deadline_s),
+            after=math.inf,
+            allowed=(mask, ratio),
         )
         least = min(landing_s(self.problem, self.queues, forward.arrive_s), deadline_s)
         self.lower_bound_s = max(self.lower_bound_s, least)
         for share in SHARES if math.isinf(self._time_limit_s) else SHARES[-1:]:
             until = min(least + share * (least - start.time_s) + 2.0 * cells.step_s, deadline_s)
-            narrow = run_backward(part, self._costs, forward, needed, until)
+            narrow = run_backward(part, self._costs, forward, needed, self._come_by_s(until))
             if self._run(part, narrow, forward, needed, until, self._stop_at) or until >= deadline_s:
                 return
 
@@ -274,6 +307,8 @@ class ExactSearch:
             stop_at,
             answered=self._answer is not None,
             most=self._most_labels - self.looked_at,
+            least_s=self.lower_bound_s,
+            end_at=self._end_at,
         )
         one.run()
         self.looked_at += one.looked_at

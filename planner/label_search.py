@@ -24,7 +24,7 @@ from skyway.planner.profile_kernels import covers, upper_profile
 from skyway.planner.relaxation import run_backward
 from skyway.planner.relaxation_kernels import slack
 from skyway.planner.stay_kernels import stays_after
-from skyway.planner.stays import Stay, only_at
+from skyway.planner.stays import Stay, come_by_s, only_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -94,6 +94,10 @@ class Round:
         There is an answer already.
     most : float
         Labels after which it ends all the same.
+    least_s : float
+        Nothing arrives earlier: what arrives then is the best.
+    end_at : float
+        Of `time.perf_counter`: the search ends then, with or without an answer.
 
     Attributes
     ----------
@@ -115,6 +119,8 @@ class Round:
         *,
         answered: bool = False,
         most: float = math.inf,
+        least_s: float = -math.inf,
+        end_at: float = math.inf,
     ) -> None:
         self.stays = stays
         self.guide = guide
@@ -123,6 +129,8 @@ class Round:
         self.stop_at = stop_at
         self.answered = answered
         self.most = most
+        self.least_s = least_s
+        self.end_at = end_at
         self.complete = True
         self.looked_at = 0
         self.best: tuple[list[Stay], float] | None = None
@@ -137,12 +145,17 @@ class Round:
         label: Label | None = self._judged(Label(origin, None, self.guide, 0.0))
         while label is not None:
             after = self._expand(label)
-            answered = self.answered or self.best is not None
-            if self.looked_at >= self.most or (answered and time.perf_counter() > self.stop_at):
+            if self.best is not None and self.stays.best_s <= self.least_s + GAIN_S:
+                return
+            if self.looked_at >= self.most or self._late():
                 self.complete = False
                 return
             # Until there is an answer the best continuation is followed at once.
             label = after if self.best is None and after is not None else self._next()
+
+    def _late(self) -> bool:
+        answered = self.answered or self.best is not None
+        return time.perf_counter() > (min(self.stop_at, self.end_at) if answered else self.end_at)
 
     def _next(self) -> Label | None:
         while self._heap:
@@ -234,7 +247,13 @@ class Round:
         gained = stays.best_s - arrive_s
         stays.best_s = arrive_s
         if gained > self.guide.cells.step_s:
-            self.guide = run_backward(stays.terrain, stays.costs, self.forward, self.needed, arrive_s)
+            self.guide = run_backward(
+                stays.terrain,
+                stays.costs,
+                self.forward,
+                self.needed,
+                come_by_s(stays.problem, stays.queues, arrive_s),
+            )
 
 
 def _at_once(

@@ -101,10 +101,23 @@ def runs_empty(problem: Problem, itinerary: Itinerary, leg: int, advice: str = "
     return NoRouteError(message, constraint="energy")
 
 
-def no_route(problem: Problem, outlook: Outlook) -> NoRouteError:
-    """Explain a failed search: disconnected, energy on the decisive segment, or wind.
+def no_room(problem: Problem) -> NoRouteError:
+    """Refuse a destination at which nobody who comes within the forecast can land."""
+    start, goal = (problem.network.stations[node].id for node in (problem.origin, problem.destination))
+    busy = problem.request.state.busy_pads.get(goal)
+    there = "" if busy is None else f" behind the {busy} drones that are there now"
+    message = (
+        f"no route from {start} to {goal}: there is neither a pad nor a holding spot free at {goal} within the forecast{there}; "
+        "choose another destination or a later departure"
+    )
+    return NoRouteError(message, constraint="room")
 
-    The decisive segment is the one that asks least among those that lead out of what can be reached.
+
+def no_route(problem: Problem, outlook: Outlook, *, room: bool = True) -> NoRouteError:
+    """Explain a failed search: disconnected, energy on the decisive segment, wind, or no room at the destination.
+
+    The decisive segment is the one that asks least among those that lead out of what can be reached. Whether there is
+    `room` within the forecast is said by who knows the queues.
     """
     network = problem.network
     start = network.stations[problem.origin].id
@@ -114,6 +127,8 @@ def no_route(problem: Problem, outlook: Outlook) -> NoRouteError:
         return NoRouteError(message, constraint="disconnected")
     charge = np.array([outlook.flight(segment, problem.depart_s)[1] for segment in range(len(network.tail))])
     reached = _reached(problem, charge <= outlook.budget)
+    if reached[problem.destination] and not room:
+        return no_room(problem)
     if reached[problem.destination]:
         message = (
             f"no route from {start} to {goal} within the forecast: each segment can be flown on a full battery now, "

@@ -25,7 +25,7 @@ from skyway.planner.no_route import grounded_leg, never_leaves, runs_empty
 from skyway.planner.outcome import later, outcome
 from skyway.planner.pfs import ForwardSearch
 from skyway.planner.pfs_strict import StrictForwardSearch
-from skyway.planner.problem import HORIZON_H, Problem
+from skyway.planner.problem import HORIZON_H, Problem, check_apart
 from skyway.planner.result import Comparison, PlanResult
 from skyway.planner.robust import FINAL_RUNS, LEAST_ARRIVE, MEMBERS, RobustSearch
 from skyway.planner.shortest import ShortestFlight
@@ -97,8 +97,10 @@ def plan(
         What is known of the wind; the scenario's analogue days by default.
     truth : WindEnsemble, optional
         One member, the wind as it will be: needed by `CLAIRVOYANT_PLANNERS`, unless the forecast has one member.
-    time_limit_s, progress
-        Of clairvoyant planners, see `ExhaustiveSearch`.
+    time_limit_s : float
+        A clairvoyant planner ends after this time, for each drone: with the best found, which says so, or an error.
+    progress : callable, optional
+        Of ``ies``, see `ExhaustiveSearch`.
 
     Returns
     -------
@@ -189,9 +191,7 @@ def _problems(scenario: Scenario, request: Request, wind: WindEnsemble, rejected
     problem: Problem | None = None
     for drone in candidates(scenario, request, rejected):
         problem = Problem(scenario, request, drone, wind) if problem is None else problem.for_drone(drone)
-        if problem.origin == problem.destination:
-            value = problem.request.destination
-            raise InputError(Fault("start and destination are the same", field="destination", value=value))
+        check_apart(problem)
         yield problem
 
 
@@ -301,7 +301,7 @@ def _solve(
         return PlanResult(composition, itinerary, same, summary, spent, search.looked_at, {})
     queues = problem.queue_paths(range(len(problem.network)), 0)
     if planner == "exact":
-        clairvoyant: ExactSearch | ExhaustiveSearch = ExactSearch(problem, queues)
+        clairvoyant: ExactSearch | ExhaustiveSearch = ExactSearch(problem, queues, cut_off_s=time_limit_s)
     else:
         clairvoyant = ExhaustiveSearch(problem, queues, time_limit_s=time_limit_s, progress=progress)
     started = time.perf_counter()
@@ -312,12 +312,20 @@ def _solve(
     if not np.isfinite(course[0, -1, TOUCH_DOWN]):
         raise AuditError(planner, None, "arrival, POSIX s", clairvoyant.best_s, "the wind never lets it leave")
     summary = outcome(problem, course, np.ones(1))
-    notes = () if complete else (f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is",)
+    notes = () if complete else (_cut_off(clairvoyant, time_limit_s),)
     composition = compose(
         problem, itinerary, course[0], 0, summary, planner=planner, planning_time_s=spent, notes=notes
     )
     audit(composition, problem, itinerary, World(0, queues, clairvoyant.best_s))
     return PlanResult(composition, itinerary, problem, summary, spent, clairvoyant.looked_at, {}, complete)
+
+
+def _cut_off(search: ExactSearch | ExhaustiveSearch, time_limit_s: float) -> str:
+    """Say of an answer that it is not proved, and what is."""
+    note = f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is"
+    if isinstance(search, ExactSearch) and math.isfinite(search.gap):
+        note += f"; it takes at most {max(math.ceil(100.0 * search.gap), 1)} % longer than that"
+    return note
 
 
 def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: dict[str, str]) -> PlanResult:

@@ -280,6 +280,13 @@ def _check_against(scenario: Scenario, request: Request, drone: Drone) -> None:
         raise InputError(faults)
 
 
+def check_apart(problem: Problem) -> None:
+    """Refuse a delivery that ends where it begins."""
+    if problem.origin == problem.destination:
+        value = problem.request.destination
+        raise InputError(Fault("start and destination are the same", field="destination", value=value))
+
+
 class ExpectedWaits:
     """Expected wait and chance of a free pad at every station over the horizon.
 

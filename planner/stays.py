@@ -73,6 +73,13 @@ def landing_s(problem: Problem, queues: Mapping[int, QueuePath], arrive_s: float
     return float(queues[problem.destination].land_time(arrive_s))
 
 
+def come_by_s(problem: Problem, queues: Mapping[int, QueuePath], land_by_s: float) -> float:
+    """When a drone must come to the destination to land there by a time; see `landing_s`, of which it is the inverse."""
+    if not problem.has_pads(problem.destination):
+        return land_by_s
+    return queues[problem.destination].latest_arrival(land_by_s)
+
+
 class Stays:
     """Makes and continues stays.
 

@@ -90,7 +90,9 @@ ObjectiveOption = Annotated[
     ),
 ]
 Seed = Annotated[int, typer.Option("--seed", help="Of all sampling.", min=0, max=2**32 - 1)]
-TimeLimit = Annotated[float, typer.Option("--time-limit", help="Seconds after which an exhaustive search stops.")]
+TimeLimit = Annotated[
+    float, typer.Option("--time-limit", help="Seconds after which `ies` and `exact` stop, for each drone.")
+]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
 
 PLAN_HELP = """Plan a delivery that recharges on the way, under real wind and pad queues.

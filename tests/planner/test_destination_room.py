@@ -5,19 +5,24 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from worlds import make_request, make_wind, make_world
 
 from skyway.models.errors import NoRouteError
 from skyway.models.load import PadLoad
+from skyway.models.queue_paths import QueuePath
 from skyway.models.services import State
 from skyway.models.wind_forecast import constant_wind
 from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from skyway.planner.escape import needed_to_land
 from skyway.planner.exact import ExactSearch
 from skyway.planner.ies import ExhaustiveSearch
 from skyway.planner.itinerary import fly_sampled, fly_true
 from skyway.planner.plan import plan
 from skyway.planner.problem import HORIZON_H, Problem
 from skyway.planner.request import Request
+from skyway.planner.speeds import TrueSpeeds
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 CALM = constant_wind(4.0, 200.0, DEPART, HORIZON_H, 40.75, -73.97, 60.0)
@@ -27,6 +32,11 @@ CALM = constant_wind(4.0, 200.0, DEPART, HORIZON_H, 40.75, -73.97, 60.0)
 def quiet(newyork):
     """New York where nobody else comes: who is on the pads now leaves, and that is all."""
     return replace(newyork, load=PadLoad.none(len(newyork.network), newyork.timezone))
+
+
+@pytest.fixture(scope="module")
+def small(quiet):
+    return Problem(quiet, ask(), quiet.drone("m200"), CALM)
 
 
 def ask(busy=None, **changes):
@@ -111,3 +121,76 @@ def test_no_planner_answers_with_a_course_that_runs_empty(planner, seed):
     with pytest.raises(NoRouteError, match="typically runs out of charge, hovering") as refused:
         plan(crowded, request, planner=planner, forecast=make_wind(rng, members=3))
     assert refused.value.constraint == "energy"
+
+
+def room_from(problem, hours):
+    """The queues of a problem, with a destination at which nobody lands in the first hours."""
+    queues = problem.queue_paths(range(len(problem.network)), 0)
+    opens = np.array([problem.depart_s + 3600.0 * hours])
+    return queues | {problem.destination: QueuePath(np.empty(0), opens, opens)}
+
+
+def test_a_search_does_not_look_at_hours_in_which_nothing_can_land(quiet):
+    """Without room for longer than anybody can hover it has to wait on its way: no deadline before that is tried."""
+    labels = {}
+    for hours in (0, 9):
+        problem = Problem(quiet, ask(), quiet.drone("m200"), CALM)
+        search = ExactSearch(problem, room_from(problem, hours))
+        itinerary = search.solve()
+        labels[hours] = search.looked_at
+        assert search.complete
+        assert search.best_s >= problem.depart_s + 3600.0 * hours
+        flown = fly_true(problem, itinerary, search.queues)[0]
+        assert flown[-1, TOUCH_DOWN] == pytest.approx(search.best_s, abs=1e-3)
+        assert (flown[:, SOC_DOWN] >= problem.reserve - 1e-9).all()
+        if hours:
+            assert search.best_s == pytest.approx(problem.depart_s + 3600.0 * hours, abs=1e-3)
+    assert labels[9] <= 2 * labels[0] + 20
+
+
+def test_a_destination_without_room_within_the_forecast_is_named_at_once(quiet):
+    problem = Problem(quiet, ask(busy=40), quiet.drone("m200"), CALM)
+    search = ExactSearch(problem, room_from(problem, 60))
+    with pytest.raises(NoRouteError, match="neither a pad nor a holding spot free at jacobi") as refused:
+        search.solve()
+    assert refused.value.constraint == "room"
+    assert search.looked_at == 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    others=st.lists(st.tuples(st.floats(0.0, 5e4), st.floats(0.0, 3e4)), max_size=8),
+    first=st.floats(0.0, 3e4),
+    by=st.floats(-10.0, 1e5),
+    arrival=st.floats(0.0, 1e5),
+)
+def test_the_latest_arrival_is_the_inverse_of_the_landing(others, first, by, arrival):
+    came = np.sort([one for one, _ in others])
+    lands = np.maximum.accumulate([first, *(one for _, one in others)])
+    queue = QueuePath(came, lands, lands)
+    latest = queue.latest_arrival(by)
+    assert latest <= by
+    if arrival < latest:
+        assert float(queue.land_time(arrival)) <= by
+    if arrival > latest:
+        assert float(queue.land_time(arrival)) > by
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    others=st.lists(st.tuples(st.floats(-1e4, 5e4), st.floats(0.0, 3e4)), max_size=8),
+    first=st.floats(0.0, 3e4),
+    after=st.floats(0.0, 6e4),
+)
+def test_the_charge_to_come_with_is_the_reserve_and_the_hovering(small, others, first, after):
+    problem = small
+    came = problem.depart_s + np.sort([one for one, _ in others])
+    lands = problem.depart_s + np.maximum.accumulate([first, *(one for _, one in others)])
+    queue = QueuePath(came, lands, lands)
+    points = needed_to_land(problem, TrueSpeeds(problem.air), {problem.destination: queue}, 0.0, problem.depart_s + 8e4)
+    at = problem.depart_s + after
+    if np.abs(np.append(came, lands) - at).min() < 1.0:
+        return  # a jump
+    hover_s = float(queue.land_time(at)) - at
+    needed = float(np.interp(at, points[:, 0], points[:, 1]))
+    assert needed == pytest.approx(problem.reserve + problem.soc_per_s * hover_s, rel=1e-9, abs=1e-9)

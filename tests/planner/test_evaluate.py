@@ -27,6 +27,7 @@ from skyway.planner.evaluate import (
 )
 from skyway.planner.evaluation_flights import DELIVERED, GAVE_UP, Flown, courses
 from skyway.planner.evaluation_kernels import GUST_STEP_S, LATERAL, MOST_DEVIATION, gust_at
+from skyway.planner.evaluation_policies import Departure
 from skyway.planner.evaluation_statistics import DayBootstrap, Estimate
 from skyway.planner.itinerary import fly_true
 from skyway.planner.outcome import Outcome
@@ -320,6 +321,44 @@ def test_a_policy_without_a_way_on_has_given_up(truths):
     assert flown.ending.tolist() == [GAVE_UP, GAVE_UP]
     assert done == [(), ()]
     assert summarise("none", flown).counts["gave_up"] == 2
+
+
+class Waiting:
+    """Stays where it is for ever, and wants to look again every five minutes."""
+
+    def __init__(self):
+        self.looks_s = []
+
+    def leave(self, standing):
+        self.looks_s.append(standing.time_s)
+        return Departure((), 1.0, lambda _: math.inf, standing.time_s + 300.0)
+
+    def over(self, flying, rest):
+        raise AssertionError("it never flies")
+
+
+@pytest.mark.parametrize("slot_s", [300.0, 3600.0])
+@pytest.mark.parametrize("known_days", [2, 9])
+def test_a_wait_has_an_end_and_not_many_decisions(truths, slot_s, known_days):
+    """It gives up after the hours that a forecast reaches, however long the wind is known; the first two are as closely watched as ever."""
+    slots = int(known_days * 86_400.0 / slot_s)
+    north, east = (np.repeat(one[:, :1], slots, axis=1) for one in (truths.wind.north, truths.wind.east))
+    wind = replace(truths.wind, start_s=DEPART.timestamp(), slot_s=slot_s, north=north, east=east)
+    policy = Waiting()
+    flown, done = fly_policy(replace(truths, wind=wind), "m200", policy, np.arange(1))
+    assert flown.ending.tolist() == [GAVE_UP]
+    assert done == [()]
+    waited_s = np.array(policy.looks_s) - DEPART.timestamp()
+    assert waited_s[:24] == pytest.approx(300.0 * np.arange(24))
+    assert 0.9 * HORIZON_H * 3600.0 < waited_s[-1] < HORIZON_H * 3600.0
+    assert len(waited_s) < 150
+    assert np.all(np.diff(waited_s) <= np.maximum(300.0, waited_s[:-1] / 24.0) + 1e-6)
+
+
+def test_a_delivery_that_ends_where_it_begins_is_refused(truths):
+    there = replace(truths, request=replace(truths.request, destination="siuh-north"))
+    with pytest.raises(InputError, match="start and destination are the same"):
+        fly_policy(there, "m200", Waiting(), np.arange(1))
 
 
 def test_nobody_is_faster_than_who_knows_the_truth(newyork, request_, days, planned):

@@ -9,7 +9,7 @@ from referee_grid import Grid
 from worlds import DEPART, make_request, make_wind, make_world
 
 from skyway.models.errors import NoRouteError
-from skyway.models.queue_paths import expected_path
+from skyway.models.queue_paths import QueuePath, expected_path
 from skyway.models.services import State
 from skyway.planner.course_kernels import SOC_DOWN, TAKE_OFF, TOUCH_DOWN
 from skyway.planner.exact import ExactSearch
@@ -227,3 +227,52 @@ def test_expected_waits_delay_the_pad(seeds):
             assert course[-1, TOUCH_DOWN] - problem.depart_s == pytest.approx(time, abs=0.02), seed
             assert np.all(course[:, SOC_DOWN] >= problem.reserve - 1e-6), seed
     assert waited >= len(seeds) // 4
+
+
+def test_with_a_destination_that_opens_late_it_equals_the_exhaustive_search():
+    compared = 0
+    for seed in range(40):
+        problem, queues = instance(seed)
+        if not problem.has_pads(problem.destination):
+            continue
+        rng = np.random.default_rng(seed)
+        opens = problem.depart_s + np.cumsum(rng.uniform(0.0, 9_000.0, 3))
+        came = problem.depart_s + np.cumsum(rng.uniform(0.0, 9_000.0, 2))
+        queues = queues | {problem.destination: QueuePath(came, opens, opens)}
+        referee, search = ExhaustiveSearch(problem, queues, time_limit_s=0.5), ExactSearch(problem, queues)
+        itinerary, exact = best_time(search)
+        _, best = best_time(referee)
+        assert exact <= best + 1e-3, seed
+        if referee.complete:
+            assert exact == pytest.approx(best, rel=RELATIVE), seed
+        if itinerary is not None:
+            course = fly_true(problem, itinerary, queues)[0]
+            assert course[-1, TOUCH_DOWN] == pytest.approx(search.best_s, abs=1e-3), seed
+            assert search.lower_bound_s <= search.best_s + 1e-5
+            compared += referee.complete
+    assert compared >= 8
+
+
+def test_a_search_that_is_cut_off_says_so_and_bounds_what_it_has():
+    """However short its time: an answer that flies, with a bound below the best there is, or an error with a remedy."""
+    for seed in range(30):
+        problem, queues = instance(seed)
+        whole = ExactSearch(problem, queues)
+        if whole.find() is not None and whole.looked_at > 5:
+            break
+    cut, answered = 0, 0
+    for limit_s in (0.0, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0):
+        search = ExactSearch(problem, queues, cut_off_s=limit_s)
+        if search.find() is None:
+            assert not search.complete
+            cut += 1
+        else:
+            answered += 1
+            assert search.best_s >= whole.best_s - 1e-6
+            assert search.lower_bound_s <= whole.best_s + 1e-5
+            assert search.complete == (search.best_s <= search.lower_bound_s + 1e-5)
+    with pytest.raises(NoRouteError, match="give more time") as refused:
+        ExactSearch(problem, queues, cut_off_s=1e-9).solve()
+    assert refused.value.constraint == "time-limit"
+    assert cut >= 1
+    assert answered >= 1
