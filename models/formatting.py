@@ -137,10 +137,12 @@ def headline(c: Composition, zone: ZoneInfo) -> str:
 
 
 def by(figure: Figure, c: Composition, zone: ZoneInfo) -> str:
-    """Clock time of a delivery time, as sure as that is."""
+    """Clock time of a delivery time, as sure as that is: with seconds only where they are sure to the second."""
     if not _known(figure):
         return UNKNOWN
-    return clock(c.depart + timedelta(seconds=rounded_s(figure)), zone, c.depart, seconds=figure.half_width < 60.0)
+    seconds = step_for(figure.half_width) == 1
+    instant = c.depart + timedelta(seconds=rounded_s(figure) + (0.0 if seconds else 30.0))  # to the nearest minute
+    return clock(instant, zone, c.depart, seconds=seconds)
 
 
 def _known(figure: Figure) -> bool:

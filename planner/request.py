@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import operator
 from dataclasses import dataclass, field
-from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.errors import Fault, InputError
+from skyway.models.ranges import LEAST_PERCENT, divided, fraction_faults, range_faults
 from skyway.planner.objective import Objective
 
 if TYPE_CHECKING:
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 DEFAULT_RESERVE_SOC = 0.2
 DEFAULT_EPSILON = 1e-3
 RECHARGES = ("full", "enough")
-LEAST_SOC = 0.01
-"""A state of charge between 0 and this is a slip of the pen: percent were meant, or a fraction of one."""
 YEARS = (1900, 2200)
 """Departures beyond these years are slips of the pen."""
 MOST_BUSY = 1000
@@ -76,26 +74,26 @@ class Request:
             object.__setattr__(self, "objective", Objective.parse(objective))
         faults = [*_check_state(self.state), *_check_objective(self)]
         payload = "kilograms, 0 or more"
-        faults += _check("payload_kg", self.payload_kg, 0.0, 1000.0, payload, _divided(self.payload_kg, 1000.0, 1000.0))
-        faults += _check_fraction("reserve_soc", self.reserve_soc, 0.95, "--reserve 0 to 95 percent")
-        faults += _check(
-            "epsilon", self.epsilon, 0.0, 0.5, "a probability from 0 to 0.5", _divided(self.epsilon, 100.0, 0.5)
+        faults += range_faults(
+            "payload_kg", self.payload_kg, 0.0, 1000.0, payload, divided(self.payload_kg, 1000.0, 1000.0)
+        )
+        faults += fraction_faults(
+            "reserve_soc", self.reserve_soc, 0.95, "--reserve 0 to 95 percent", least=LEAST_PERCENT / 100.0
+        )
+        faults += range_faults(
+            "epsilon", self.epsilon, 0.0, 0.5, "a probability from 0 to 0.5", divided(self.epsilon, 100.0, 0.5)
         )
         if self.airspeed_mps is not None:
-            meant = _divided(self.airspeed_mps, 3.6, 150.0)
-            faults += _check("airspeed_mps", self.airspeed_mps, 1.0, 150.0, "metres per second, 1 to 150", meant)
+            meant = divided(self.airspeed_mps, 3.6, 150.0)
+            faults += range_faults("airspeed_mps", self.airspeed_mps, 1.0, 150.0, "metres per second, 1 to 150", meant)
         if self.recharge not in RECHARGES:
             lower = str(self.recharge).strip().lower()
-            remedy = f"did you mean '{lower}'?" if lower in RECHARGES else "'full' or 'enough'"
+            remedy = f"did you mean {lower}?" if lower in RECHARGES else "full or enough"
             faults.append(Fault("is not known", field="recharge", value=self.recharge, remedy=remedy))
         if not _is_count(self.seed, MOST_SEED):
             faults.append(Fault("out of range", field="seed", value=self.seed, remedy="a whole number, 0 or more"))
         if faults:
             raise InputError(faults)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _is_count(value: Any, most: int) -> bool:
@@ -106,40 +104,13 @@ def _is_count(value: Any, most: int) -> bool:
         return False
 
 
-def _check(field: str, value: float, low: float, high: float, remedy: str, meant: str | None = None) -> list[Fault]:
-    """Faults of a number that must lie in a range; `meant` is what it may mean in another unit."""
-    if not _is_number(value):
-        return [Fault("is no number", field=field, value=value, remedy=remedy)]
-    if low <= value <= high:
-        return []
-    return [Fault("out of range", field=field, value=value, remedy=f"{remedy}{meant or ''}")]
-
-
-def _divided(value: float, by: float, most: float) -> str | None:
-    """What a number may mean that was given in a unit so many times smaller."""
-    return f"; did you mean {value / by:g}?" if _is_number(value) and 0.0 < value / by <= most else None
-
-
-def _check_fraction(field: str, value: float, high: float, option: str) -> list[Fault]:
-    """Faults of a state of charge: percent taken for a fraction, and the other way round."""
-    remedy = f"a fraction from 0 to {high:g} ({option})"
-    meant = f"; did you mean {value / 100.0:g}?" if _is_number(value) and 1.0 < value <= 100.0 * high else None
-    faults = _check(field, value, 0.0, high, remedy, meant)
-    if not faults and field == "reserve_soc" and 0.0 < value < LEAST_SOC:  # a battery may be as empty as that
-        remedy = f"did you mean {min(100.0 * value, high):g}?"
-        faults = [
-            Fault(f"is a fraction, and {100.0 * value:g} % is hardly anything", field=field, value=value, remedy=remedy)
-        ]
-    return faults
-
-
 def _check_state(state: State) -> list[Fault]:
-    faults = _check_fraction("state.soc", state.soc, 1.0, "--soc 0 to 100 percent")
+    faults = fraction_faults("state.soc", state.soc, 1.0, "--soc 0 to 100 percent")
     if (state.station is None) == (state.position is None):
         faults.append(Fault("either a station or a position must be given", field="state"))
     if state.position is not None:
         for name, value, most in zip(("lat", "lon"), state.position, (90.0, 180.0), strict=False):
-            faults += _check(f"state.position.{name}", value, -most, most, f"degrees, {-most:g} to {most:g}")
+            faults += range_faults(f"state.position.{name}", value, -most, most, f"degrees, {-most:g} to {most:g}")
     if state.time.tzinfo is None:
         remedy = "give it a time zone: datetime(2013, 7, 10, 18, tzinfo=UTC)"
         faults.append(

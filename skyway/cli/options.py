@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from skyway.models.errors import Fault, InputError, NoRouteError
+from skyway.models.ranges import percent_faults
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -61,12 +62,9 @@ def _as_typed(fault: Fault) -> Fault:
 
 def percent(value: float, option: str, *, high: float = 100.0) -> float:
     """Turn percent, as typed, into a fraction; an `InputError` names the option."""
-    if not 0.0 <= value <= high:
-        raise InputError(Fault("out of range", field=option, value=value, remedy=f"percent from 0 to {high:g}"))
-    if 0.0 < value <= 1.0:
-        meant = f"{100.0 * value:g}" if 100.0 * value <= high else f"{high:g}"
-        problem = f"is in percent, and {value:g} % is hardly anything"
-        raise InputError(Fault(problem, field=option, value=value, remedy=f"did you mean {option} {meant}?"))
+    faults = percent_faults(option, value, high)
+    if faults:
+        raise InputError(faults)
     return value / 100.0
 
 

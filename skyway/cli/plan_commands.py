@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from skyway.models.scenario import Scenario
+    from skyway.models.services import Recharge as RechargeMode
     from skyway.models.wind_forecast import WindEnsemble
     from skyway.planner.departure import Departure
     from skyway.planner.request import Request
@@ -283,11 +284,6 @@ def _ask(
     from skyway.models.services import State
     from skyway.planner.request import Request
 
-    if recharge not in ("full", "enough"):
-        lower = recharge.strip().lower()
-        remedy = f"did you mean {lower}?" if lower in ("full", "enough") else "full or enough"
-        raise InputError(Fault("is not known", field="--recharge", value=recharge, remedy=remedy))
-    mode: Literal["full", "enough"] = "full" if recharge == "full" else "enough"
     scenario, origin = options.place(scenario, start, "--from")
     scenario, destination = options.place(scenario, to, "--to")
     state = State(options.parse_depart(depart), origin, None, options.percent(soc, "--soc"))
@@ -299,7 +295,7 @@ def _ask(
             drone=drone,
             airspeed_mps=airspeed,
             reserve_soc=options.percent(reserve, "--reserve", high=95.0),
-            recharge=mode,
+            recharge=cast("RechargeMode", recharge),
             seed=seed,
             objective=options.parse_objective(objective),
         )

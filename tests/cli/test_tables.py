@@ -118,3 +118,15 @@ def test_words_for_figures_never_show_what_is_no_number(value, width, hole, plac
     said += [by(figure, delivery, zone), duration(hole), spent(hole), percent(hole), percent(None)]
     assert all(NO_NUMBER.search(text) is None for text in said)
     assert "unknown" in said
+
+
+@given(st.floats(60.0, 80_000.0), st.floats(0.0, 600.0))
+def test_a_clock_shows_no_seconds_that_are_not_sure(value, half_width):
+    """Seconds only where the interval reaches a few of them; else the nearest minute."""
+    delivery = unknown_delivery()
+    said = by(Figure(value, value - half_width, value + half_width), delivery, ZoneInfo("UTC")).split(" +")[0]
+    assert len(said) == (8 if half_width <= 4.0 else 5) or 3.999 < half_width < 4.001
+    hours, *rest = map(int, said.split(":"))
+    told = 3600 * hours + 60 * rest[0] + (rest[1] if len(rest) > 1 else 0)
+    off = (told - (18 * 3600 + value) + 43_200.0) % 86_400.0 - 43_200.0
+    assert abs(off) <= max(31.0 + 0.5 * half_width, 0.6) if len(rest) == 1 else abs(off) <= 1.0
