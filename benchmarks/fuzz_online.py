@@ -18,8 +18,8 @@ from skyway.models.errors import InfeasibleError, InputError
 from skyway.models.services import State
 from skyway.models.units import from_posix
 from skyway.planner.energy_belief import EnergyBelief
+from skyway.planner.error_model import Errors
 from skyway.planner.evaluate import Rolling, Truths, evaluate, fly_policy
-from skyway.planner.evaluation_truths import Errors
 from skyway.planner.plan import plan
 from skyway.planner.problem import Problem
 from skyway.planner.replan import Grounded, GroundReplanner

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from skyway.models.errors import NoRouteError
     from skyway.models.queue_paths import QueuePath
     from skyway.models.wind_forecast import WindEnsemble
-    from skyway.planner.evaluation_truths import Errors
+    from skyway.planner.error_model import Errors
     from skyway.planner.itinerary import Itinerary
     from skyway.planner.outcome import Outcome
     from skyway.planner.problem import Problem

@@ -12,6 +12,7 @@ import numpy as np
 
 from skyway.models.errors import InfeasibleError
 from skyway.models.units import S_PER_MIN
+from skyway.planner.error_model import NO_ERRORS, Errors
 from skyway.planner.evaluation_decisions import fly_policy
 from skyway.planner.evaluation_flights import (
     DELIVERED,
@@ -26,8 +27,6 @@ from skyway.planner.evaluation_flights import (
 from skyway.planner.evaluation_policies import OpenLoop, Policy, Rolling, Standing
 from skyway.planner.evaluation_statistics import DayBootstrap, Estimate
 from skyway.planner.evaluation_truths import (
-    NO_ERRORS,
-    Errors,
     Truths,
     check_held_out,
     held_out_forecast,

@@ -17,6 +17,7 @@ import numpy as np
 from skyway.models.errors import Fault, InputError
 from skyway.models.units import utc
 from skyway.models.wind_forecast import WindEnsemble, analogue_ensemble
+from skyway.planner.error_model import USUAL_ERRORS, Errors
 from skyway.planner.evaluation_kernels import Sky
 from skyway.planner.problem import HORIZON_H, Problem
 
@@ -35,40 +36,6 @@ MOST_QUEUES = 500
 MOST_KEPT = 20_000
 """Sampled queue paths, of a few kilobytes each, that are kept at a time."""
 _QUEUES, _VEHICLE = 0x51, 0x56  # words of seeds, so that streams are apart
-
-
-@dataclass(frozen=True, kw_only=True)
-class Errors:
-    """What the truth has that no forecast tells.
-
-    Attributes
-    ----------
-    gust_sd : float
-        Standard deviation of gusts along the wind, as a share of the hourly speed.
-    gust_time_s : float
-        Time constant of gusts, as a drone meets them.
-    energy : float
-        A vehicle's flights take up to this share more or less than the model's, evenly distributed.
-    """
-
-    gust_sd: float = 0.15
-    gust_time_s: float = 180.0
-    energy: float = 0.05
-
-    def __post_init__(self) -> None:
-        faults = []
-        for name, low, high in (("gust_sd", 0.0, 1.0), ("gust_time_s", 1.0, 86_400.0), ("energy", 0.0, 0.9)):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                faults.append(Fault("out of range", field=name, value=value, remedy=f"from {low:g} to {high:g}"))
-        if faults:
-            raise InputError(faults)
-
-
-USUAL_ERRORS = Errors()
-"""What planners expect where nothing else is said."""
-NO_ERRORS = Errors(gust_sd=0.0, energy=0.0)
-"""The truth is the hourly wind, and the energy model is right."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +139,7 @@ def sample_truths(
     days: Sequence[date],
     *,
     runs: int,
-    errors: Errors = Errors(),
+    errors: Errors = USUAL_ERRORS,
     seed: int = 0,
 ) -> Truths:
     """Sample truths of a request.

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.queue_paths import QueuePath
-    from skyway.planner.evaluation_truths import Errors
+    from skyway.planner.error_model import Errors
     from skyway.planner.itinerary import Hop
     from skyway.planner.problem import Problem
     from skyway.planner.turning_kernels import Turning

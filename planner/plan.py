@@ -16,7 +16,7 @@ from skyway.planner.audit import World, audit
 from skyway.planner.charge_policy import rehearse_fixed, typical_fixed, world_of
 from skyway.planner.composing import compose
 from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
-from skyway.planner.evaluation_truths import USUAL_ERRORS
+from skyway.planner.error_model import USUAL_ERRORS
 from skyway.planner.exact import ExactSearch
 from skyway.planner.explain import alternatives
 from skyway.planner.ies import ExhaustiveSearch

@@ -22,7 +22,7 @@ from skyway.models.wind_ensemble import evenly
 from skyway.planner.charge_policy import PROMISING, ChargePolicy, Rehearsal, known_at, margin_for
 from skyway.planner.course_kernels import SOC_DOWN
 from skyway.planner.equivalent import HOURS, ExpectedQueues
-from skyway.planner.evaluation_truths import USUAL_ERRORS, Errors
+from skyway.planner.error_model import USUAL_ERRORS, Errors
 from skyway.planner.exact import ExactSearch
 from skyway.planner.no_route import no_route, runs_empty
 from skyway.planner.outlook import Outlook

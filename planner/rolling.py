@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from skyway.models.forecast_update import update_forecast
 from skyway.models.wind_field import WindObservation
+from skyway.planner.error_model import USUAL_ERRORS, Errors
 from skyway.planner.evaluation_policies import Departure
-from skyway.planner.evaluation_truths import USUAL_ERRORS, Errors
 from skyway.planner.hindsight import Hindsight
 from skyway.planner.problem import Problem
 

@@ -12,7 +12,7 @@ from skyway.models.load import PadLoad
 from skyway.models.services import State
 from skyway.models.wind_forecast import constant_wind
 from skyway.models.wind_summary import Passage, summarise_wind
-from skyway.planner.evaluation_truths import USUAL_ERRORS
+from skyway.planner.error_model import USUAL_ERRORS
 from skyway.planner.explain import bought
 from skyway.planner.plan import plan
 from skyway.planner.precision import Crossed

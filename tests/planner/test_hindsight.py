@@ -8,7 +8,7 @@ import pytest
 
 from skyway.models.services import State
 from skyway.models.wind_forecast import constant_wind
-from skyway.planner.evaluation_truths import NO_ERRORS, USUAL_ERRORS
+from skyway.planner.error_model import NO_ERRORS, USUAL_ERRORS
 from skyway.planner.exact import ExactSearch
 from skyway.planner.hindsight import Hindsight
 from skyway.planner.problem import HORIZON_H, Problem
