@@ -25,6 +25,12 @@ if TYPE_CHECKING:
 FLIGHT_TO_FLIGHT_RELATIVE, FLIGHT_TO_FLIGHT_BIAS_MPS2 = 0.10, 0.10
 """How far drag and level of one aircraft differ between flights (load, propellers, how level it stood when it was armed): four
 flights of one Matrice 100 gave 5 to 12 % and 0.06 to 0.12 m/s2."""
+FLIGHT_TO_FLIGHT_MANOEUVRE = 0.03
+"""So much of an acceleration another flight's drag may take for drag: between hover and cruise it is not quite what it is in either, and attitude
+and velocity are not of quite the same instant. In five logged flights (Matrice 100, a quadrotor) the drag seen scatters by 0.18 m/s2 in
+steady flight and by 0.25 to 0.35 at 2 m/s2, of which the scatter that calibration finds has a part already."""
+SLOWEST_MPS = 0.5
+"""Slopes of the drag are those of at least so much airspeed: purely quadratic drag has none at rest."""
 MAX_TILT_RAD = math.radians(60.0)
 
 
@@ -48,6 +54,8 @@ class DragModel:
         Relative standard deviation of the coefficients themselves, from this flight to another of the same aircraft.
     bias_sigma_mps2 : float
         Standard deviation of each bias, likewise.
+    manoeuvre_share : float
+        What is added to `sigma_mps2` (squares) while the vehicle accelerates: this share of the acceleration.
     """
 
     linear_per_s: float = 0.30
@@ -58,6 +66,7 @@ class DragModel:
     period_s: float = 1.0
     relative_sigma: float = 0.0
     bias_sigma_mps2: float = 0.0
+    manoeuvre_share: float = 0.0
 
     def __post_init__(self) -> None:
         if not (self.linear_per_s >= 0.0 and self.quadratic_per_m >= 0.0):
@@ -73,6 +82,7 @@ class DragModel:
             self,
             relative_sigma=min(math.hypot(self.relative_sigma, FLIGHT_TO_FLIGHT_RELATIVE), 1.0),
             bias_sigma_mps2=math.hypot(self.bias_sigma_mps2, FLIGHT_TO_FLIGHT_BIAS_MPS2),
+            manoeuvre_share=min(math.hypot(self.manoeuvre_share, FLIGHT_TO_FLIGHT_MANOEUVRE), 1.0),
         )
 
     def drag(self, air_velocity: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -88,24 +98,25 @@ class DragModel:
         speed = 2.0 * size / (c1 + np.sqrt(c1 * c1 + 4.0 * c2 * size) + 1e-12)
         return np.asarray(drag / (c1 + c2 * speed + 1e-12)[:, None])
 
-    def noise(self, air_velocity: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Covariance of what is new in each wind measured at these air velocities, shape (n, 3): nn, ne, ee.
+    def slope(self, air_velocity: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How much air velocity a little drag stands for at these air velocities, s, shape (n, 2, 2): less along the flow than across it."""
+        speed = np.hypot(air_velocity[:, 0], air_velocity[:, 1])
+        unit = air_velocity / np.maximum(speed, 1e-9)[:, None]
+        slow = np.maximum(speed, SLOWEST_MPS)
+        across = 1.0 / (self.linear_per_s + self.quadratic_per_m * slow)
+        along = 1.0 / (self.linear_per_s + 2.0 * self.quadratic_per_m * slow)
+        flow = unit[:, :, None] * unit[:, None, :]
+        return np.asarray(across[:, None, None] * np.eye(2) + (along - across)[:, None, None] * flow)
+
+    def noise(self, air_velocity: NDArray[np.float64], acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Covariance of what is new in each wind measured at these air velocities and accelerations, shape (n, 3): nn, ne, ee.
 
         What is the same in all of them, an error of the coefficients or of the bias, is not in it (`models.wind_filter_systematic`).
         """
-        speed = np.hypot(air_velocity[:, 0], air_velocity[:, 1])
-        c1, c2 = self.linear_per_s, self.quadratic_per_m
-        slow = np.maximum(speed, 0.5)
-        along = (self.sigma_mps2 / (c1 + 2.0 * c2 * slow)) ** 2
-        across = (self.sigma_mps2 / (c1 + c2 * slow)) ** 2
-        unit = air_velocity / np.maximum(speed, 1e-9)[:, None]
-        north, east = unit.T
-        still = speed < 1e-9
-        north, east = np.where(still, 1.0, north), np.where(still, 0.0, east)
-        return np.stack(
-            [along * north**2 + across * east**2, (along - across) * north * east, along * east**2 + across * north**2],
-            axis=1,
-        )
+        slope = self.slope(air_velocity)
+        variance = self.sigma_mps2**2 + self.manoeuvre_share**2 * (acceleration**2).sum(axis=1)
+        total = variance[:, None, None] * (slope @ slope)
+        return np.asarray(total[:, (0, 0, 1), (0, 1, 1)])
 
 
 def thrust_acceleration(

@@ -91,6 +91,7 @@ def _drag(top: Table) -> dict[str, float]:
         "period_s": top.number("period_s", known.period_s, low=0.1, high=60.0),
         "relative_sigma": top.number("relative_sigma", known.relative_sigma, low=0.0, high=1.0),
         "bias_sigma_mps2": top.number("bias_sigma_mps2", known.bias_sigma_mps2, low=0.0, high=5.0),
+        "manoeuvre_share": top.number("manoeuvre_share", known.manoeuvre_share, low=0.0, high=1.0),
     }
 
 

@@ -55,8 +55,8 @@ class Blocks:
         What the thrust gives beyond the acceleration, (north, east), m/s2.
     yaw_rad, airspeed_mps : ndarray, shape (n,)
         Heading, and what the sensor says, the climb taken off.
-    turn_rad_s : ndarray, shape (n,)
-        How fast the course over the ground turns, clockwise; NaN where the acceleration is not known.
+    acceleration : ndarray, shape (n, 2)
+        Over the ground, (north, east), m/s2; NaN at the ends of the stream and beside gaps.
     autopilot : ndarray, shape (n, 2)
         The autopilot's own wind.
     flying, winged : ndarray of bool, shape (n,)
@@ -70,7 +70,7 @@ class Blocks:
     drag: NDArray[np.float64]
     yaw_rad: NDArray[np.float64]
     airspeed_mps: NDArray[np.float64]
-    turn_rad_s: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
     autopilot: NDArray[np.float64]
     flying: NDArray[np.bool_]
     winged: NDArray[np.bool_]
@@ -78,6 +78,12 @@ class Blocks:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    @property
+    def turn_rad_s(self) -> NDArray[np.float64]:
+        """How fast the course over the ground turns, clockwise, shape (n,); NaN where the acceleration is not known."""
+        (north, east), change = self.velocity.T, self.acceleration
+        return np.asarray((north * change[:, 1] - east * change[:, 0]) / np.maximum(north**2 + east**2, 1.0))
 
     def part(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Blocks:
         """Return some of the blocks."""
@@ -92,7 +98,7 @@ class Blocks:
 
 def _NONE() -> Blocks:  # noqa: N802  an empty value, not a verb
     pair, one, flag = np.empty((0, 2)), np.empty(0), np.empty(0, dtype=np.bool_)
-    return Blocks(one, pair, pair, one, one, one, pair, flag, flag, np.empty((0, 3)))
+    return Blocks(one, pair, pair, one, one, pair, pair, flag, flag, np.empty((0, 3)))
 
 
 def is_flying(track: TelemetryTrack) -> NDArray[np.bool_]:
@@ -194,14 +200,13 @@ class BlockMaker:
         seen = self._repeats + np.cumsum(np.add.reduceat(rows[:, _REPEATS], starts, axis=0), axis=0)
         self._repeats = seen[-1]
         sensor = (seen[:, 0] >= REPEATS_SAMPLES) & (seen[:, 1] >= REPEATS_MPS**2 * seen[:, 0])
-        north, east = mean[:, _VELOCITY][:, :2].T
         return Blocks(
             time_s=mean[:, 0],
             velocity=mean[:, _VELOCITY][:, :2],
             drag=mean[:, _THRUST] * up[:, None] - change[:, :2],
             yaw_rad=np.arctan2(mean[:, 7], mean[:, 6]),
             airspeed_mps=np.where(sensor, mean[:, _AIRSPEED], np.nan),
-            turn_rad_s=(north * change[:, 1] - east * change[:, 0]) / np.maximum(north**2 + east**2, 1.0),
+            acceleration=change[:, :2],
             autopilot=mean[:, _AUTOPILOT],
             flying=mean[:, 11] > 0.99,
             winged=mean[:, 12] > 0.5,

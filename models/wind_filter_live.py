@@ -33,7 +33,7 @@ from skyway.models.wind_field import MIN_PROFILE_M
 from skyway.models.wind_filter import FilteredWind, WindEstimate, WindFilter, WindFilterSettings
 from skyway.models.wind_filter_blocks import BlockMaker, Blocks
 from skyway.models.wind_filter_health import HEALTH_WINDOW
-from skyway.models.wind_filter_measurement import PLAIN_SENSOR, measurements, tilt_air_velocity
+from skyway.models.wind_filter_measurement import MOST_WIND_MPS, PLAIN_SENSOR, MeanWind, measurements, tilt_air_velocity
 from skyway.models.wind_filter_systematic import dependence, prior_sigma
 
 if TYPE_CHECKING:
@@ -56,8 +56,6 @@ NOMINAL_DRAG = DragModel(linear_per_s=0.17, relative_sigma=0.5, bias_sigma_mps2=
 velocity is half to twice the one that it gives, and a level that is off by about 1 degree."""
 NO_FORECAST = WindFilterSettings(tau_s=1800.0, sigma_mps=5.0)
 """How the wind is taken where nothing is forecast: anything up to a gale, slowly changing."""
-MOST_WIND_MPS = {"tilt": 25.0, "airspeed": 60.0, "autopilot": 60.0}
-"""In more than this nothing of the kind flies: the measurement is wrong, and so may be those before it."""
 DRAG_WINDOW = 300
 """Blocks of flight that the drag is checked with."""
 
@@ -155,6 +153,7 @@ class LiveWind:
         self._heard_s = -math.inf
         self._flying = False
         self._taken_s = {"autopilot": -math.inf, "airspeed": -math.inf}
+        self._mean_wind = MeanWind()
         self._flown: deque[tuple[float, ...]] = deque(maxlen=DRAG_WINDOW)
         self._slots = SlotAverages()
         self._pending: deque[tuple[WindEstimate, tuple[float, ...]]] = deque()
@@ -245,7 +244,12 @@ class LiveWind:
         course = FilteredWind.empty(len(air))
         self._flying = bool(air.flying[-1]) if len(air) else self._flying
         found = measurements(
-            air, self.drag, self.airspeed, autopilot_s=self._taken_s["autopilot"], airspeed_s=self._taken_s["airspeed"]
+            air,
+            self.drag,
+            self.airspeed,
+            autopilot_s=self._taken_s["autopilot"],
+            airspeed_s=self._taken_s["airspeed"],
+            mean=self._mean_wind,
         )
         self.measured.update(found.source.tolist())
         depends = dependence(found, self.drag)

@@ -27,6 +27,10 @@ PLAIN_SENSOR = AirspeedModel(factor_sigma=0.08, heading_sigma_rad=math.radians(6
 """A sensor that nobody has calibrated, as it reads."""
 MIN_AIRSPEED_MPS = 8.0
 """Below this a plane does not fly on its wings."""
+MOST_WIND_MPS = {"tilt": 25.0, "airspeed": 60.0, "autopilot": 60.0}
+"""In more than this nothing of the kind flies: the measurement is wrong, and so may be those before it."""
+MEAN_WIND_S = 60.0
+"""Winds are averaged over so long, some five gusts, for the airspeed at which errors are weighed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +50,8 @@ class Measurements:
         Over the ground, (north, east), m/s.
     yaw_rad : ndarray, shape (n,)
         Heading.
+    air_velocity : ndarray, shape (n, 2)
+        Through the air, (north, east), m/s: for tilt without gusts and noise, because it is what the errors are weighed at.
     """
 
     time_s: NDArray[np.float64]
@@ -54,6 +60,7 @@ class Measurements:
     source: NDArray[np.str_]
     velocity: NDArray[np.float64]
     yaw_rad: NDArray[np.float64]
+    air_velocity: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -72,11 +79,41 @@ def tilt_air_velocity(air: Blocks, drag: DragModel) -> NDArray[np.float64]:
     return drag.air_velocity(air.drag - bias)
 
 
-def tilt_wind(air: Blocks, drag: DragModel) -> Measurements:
-    """Wind by tilt and drag: ground velocity minus the air velocity that explains the lean. Multirotors only."""
+class MeanWind:
+    """The mean of the winds measured by tilt during the last minute or so: the wind without gusts and noise."""
+
+    def __init__(self) -> None:
+        self._mean = np.zeros(2)
+        self._weight = 0.0
+        self._heard_s = 0.0
+
+    def before(self, time_s: NDArray[np.float64], wind: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the mean before each measurement, shape (n, 2); the first, and what no vehicle flies in, stands for itself."""
+        mean = wind.copy()
+        believed = np.hypot(wind[:, 0], wind[:, 1]) <= MOST_WIND_MPS["tilt"]
+        for row in np.flatnonzero(believed):
+            self._weight *= (
+                math.exp(-max(float(time_s[row]) - self._heard_s, 0.0) / MEAN_WIND_S) if self._weight else 0.0
+            )
+            self._heard_s = float(time_s[row])
+            if self._weight > 0.0:
+                mean[row] = self._mean
+            self._weight += 1.0
+            self._mean = self._mean + (wind[row] - self._mean) / self._weight
+        return mean
+
+
+def tilt_wind(air: Blocks, drag: DragModel, mean: MeanWind | None = None) -> Measurements:
+    """Wind by tilt and drag: ground velocity minus the air velocity that explains the lean. Multirotors only.
+
+    `mean` goes on from the blocks before these.
+    """
     through_air = tilt_air_velocity(air, drag)
+    known = air.flying & ~air.winged & np.isfinite(through_air).all(axis=1) & np.isfinite(air.velocity).all(axis=1)
+    air, through_air = air.part(known), through_air[known]
     wind = air.velocity - through_air
-    return _chosen(air, wind, drag.noise(through_air), air.flying & ~air.winged, "tilt")
+    calm = air.velocity - (mean or MeanWind()).before(air.time_s, wind)
+    return _chosen(air, wind, drag.noise(through_air, air.acceleration), air.flying, "tilt", calm)
 
 
 def airspeed_wind(air: Blocks, sensor: AirspeedModel = PLAIN_SENSOR) -> Measurements:
@@ -132,6 +169,7 @@ def measurements(
     *,
     autopilot_s: float = -math.inf,
     airspeed_s: float = -math.inf,
+    mean: MeanWind | None = None,
 ) -> Measurements:
     """Every measurement of the wind that telemetry gives, in the order of time.
 
@@ -145,11 +183,13 @@ def measurements(
         Of a plane; by default as the sensor says.
     autopilot_s, airspeed_s : float
         When the autopilot's estimate was taken last, and airspeed told the wind, in blocks before these.
+    mean : MeanWind, optional
+        Which goes on from the blocks before these.
     """
     by_airspeed = airspeed_wind(air, sensor)
     parts = [by_airspeed, autopilot_wind(air, autopilot_s, np.append(airspeed_s, by_airspeed.time_s))]
     if drag is not None:
-        parts.insert(0, tilt_wind(air, drag))
+        parts.insert(0, tilt_wind(air, drag, mean))
     time_s = np.concatenate([part.time_s for part in parts])
     order = np.argsort(time_s, kind="stable")
     return Measurements(
@@ -159,6 +199,7 @@ def measurements(
         np.concatenate([part.source for part in parts])[order],
         np.concatenate([part.velocity for part in parts])[order],
         np.concatenate([part.yaw_rad for part in parts])[order],
+        np.concatenate([part.air_velocity for part in parts])[order],
     )
 
 
@@ -168,7 +209,11 @@ def _chosen(
     noise: NDArray[np.float64],
     where: NDArray[np.bool_],
     source: str,
+    air_velocity: NDArray[np.float64] | None = None,
 ) -> Measurements:
+    through_air = air.velocity - wind if air_velocity is None else air_velocity
     good = where & np.isfinite(wind).all(axis=1) & np.isfinite(noise).all(axis=1)
     named = np.full(int(good.sum()), source)
-    return Measurements(air.time_s[good], wind[good], noise[good], named, air.velocity[good], air.yaw_rad[good])
+    return Measurements(
+        air.time_s[good], wind[good], noise[good], named, air.velocity[good], air.yaw_rad[good], through_air[good]
+    )

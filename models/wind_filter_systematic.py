@@ -11,6 +11,11 @@ o, what is measured is ``z = g - k R(o) (g - w)``. A filter that took the air ve
 its own scale (errors in variables). With ``s = k R(o) w``, the wind as the sensor scales it, ``z = s + g - k R(o) g`` is linear in s,
 k and o, with coefficients that are known: the filter keeps s, and the wind told is ``R(-o) s / k`` with the covariance that follows.
 
+For the same reason the level is never weighed by the airspeed of the moment. A level that is off by b looks like a wind of b times the slope of the
+curve from drag to airspeed, which is steep where the air is slow; taken at the measured airspeed, it would be steepest in each gust from
+behind, and the filter would explain gusts by a level that slides away on a straight leg. It is taken at the airspeed without gusts
+(`models.wind_filter_measurement.MeanWind`).
+
 Source: Y. Bar-Shalom et al. (2001), section 11.9 (augmented states); S. F. Schmidt, "Application of state-space methods to navigation
 problems", Advances in Control Systems 3 (1966).
 """
@@ -96,15 +101,9 @@ def dependence(found: Measurements, drag: DragModel | None) -> Dependence:
             given.sensitivity[rows, :, HEADING_OFFSET] = np.stack([east, -north], axis=1)
         elif drag is not None:
             given.sensitivity[rows, :, DRAG_SCALE] = np.stack([-north, -east], axis=1)
-            slope = _slope(drag, found.velocity[rows] - found.wind[rows])
+            slope = drag.slope(found.air_velocity[rows])
             cos_yaw, sin_yaw = np.cos(found.yaw_rad[rows]), np.sin(found.yaw_rad[rows])
             forward, right = np.stack([cos_yaw, sin_yaw], axis=1), np.stack([-sin_yaw, cos_yaw], axis=1)
-            given.sensitivity[rows, :, LEVEL_FORWARD] = -slope[:, None] * forward
-            given.sensitivity[rows, :, LEVEL_RIGHT] = -slope[:, None] * right
+            given.sensitivity[rows, :, LEVEL_FORWARD] = -(slope @ forward[:, :, None])[:, :, 0]
+            given.sensitivity[rows, :, LEVEL_RIGHT] = -(slope @ right[:, :, None])[:, :, 0]
     return given
-
-
-def _slope(drag: DragModel, air_velocity: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how much air velocity a little drag stands for, the same along and across the flow, s, shape (n,)."""
-    speed = np.hypot(air_velocity[:, 0], air_velocity[:, 1])
-    return np.asarray(1.0 / (drag.linear_per_s + 1.5 * drag.quadratic_per_m * speed + 1e-12))

@@ -103,6 +103,28 @@ def test_in_gusts_at_17_mps_the_wind_is_found_to_half_a_metre_per_second_and_10_
     assert nees < 2.5
 
 
+def test_with_the_drag_of_another_flight_the_estimate_does_not_lose_against_a_constant(calibrated, tmp_path):
+    """The constant is the mean of the true wind of each flight, which nobody knows before its end; the drag is as sure as its file says."""
+    autopilot, drag = calibrated
+    flights = {
+        "light": [(SQUARE, 1.5, 70, 31), (TRIANGLE, 2.0, 160, 32), (((2500, 600),), 2.5, 290, 33)],
+        "stronger": [(((2500, 0),), 6.0, 205, 34)],
+    }
+    for kind, legs in flights.items():
+        squares, by_constant = [], []
+        for way, speed_mps, from_deg, seed in legs:
+            path = tmp_path / f"{kind}{seed}.tlog"
+            truth = fly(path, way, wind=(speed_mps, from_deg), speed_mps=14, seed=seed, autopilot=autopilot)
+            miss, true = misses(replay(open_log(path), ReplayOptions(drag=drag.another_flight())), truth)
+            squares.append((miss**2).sum(axis=1).mean())
+            by_constant.append(((true - true.mean(axis=0)) ** 2).sum(axis=1).mean())
+        rmse, constant = math.sqrt(np.mean(squares)), math.sqrt(np.mean(by_constant))
+        print(
+            f"{kind} wind: vector RMSE {rmse:.2f} m/s, of a constant {constant:.2f}; each {np.sqrt(squares).round(2)}"
+        )
+        assert rmse <= constant
+
+
 def test_a_drag_wrong_by_30_percent_is_noticed_in_flight_and_the_right_one_is_not(calibrated, gusty):
     _, drag = calibrated
     path, _ = gusty

@@ -90,7 +90,7 @@ def test_a_drone_that_leans_north_into_a_north_wind_feels_it_from_the_north():
         lean,
         np.zeros(1),
         np.full(1, np.nan),
-        np.full(1, np.nan),
+        np.zeros((1, 2)),
         np.full((1, 2), np.nan),
         np.ones(1, bool),
         np.zeros(1, bool),

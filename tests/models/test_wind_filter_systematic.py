@@ -1,5 +1,6 @@
 """The wind filter stays honest where drag, level, airspeed sensor or compass are off by the same through a whole flight."""
 
+import itertools
 import math
 
 import numpy as np
@@ -12,7 +13,7 @@ from skyway.models.drag_file import drag_file, read_air
 from skyway.models.wind_filter import WindFilter, WindFilterSettings, filter_log
 from skyway.models.wind_filter_blocks import blocks
 from skyway.models.wind_filter_live import NOMINAL_DRAG, LiveWind
-from skyway.models.wind_filter_measurement import PLAIN_SENSOR, measurements
+from skyway.models.wind_filter_measurement import PLAIN_SENSOR, MeanWind, measurements
 from skyway.models.wind_filter_systematic import COUNT, Dependence, dependence, prior_sigma
 
 RELATIVE, LEVEL_MPS2 = 0.10, 0.10
@@ -94,6 +95,49 @@ def test_a_hover_in_the_wind_with_an_unknown_drag_is_not_explained_away():
     assert np.mean(found, axis=0) == pytest.approx((4.0, 0.0), abs=0.5)
 
 
+@pytest.mark.parametrize("mean", [(4.0, 3.0), (6.0, 0.0)])
+def test_gusts_on_a_straight_leg_are_not_explained_by_a_level_that_slides_away(mean):
+    """The drag is right, and only as sure as that of another flight; the curve is steep where a gust from behind makes the air slow."""
+    truth = fly(
+        seed=21,
+        runs=20,
+        duration_s=300.0,
+        courses_deg=(0.0,),
+        speed_mps=14.0,
+        mean=mean,
+        sigma_mps=0.2,
+        c1=0.043,
+        c2=0.0052,
+    )
+    drag = DragModel(linear_per_s=0.043, quadratic_per_m=0.0052, sigma_mps2=0.115).another_flight()
+    missed = []
+    for run in range(20):
+        found = LiveWind(drag=drag).feed(truth.track(run)).wind[-60:].mean(axis=0)
+        missed.append(found - truth.wind[-600:, run].mean(axis=0))
+    print(np.mean(missed, axis=0))
+    assert np.mean(missed, axis=0) == pytest.approx((0.0, 0.0), abs=0.5)
+
+
+def test_how_a_flight_is_cut_does_not_change_its_wind():
+    truth = fly(seed=22, duration_s=60.0, courses_deg=SQUARE, leg_s=15.0)
+    track, cuts = truth.track(0), [0, 7, 130, 131, 420, len(truth.time_s)]
+    drag = drawn(np.random.default_rng(1))
+    whole, pieces = LiveWind(drag=drag), LiveWind(drag=drag)
+    expected = whole.feed(track).wind
+    found = [pieces.feed(track.part(slice(*edges))).wind for edges in itertools.pairwise(cuts)]
+    assert np.array_equal(np.concatenate(found), expected)
+
+
+def test_the_mean_wind_is_that_before_each_measurement_without_what_nobody_flies_in():
+    mean, time_s = MeanWind(), np.arange(4.0)
+    told = mean.before(time_s, np.array([[2.0, 0.0], [90.0, 0.0], [4.0, 0.0], [4.0, 0.0]]))
+    assert told[0] == pytest.approx((2.0, 0.0))
+    assert told[2] == pytest.approx((2.0, 0.0))
+    assert 2.9 < told[3, 0] < 3.1
+    assert mean.before(np.array([1e6]), np.array([[-4.0, 0.0]]))[0, 0] < 4.0  # the last that was known
+    assert mean.before(np.array([1e6 + 1.0]), np.array([[-4.0, 0.0]]))[0] == pytest.approx((-4.0, 0.0))
+
+
 def test_the_compiled_filter_and_the_live_one_give_the_same_with_systematic_errors():
     generator = np.random.default_rng(9)
     count = 150
@@ -136,6 +180,7 @@ def test_a_calibration_is_less_sure_of_another_flight_than_of_its_own(tmp_path):
     found = read_air(file)
     assert found.drag.relative_sigma == pytest.approx(math.hypot(0.03, 0.10))
     assert found.drag.bias_sigma_mps2 == pytest.approx(math.hypot(0.02, 0.10))
+    assert found.drag.manoeuvre_share > 0.0
     assert found.airspeed.factor_sigma > 0.03
     assert found.airspeed.heading_sigma_rad > math.radians(3.0)
 
