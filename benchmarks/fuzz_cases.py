@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
@@ -12,6 +13,7 @@ import numpy as np
 
 from benchmarks.networks import CENTRE, new_york
 from skyway.models.drone import M200_V2, Drone
+from skyway.models.errors import InputError
 from skyway.models.load import PadLoad
 from skyway.models.network import ConnectionRule, Station
 from skyway.models.network_builders import build_network
@@ -94,8 +96,10 @@ def _request(rng: Generator, scenario: Scenario, depart: datetime) -> tuple[Scen
     destination = network.stations[goal].id
     if rng.random() < 0.15:  # a target without pads, beside the goal
         one = network.stations[goal]
-        scenario = scenario.with_target(one.lat + rng.normal(0.0, 0.01), one.lon + rng.normal(0.0, 0.01))
-        destination = scenario.network.stations[-1].id
+        place = one.lat + rng.normal(0.0, 0.01), one.lon + rng.normal(0.0, 0.01)
+        with suppress(InputError):  # in a no-fly zone: the station itself, then
+            scenario = scenario.with_target(*place)
+            destination = scenario.network.stations[-1].id
     position = None
     if rng.random() < 0.1:
         one = network.stations[start]
