@@ -118,6 +118,23 @@ def test_gusts_on_a_straight_leg_are_not_explained_by_a_level_that_slides_away(m
     assert np.mean(missed, axis=0) == pytest.approx((0.0, 0.0), abs=0.5)
 
 
+@pytest.mark.parametrize("mean", [(0.6, 0.8), (1.5, 2.0), (5.4, 7.2)])
+def test_a_hover_with_the_drag_of_another_flight_is_as_honest_in_light_wind_as_in_strong(mean):
+    generator = np.random.default_rng(3)
+    truth = fly(seed=25, runs=12, duration_s=240.0, courses_deg=(0.0,), speed_mps=0.0, mean=mean, sigma_mps=0.2)
+    number = np.floor(truth.time_s - truth.time_s[0]).astype(int)
+    inside, squares = [], []
+    for run in range(12):
+        course = LiveWind(drag=drawn(generator)).feed(truth.track(run))
+        wind = np.stack([np.bincount(number, truth.wind[:, run, i]) / np.bincount(number) for i in (0, 1)], axis=1)
+        wind = wind[: len(course)]
+        inside.append((course.nees(wind)[5:230] <= CHI2_95).mean())
+        squares.append(((course.wind - wind)[5:230] ** 2).sum(axis=1).mean())
+    print(f"{np.mean(inside):.1%} inside, RMSE {math.sqrt(np.mean(squares)):.2f} m/s")
+    assert np.mean(inside) >= 0.85
+    assert math.sqrt(np.mean(squares)) <= 1.2  # a level that is off by 0.1 m/s2 is 0.6 m/s in each direction
+
+
 def test_how_a_flight_is_cut_does_not_change_its_wind():
     truth = fly(seed=22, duration_s=60.0, courses_deg=SQUARE, leg_s=15.0)
     track, cuts = truth.track(0), [0, 7, 130, 131, 420, len(truth.time_s)]
