@@ -225,7 +225,8 @@ def _replanned(online: Online) -> Iterator[tuple[str, float]]:
 
 def _flown(flown: Any, runs: int) -> Iterator[tuple[str, float]]:
     assert len(flown) == runs
-    yield "lowest_soc", float(flown.lowest_soc.max())
+    landed = flown.delivered | flown.below_reserve  # of a run that never took off there is no lowest charge
+    yield from (("lowest_soc", float(one)) for one in flown.lowest_soc[landed])
     yield from (("delivery_s", float(one)) for one in flown.delivery_s[flown.delivered])
 
 

@@ -42,7 +42,7 @@ class Flown:
     below_reserve : ndarray of bool, shape (runs,)
         A landing was below the reserve (a stranded run's was).
     lowest_soc : ndarray, shape (runs,)
-        Lowest charge at a landing; negative: stranded.
+        Lowest charge at a landing; negative: stranded, infinite: it never took off.
     delivery_s, flight_s, wait_s, recharge_s : ndarray, shape (runs,)
         Of delivered runs, else NaN; the first is the sum of the others. Hovering for a holding spot is flight, holding
         for wind is waiting.
