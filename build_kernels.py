@@ -151,7 +151,7 @@ def observed() -> dict[str, list[list[Any]]]:
 
 
 def write_list(folder: Path) -> None:
-    """Write the list anew from what processes have observed, one JSON file each in a folder."""
+    """Write the list again from what processes have observed, one JSON file each in a folder."""
     found: dict[str, list[Any]] = {}
     for path in sorted(folder.glob("*.json")):
         for name, all_kinds in json.loads(path.read_text(encoding="utf-8")).items():

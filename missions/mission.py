@@ -30,7 +30,8 @@ SURFACE_TYPES = frozenset({10, 11, 12})
 """MAV_TYPE of rovers, boats and submarines."""
 
 
-_ABOVE_TERRAIN_MODE = 3
+ABOVE_TERRAIN_MODE = 3
+"""Altitude mode of QGroundControl: it works the altitude above the sea out from one above terrain."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,8 +143,8 @@ class MissionItem:
         if self.frame not in (Frame.GLOBAL, Frame.GLOBAL_INT):
             return False
         # before version 4 it numbered its altitude modes from 0
-        older = mode == _ABOVE_TERRAIN_MODE - 1 and worked_out == self.z and shown != self.z
-        return mode == _ABOVE_TERRAIN_MODE or older
+        older = mode == ABOVE_TERRAIN_MODE - 1 and worked_out == self.z and shown != self.z
+        return mode == ABOVE_TERRAIN_MODE or older
 
     @property
     def jump_target(self) -> int | None:

@@ -1,16 +1,28 @@
-"""Items that patterns of a ground station expand to, as a plan file writes them."""
+"""What patterns of a ground station are made of: corners in, items out, as a plan file writes them."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from skyway.missions.commands import Command, Frame
+from skyway.missions.json_fields import fault, place, sequence
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
+MAX_BUILT = 20_000
+"""Items built for one pattern; no autopilot holds as many."""
+
+
+def corners(source: Mapping[str, Any], key: str, least: int, file: str, field: str) -> list[Place]:
+    """Take the places of a polygon or a line, `least` or more."""
+    raw = sequence(source.get(key), file, f"{field}.{key}")
+    if not least <= len(raw) <= MAX_BUILT:
+        raise fault(f"does not have {least} to {MAX_BUILT} points", file, f"{field}.{key}", len(raw))
+    points = [place(pair, file, f"{field}.{key}[{number}]") for number, pair in enumerate(raw)]
+    return [(point.lat, point.lon) for point in points]
 
 
 def item(command: Command, frame: Frame, params: list[Any] | None = None) -> Mapping[str, Any]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.missions.commands import GLOBAL_FRAMES, LOCATED_COMMANDS, Command, Frame
 from skyway.missions.coordinates import from_e7
+from skyway.missions.mission import ABOVE_TERRAIN_MODE
 from skyway.missions.plan_reader import MISSION_VERSION, PLAN_VERSION, UNKNOWN_KEY, loads
 from skyway.models.errors import InputError
 
@@ -28,7 +29,6 @@ _ALTITUDE_MODES: dict[int, int] = {
     Frame.GLOBAL_TERRAIN_ALT: 4,
     Frame.GLOBAL_TERRAIN_ALT_INT: 4,
 }
-_ABOVE_TERRAIN_MODE = 3
 
 
 def dumps(document: MissionDocument) -> str:
@@ -150,7 +150,7 @@ def _altitude(item: MissionItem) -> dict[str, Any]:
     mode = _ALTITUDE_MODES[item.frame]
     above_terrain = kept.get("AMSLAltAboveTerrain")
     if item.was_planned_above_terrain and above_terrain == item.z:
-        return {"AltitudeMode": _ABOVE_TERRAIN_MODE}
+        return {"AltitudeMode": ABOVE_TERRAIN_MODE}
     return {
         "Altitude": _short(item.z),
         "AltitudeMode": mode,

@@ -10,16 +10,15 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyway.missions.commands import Command, Frame
-from skyway.missions.json_fields import fault, flag, mapping, place, quantity, sequence
+from skyway.missions.json_fields import fault, flag, mapping, quantity
 from skyway.missions.pattern_geometry import is_clockwise, offset, to_place, to_plane
-from skyway.missions.pattern_items import item, trigger, waypoint
+from skyway.missions.pattern_items import MAX_BUILT, corners, item, trigger, waypoint
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from skyway.missions.pattern_items import Place
 
-MAX_BUILT = 20_000
 CAMERA_TO_THE_RIGHT_DEG = 90
 
 
@@ -58,17 +57,13 @@ def structure_scan(source: Mapping[str, Any], file: str, field: str) -> list[Map
 
 def _ring(source: Mapping[str, Any], distance_m: float, file: str, field: str) -> list[Place]:
     """Return the corners of a layer, closed: the building, clockwise, moved outwards."""
-    raw = sequence(source.get("polygon"), file, f"{field}.polygon")
-    if not 3 <= len(raw) <= MAX_BUILT:
-        raise fault(f"does not have 3 to {MAX_BUILT} points", file, f"{field}.polygon", len(raw))
-    points = [place(pair, file, f"{field}.polygon[{number}]") for number, pair in enumerate(raw)]
-    corners = [(point.lat, point.lon) for point in points]
-    shape = to_plane(corners, corners[0])
+    building = corners(source, "polygon", 3, file, field)
+    shape = to_plane(building, building[0])
     if not is_clockwise(shape):
         shape = shape[::-1]
     moved = offset(shape, distance_m, closed=True)
     if moved is None:
         remedy = "open the plan in QGroundControl and draw the structure again"
         raise fault("has a point twice, or on a straight edge", file, f"{field}.polygon", remedy=remedy)
-    ring = [to_place(float(x), float(y), corners[0]) for x, y in moved]
+    ring = [to_place(float(x), float(y), building[0]) for x, y in moved]
     return [*ring, ring[0]]

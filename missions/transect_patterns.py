@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from skyway.missions.commands import Frame
-from skyway.missions.json_fields import fault, flag, mapping, place, quantity, sequence
+from skyway.missions.json_fields import fault, flag, mapping, quantity
 from skyway.missions.pattern_geometry import line_count, offset, sweep, to_place, to_plane
-from skyway.missions.pattern_items import one_photo, trigger, waypoint
+from skyway.missions.pattern_items import MAX_BUILT, corners, one_photo, trigger, waypoint
 from skyway.models import geodesy
 
 if TYPE_CHECKING:
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from skyway.missions.pattern_items import Place
 
-MAX_BUILT = 20_000
-"""Items built for one pattern; no autopilot holds as many."""
 HOVER_S = 4
 """Time QGroundControl hovers for a picture."""
 CLOSEST_TRANSECTS_M = {"survey": 0.3, "CorridorScan": 0.5}
@@ -83,7 +81,7 @@ def survey(source: Mapping[str, Any], file: str, field: str) -> list[Mapping[str
         settings = _settings(source, style, "survey", file, field)
         angle = quantity(source, "angle", file, field)
         again = flag(style, "Refly90Degrees", file, f"{field}.TransectStyleComplexItem")
-    polygon = _places(source, "polygon", 3, file, field)
+    polygon = corners(source, "polygon", 3, file, field)
     shape = to_plane(polygon, polygon[0])
     _limit(line_count(shape, settings.spacing_m), file, field)
     angle = angle - 180.0 if angle > 90.0 else angle + 180.0 if angle < -90.0 else angle
@@ -106,7 +104,7 @@ def corridor(source: Mapping[str, Any], file: str, field: str) -> list[Mapping[s
     style = mapping(source.get("TransectStyleComplexItem"), file, f"{field}.TransectStyleComplexItem")
     settings = _settings(source, style, "CorridorScan", file, field)
     width = quantity(source, "CorridorWidth", file, field, least=0.0)
-    polyline = _places(source, "polyline", 2, file, field)
+    polyline = corners(source, "polyline", 2, file, field)
     shape = to_plane(polyline, polyline[0])
     _limit(width / settings.spacing_m * len(polyline), file, field)
     count = math.ceil(width / settings.spacing_m) if width > 0.0 else 1
@@ -209,14 +207,6 @@ def _frame(mode: object, file: str, field: str) -> Frame:
 def _entry(source: Mapping[str, Any], key: str, file: str, field: str) -> int:
     value = quantity(source, key, file, field)
     return int(value)  # others than 1 to 3 are the corner 0 to QGroundControl
-
-
-def _places(source: Mapping[str, Any], key: str, least: int, file: str, field: str) -> list[Place]:
-    raw = sequence(source.get(key), file, f"{field}.{key}")
-    if not least <= len(raw) <= MAX_BUILT:
-        raise fault(f"does not have {least} to {MAX_BUILT} points", file, f"{field}.{key}", len(raw))
-    points = [place(pair, file, f"{field}.{key}[{number}]") for number, pair in enumerate(raw)]
-    return [(point.lat, point.lon) for point in points]
 
 
 def _entered(

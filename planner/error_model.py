@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from skyway.models.errors import Fault, InputError
+from skyway.models.ranges import range_faults
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,11 +27,9 @@ class Errors:
     energy: float = 0.05
 
     def __post_init__(self) -> None:
-        faults = []
+        faults: list[Fault] = []
         for name, low, high in (("gust_sd", 0.0, 1.0), ("gust_time_s", 1.0, 86_400.0), ("energy", 0.0, 0.9)):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                faults.append(Fault("out of range", field=name, value=value, remedy=f"from {low:g} to {high:g}"))
+            faults += range_faults(name, getattr(self, name), low, high, f"from {low:g} to {high:g}")
         if faults:
             raise InputError(faults)
 

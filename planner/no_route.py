@@ -10,7 +10,7 @@ import numpy as np
 from skyway.models.errors import NoRouteError
 from skyway.models.flight_kernels import NEVER, next_opening
 from skyway.models.units import S_PER_MIN
-from skyway.planner.course_kernels import TOUCH_DOWN
+from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,6 +41,12 @@ def grounded_leg(courses: NDArray[np.float64]) -> int:
     """Number of the leg at which most runs end, of courses of shape (runs, hops, 6) of which none arrives."""
     first = np.argmin(np.isfinite(courses[:, :, TOUCH_DOWN]), axis=1)
     return int(np.argmax(np.bincount(first)))
+
+
+def emptied_leg(course: NDArray[np.float64]) -> int | None:
+    """Number of the first leg that a course of shape (hops, 6) lands from below an empty battery; None where there is none."""
+    empty = course[:, SOC_DOWN] < 0.0
+    return int(np.argmax(empty)) if empty.any() else None
 
 
 def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc: float = 0.0) -> NoRouteError:

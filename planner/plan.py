@@ -15,13 +15,13 @@ from skyway.models.units import S_PER_H
 from skyway.planner.audit import World, audit
 from skyway.planner.charge_policy import rehearse_fixed, typical_fixed, world_of
 from skyway.planner.composing import compose
-from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
+from skyway.planner.course_kernels import TOUCH_DOWN
 from skyway.planner.error_model import USUAL_ERRORS
 from skyway.planner.exact import ExactSearch
 from skyway.planner.explain import alternatives
 from skyway.planner.ies import ExhaustiveSearch
 from skyway.planner.itinerary import fly_true
-from skyway.planner.no_route import grounded_leg, never_leaves, runs_empty
+from skyway.planner.no_route import emptied_leg, grounded_leg, never_leaves, runs_empty
 from skyway.planner.outcome import later, outcome
 from skyway.planner.pfs import ForwardSearch
 from skyway.planner.pfs_strict import StrictForwardSearch
@@ -282,9 +282,9 @@ def _solve(
         if not np.isfinite(runs.course[:, -1, TOUCH_DOWN]).any():
             raise never_leaves(problem, itinerary, grounded_leg(runs.course))
         typical = typical_fixed(same, itinerary, runs)
-        if typical.course[:, SOC_DOWN].min() < 0.0:
-            leg = int(np.argmax(typical.course[:, SOC_DOWN] < 0.0))
-            raise runs_empty(same, itinerary, leg, "; the planner robust waits on the ground")
+        emptied = emptied_leg(typical.course)
+        if emptied is not None:
+            raise runs_empty(same, itinerary, emptied, "; the planner robust waits on the ground")
         summary = outcome(same, runs.course, runs.weight, (runs.member, runs.queue))
         notes = _doubts(problem, typical.course, summary)
         composition = compose(

@@ -20,11 +20,10 @@ import numpy as np
 from skyway.models.errors import NoRouteError
 from skyway.models.wind_ensemble import evenly
 from skyway.planner.charge_policy import PROMISING, ChargePolicy, Rehearsal, known_at, margin_for
-from skyway.planner.course_kernels import SOC_DOWN
 from skyway.planner.equivalent import HOURS, ExpectedQueues
 from skyway.planner.error_model import USUAL_ERRORS, Errors
 from skyway.planner.exact import ExactSearch
-from skyway.planner.no_route import no_route, runs_empty
+from skyway.planner.no_route import emptied_leg, no_route, runs_empty
 from skyway.planner.outlook import Outlook
 from skyway.planner.room import chances_full
 from skyway.planner.speeds import MeanSpeeds
@@ -227,9 +226,9 @@ class RobustSearch:
         if outcome.p_arrive <= 0.0:
             raise policy.grounded(rehearsal)
         typical = policy.typical(rehearsal)
-        empty = typical.course[:, SOC_DOWN] < 0.0
-        if empty.any():
-            raise runs_empty(self.problem, policy.itinerary, int(np.argmax(empty)))
+        emptied = emptied_leg(typical.course)
+        if emptied is not None:
+            raise runs_empty(self.problem, policy.itinerary, emptied)
         return RobustAnswer(policy.with_charges(typical.course), typical, rehearsal, outcome, tuple(candidates))
 
     def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:

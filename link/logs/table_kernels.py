@@ -12,10 +12,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def table_of(data: NDArray[np.uint8], place: NDArray[np.int64], layout: np.dtype[np.void]) -> NDArray[np.void]:
-    """Return the payloads at some places, all packed alike, as a structured array, shape (places,)."""
+def table_of(
+    data: NDArray[np.uint8],
+    place: NDArray[np.int64],
+    layout: np.dtype[np.void],
+    length: NDArray[np.int64] | None = None,
+) -> NDArray[np.void]:
+    """Return the payloads at some places, all packed alike, as a structured array, shape (places,); of a `length` where some are cut short."""
     table = np.empty((len(place), layout.itemsize), dtype=np.uint8)
-    gather_same(data, place, table)
+    gather(data, place, np.full(len(place), layout.itemsize) if length is None else length, table)
     return np.asarray(table.view(layout).reshape(len(place)))
 
 
@@ -33,14 +38,3 @@ def gather(
             out[row, step] = data[payload[row] + step]
         for step in range(count, out.shape[1]):
             out[row, step] = 0
-
-
-@compiled
-def gather_same(data: NDArray[np.uint8], payload: NDArray[np.int64], out: NDArray[np.uint8]) -> None:
-    """Copy payloads as long as a row, one a row.
-
-    Takes places of payloads that lie whole inside the bytes, and a table with a row for each.
-    """
-    for row in range(len(payload)):
-        for step in range(out.shape[1]):
-            out[row, step] = data[payload[row] + step]

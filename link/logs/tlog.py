@@ -15,7 +15,7 @@ import numpy as np
 
 from skyway.link.logs import tlog_kernels as kernels
 from skyway.link.logs.dialect import crc_extras, message_type, name_of
-from skyway.link.logs.table_kernels import gather
+from skyway.link.logs.table_kernels import table_of
 from skyway.link.logs.tlog_beginning import beginning
 from skyway.link.logs.tlog_stamps import StampCheck
 from skyway.models.errors import Fault, InputError
@@ -73,9 +73,7 @@ class Frames:
         signed = second & ((self.data[np.minimum(start + 2, len(self.data) - 1)] & kernels.SIGNED) != 0)
         payload = start + np.where(second, 10, 6)
         length = self.length[rows] - np.where(second, 12, 8) - np.where(signed, 13, 0)
-        table = np.empty((len(rows), layout.itemsize), dtype=np.uint8)
-        gather(self.data, payload.astype(np.int64), length.astype(np.int64), table)
-        return np.asarray(table.view(layout).reshape(len(rows)))
+        return table_of(self.data, payload.astype(np.int64), layout, length.astype(np.int64))
 
 
 def _fresh_state() -> NDArray[np.int64]:

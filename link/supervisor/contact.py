@@ -7,7 +7,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from skyway.link.supervisor.crash import crashed
+from skyway.link.supervisor.crash import crash_end
 from skyway.link.supervisor.departure import make_leg
 from skyway.link.supervisor.legs import Leg
 from skyway.link.supervisor.modelled_use import ModelledUse
@@ -292,10 +292,10 @@ def holding(ctx: Context) -> After:
             continue
         ground_s = (ctx.clock.now_s() if math.isnan(ground_s) else ground_s) if ctx.on_ground else math.nan
         if ctx.clock.now_s() - ground_s > 30.0:
+            crash = crash_end(ctx, ctx.entered_s)
+            if crash is not None:
+                return crash
             ctx.station = ctx.here_station()
-            crash = crashed(ctx, ctx.entered_s)
-            if crash:
-                return State.CRASHED, f"it has crashed, and is at {ctx.station or 'no station'}: {crash}"
             if ctx.station is None:
                 return State.ENDED_ELSEWHERE, "it was landed away from any station, not by us"
             return State.STOPPED, f"it was landed at {ctx.station}, not by us; nobody is there to give the word"

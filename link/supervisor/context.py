@@ -357,18 +357,18 @@ class Context:
                     raise
                 self.wait(ASK_AGAIN_S)
 
-    def unanswered(self, error: VehicleTimeoutError) -> None:
-        """Say what was not answered; the link counts as lost where nothing else is answered either.
+    def unanswered(self, what: VehicleTimeoutError | str) -> None:
+        """Say what was not answered, or is not told; the link counts as lost where nothing else is answered either.
 
         Raises
         ------
         Turn
             To the lost link.
         """
-        self.must_answer(str(error))
-        if str(error) != self.unanswered_said:
-            self.unanswered_said = str(error)
-            self.say("link", f"{error}: asked again")
+        self.must_answer(str(what))
+        if str(what) != self.unanswered_said:
+            self.unanswered_said = str(what)
+            self.say("link", f"{what}: asked again")
 
     def must_answer(self, reason: str) -> None:
         """Go on where the vehicle answers at all.

@@ -6,8 +6,10 @@ import math
 import re
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.states import State
+
 if TYPE_CHECKING:
-    from skyway.link.supervisor.context import Context
+    from skyway.link.supervisor.context import After, Context
 
 LIES_DEG = 50.0
 """No pad leans as far."""
@@ -45,3 +47,13 @@ def crashed(ctx: Context, since_s: float) -> str:
     """
     said = ctx.texts.saying(_WORDS, since_s)
     return f'it says "{said}"' if said else lies(ctx)
+
+
+def crash_end(ctx: Context, since_s: float) -> After | None:
+    """How the delivery ends where it has crashed since an instant, see `crashed`, with the place; None where it has not."""
+    crash = crashed(ctx, since_s)
+    if not crash:
+        return None
+    ctx.station = ctx.here_station()
+    where = ctx.station or ("a place that it does not tell" if ctx.place is None else "no station")
+    return State.CRASHED, f"it has crashed, and is at {where}: {crash}"

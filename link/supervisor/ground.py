@@ -64,10 +64,7 @@ def _look_again(ctx: Context) -> str:
             return ctx.station
         if ctx.clock.now_s() >= end:
             raise Turn(State.STOPPED, unknown)
-        if ctx.unanswered_said != unknown:
-            ctx.unanswered_said = unknown
-            ctx.say("link", f"{unknown}: asked again")
-        ctx.must_answer(unknown)
+        ctx.unanswered(unknown)
         ctx.request_telemetry()
         ctx.wait(ASK_AGAIN_S)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.air import LEARN_SOC
-from skyway.link.supervisor.crash import crashed
+from skyway.link.supervisor.crash import crash_end
 from skyway.link.supervisor.states import State
 from skyway.models.errors import LinkError
 
@@ -29,11 +29,9 @@ def after_landing(ctx: Context) -> After:
     if not _found(ctx):
         return State.HOLDING, "it is in the air again"
     flown_s = 0.0 if leg is None or not math.isfinite(leg.start_s) else ctx.now_s - leg.start_s
-    crash = crashed(ctx, ctx.clock.now_s() - flown_s)
-    if crash:
-        ctx.station = ctx.here_station()
-        where = ctx.station or ("a place that it does not tell" if ctx.place is None else "no station")
-        return State.CRASHED, f"it has crashed, and is at {where}: {crash}"
+    crash = crash_end(ctx, ctx.clock.now_s() - flown_s)
+    if crash is not None:
+        return crash
     if ctx.place is None:
         ctx.must_answer("it has landed, and does not answer")
         return State.HOLDING, "it has landed, and does not tell where"

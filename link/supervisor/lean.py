@@ -118,11 +118,11 @@ class LeanWatch:
         if s.time_s - self._rows[0][0] < STEADY_S or s.time_s < self._judged_s + JUDGE_EVERY_S:
             return False
         before = self.limited
-        self._judge(commanded_mps, min(s.time_s - self._judged_s, JUDGE_EVERY_S))
+        self._judge(commanded_mps)
         self._judged_s = s.time_s
         return self.limited != before
 
-    def _judge(self, commanded_mps: float, step_s: float) -> None:
+    def _judge(self, commanded_mps: float) -> None:
         table = np.array(self._rows)
         velocity, force = table[:, 1:3], self._force(table)
         lean_deg = float(np.degrees(np.arctan2(np.hypot(*force.mean(axis=0)), GRAVITY_MPS2)))
@@ -139,7 +139,7 @@ class LeanWatch:
             self._velocity = None
             return
         mean = velocity.mean(axis=0)
-        keep = math.exp(-step_s / GUSTS_S)
+        keep = math.exp(-JUDGE_EVERY_S / GUSTS_S)
         self._velocity = mean if self._velocity is None else keep * self._velocity + (1.0 - keep) * mean
 
     @staticmethod

@@ -66,7 +66,7 @@ class ToldCharge:
         self._met_s, self._fell = -math.inf, (math.nan, -math.inf)
 
     def measured(self, time_s: float, soc: float) -> None:
-        """Begin anew with a charge that is sure: reports of before that are still to come are held, not believed."""
+        """Begin again with a charge that is sure: reports of before that are still to come are held, not believed."""
         self.forget()
         self._met_s = time_s
         self._believe(time_s, soc)

@@ -156,7 +156,7 @@ def check_heights(mission: Mission, route: Route, stations: Sequence[Station] = 
             elif not known_ground and not math.isnan(mission.items[step.item].z):
                 absolute.append(step.item)
     for number, item in enumerate(mission.items):
-        # a take-off where the vehicle stands, and nobody knows where that is
+        # a take-off where the vehicle stands, at a place that the file does not tell
         if (
             item.command in TAKEOFF_COMMANDS
             and item.frame in _ABOVE_HERE

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from skyway.models.errors import Fault, InputError
+from skyway.models.ranges import range_faults
 from skyway.scenarios import load_scenario
 
 DEMO_HELP = """Show a whole delivery: planned, flown by a simulated vehicle in another wind than forecast, replanned, delivered.
@@ -73,9 +74,10 @@ def _prove(path: Path, payload: float | None, *, force: bool) -> None:
     options.refuse_overwriting(path, force=force)
     drone = load_scenario(None).drone(DRONE)
     carried = PAYLOAD_KG if payload is None else payload
-    if not 0.0 <= carried <= drone.max_payload_kg:
-        remedy = f"0 to {drone.max_payload_kg:g} kg, what the {drone.name} lifts"
-        raise InputError(Fault("out of range", field="--payload", value=payload, remedy=remedy))
+    remedy = f"0 to {drone.max_payload_kg:g} kg, what the {drone.name} lifts"
+    faults = range_faults("--payload", carried, 0.0, drone.max_payload_kg, remedy)
+    if faults:
+        raise InputError(faults)
     record_square(drone, carried, path, force=force)
     typer.echo(f"wrote {path}: a square flown twice with {carried:g} kg by a simulated {drone.name}")
 

@@ -250,7 +250,6 @@ def check(
 
 
 def _scenario(path: Path | None) -> Scenario | None:
-
     return None if path is None else load_scenario(path)
 
 

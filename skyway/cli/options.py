@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from skyway.models.wind_history import WindSite
     from skyway.planner.objective import Objective
 
-"""What a plan names as its scenario's path when it was made on the built-in one."""
 WIND = re.compile(r"^\s*([0-9]+(?:\.[0-9]*)?)\s*@\s*([0-9]+(?:\.[0-9]*)?)\s*$")
 POSITION = re.compile(r"^\s*(-?[0-9]+(?:\.[0-9]*)?)\s*,\s*(-?[0-9]+(?:\.[0-9]*)?)\s*$")
 
