@@ -36,7 +36,7 @@ check: setup
 	$(BIN)/lint-imports --no-cache
 
 # Whatever reaches a kernel once more, with every index checked: the tests. Kernels that check have
-# cache files of their own (models/kernel_cache.py): nothing unchecked runs here and nothing checked elsewhere.
+# cache files of their own (models/jit/cache.py): nothing unchecked runs here and nothing checked elsewhere.
 bounds: setup
 	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -q -n auto --dist worksteal tests/planner tests/models tests/link/test_log_readers.py tests/link/test_tlog.py
 

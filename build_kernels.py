@@ -1,6 +1,6 @@
 """Compile the kernels of the source into one shared library, ahead of time: what a wheel is built with.
 
-``models/kernels.json`` lists which kernels, for which types of arguments. ``python build_kernels.py FOLDER`` writes the
+``models/jit/kernels.json`` lists which kernels, for which types of arguments. ``python build_kernels.py FOLDER`` writes the
 library there; `setup.py` calls `build`. ``python build_kernels.py list FOLDER`` writes the list. `entries` says which kernels Python code calls, and `observed` for which types
 a process has called them: that is how the tests keep the list complete (``make kernels`` writes it anew).
 """
@@ -18,7 +18,7 @@ ROOT = Path(__file__).parent
 PACKAGE = "skyway"
 FLOORS = ("models", "planner", "link")
 """Folders with kernels; the package has them as skyway.models and so on."""
-LIST = ROOT / PACKAGE / "models" / "kernels.json"
+LIST = ROOT / PACKAGE / "models" / "jit" / "kernels.json"
 DECORATORS = {"compiled", "compiled_lean"}
 
 
@@ -31,7 +31,7 @@ def build(folder: Path, name: str = "_kernels") -> Path:
     from numba.pycc import CC
 
     sys.path.insert(0, str(ROOT))
-    from skyway.models.kernel_library import symbol
+    from skyway.models.jit.library import symbol
 
     folder.mkdir(parents=True, exist_ok=True)
     compiler = CC(name, source_module="skyway.models")

@@ -9,7 +9,7 @@ from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 
 ROOT = Path(__file__).parent
-LIBRARY = "skyway.models._kernels"
+LIBRARY = "skyway.models.jit._kernels"
 
 
 class BuildKernels(build_ext):

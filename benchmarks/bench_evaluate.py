@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 
 from benchmarks.figure import Figure
 from benchmarks.networks import new_york
-from skyway.models.services import State
-from skyway.planner.evaluate import evaluate, held_out_forecast, sample_truths, season_days
+from skyway.models.composition.composition import State
+from skyway.planner.evaluation.evaluate import evaluate, held_out_forecast, sample_realizations, season_days
 from skyway.planner.plan import plan
-from skyway.planner.request import Request
+from skyway.planner.problem.request import Request
 
 RUNS = 10_000
 TARGET_S = 2.0
@@ -26,9 +26,9 @@ def measure(runs: int = RUNS) -> list[Figure]:
     figures = []
     for name in ("pfs", "pfs-charge-aware", "robust"):
         result = plan(scenario, request, planner=name, forecast=forecast)
-        evaluate(result, sample_truths(scenario, request, days, runs=len(days)))
+        evaluate(result, sample_realizations(scenario, request, days, runs=len(days)))
         started, begun = time.perf_counter(), time.process_time()
-        evaluate(result, sample_truths(scenario, request, days, runs=runs))
+        evaluate(result, sample_realizations(scenario, request, days, runs=runs))
         spent, worked = time.perf_counter() - started, time.process_time() - begun
         note = f"{name}, {len(result.itinerary)} flights, {len(days)} days; {worked:.2f} s of processor"
         figures.append(Figure(f"{runs:,} simulated deliveries of a plan", spent, "s", TARGET_S, note))

@@ -20,22 +20,22 @@ import numpy as np
 
 from benchmarks.figure import Figure
 from benchmarks.networks import geometric, random_pairs
-from skyway.models.errors import NoRouteError
-from skyway.models.services import State
-from skyway.models.units import from_posix
-from skyway.planner.course_kernels import SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
-from skyway.planner.exact import ExactSearch
-from skyway.planner.itinerary import fly_true
+from skyway.models.base.errors import NoRouteError
+from skyway.models.base.units import from_posix
+from skyway.models.composition.composition import State
+from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.plan import candidates
-from skyway.planner.problem import HORIZON_H, Problem
-from skyway.planner.request import Request
+from skyway.planner.problem.problem import HORIZON_H, Problem
+from skyway.planner.problem.request import Request
+from skyway.planner.schedule.itinerary import fly_true
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TAKE_OFF, TOUCH_DOWN
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from skyway.models.queue_paths import QueuePath
-    from skyway.models.scenario import Scenario
-    from skyway.planner.itinerary import Itinerary
+    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.schedule.itinerary import Itinerary
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 SEED = 3
@@ -105,16 +105,16 @@ class World:
                 yield again
 
     def _half_way(self, trial: Trial) -> State:
-        problem, hop = trial.problem, trial.itinerary[0]
+        problem, leg = trial.problem, trial.itinerary[0]
         course = fly_true(problem, trial.itinerary, self.queues)[0][0]
         network = problem.network
-        part = 0.5 * network.distance_m[hop.segments[0]] / network.distance_m[list(hop.segments)].sum()
+        part = 0.5 * network.distance_m[leg.segments[0]] / network.distance_m[list(leg.segments)].sum()
         a, b = (
-            network.stations[int(network.tail[hop.segments[0]])],
-            network.stations[int(network.head[hop.segments[0]])],
+            network.stations[int(network.tail[leg.segments[0]])],
+            network.stations[int(network.head[leg.segments[0]])],
         )
         when = course[TAKE_OFF] + part * (course[TOUCH_DOWN] - course[TAKE_OFF])
-        soc = course[SOC_OFF] + part * (course[SOC_DOWN] - course[SOC_OFF])
+        soc = course[SOC_TAKE_OFF] + part * (course[SOC_LANDING] - course[SOC_TAKE_OFF])
         return State(from_posix(float(when)), None, (0.5 * (a.lat + b.lat), 0.5 * (a.lon + b.lon)), float(soc))
 
 

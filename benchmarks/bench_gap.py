@@ -21,34 +21,34 @@ import numpy as np
 
 from benchmarks.figure import Figure
 from benchmarks.networks import new_york
-from skyway.models.errors import InfeasibleError
-from skyway.models.load import PadLoad
-from skyway.models.services import State
-from skyway.planner.evaluate import (
+from skyway.models.base.errors import InfeasibleError
+from skyway.models.composition.composition import State
+from skyway.models.queues.load import PadLoad
+from skyway.planner.evaluation.evaluate import (
     NO_ERRORS,
     clairvoyant_times,
     fly_charging,
     fly_policy,
     held_out_forecast,
-    sample_truths,
+    sample_realizations,
     season_days,
 )
-from skyway.planner.exact import ExactSearch
-from skyway.planner.problem import Problem
-from skyway.planner.request import Request
-from skyway.planner.robust import RobustSearch
-from skyway.planner.rolling import RollingRobust
-from skyway.planner.speeds import TrueSpeeds
+from skyway.planner.exact.exact import ExactSearch
+from skyway.planner.online.rolling import RollingRobust
+from skyway.planner.problem.problem import Problem
+from skyway.planner.problem.request import Request
+from skyway.planner.problem.speeds import TrueSpeeds
+from skyway.planner.robust.robust import RobustSearch
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
-    from skyway.models.scenario import Scenario
-    from skyway.planner.charge_policy import ChargePolicy
-    from skyway.planner.evaluation_truths import Truths
-    from skyway.planner.robust import RobustAnswer
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.evaluation.realizations import Realizations
+    from skyway.planner.robust.charge_policy import ChargePolicy
+    from skyway.planner.robust.robust import RobustAnswer
 
 MEAN_TARGET, P95_TARGET = 2.0, 4.0
 """Percent above the bound that is wanted, over requests."""
@@ -140,7 +140,7 @@ def told(problem: Problem, stops: NDArray[np.bool_] | None = None) -> NDArray[np
 def by_member(policy: ChargePolicy) -> NDArray[np.float64]:
     """Delivery time of a policy in each member, forecast by the others, shape (members,)."""
     members = len(policy.problem.probability)
-    return policy.rehearse(NO_ERRORS, members).arrival_s - policy.problem.depart_s
+    return policy.simulate(NO_ERRORS, members).arrival_s - policy.problem.depart_s
 
 
 def parts_of(answer: RobustAnswer) -> dict[str, NDArray[np.float64]]:
@@ -153,7 +153,7 @@ def parts_of(answer: RobustAnswer) -> dict[str, NDArray[np.float64]]:
     """
     policy, problem = answer.policy, answer.policy.problem
     stops = np.zeros(len(problem.network), dtype=bool)
-    stops[[int(problem.network.head[hop.segments[-1]]) for hop in policy.itinerary]] = True
+    stops[[int(problem.network.head[leg.segments[-1]]) for leg in policy.itinerary]] = True
     known = policy.known
     loose = known._replace(epsilon=0.5, smoothing=0.0, margin=0.0)
     routes = [by_member(one.policy) for one in answer.candidates]
@@ -210,15 +210,15 @@ def measure_request(
     )
     if not away:
         return row
-    truths = sample_truths(world, request, away, runs=len(away), errors=NO_ERRORS, seed=request.seed)
-    best, _, _ = clairvoyant_times(truths, DRONE, "exact", range(len(truths)))
-    flown = fly_charging(truths, DRONE, answer.policy).delivery_s
+    realizations = sample_realizations(world, request, away, runs=len(away), errors=NO_ERRORS, seed=request.seed)
+    best, _, _ = clairvoyant_times(realizations, DRONE, "exact", range(len(realizations)))
+    flown = fly_charging(realizations, DRONE, answer.policy).delivery_s
     started = time.perf_counter()
-    anew = fly_policy(truths, DRONE, RollingRobust(start, NO_ERRORS))[0].delivery_s if rolling else flown
+    anew = fly_policy(realizations, DRONE, RollingRobust(start, NO_ERRORS))[0].delivery_s if rolling else flown
     seconds = time.perf_counter() - started
     told_wind = anew
     if rolling:
-        told_wind = np.array([_told_the_wind(start, truths, run) for run in range(len(truths))])
+        told_wind = np.array([_told_the_wind(start, realizations, run) for run in range(len(realizations))])
     solved = np.isfinite(best) & np.isfinite(flown) & np.isfinite(anew) & np.isfinite(told_wind)
     if not solved.any():
         return row
@@ -234,10 +234,10 @@ def measure_request(
     )
 
 
-def _told_the_wind(start: Problem, truths: Truths, run: int) -> float:
+def _told_the_wind(start: Problem, realizations: Realizations, run: int) -> float:
     """Delivery time of who plans anew in one truth whose wind it is told, s."""
-    told = start.with_ensemble(truths.wind.member(int(truths.day[run])))
-    return float(fly_policy(truths, DRONE, RollingRobust(told, NO_ERRORS), np.array([run]))[0].delivery_s[0])
+    told = start.with_ensemble(realizations.wind.member(int(realizations.day[run])))
+    return float(fly_policy(realizations, DRONE, RollingRobust(told, NO_ERRORS), np.array([run]))[0].delivery_s[0])
 
 
 def measured(count: int, *, seed: int = 1, days: int = 0, why: bool = False, rolling: bool = True) -> Iterator[GapRow]:

@@ -19,14 +19,14 @@ import statistics
 from typing import TYPE_CHECKING
 
 from benchmarks.figure import Figure
-from skyway.link.connection import Connection
-from skyway.link.download import Download
-from skyway.link.exchange import Target
-from skyway.link.mission_words import MissionKind
-from skyway.link.upload import Upload, UploadEnd
-from skyway.link.verified import UploadJob, encode, upload_verified
-from skyway.missions.commands import Command, Frame
-from skyway.missions.mission import Mission, MissionItem
+from skyway.link.protocol.connection import Connection
+from skyway.link.protocol.download import Download
+from skyway.link.protocol.exchange import Target
+from skyway.link.protocol.mission_words import MissionKind
+from skyway.link.protocol.upload import Upload, UploadEnd
+from skyway.link.protocol.verified import UploadJob, encode, upload_verified
+from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.mission import Mission, MissionItem
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.protocols.ardupilot_missions import RETRY_S as ARDUPILOT_RETRY_S
 from skyway.sim_stub.protocols.px4_missions import RETRY_S as PX4_RETRY_S
@@ -35,8 +35,8 @@ from skyway.sim_stub.transports.lockstep import Lockstep
 from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:
-    from skyway.link.exchange import Exchange, Steps
-    from skyway.link.verified import WireItem
+    from skyway.link.protocol.exchange import Exchange, Steps
+    from skyway.link.protocol.verified import WireItem
 
 LOSSES = (0.0, 0.05, 0.1, 0.2, 0.3)
 RETRY_S = {"px4": PX4_RETRY_S, "ardupilot": ARDUPILOT_RETRY_S}

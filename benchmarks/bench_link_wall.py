@@ -69,7 +69,7 @@ def server(seed: int) -> Iterator[tuple[int, Callable[[float], None]]]:
 
 
 def _wire(items: int) -> Any:
-    from skyway.link.verified import encode
+    from skyway.link.protocol.verified import encode
 
     return encode(mission(items - 1), _FAMILY)  # home is the first
 
@@ -77,15 +77,15 @@ def _wire(items: int) -> Any:
 @contextmanager
 def ours(port: int) -> Iterator[Callable[[int], bool]]:
     """Our verified upload."""
-    from skyway.link.mavlink_vehicle import MavlinkVehicle
-    from skyway.link.opening import open_connection
+    from skyway.link.protocol.opening import open_connection
+    from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
 
     connection = open_connection(f"udpout:127.0.0.1:{port}", record=None)
     craft = MavlinkVehicle(connection, autopilot=_FAMILY)
-    from skyway.link.download import Download
-    from skyway.link.exchange import Target
-    from skyway.link.mission_words import MissionKind
-    from skyway.link.upload import Upload
+    from skyway.link.protocol.download import Download
+    from skyway.link.protocol.exchange import Target
+    from skyway.link.protocol.mission_words import MissionKind
+    from skyway.link.protocol.upload import Upload
 
     trip = craft.peer.round_trip
 

@@ -28,7 +28,7 @@ MEMORY_TARGET_MB = 300.0
 SCAN_SCRIPT = """
 import resource, sys
 from pathlib import Path
-from skyway.link.logs.tlog import scan
+from skyway.link.logs.tlog.tlog import scan
 index = scan(Path(sys.argv[1]))
 print(index.messages, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
@@ -68,7 +68,7 @@ def bench_scan(path: Path) -> bool:
     """Messages a second, and the ratio to pymavlink on the same log."""
     from pymavlink import mavutil
 
-    from skyway.link.logs.tlog import scan
+    from skyway.link.logs.tlog.tlog import scan
 
     index = scan(path)
     seconds = best_s(lambda: scan(path))
@@ -111,7 +111,7 @@ def bench_memory(unit: bytes, gigabytes: float) -> bool:
 
 def bench_filter() -> bool:
     """Updates a second, batched over logs and one at a time."""
-    from skyway.models.wind_filter import WindFilter, filter_log
+    from skyway.models.wind.estimation.filter import WindFilter, filter_log
 
     generator = np.random.default_rng(0)
     logs, count = 50, 4000

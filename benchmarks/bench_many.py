@@ -1,7 +1,7 @@
 """Fifty vehicles on one UDP port at fifty messages a second each: how much of a core that takes, all told.
 
 Everything is real: packets come over the loopback from another process, each vehicle from an address of its own, every
-packet is recorded, checked, and made into telemetry by a `Seen` of its own. What counts is the time of this process on
+packet is recorded, checked, and made into telemetry by a `VehicleMonitor` of its own. What counts is the time of this process on
 the processor, the kernel's on its behalf included.
 """
 
@@ -14,9 +14,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from skyway.link.frames import FrameWriter
-from skyway.link.opening import open_connection
-from skyway.link.seen import Seen
+from skyway.link.protocol.opening import open_connection
+from skyway.link.telemetry.vehicle_monitor import VehicleMonitor
+from skyway.link.wire.frames import FrameWriter
 
 WANTED_CORE = 0.5
 """Share of a core that 50 vehicles may take at most."""
@@ -66,7 +66,7 @@ def measure(vehicles: int = VEHICLES, seconds: float = 10.0) -> tuple[float, int
         )
         other.start()
         connection.wait(lambda: len(connection.peers) == vehicles, 30.0)
-        seen = [Seen(connection, system) for system in list(connection.peers)]
+        seen = [VehicleMonitor(connection, system) for system in list(connection.peers)]
         connection.run_for(_SETTLE_S)
         before = sum(one.peer.received for one in seen)
         for one in seen:

@@ -11,11 +11,12 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skyway.missions import check, mission_file, plan_writer, waypoints_file
-from skyway.missions.commands import Command, Frame
-from skyway.missions.coordinates import Point
-from skyway.missions.document import MissionDocument
-from skyway.missions.mission import Home, Mission, MissionItem
+from skyway.missions import check
+from skyway.missions.files import mission_file, plan_writer, waypoints_file
+from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.coordinates import Point
+from skyway.missions.items.document import MissionDocument
+from skyway.missions.items.mission import Home, Mission, MissionItem
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -15,7 +15,7 @@ from benchmarks.figure import commit, machine
 from benchmarks.instances import FOLDER, NETWORKS, UTILISATIONS, read_instance
 from benchmarks.paper import NODES, rows, run_experiment
 from benchmarks.trials import COMPARED_RUNS, try_instance
-from skyway.models.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -2,7 +2,7 @@
 
 Many random requests in the built-in scenario, several held-out days each, few runs a day: what is unsure is the day, so
 days count and not runs. A promise is the probability that a plan gives a deadline; deadlines are the quantiles of its own
-arrival at `planner.evaluation_flights.LEVELS`. Intervals by block bootstrap over days of the record.
+arrival at `planner.evaluation.flights.LEVELS`. Intervals by block bootstrap over days of the record.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ import numpy as np
 from benchmarks.bench_gap import DRONE, requests
 from benchmarks.figure import Figure
 from benchmarks.networks import new_york
-from skyway.models.errors import InfeasibleError
-from skyway.planner.evaluate import (
+from skyway.models.base.errors import InfeasibleError
+from skyway.planner.evaluation.evaluate import (
     Flown,
     fly_charging,
     held_out_forecast,
     pooled,
-    sample_truths,
+    sample_realizations,
     season_days,
     summarise,
 )
-from skyway.planner.evaluation_flights import LEVELS
-from skyway.planner.evaluation_statistics import DayBootstrap
+from skyway.planner.evaluation.flights import LEVELS
+from skyway.planner.evaluation.statistics import DayBootstrap
 from skyway.planner.plan import ROBUST, plan
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.scenario import Scenario
-    from skyway.planner.request import Request
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.problem.request import Request
 
 ERROR_TARGET = 3.0
 """Mean absolute error of promises that is allowed, points."""
@@ -112,8 +112,8 @@ def measured(world: Scenario, count: int, *, days: int, runs: int, seed: int) ->
         except InfeasibleError:
             continue
         assert result.robust is not None
-        truths = sample_truths(world, request, away, runs=runs * len(away), seed=seed + number)
-        flown = fly_charging(truths, DRONE, result.robust.policy).judged(result.outcome, result.problem.depart_s)
+        realizations = sample_realizations(world, request, away, runs=runs * len(away), seed=seed + number)
+        flown = fly_charging(realizations, DRONE, result.robust.policy).judged(result.outcome, result.problem.depart_s)
         yield Kept(request, flown, result.outcome.mean_s - result.problem.depart_s, result.outcome.p_success)
 
 

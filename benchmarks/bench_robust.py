@@ -19,15 +19,15 @@ import numpy as np
 
 from benchmarks.bench_exact import DEPART, NEAR_M, PADS, SEED, World
 from benchmarks.figure import Figure
-from skyway.models.errors import NoRouteError
-from skyway.models.services import State
+from skyway.models.base.errors import NoRouteError
+from skyway.models.composition.composition import State
 from skyway.planner.plan import candidates
-from skyway.planner.problem import Problem
-from skyway.planner.request import Request
-from skyway.planner.robust import MEMBERS, RobustSearch
+from skyway.planner.problem.problem import Problem
+from skyway.planner.problem.request import Request
+from skyway.planner.robust.robust import MEMBERS, RobustSearch
 
 if TYPE_CHECKING:
-    from skyway.planner.robust import RobustAnswer
+    from skyway.planner.robust.robust import RobustAnswer
 
 TARGET_MS = {1_000: (500.0, 250.0), 10_000: (3000.0, 1000.0)}
 """Must and aim for the p99, by stations."""
@@ -82,8 +82,8 @@ def _in_flight(trials: list[Timed]) -> list[Request]:
     """Requests from half-way along the first segment of each answer, with the charge that is left there."""
     found = []
     for trial in trials:
-        network, hop = trial.problem.network, trial.answer.policy.itinerary[0]
-        a, b = (network.stations[int(end[hop.segments[0]])] for end in (network.tail, network.head))
+        network, leg = trial.problem.network, trial.answer.policy.itinerary[0]
+        a, b = (network.stations[int(end[leg.segments[0]])] for end in (network.tail, network.head))
         state = State(DEPART, None, (0.5 * (a.lat + b.lat), 0.5 * (a.lon + b.lon)), 0.8)
         found.append(Request(state=state, destination=trial.problem.request.destination, payload_kg=0.8))
     return found

@@ -20,8 +20,8 @@ from benchmarks.figure import Figure
 from benchmarks.instances import LONG_FILE, read_instance
 from benchmarks.results import Row, append, missing, read
 from benchmarks.trials import ROLLING, Case, Contender, case_of, try_case
-from skyway.planner.evaluate import clairvoyant_times
-from skyway.planner.evaluation_statistics import DayBootstrap
+from skyway.planner.evaluation.evaluate import clairvoyant_times
+from skyway.planner.evaluation.statistics import DayBootstrap
 from skyway.planner.plan import ROBUST
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ BELOW = {"pfs-charge-aware": 15.0, "pfs": 60.0}
 def try_delivery(case: Case) -> Row:
     """Let all rivals fly one delivery: a line of the file of results, times in seconds, None where not delivered."""
     delivery = case.instance.deliveries[case.number]
-    best, spent, _ = clairvoyant_times(case.truths, case.instance.drone, BEST, range(len(case.truths)))
+    best, spent, _ = clairvoyant_times(case.realizations, case.instance.drone, BEST, range(len(case.realizations)))
     row: Row = {"number": case.number, "day": delivery.truth, BEST: {"delivery_s": _plain(best), "seconds": spent}}
     for rival in RIVALS:
         started = time.perf_counter()

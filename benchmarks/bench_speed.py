@@ -20,21 +20,21 @@ import numpy as np
 from benchmarks.figure import Figure
 from benchmarks.networks import geometric, new_york, random_pairs
 from skyway.missions.examples import NEW_YORK
-from skyway.models.errors import InfeasibleError
-from skyway.models.scenario_file import read_scenario
-from skyway.models.services import State
+from skyway.models.base.errors import InfeasibleError
+from skyway.models.composition.composition import State
+from skyway.models.scenario.file import read_scenario
 from skyway.planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, candidates, plan
-from skyway.planner.problem import HORIZON_H, Problem
-from skyway.planner.request import Request
+from skyway.planner.problem.problem import HORIZON_H, Problem
+from skyway.planner.problem.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from skyway.models.scenario import Scenario
-    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
-LEAST_M, MOST_M = 20_000.0, 60_000.0
+MIN_M, MAX_M = 20_000.0, 60_000.0
 SEED = 3
 SEARCHES = 3
 """Times that a request is solved again."""
@@ -99,7 +99,7 @@ def _time_plan(scenario: Scenario, request: Request, name: str, ensemble: WindEn
 def planner_figures(scenario: Scenario, names: Iterable[str], requests: int, budget_s: float) -> list[Figure]:
     """Figures of planners on requests between random pairs, each planner for at most about `budget_s`."""
     size = len(scenario.network)
-    pairs = random_pairs(scenario.network, requests, SEED, least_m=LEAST_M, most_m=MOST_M)
+    pairs = random_pairs(scenario.network, requests, SEED, least_m=MIN_M, most_m=MAX_M)
     ensemble = scenario.forecast(DEPART, HORIZON_H)
     figures = []
     for name in names:

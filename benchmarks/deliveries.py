@@ -8,23 +8,23 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
-from skyway.link.connection import Connection
-from skyway.link.frames import Signing
-from skyway.link.mavlink_vehicle import MavlinkVehicle
-from skyway.link.supervisor import Journal, Mandate, NobodyThere, Supervisor
+from skyway.link.protocol.connection import Connection
+from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
+from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.wire.frames import Signing
 from skyway.missions.examples import NEW_YORK
-from skyway.models.scenario_file import read_scenario
-from skyway.models.services import State
+from skyway.models.composition.composition import State
+from skyway.models.scenario.file import read_scenario
+from skyway.planner.online.replan import ReplanSettings
 from skyway.planner.plan import plan
-from skyway.planner.problem import HORIZON_H
-from skyway.planner.replan import ReplanSettings
-from skyway.planner.request import Request
+from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.problem.request import Request
 from skyway.proving_flight import drag_of
-from skyway.sim_stub.airframe import Airframe
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.pads import Pads
+from skyway.sim_stub.plant.airframe import Airframe
+from skyway.sim_stub.plant.wind_truth import RecordedWind
 from skyway.sim_stub.transports.lockstep import Lockstep
-from skyway.sim_stub.wind_truth import RecordedWind
 from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from skyway.link.supervisor import Operator, Outcome
-    from skyway.models.scenario import Scenario
-    from skyway.models.services import Composition
-    from skyway.models.wind_ensemble import WindEnsemble
+    from skyway.models.composition.composition import Composition
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.ensemble import WindEnsemble
     from skyway.sim_stub.transports.channel import Impairment
 
 PLANNER = "pfs-charge-aware"
@@ -117,9 +117,9 @@ class Stage:
         self.operator = operator or NobodyThere()
         self.supervisor = None
 
-    def mandate(self) -> Mandate:
+    def job(self) -> DeliveryJob:
         settings = ReplanSettings() if self.story.supervised else None
-        return Mandate(
+        return DeliveryJob(
             composition=self.composition,
             scenario=newyork(),
             request=self.request,
@@ -138,7 +138,7 @@ class Stage:
         vehicle = MavlinkVehicle(connection)
         journal = Journal(self.journal_path, self.lockstep.clock.posix_s, resume=resume)
         self.supervisor = Supervisor(
-            self.mandate(), vehicle, self.lockstep.clock, self.pads, self.operator, journal,
+            self.job(), vehicle, self.lockstep.clock, self.pads, self.operator, journal,
             resume=resume, on_tick=on_tick,
         )  # fmt: skip
         return self.supervisor

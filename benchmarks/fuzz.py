@@ -28,8 +28,8 @@ import numpy as np
 
 from benchmarks.fuzz_cases import Case, draw
 from benchmarks.fuzz_online import carry_on, draw_online
-from skyway.models.composition_file import from_json, to_json
-from skyway.models.errors import InfeasibleError, InputError
+from skyway.models.base.errors import InfeasibleError, InputError
+from skyway.models.composition.file import from_json, to_json
 from skyway.planner.plan import CLAIRVOYANT_PLANNERS, plan
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def shown(result: PlanResult) -> str:
     from contextlib import redirect_stdout
     from io import StringIO
 
-    from skyway.cli.plan_view import print_plan
+    from skyway.cli.views.plan import print_plan
     from skyway.route_geojson import route_geojson
 
     with redirect_stdout(StringIO()) as out:

@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from benchmarks.networks import CENTRE, new_york
-from skyway.models.drone import M200_V2, Drone
-from skyway.models.errors import InputError
-from skyway.models.load import PadLoad
-from skyway.models.network import ConnectionRule, Station
-from skyway.models.network_builders import build_network
-from skyway.models.services import Recharge, State
-from skyway.models.units import J_PER_WH
-from skyway.models.wind_ensemble import WindEnsemble
-from skyway.planner.objective import Objective
+from skyway.models.base.errors import InputError
+from skyway.models.base.units import J_PER_WH
+from skyway.models.composition.composition import Recharge, State
+from skyway.models.drones.drone import M200_V2, Drone
+from skyway.models.network.builders import build_network
+from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.queues.load import PadLoad
+from skyway.models.wind.ensemble import WindEnsemble
 from skyway.planner.plan import PLANNERS
-from skyway.planner.problem import HORIZON_H
-from skyway.planner.request import Request
+from skyway.planner.problem.objective import Objective
+from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.problem.request import Request
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from skyway.models.network import Network
-    from skyway.models.scenario import Scenario
+    from skyway.models.network.network import Network
+    from skyway.models.scenario.scenario import Scenario
 
 SIZES = ((2, 4, 0.30), (5, 10, 0.37), (11, 30, 0.22), (31, 100, 0.08), (101, 300, 0.02), (301, 1000, 0.01))
 """Stations of a network, from and to, and the share of the requests."""
@@ -213,10 +213,10 @@ def _wind(rng: Generator, depart: datetime) -> WindEnsemble:
     slot_s = float(rng.choice(SLOTS_S))
     slots = int(cast("int", _pick(rng, (0.8, math.ceil(HORIZON_H * 3600.0 / slot_s)), (0.2, int(rng.integers(1, 8))))))
     sites = int(rng.integers(1, 4))
-    mean, turning = float(rng.uniform(0.0, 25.0)), float(cast("float", _pick(rng, (0.5, 0.0), (0.5, 40.0))))
-    gain = 0.0 if turning == 0.0 else float(rng.uniform(0.0, 0.5))
+    mean, turn_back = float(rng.uniform(0.0, 25.0)), float(cast("float", _pick(rng, (0.5, 0.0), (0.5, 40.0))))
+    gain = 0.0 if turn_back == 0.0 else float(rng.uniform(0.0, 0.5))
     speed = np.clip(mean * (1.0 + gain * rng.normal(size=(members, slots, sites))), 0.0, 25.0)
-    angle = np.radians(rng.uniform(0.0, 360.0) + np.cumsum(turning * rng.normal(size=(members, slots, 1)), axis=1))
+    angle = np.radians(rng.uniform(0.0, 360.0) + np.cumsum(turn_back * rng.normal(size=(members, slots, 1)), axis=1))
     probability = rng.uniform(0.05, 1.0, members)
     begin = depart.timestamp() - float(rng.uniform(0.0, slot_s))
     return WindEnsemble(

@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from skyway.models.composition_file import to_json
-from skyway.models.errors import InfeasibleError, InputError
-from skyway.models.services import State
-from skyway.models.units import from_posix
-from skyway.planner.energy_belief import EnergyBelief
-from skyway.planner.error_model import Errors
-from skyway.planner.evaluate import Rolling, Truths, evaluate, fly_policy
+from skyway.models.base.errors import InfeasibleError, InputError
+from skyway.models.base.units import from_posix
+from skyway.models.composition.composition import State
+from skyway.models.composition.file import to_json
+from skyway.planner.evaluation.evaluate import Realizations, Rolling, evaluate, fly_policy
+from skyway.planner.online.energy_belief import EnergyBelief
+from skyway.planner.online.replan import Grounded, GroundReplanner
+from skyway.planner.online.replan_flight import Airborne, FlightReplanner
+from skyway.planner.online.rolling import RollingRobust
 from skyway.planner.plan import plan
-from skyway.planner.problem import Problem
-from skyway.planner.replan import Grounded, GroundReplanner
-from skyway.planner.replan_flight import Airborne, FlightReplanner
-from skyway.planner.rolling import RollingRobust
+from skyway.planner.problem.error_model import Errors
+from skyway.planner.problem.problem import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from benchmarks.fuzz_cases import Case
-    from skyway.models.services import Composition
-    from skyway.models.wind_ensemble import WindEnsemble
-    from skyway.planner.replan import Decision
+    from skyway.models.composition.composition import Composition
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.online.replan import Decision
 
 WAYS = {"evaluate": 0.3, "ground": 0.3, "air": 0.3, "rolling": 0.03, "replanned": 0.07}
 """How a request is carried on, and how often; deciding at every stop and with every new wind takes by far the longest."""
-MOST_STATIONS = 30
+MAX_STATIONS = 30
 """That is tried in networks of no more stations."""
 AHEAD_OF_TIME = ("pfs", "pfs-charge-aware", "shortest", "exact", "robust")
 """Planners that do not know the realization."""
@@ -70,7 +70,7 @@ def draw_online(case: Case) -> Online:
     """Say how a request is carried on."""
     rng = np.random.default_rng((0x60, case.number))
     planner = str(rng.choice(AHEAD_OF_TIME))
-    small = len(case.scenario.network) <= MOST_STATIONS
+    small = len(case.scenario.network) <= MAX_STATIONS
     way = str(rng.choice(list(WAYS), p=list(WAYS.values())))
     way = way if small or way not in ("rolling", "replanned") else "evaluate"
     drone = case.request.drone or case.scenario.drones[int(rng.integers(len(case.scenario.drones)))].id
@@ -94,7 +94,7 @@ def carry_on(online: Online) -> Iterator[tuple[str, float]]:
     }[online.way](online)
 
 
-def _truths(online: Online, wind: WindEnsemble, request: Any) -> Truths:
+def _realizations(online: Online, wind: WindEnsemble, request: Any) -> Realizations:
     """A few realizations: members of a wind, with gusts, errors of energy and queues."""
     case, rng = online.case, online.rng
     days = tuple(date(2001, 1, 1) + timedelta(days=5 * k) for k in range(len(wind.probability)))
@@ -105,7 +105,7 @@ def _truths(online: Online, wind: WindEnsemble, request: Any) -> Truths:
         gust_time_s=float(rng.choice([1.0, 180.0, 86_400.0])),
         energy=energy,
     )
-    return Truths(
+    return Realizations(
         case.scenario, request, days, wind, np.arange(runs) % len(days), np.arange(runs) % 7, int(rng.integers(2**31)),
         1.0 + energy * rng.uniform(-1.0, 1.0, runs), rng.integers(0, 2**63, runs).astype(np.uint64), errors,
     )  # fmt: skip
@@ -119,7 +119,7 @@ def _planned(online: Online) -> Any:
 def _evaluated(online: Online) -> Iterator[tuple[str, float]]:
     result = _planned(online)
     request = result.problem.request
-    found = evaluate(result, _truths(online, online.case.wind, request))
+    found = evaluate(result, _realizations(online, online.case.wind, request))
     json.dumps(found.document(), allow_nan=False)
     yield from ((f"counts.{name}", float(count)) for name, count in found.counts.items())
     if found.counts["delivered"]:
@@ -211,15 +211,17 @@ def _start(online: Online) -> Problem:
 
 def _rolling(online: Online) -> Iterator[tuple[str, float]]:
     start = _start(online)
-    truths = _truths(online, _forecast(online), start.request)
-    flown, done = fly_policy(truths, start.drone.id, RollingRobust(start, truths.errors), np.arange(1))
+    realizations = _realizations(online, _forecast(online), start.request)
+    flown, done = fly_policy(realizations, start.drone.id, RollingRobust(start, realizations.errors), np.arange(1))
     yield from _flown(flown, len(done))
 
 
 def _replanned(online: Online) -> Iterator[tuple[str, float]]:
     start = _start(online)
     policy = Rolling(online.case.scenario, start.request, online.planner, lambda _: online.case.wind)
-    flown, done = fly_policy(_truths(online, _forecast(online), start.request), start.drone.id, policy, np.arange(2))
+    flown, done = fly_policy(
+        _realizations(online, _forecast(online), start.request), start.drone.id, policy, np.arange(2)
+    )
     yield from _flown(flown, len(done))
 
 

@@ -13,24 +13,24 @@ import numpy as np
 
 from benchmarks.melbourne import melbourne
 from benchmarks.networks import geometric, new_york, random_pairs
-from skyway.models.errors import Fault, InputError
-from skyway.models.services import State
-from skyway.models.units import iso
-from skyway.planner.evaluate import Errors
-from skyway.planner.problem import HORIZON_H
-from skyway.planner.request import Request
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.units import iso
+from skyway.models.composition.composition import State
+from skyway.planner.evaluation.evaluate import Errors
+from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.problem.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from skyway.models.scenario import Scenario
+    from skyway.models.scenario.scenario import Scenario
 
 SCHEMA = "skyway.benchmark/1"
 FOLDER = Path(__file__).parent / "instances"
 UTILISATIONS = (0.5, 0.7, 0.9)
 NETWORKS = ("new-york", "melbourne", "geometric-100", "geometric-1000", "geometric-10000")
 DELIVERIES = {"new-york": 12, "melbourne": 8, "geometric-100": 8, "geometric-1000": 6, "geometric-10000": 4}
-LEAST_M, MOST_M = 20_000.0, 60_000.0
+MIN_M, MAX_M = 20_000.0, 60_000.0
 PAYLOADS_KG = (0.4, 0.8, 1.2)
 SEED = 1
 RUNS = 20
@@ -196,7 +196,7 @@ def make_instance(
     """Make an instance from its seed: the same everywhere. One of as many deliveries as asked for is named after that."""
     scenario = region(network, seed, utilisation)
     count = deliveries if deliveries is not None else DELIVERIES.get(network, 6)
-    pairs = random_pairs(scenario.network, count, seed, least_m=LEAST_M, most_m=MOST_M)
+    pairs = random_pairs(scenario.network, count, seed, least_m=MIN_M, most_m=MAX_M)
     rng = np.random.default_rng((seed, len(scenario.network), 7))
     made = []
     for origin, destination in pairs:

@@ -9,25 +9,25 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skyway.models.drone import M200_V2
-from skyway.models.errors import Fault, InputError
-from skyway.models.flight import FlightRules
-from skyway.models.load_files import read_occupancy
-from skyway.models.network import ConnectionRule, Station
-from skyway.models.network_builders import build_network
-from skyway.models.scenario import Scenario
-from skyway.models.wind_columns import WindColumns
-from skyway.models.wind_history import WindSite, read_history
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.drones.drone import M200_V2
+from skyway.models.flight.rules import FlightRules
+from skyway.models.network.builders import build_network
+from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.queues.load_files import read_occupancy
+from skyway.models.scenario.scenario import Scenario
+from skyway.models.wind.columns import WindColumns
+from skyway.models.wind.history import WindSite, read_history
 
 if TYPE_CHECKING:
-    from skyway.models.load import PadLoad
-    from skyway.models.network import Network
+    from skyway.models.network.network import Network
+    from skyway.models.queues.load import PadLoad
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 ZONE = "Australia/Melbourne"
 SEGMENT_M = 13_000.0
 CHARGING_MIN = 60.0
-MOST_PADS = 8
+MAX_PADS = 8
 SITE = WindSite("melbourne", -37.8136, 144.9631)
 
 
@@ -59,7 +59,7 @@ def melbourne() -> Scenario:
 
 
 def _network() -> Network:
-    """Sites with as many pads as were ever busy at once, at most `MOST_PADS`."""
+    """Sites with as many pads as were ever busy at once, at most `MAX_PADS`."""
     most: dict[str, float] = {}
     with gzip.open(DATA / "stations" / "melbourne_duration.csv.gz", "rt", encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
@@ -74,7 +74,7 @@ def _network() -> Network:
                 float(row["latitude"]),
                 float(row["longitude"]),
                 None,
-                min(max(math.ceil(most.get(row["station_id"], 1.0)), 1), MOST_PADS),
+                min(max(math.ceil(most.get(row["station_id"], 1.0)), 1), MAX_PADS),
             )
             for row in csv.DictReader(file)
         ]

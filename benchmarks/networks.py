@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.missions.examples import NEW_YORK
-from skyway.models import geodesy
-from skyway.models.drone import M200_V2
-from skyway.models.load import PadLoad
-from skyway.models.network import ConnectionRule, Network, Station
-from skyway.models.network_builders import build_network
-from skyway.models.scenario_file import read_scenario
+from skyway.models.base import geodesy
+from skyway.models.drones.drone import M200_V2
+from skyway.models.network.builders import build_network
+from skyway.models.network.network import ConnectionRule, Network, Station
+from skyway.models.queues.load import PadLoad
+from skyway.models.scenario.file import read_scenario
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from skyway.models.scenario import Scenario
+    from skyway.models.scenario.scenario import Scenario
 
 CENTRE = 40.73, -73.97
 """Middle of the random networks: where the wind record of New York holds."""

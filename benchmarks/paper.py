@@ -17,23 +17,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.networks import CENTRE, new_york, random_pairs
-from skyway.models.drone import M200_V2
-from skyway.models.errors import InfeasibleError, InputError
-from skyway.models.load import PadLoad
-from skyway.models.network import ConnectionRule, Station
-from skyway.models.network_builders import build_network
-from skyway.models.services import State
-from skyway.planner.course_kernels import SOC_DOWN, TOUCH_DOWN
-from skyway.planner.itinerary import fly_true
+from skyway.models.base.errors import InfeasibleError, InputError
+from skyway.models.composition.composition import State
+from skyway.models.drones.drone import M200_V2
+from skyway.models.network.builders import build_network
+from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.queues.load import PadLoad
 from skyway.planner.plan import plan
-from skyway.planner.problem import HORIZON_H
-from skyway.planner.request import Request
+from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.problem.request import Request
+from skyway.planner.schedule.itinerary import fly_true
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from skyway.models.scenario import Scenario
-    from skyway.planner.problem import Problem
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.problem.problem import Problem
     from skyway.planner.result import PlanResult
 
 NODES = (5, 10, 15, 20, 25, 30, 35, 40)
@@ -207,7 +207,7 @@ def _flown(truly: Problem, result: PlanResult) -> tuple[float | None, bool]:
     queues = truly.queue_paths(range(len(truly.network)), 0)
     course = fly_true(truly, result.itinerary, queues)[0]
     landed = course[:, TOUCH_DOWN]
-    below = bool((course[np.isfinite(landed), SOC_DOWN] < truly.reserve - 1e-9).any())
+    below = bool((course[np.isfinite(landed), SOC_LANDING] < truly.reserve - 1e-9).any())
     return (float(landed[-1] - truly.depart_s) if math.isfinite(landed[-1]) else None), below
 
 

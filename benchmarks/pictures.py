@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.models.units import S_PER_MIN
-from skyway.planner.evaluation_statistics import Estimate
+from skyway.models.base.units import S_PER_MIN
+from skyway.planner.evaluation.statistics import Estimate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,9 +10,9 @@ import numpy as np
 
 from benchmarks.paper import PaperRun
 from benchmarks.trials import Row
-from skyway.models.errors import Fault, InputError
-from skyway.models.units import S_PER_MIN
-from skyway.planner.evaluate import Estimate, Evaluation
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.units import S_PER_MIN
+from skyway.planner.evaluation.evaluate import Estimate, Evaluation
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

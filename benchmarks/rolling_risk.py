@@ -18,14 +18,14 @@ import numpy as np
 from benchmarks.figure import Figure
 from benchmarks.instances import LONG_FILE, read_instance
 from benchmarks.trials import case_of
-from skyway.planner.evaluate import fly_policy
-from skyway.planner.evaluation_statistics import DayBootstrap
-from skyway.planner.problem import Problem
-from skyway.planner.rolling import RollingRobust
+from skyway.planner.evaluation.evaluate import fly_policy
+from skyway.planner.evaluation.statistics import DayBootstrap
+from skyway.planner.online.rolling import RollingRobust
+from skyway.planner.problem.problem import Problem
 
 if TYPE_CHECKING:
     from benchmarks.instances import Instance
-    from skyway.planner.evaluation_decisions import Again
+    from skyway.planner.evaluation.decisions import Again
 
 OF = 20_000
 """Deliveries that the figure is told for."""
@@ -62,10 +62,10 @@ def measure(instance: Instance, gusts: int, runs: int = 1) -> list[Figure]:
     broken, flights, days = [], 0, []
     for number, delivery in enumerate(instance.deliveries):
         case = case_of(scenario, instance, number, instance.runs)
-        start = Problem(scenario, case.truths.request, scenario.drone(instance.drone), case.forecast)
+        start = Problem(scenario, case.realizations.request, scenario.drone(instance.drone), case.forecast)
         watch = Watch(start.reserve, gusts, np.random.default_rng((SEED, number)))
-        policy = RollingRobust(start, case.truths.errors)
-        fly_policy(case.truths, instance.drone, policy, np.arange(runs), watch=watch)
+        policy = RollingRobust(start, case.realizations.errors)
+        fly_policy(case.realizations, instance.drone, policy, np.arange(runs), watch=watch)
         broken.append(watch.broken / runs)
         flights += watch.flights
         days.append(int(delivery.truth.replace("-", "")))

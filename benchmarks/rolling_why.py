@@ -22,23 +22,23 @@ from benchmarks.figure import Figure
 from benchmarks.instances import LONG_FILE, read_instance
 from benchmarks.results import Row, append, missing, read
 from benchmarks.trials import Case, case_of
-from skyway.planner.charge_policy import known_at
-from skyway.planner.evaluate import NO_ERRORS, fly_policy
-from skyway.planner.evaluation_kernels import LATERAL
-from skyway.planner.evaluation_statistics import DayBootstrap
-from skyway.planner.exact import ExactSearch
-from skyway.planner.need_kernels import careful_speeds, gust_mean
-from skyway.planner.problem import Problem
-from skyway.planner.rolling import RollingRobust, with_measured
-from skyway.planner.turning import USUAL_FLIGHT_S
+from skyway.planner.evaluation.evaluate import NO_ERRORS, fly_policy
+from skyway.planner.evaluation.statistics import DayBootstrap
+from skyway.planner.exact.exact import ExactSearch
+from skyway.planner.online.rolling import RollingRobust, with_measured
+from skyway.planner.online.turn_back import USUAL_FLIGHT_S
+from skyway.planner.problem.problem import Problem
+from skyway.planner.robust.charge_policy import known_at
+from skyway.planner.robust.required_soc_kernels import careful_speeds, gust_mean
+from skyway.planner.schedule.gust_kernels import LATERAL
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from benchmarks.instances import Instance
-    from skyway.models.queue_paths import QueuePath
-    from skyway.planner.evaluation_policies import Standing
-    from skyway.planner.need_kernels import Known
+    from skyway.models.queues.sampling import QueuePath
+    from skyway.planner.evaluation.policies import Standing
+    from skyway.planner.robust.required_soc_kernels import Known
 
 NOTHING, QUEUES, WIND, BOTH = "nothing", "queues", "wind", "both"
 TOLD = (NOTHING, QUEUES, WIND, BOTH)
@@ -77,22 +77,24 @@ class ToldRolling(RollingRobust):
 
 def fly_told(case: Case, told: str) -> float:
     """Delivery time of the first run, s, of who plans anew at every stop and is told something; NaN where not delivered."""
-    truths, drone = case.truths, case.instance.drone
-    forecast = truths.wind.member(int(truths.day[0])) if told in (WIND, BOTH) else case.forecast
-    start = Problem(case.scenario, truths.request, case.scenario.drone(drone), forecast)
-    policy = RollingRobust(start, truths.errors)
+    realizations, drone = case.realizations, case.instance.drone
+    forecast = realizations.wind.member(int(realizations.day[0])) if told in (WIND, BOTH) else case.forecast
+    start = Problem(case.scenario, realizations.request, case.scenario.drone(drone), forecast)
+    policy = RollingRobust(start, realizations.errors)
     if told in (QUEUES, BOTH):
-        problem = truths.problem(drone)
+        problem = realizations.problem(drone)
         nodes = np.flatnonzero(problem.network.pads > 0).tolist()
-        policy = ToldRolling(start, truths.errors, truths.queues(problem, nodes, int(truths.queue[0])))
-    return float(fly_policy(truths, drone, policy, np.array([0]))[0].delivery_s[0])
+        policy = ToldRolling(
+            start, realizations.errors, realizations.queues(problem, nodes, int(realizations.queue[0]))
+        )
+    return float(fly_policy(realizations, drone, policy, np.array([0]))[0].delivery_s[0])
 
 
 def _told_all(case: Case) -> tuple[Problem, dict[int, QueuePath], Known]:
     """The first run of a delivery as a clairvoyant is told it: its wind, its queues, and what gusts there are."""
-    request, wind = case.truths.told(0)
+    request, wind = case.realizations.told(0)
     p = Problem(case.scenario, request, case.scenario.drone(case.instance.drone), wind)
-    known = known_at(p, case.truths.errors, measured=True, epsilon=p.epsilon)
+    known = known_at(p, case.realizations.errors, measured=True, epsilon=p.epsilon)
     return p, p.queue_paths(range(len(p.network)), 0), known
 
 
@@ -146,8 +148,8 @@ def run(instance: Instance, path: Path, part: tuple[int, int] = (0, 1)) -> None:
         best, bound = clairvoyant_and_bound(gusty)
         row: Row = {"number": number, "day": instance.deliveries[number].truth, "exact": best, BOUND: bound}
         row |= bearing_gusts(gusty)
-        truths = {"gusts": gusty, "no gusts": still}
-        row |= {f"told {told}, {name}": fly_told(case, told) for name, case in truths.items() for told in TOLD}
+        realizations = {"gusts": gusty, "no gusts": still}
+        row |= {f"told {told}, {name}": fly_told(case, told) for name, case in realizations.items() for told in TOLD}
         plain = {key: None if isinstance(one, float) and not math.isfinite(one) else one for key, one in row.items()}
         append(path, plain)
 

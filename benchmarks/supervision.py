@@ -23,10 +23,10 @@ import numpy as np
 
 from benchmarks.deliveries import Stage, Story, newyork
 from skyway.link.supervisor import Scripted, read_journal
-from skyway.models import geodesy
-from skyway.models.errors import InfeasibleError, InputError
-from skyway.planner.problem import HORIZON_H
-from skyway.planner.replan import DEFAULT_PLANNER
+from skyway.models.base import geodesy
+from skyway.models.base.errors import InfeasibleError, InputError
+from skyway.planner.online.replan import DEFAULT_PLANNER
+from skyway.planner.problem.problem import HORIZON_H
 from skyway.sim_stub.faults import parse_fault
 from skyway.sim_stub.transports.channel import Impairment
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.errors import InfeasibleError
-from skyway.planner.evaluate import (
+from skyway.models.base.errors import InfeasibleError
+from skyway.planner.evaluation.evaluate import (
     Evaluation,
     Flown,
     clairvoyant_times,
@@ -17,14 +17,14 @@ from skyway.planner.evaluate import (
     fly_itinerary,
     fly_policy,
     pooled,
-    sample_truths,
+    sample_realizations,
     summarise,
 )
-from skyway.planner.itinerary import fly_sampled
-from skyway.planner.outcome import outcome
+from skyway.planner.online.rolling import RollingRobust
 from skyway.planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, plan
-from skyway.planner.problem import HORIZON_H, Problem
-from skyway.planner.rolling import RollingRobust
+from skyway.planner.problem.problem import HORIZON_H, Problem
+from skyway.planner.schedule.itinerary import fly_sampled
+from skyway.planner.schedule.outcome import outcome
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from benchmarks.instances import Instance
-    from skyway.models.scenario import Scenario
-    from skyway.models.wind_forecast import WindEnsemble
-    from skyway.planner.evaluate import Truths
-    from skyway.planner.itinerary import Itinerary
-    from skyway.planner.outcome import Outcome
-    from skyway.planner.request import Request
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.evaluation.evaluate import Realizations
+    from skyway.planner.problem.request import Request
+    from skyway.planner.schedule.itinerary import Itinerary
+    from skyway.planner.schedule.outcome import Outcome
 
     Floats: TypeAlias = NDArray[np.float64]
 
@@ -46,13 +46,13 @@ TWO_WAYS = ("pfs", "pfs-charge-aware")
 """Planners that recharge as they are told: both options are tried."""
 APART = ("pfs-strict",)
 """Planners whose failures do not take requests from the comparison of the others."""
-MOST_FLIGHTS = 150
+MAX_FLIGHTS = 150
 """A plan of more flights takes longer than the horizon; it counts as wandering and is not flown."""
-MOST_STATIONS = {"ies": 200, "pfs-strict": 50, "rolling": 200}
+MAX_STATIONS = {"ies": 200, "pfs-strict": 50, "rolling": 200}
 """Planners that are tried only on networks of up to so many stations: the search that looks at everything, the one that
 goes in circles until its step limit, and the one that plans anew at every stop of every run."""
 ROLLING = "rolling"
-"""`planner.rolling.RollingRobust`: ``robust`` anew at every stop."""
+"""`planner.online.rolling.RollingRobust`: ``robust`` anew at every stop."""
 COMPARED_RUNS = 4
 """Runs of each delivery in which times are compared: the clairvoyant are told these, and who plans anew flies these alone."""
 PLANNED, NO_ROUTE, WANDERED = "planned", "no-route", "wandered"
@@ -75,7 +75,7 @@ class Contender:
 
 def tried(name: str, stations: int) -> bool:
     """Whether a planner is tried on a network of so many stations."""
-    return stations <= MOST_STATIONS.get(name, stations)
+    return stations <= MAX_STATIONS.get(name, stations)
 
 
 def contenders(stations: int) -> list[Contender]:
@@ -99,7 +99,7 @@ class Trial:
     contender, delivery
         Which.
     status : str
-        ``planned``, ``no-route`` or ``wandered`` (more than `MOST_FLIGHTS` flights).
+        ``planned``, ``no-route`` or ``wandered`` (more than `MAX_FLIGHTS` flights).
     planning_s : float
         Wall time of the search.
     flights : int
@@ -174,7 +174,7 @@ class Case:
     instance: Instance
     number: int
     forecast: WindEnsemble
-    truths: Truths
+    realizations: Realizations
     compared: int
 
     def request(self, recharge: str) -> Request:
@@ -188,10 +188,10 @@ def case_of(scenario: Scenario, instance: Instance, number: int, compared: int =
     forecast = scenario.forecast(request.state.time, HORIZON_H, truth=day)
     if day.isoformat() in forecast.labels:
         raise AssertionError("the truth is in the forecast")
-    truths = sample_truths(
+    realizations = sample_realizations(
         scenario, request, [day], runs=instance.runs, errors=instance.errors, seed=instance.truth_seed + number
     )
-    return Case(scenario, instance, number, forecast, truths, min(compared, instance.runs))
+    return Case(scenario, instance, number, forecast, realizations, min(compared, instance.runs))
 
 
 def try_instance(
@@ -228,7 +228,7 @@ def try_instance(
             if not tried(name, len(scenario.network)):
                 continue
             found, took, off = clairvoyant_times(
-                case.truths, instance.drone, name, range(case.compared), time_limit_s=time_limit_s
+                case.realizations, instance.drone, name, range(case.compared), time_limit_s=time_limit_s
             )
             known.setdefault(name, []).append(found)
             spent[name] = spent.get(name, 0.0) + took / case.compared
@@ -250,8 +250,8 @@ def try_case(case: Case, rival: Contender) -> Trial:
         return Trial(rival, case.number, NO_ROUTE, time.perf_counter() - started, 0, None)
     if promise is None:
         return Trial(rival, case.number, WANDERED, spent, len(itinerary), None)
-    depart_s = case.truths.request.state.time.timestamp()
-    flown = fly_itinerary(case.truths, case.instance.drone, itinerary).judged(promise, depart_s)
+    depart_s = case.realizations.request.state.time.timestamp()
+    flown = fly_itinerary(case.realizations, case.instance.drone, itinerary).judged(promise, depart_s)
     return Trial(rival, case.number, PLANNED, spent, len(itinerary), flown)
 
 
@@ -259,7 +259,7 @@ def _try_robust(case: Case, rival: Contender) -> Trial:
     """A route with charges decided at each stop."""
     result = plan(case.scenario, case.request(rival.recharge), planner=ROBUST, forecast=case.forecast)
     assert result.robust is not None
-    flown = fly_charging(case.truths, case.instance.drone, result.robust.policy)
+    flown = fly_charging(case.realizations, case.instance.drone, result.robust.policy)
     flown = flown.judged(result.outcome, result.problem.depart_s)
     return Trial(rival, case.number, PLANNED, result.planning_time_s, len(result.itinerary), flown)
 
@@ -269,11 +269,11 @@ def _try_rolling(case: Case, rival: Contender) -> Trial:
     request = case.request(rival.recharge)
     started = time.perf_counter()
     start = Problem(case.scenario, request, case.scenario.drone(request.drone or ""), case.forecast)
-    policy = RollingRobust(start, case.truths.errors)
-    flown, done = fly_policy(case.truths, case.instance.drone, policy, np.arange(case.compared))
-    decisions = sum(len(hops) for hops in done)
+    policy = RollingRobust(start, case.realizations.errors)
+    flown, done = fly_policy(case.realizations, case.instance.drone, policy, np.arange(case.compared))
+    decisions = sum(len(legs) for legs in done)
     spent = (time.perf_counter() - started) / max(decisions, 1)
-    return Trial(rival, case.number, PLANNED, spent, max((len(hops) for hops in done), default=0), flown)
+    return Trial(rival, case.number, PLANNED, spent, max((len(legs) for legs in done), default=0), flown)
 
 
 def _solve(
@@ -288,7 +288,7 @@ def _solve(
     started = time.perf_counter()
     itinerary = search.solve()
     spent = time.perf_counter() - started
-    if len(itinerary) > MOST_FLIGHTS:
+    if len(itinerary) > MAX_FLIGHTS:
         return itinerary, None, spent
     return itinerary, outcome(problem, *fly_sampled(problem, itinerary)), spent
 

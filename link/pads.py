@@ -7,9 +7,9 @@ import socket
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from skyway.link.address import parse_address
-from skyway.models.errors import Fault, InputError
-from skyway.models.pad_service import (
+from skyway.link.wire.address import parse_address
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.queues.pad_service import (
     MAX_LINE_BYTES,
     DroneOnPad,
     PadAnswer,

@@ -10,58 +10,58 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from skyway.missions.builder.from_composition import Export, armed_mission, leg_mission, whole_mission
+    from skyway.missions.builder.mission_options import MissionOptions
     from skyway.missions.checks.energy import FlightConditions, LegEnergy
     from skyway.missions.checks.report import CheckReport, check
     from skyway.missions.checks.weather import ForecastWind, SteadyWind
-    from skyway.missions.commands import Command, Frame
-    from skyway.missions.comparison import Difference, diff
-    from skyway.missions.coordinates import Point
     from skyway.missions.dialects import dialect
+    from skyway.missions.dialects.comparison import Difference, diff
     from skyway.missions.dialects.protocol import Dialect
     from skyway.missions.dialects.wire import WireItem
-    from skyway.missions.document import MissionDocument
-    from skyway.missions.finding import Finding
-    from skyway.missions.from_composition import Export, armed_mission, leg_mission, whole_mission
-    from skyway.missions.geofence import FenceCircle, FencePolygon, Geofence
-    from skyway.missions.mission import Home, Mission, MissionItem
-    from skyway.missions.mission_file import read, write
-    from skyway.missions.mission_options import MissionOptions
-    from skyway.missions.parameters import Parameter
-    from skyway.missions.rally import RallyPoint, RallyPoints
+    from skyway.missions.files.mission_file import read, write
+    from skyway.missions.items.commands import Command, Frame
+    from skyway.missions.items.coordinates import Point
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.finding import Finding
+    from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence
+    from skyway.missions.items.mission import Home, Mission, MissionItem
+    from skyway.missions.items.parameters import Parameter
+    from skyway.missions.items.rally import RallyPoint, RallyPoints
 
 _HOMES = {
     "CheckReport": "checks.report",
-    "Command": "commands",
+    "Command": "items.commands",
     "Dialect": "dialects.protocol",
-    "Difference": "comparison",
-    "Export": "from_composition",
-    "FenceCircle": "geofence",
-    "FencePolygon": "geofence",
-    "Finding": "finding",
+    "Difference": "dialects.comparison",
+    "Export": "builder.from_composition",
+    "FenceCircle": "items.geofence",
+    "FencePolygon": "items.geofence",
+    "Finding": "items.finding",
     "FlightConditions": "checks.energy",
     "ForecastWind": "checks.weather",
-    "Frame": "commands",
-    "Geofence": "geofence",
-    "Home": "mission",
+    "Frame": "items.commands",
+    "Geofence": "items.geofence",
+    "Home": "items.mission",
     "LegEnergy": "checks.energy",
-    "Mission": "mission",
-    "MissionDocument": "document",
-    "MissionItem": "mission",
-    "MissionOptions": "mission_options",
-    "Parameter": "parameters",
-    "Point": "coordinates",
-    "RallyPoint": "rally",
-    "RallyPoints": "rally",
+    "Mission": "items.mission",
+    "MissionDocument": "items.document",
+    "MissionItem": "items.mission",
+    "MissionOptions": "builder.mission_options",
+    "Parameter": "items.parameters",
+    "Point": "items.coordinates",
+    "RallyPoint": "items.rally",
+    "RallyPoints": "items.rally",
     "SteadyWind": "checks.weather",
     "WireItem": "dialects.wire",
-    "armed_mission": "from_composition",
+    "armed_mission": "builder.from_composition",
     "check": "checks.report",
     "dialect": "dialects",
-    "diff": "comparison",
-    "leg_mission": "from_composition",
-    "read": "mission_file",
-    "whole_mission": "from_composition",
-    "write": "mission_file",
+    "diff": "dialects.comparison",
+    "leg_mission": "builder.from_composition",
+    "read": "files.mission_file",
+    "whole_mission": "builder.from_composition",
+    "write": "files.mission_file",
 }
 
 __all__ = [

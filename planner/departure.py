@@ -7,25 +7,25 @@ from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
-from skyway.models.errors import Fault, InfeasibleError, InputError, NoRouteError
+from skyway.models.base.errors import Fault, InfeasibleError, InputError, NoRouteError
 from skyway.planner.plan import ROBUST, plan
-from skyway.planner.problem import HORIZON_H
+from skyway.planner.problem.problem import HORIZON_H
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from datetime import datetime
 
-    from skyway.models.figure import Figure
-    from skyway.models.scenario import Scenario
-    from skyway.models.wind_forecast import WindEnsemble
-    from skyway.planner.request import Request
+    from skyway.models.base.figure import Figure
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.problem.request import Request
     from skyway.planner.result import PlanResult
 
 STEP_S = 1800.0
 """Between departures that are tried."""
-LEAST_WINDOW_S = 60.0
+MIN_WINDOW_S = 60.0
 """Of a shorter window nobody has anything."""
-MOST_TRIED = 25
+MAX_TRIED = 25
 """Departures that are tried at most; in a longer window they are farther apart."""
 
 
@@ -91,13 +91,13 @@ def plan_within(
     InfeasibleError
         No departure has a route; the error of the first.
     """
-    if not LEAST_WINDOW_S <= window_s <= 86_400.0:
+    if not MIN_WINDOW_S <= window_s <= 86_400.0:
         remedy = "from 1 min to 24 h, such as 2h"
         raise InputError(Fault("out of range", field="depart-window", value=f"{window_s:g} s", remedy=remedy))
     if request.state.position is not None:
         raise InputError(Fault("a drone in the air cannot wait for its departure", field="depart-window"))
-    count = min(max(math.floor(window_s / STEP_S + 1e-9), 1) + 1, MOST_TRIED)
-    step = min(window_s / (count - 1), STEP_S) if count < MOST_TRIED else window_s / (count - 1)
+    count = min(max(math.floor(window_s / STEP_S + 1e-9), 1) + 1, MAX_TRIED)
+    step = min(window_s / (count - 1), STEP_S) if count < MAX_TRIED else window_s / (count - 1)
     best: PlanResult | None = None
     best_loss = (math.inf, math.inf)
     first_error: InfeasibleError | None = None

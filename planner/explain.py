@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.errors import NoRouteError
-from skyway.models.weighted import weighted_quantile
-from skyway.planner.course_kernels import SOC_DOWN, SOC_OFF, TOUCH_DOWN
-from skyway.planner.exact import ExactSearch
-from skyway.planner.outcome import later
-from skyway.planner.robust import LARGE, RobustSearch
-from skyway.planner.speeds import TrueSpeeds
+from skyway.models.base.errors import NoRouteError
+from skyway.models.base.weighted import weighted_quantile
+from skyway.planner.exact.exact import ExactSearch
+from skyway.planner.problem.speeds import TrueSpeeds
+from skyway.planner.robust.robust import LARGE, RobustSearch
+from skyway.planner.schedule.outcome import later
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN
 
 if TYPE_CHECKING:
-    from skyway.models.figure import Figure
+    from skyway.models.base.figure import Figure
     from skyway.planner.result import PlanResult
-    from skyway.planner.robust import Candidate, RobustAnswer
+    from skyway.planner.robust.robust import Candidate, RobustAnswer
 
 LOW, HIGH = 0.1, 0.9
 """Quantiles that say how far a charge may be from that of the typical course."""
@@ -106,19 +106,19 @@ class WaitAndSee:
 
 def charge_ranges(answer: RobustAnswer) -> list[ChargeRange]:
     """What the plan would do otherwise: how much more or less it charges at each stop, by what is known there."""
-    course, weight = answer.rehearsal.course, answer.rehearsal.weight
+    course, weight = answer.out_of_sample.course, answer.out_of_sample.weight
     network = answer.policy.problem.network
     found = []
-    for number, hop in enumerate(answer.policy.itinerary):
-        before = course[:, number - 1, SOC_DOWN] if number else np.full(len(course), answer.policy.problem.soc)
+    for number, leg in enumerate(answer.policy.itinerary):
+        before = course[:, number - 1, SOC_LANDING] if number else np.full(len(course), answer.policy.problem.soc)
         flown = np.isfinite(course[:, number, TOUCH_DOWN])
         if not flown.any() or number == 0:
             continue
-        off = course[flown, number, SOC_OFF]
+        off = course[flown, number, SOC_TAKE_OFF]
         idle = float(weight[flown][off <= before[flown] + 1e-9].sum() / weight[flown].sum())
         low, high = (weighted_quantile(off, weight[flown], q) for q in (LOW, HIGH))
-        station = network.stations[int(network.tail[hop.segments[0]])].id
-        found.append(ChargeRange(station, float(answer.typical.course[number, SOC_OFF]), low, high, idle))
+        station = network.stations[int(network.tail[leg.segments[0]])].id
+        found.append(ChargeRange(station, float(answer.typical.course[number, SOC_TAKE_OFF]), low, high, idle))
     return found
 
 
@@ -131,10 +131,10 @@ def stop_reasons(result: PlanResult) -> list[StopReason]:
     search = RobustSearch(problem)
     best = answer.candidates[0].outcome
     found = []
-    for number, hop in enumerate(policy.itinerary):
+    for number, leg in enumerate(policy.itinerary):
         if number == 0:
             continue
-        node = int(problem.network.tail[hop.segments[0]])
+        node = int(problem.network.tail[leg.segments[0]])
         runner_up: tuple[str, ...] | None = None
         later_by: Figure | None = None
         try:
@@ -150,9 +150,13 @@ def stop_reasons(result: PlanResult) -> list[StopReason]:
 
 def _charge_at(answer: RobustAnswer, number: int) -> tuple[float, float, float, float, float]:
     """Share of runs that do not charge before a flight, and of those that do: charge, what it takes, margin, reserve."""
-    course, weight = answer.rehearsal.course, answer.rehearsal.weight
+    course, weight = answer.out_of_sample.course, answer.out_of_sample.weight
     flown = np.isfinite(course[:, number, TOUCH_DOWN])
-    before, off, down = course[:, number - 1, SOC_DOWN], course[:, number, SOC_OFF], course[:, number, SOC_DOWN]
+    before, off, down = (
+        course[:, number - 1, SOC_LANDING],
+        course[:, number, SOC_TAKE_OFF],
+        course[:, number, SOC_LANDING],
+    )
     charging = flown & (off > before + 1e-9)
     idle = 1.0 - float(weight[charging].sum()) / max(float(weight[flown].sum()), 1e-300)
     counted = charging if charging.any() else flown
@@ -175,7 +179,7 @@ def alternatives(answer: RobustAnswer, count: int) -> list[Candidate]:
             one.outcome.mean_s,
             one.outcome.quantile_s(0.95),
             1.0 - one.outcome.p_success,
-            one.rehearsal.charge_used,
+            one.out_of_sample.charge_used,
         )
 
     found: list[Candidate] = []

@@ -9,41 +9,41 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from skyway.models.errors import AuditError, Fault, InfeasibleError, InputError, NoRouteError
-from skyway.models.formatting import later_text
-from skyway.models.units import S_PER_H
-from skyway.planner.audit import World, audit
-from skyway.planner.charge_policy import rehearse_fixed, typical_fixed, world_of
-from skyway.planner.composing import compose
-from skyway.planner.course_kernels import TOUCH_DOWN
-from skyway.planner.error_model import USUAL_ERRORS
-from skyway.planner.exact import ExactSearch
+from skyway.models.base.errors import AuditError, Fault, InfeasibleError, InputError, NoRouteError
+from skyway.models.base.formatting import later_text
+from skyway.models.base.units import S_PER_H
+from skyway.planner.baselines.ies import ExhaustiveSearch
+from skyway.planner.baselines.pfs import ForwardSearch
+from skyway.planner.baselines.pfs_strict import StrictForwardSearch
+from skyway.planner.baselines.shortest import ShortestFlight
+from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.explain import alternatives
-from skyway.planner.ies import ExhaustiveSearch
-from skyway.planner.itinerary import fly_true
-from skyway.planner.no_route import emptied_leg, grounded_leg, never_leaves, runs_empty
-from skyway.planner.outcome import later, outcome
-from skyway.planner.pfs import ForwardSearch
-from skyway.planner.pfs_strict import StrictForwardSearch
-from skyway.planner.problem import HORIZON_H, Problem, check_apart
+from skyway.planner.problem.error_model import USUAL_ERRORS
+from skyway.planner.problem.problem import HORIZON_H, Problem, check_apart
+from skyway.planner.problem.skyline import skyline
 from skyway.planner.result import Comparison, PlanResult
-from skyway.planner.robust import FINAL_RUNS, LEAST_ARRIVE, MEMBERS, RobustSearch
-from skyway.planner.shortest import ShortestFlight
-from skyway.planner.skyline import skyline
+from skyway.planner.robust.charge_policy import simulate_fixed, typical_fixed, world_of
+from skyway.planner.robust.robust import FINAL_RUNS, MEMBERS, MIN_ARRIVE, RobustSearch
+from skyway.planner.schedule.audit import World, audit
+from skyway.planner.schedule.composing import compose
+from skyway.planner.schedule.itinerary import fly_true
+from skyway.planner.schedule.no_route import emptied_leg, grounded_leg, never_leaves, runs_empty
+from skyway.planner.schedule.outcome import later, outcome
+from skyway.planner.schedule.schedule_kernels import TOUCH_DOWN
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from skyway.models.drone import Drone
-    from skyway.models.scenario import Scenario
-    from skyway.models.wind_forecast import WindEnsemble
-    from skyway.planner.itinerary import Itinerary
-    from skyway.planner.objective import Objective
-    from skyway.planner.outcome import Outcome
-    from skyway.planner.request import Request
-    from skyway.planner.robust import RobustAnswer
+    from skyway.models.drones.drone import Drone
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.problem.objective import Objective
+    from skyway.planner.problem.request import Request
+    from skyway.planner.robust.robust import RobustAnswer
+    from skyway.planner.schedule.itinerary import Itinerary
+    from skyway.planner.schedule.outcome import Outcome
 
 
 class Search(Protocol):
@@ -114,7 +114,7 @@ def plan(
     InfeasibleError
         There is no composition; the error names the binding constraint.
     AuditError
-        Flown once more, the answer is not what it claims to be (`planner.audit`).
+        Flown once more, the answer is not what it claims to be (`planner.schedule.audit`).
     """
     if planner not in PLANNERS:
         raise InputError(
@@ -214,7 +214,7 @@ def _best(
         raise _none(errors)
     best = min(
         range(len(drones)),
-        key=lambda number: (outcomes[number].p_arrive < LEAST_ARRIVE, *objective.loss(outcomes[number])),
+        key=lambda number: (outcomes[number].p_arrive < MIN_ARRIVE, *objective.loss(outcomes[number])),
     )
     for number, drone in enumerate(drones):
         if number != best:
@@ -231,16 +231,16 @@ def _none(errors: dict[str, InfeasibleError]) -> InfeasibleError:
     return NoRouteError(message, constraint=errors[first].constraint)
 
 
-def _doubts(problem: Problem, course: NDArray[np.float64], summary: Outcome, *, rehearsed: int = 0) -> tuple[str, ...]:
+def _doubts(problem: Problem, course: NDArray[np.float64], summary: Outcome, *, simulated: int = 0) -> tuple[str, ...]:
     """Say where the plan promises less than was asked for: more than chance explains in so many rehearsed runs."""
     doubts = []
     broken = 1.0 - summary.p_success
-    if rehearsed and broken > problem.epsilon + 2.0 * math.sqrt(problem.epsilon / rehearsed):
+    if simulated and broken > problem.epsilon + 2.0 * math.sqrt(problem.epsilon / simulated):
         doubts.append(
             f"{100.0 * broken:.2g} % of deliveries land below the reserve, {100.0 * problem.epsilon:g} % were asked for: "
             "no route that the planner knows is safer"
         )
-    elif not rehearsed and broken > problem.epsilon + 1e-9:
+    elif not simulated and broken > problem.epsilon + 1e-9:
         doubts.append(
             f"flown as it stands, {100.0 * broken:.2g} % of deliveries land below the reserve, {100.0 * problem.epsilon:g} % "
             "were asked for: decide the charge again at each stop"
@@ -278,7 +278,7 @@ def _solve(
         itinerary = search.solve()
         spent = time.perf_counter() - started
         same = problem.thinned(MEMBERS)  # the worlds in which the figures of `robust` are counted
-        runs = rehearse_fixed(same, itinerary, USUAL_ERRORS, FINAL_RUNS)
+        runs = simulate_fixed(same, itinerary, USUAL_ERRORS, FINAL_RUNS)
         if not np.isfinite(runs.course[:, -1, TOUCH_DOWN]).any():
             raise never_leaves(problem, itinerary, grounded_leg(runs.course))
         typical = typical_fixed(same, itinerary, runs)
@@ -373,7 +373,7 @@ def _told(answer: RobustAnswer, spent_s: float, looked_at: int, rejected: dict[s
         summary,
         planner=ROBUST,
         planning_time_s=spent_s,
-        notes=_doubts(problem, answer.typical.course, summary, rehearsed=len(answer.rehearsal.weight)),
+        notes=_doubts(problem, answer.typical.course, summary, simulated=len(answer.out_of_sample.weight)),
     )
     audit(composition, problem, itinerary, world_of(problem, itinerary, answer.typical))
     objective = problem.request.objective

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from skyway.models.errors import InfeasibleError
-    from skyway.models.services import Composition
-    from skyway.planner.itinerary import Itinerary
-    from skyway.planner.outcome import Outcome
-    from skyway.planner.problem import Problem
-    from skyway.planner.robust import RobustAnswer
+    from skyway.models.base.errors import InfeasibleError
+    from skyway.models.composition.composition import Composition
+    from skyway.planner.problem.problem import Problem
+    from skyway.planner.robust.robust import RobustAnswer
+    from skyway.planner.schedule.itinerary import Itinerary
+    from skyway.planner.schedule.outcome import Outcome
 
 
 @dataclass(frozen=True)

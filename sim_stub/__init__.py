@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from skyway.sim_stub.faults import Fault, parse_fault
     from skyway.sim_stub.fleet import FleetOptions, build_world, serve
     from skyway.sim_stub.pads import Pads
+    from skyway.sim_stub.plant.wind_truth import ConstantWind, RecordedWind
     from skyway.sim_stub.transports.channel import Impairment
     from skyway.sim_stub.transports.lockstep import Lockstep, LockstepTransport, VirtualClock
     from skyway.sim_stub.vehicle import Vehicle
-    from skyway.sim_stub.wind_truth import ConstantWind, RecordedWind
     from skyway.sim_stub.world import Event, World
 
 _HOMES = {
@@ -33,8 +33,8 @@ _HOMES = {
     "LockstepTransport": "transports.lockstep",
     "VirtualClock": "transports.lockstep",
     "Vehicle": "vehicle",
-    "ConstantWind": "wind_truth",
-    "RecordedWind": "wind_truth",
+    "ConstantWind": "plant.wind_truth",
+    "RecordedWind": "plant.wind_truth",
     "Event": "world",
     "World": "world",
 }

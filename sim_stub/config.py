@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from skyway.models.errors import Fault as Wrong
-from skyway.models.errors import InputError
-from skyway.sim_stub.airframe import Airframe
+from skyway.models.base.errors import Fault as Wrong
+from skyway.models.base.errors import InputError
+from skyway.sim_stub.plant.airframe import Airframe
 
 FAMILIES = ("px4", "ardupilot")
 FIRMWARES = {"px4": ("1.15", "1.16", "main"), "ardupilot": ("4.5", "4.6", "4.7", "4.8")}

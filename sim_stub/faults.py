@@ -7,8 +7,8 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from skyway.models.errors import Fault as Wrong
-from skyway.models.errors import InputError
+from skyway.models.base.errors import Fault as Wrong
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

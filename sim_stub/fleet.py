@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from skyway.models.errors import Fault as Wrong
-from skyway.models.errors import InputError
-from skyway.sim_stub.airframe import Airframe
+from skyway.models.base.errors import Fault as Wrong
+from skyway.models.base.errors import InputError
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.pads import Pads
+from skyway.sim_stub.plant.airframe import Airframe
 from skyway.sim_stub.transports import tcp
 from skyway.sim_stub.transports.channel import Impairment
 from skyway.sim_stub.transports.loop import SocketLoop
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from selectors import BaseSelector
 
-    from skyway.models.drone import Drone
-    from skyway.models.load import PadLoad
-    from skyway.models.network import Station
+    from skyway.models.drones.drone import Drone
+    from skyway.models.network.network import Station
+    from skyway.models.queues.load import PadLoad
     from skyway.sim_stub.faults import Fault
+    from skyway.sim_stub.plant.wind_truth import WindTruth
     from skyway.sim_stub.transports.endpoint import Endpoint
     from skyway.sim_stub.vehicle import Vehicle
-    from skyway.sim_stub.wind_truth import WindTruth
     from skyway.sim_stub.world import Event
 
 MAX_VEHICLES = 250

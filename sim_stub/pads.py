@@ -1,7 +1,7 @@
 """Pads of the stations: who charges, who waits, and the other drones that come and go.
 
 First come, first served, no reservations. Other drones arrive as a Poisson process and charge for exponential times,
-with the rates of `models.load`; they are sampled here, not taken from the queue model that plans are made with. Time
+with the rates of `models.queues.load`; they are sampled here, not taken from the queue model that plans are made with. Time
 passes from event to event.
 """
 
@@ -14,15 +14,15 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from skyway.models.errors import Fault as Wrong
-from skyway.models.errors import InputError
-from skyway.models.pad_service import DroneOnPad, PadServiceError, StationStatus
+from skyway.models.base.errors import Fault as Wrong
+from skyway.models.base.errors import InputError
+from skyway.models.queues.pad_service import DroneOnPad, PadServiceError, StationStatus
 from skyway.sim_stub.faults import AT_STATIONS
 from skyway.sim_stub.vehicle import Charge
 
 if TYPE_CHECKING:
-    from skyway.models.load import PadLoad
-    from skyway.models.network import Station
+    from skyway.models.network.network import Station
+    from skyway.models.queues.load import PadLoad
     from skyway.sim_stub.faults import Fault
     from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.world import World
@@ -82,7 +82,7 @@ class _Site:
 
 
 class Pads:
-    """All pads of a world; satisfies `models.pad_service.PadService`.
+    """All pads of a world; satisfies `models.queues.pad_service.PadService`.
 
     Parameters
     ----------

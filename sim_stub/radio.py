@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.errors import Fault, InputError
-from skyway.sim_stub.ports import Port
+from skyway.models.base.errors import Fault, InputError
 from skyway.sim_stub.protocols.services import new_signing, text_frames
 from skyway.sim_stub.protocols.telemetry import (
     ARDUPILOT_DEFAULT_HZ,
@@ -17,6 +16,7 @@ from skyway.sim_stub.protocols.telemetry import (
     mission_current,
 )
 from skyway.sim_stub.wire.messages import spec, specs
+from skyway.sim_stub.wire.ports import Port
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

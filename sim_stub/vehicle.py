@@ -7,30 +7,30 @@ import random
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.models.errors import Fault as Wrong
-from skyway.models.errors import InputError
-from skyway.sim_stub import mishaps
-from skyway.sim_stub.autopilot.ardupilot import ArduPilot
-from skyway.sim_stub.autopilot.px4 import Px4
-from skyway.sim_stub.battery import Battery
+from skyway.models.base.errors import Fault as Wrong
+from skyway.models.base.errors import InputError
+from skyway.sim_stub import fault_effects as mishaps
+from skyway.sim_stub.autopilot.ardupilot.ardupilot import ArduPilot
+from skyway.sim_stub.autopilot.px4.px4 import Px4
 from skyway.sim_stub.faults import FaultState
-from skyway.sim_stub.physics import FINE_STEP_S, STEP_S, Body, Demand, offset_m
-from skyway.sim_stub.positioning import Positioning
-from skyway.sim_stub.power import PowerModel
+from skyway.sim_stub.plant.battery import Battery
+from skyway.sim_stub.plant.physics import FINE_STEP_S, STEP_S, Body, Demand, offset_m
+from skyway.sim_stub.plant.positioning import Positioning
+from skyway.sim_stub.plant.power import PowerModel
+from skyway.sim_stub.plant.wind_truth import Gusts
 from skyway.sim_stub.protocols.ardupilot_missions import ArduPilotMissionServer
 from skyway.sim_stub.protocols.commands import CommandServer
 from skyway.sim_stub.protocols.parameters import ParameterServer
 from skyway.sim_stub.protocols.px4_missions import Px4MissionServer
 from skyway.sim_stub.protocols.services import LinkServices
 from skyway.sim_stub.radio import Radio
-from skyway.sim_stub.wind_truth import Gusts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from skyway.sim_stub.autopilot.base import Autopilot
     from skyway.sim_stub.config import VehicleConfig
-    from skyway.sim_stub.ports import Port
+    from skyway.sim_stub.wire.ports import Port
     from skyway.sim_stub.world import World
 
 AUTOPILOTS: dict[str, type[Px4 | ArduPilot]] = {"px4": Px4, "ardupilot": ArduPilot}

@@ -6,17 +6,17 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from skyway.models.errors import Fault as Wrong
-from skyway.models.errors import InputError
+from skyway.models.base.errors import Fault as Wrong
+from skyway.models.base.errors import InputError
 from skyway.sim_stub.faults import AT_STATIONS, Fault, parse_fault
-from skyway.sim_stub.physics import offset_m
+from skyway.sim_stub.plant.physics import offset_m
+from skyway.sim_stub.plant.wind_truth import ConstantWind, WindTruth
 from skyway.sim_stub.vehicle import Vehicle
-from skyway.sim_stub.wind_truth import ConstantWind, WindTruth
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from skyway.models.network import Station
+    from skyway.models.network.network import Station
     from skyway.sim_stub.config import VehicleConfig
     from skyway.sim_stub.pads import Pads
 

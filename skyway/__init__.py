@@ -15,56 +15,56 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from skyway.building import build_scenario
     from skyway.missions.examples import NEW_YORK
-    from skyway.models.composition_file import load as load_composition
-    from skyway.models.composition_file import save as save_composition
-    from skyway.models.drone import Drone
-    from skyway.models.errors import InfeasibleError, InputError, NoRouteError, SkywayError
-    from skyway.models.flight import FlightRules
-    from skyway.models.load import PadLoad
-    from skyway.models.network import ConnectionRule, Network, Station
-    from skyway.models.scenario import Scenario
-    from skyway.models.scenario_file import read_scenario
-    from skyway.models.services import Composition, DroneService, State, Stop
-    from skyway.models.wind_ensemble import WindEnsemble
-    from skyway.models.wind_forecast import constant_wind
-    from skyway.planner.objective import Objective
+    from skyway.models.base.errors import InfeasibleError, InputError, NoRouteError, SkywayError
+    from skyway.models.composition.composition import Composition, DroneService, State, Stop
+    from skyway.models.composition.file import load as load_composition
+    from skyway.models.composition.file import save as save_composition
+    from skyway.models.drones.drone import Drone
+    from skyway.models.flight.rules import FlightRules
+    from skyway.models.network.network import ConnectionRule, Network, Station
+    from skyway.models.queues.load import PadLoad
+    from skyway.models.scenario.file import read_scenario
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.models.wind.forecast import constant_wind
     from skyway.planner.plan import compare, plan
-    from skyway.planner.request import Request
+    from skyway.planner.problem.objective import Objective
+    from skyway.planner.problem.request import Request
     from skyway.planner.result import Comparison, PlanResult
-    from skyway.plotting import plot
+    from skyway.plots.plotting import plot
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "NEW_YORK": ("skyway.missions.examples", "NEW_YORK"),
-    "load_composition": ("skyway.models.composition_file", "load"),
-    "save_composition": ("skyway.models.composition_file", "save"),
-    "Drone": ("skyway.models.drone", "Drone"),
-    "InfeasibleError": ("skyway.models.errors", "InfeasibleError"),
-    "InputError": ("skyway.models.errors", "InputError"),
-    "NoRouteError": ("skyway.models.errors", "NoRouteError"),
-    "SkywayError": ("skyway.models.errors", "SkywayError"),
-    "FlightRules": ("skyway.models.flight", "FlightRules"),
-    "PadLoad": ("skyway.models.load", "PadLoad"),
-    "ConnectionRule": ("skyway.models.network", "ConnectionRule"),
-    "Network": ("skyway.models.network", "Network"),
-    "Station": ("skyway.models.network", "Station"),
-    "Scenario": ("skyway.models.scenario", "Scenario"),
-    "read_scenario": ("skyway.models.scenario_file", "read_scenario"),
-    "Composition": ("skyway.models.services", "Composition"),
-    "DroneService": ("skyway.models.services", "DroneService"),
-    "State": ("skyway.models.services", "State"),
-    "Stop": ("skyway.models.services", "Stop"),
-    "WindEnsemble": ("skyway.models.wind_ensemble", "WindEnsemble"),
-    "constant_wind": ("skyway.models.wind_forecast", "constant_wind"),
-    "Objective": ("skyway.planner.objective", "Objective"),
+    "load_composition": ("skyway.models.composition.file", "load"),
+    "save_composition": ("skyway.models.composition.file", "save"),
+    "Drone": ("skyway.models.drones.drone", "Drone"),
+    "InfeasibleError": ("skyway.models.base.errors", "InfeasibleError"),
+    "InputError": ("skyway.models.base.errors", "InputError"),
+    "NoRouteError": ("skyway.models.base.errors", "NoRouteError"),
+    "SkywayError": ("skyway.models.base.errors", "SkywayError"),
+    "FlightRules": ("skyway.models.flight.rules", "FlightRules"),
+    "PadLoad": ("skyway.models.queues.load", "PadLoad"),
+    "ConnectionRule": ("skyway.models.network.network", "ConnectionRule"),
+    "Network": ("skyway.models.network.network", "Network"),
+    "Station": ("skyway.models.network.network", "Station"),
+    "Scenario": ("skyway.models.scenario.scenario", "Scenario"),
+    "read_scenario": ("skyway.models.scenario.file", "read_scenario"),
+    "Composition": ("skyway.models.composition.composition", "Composition"),
+    "DroneService": ("skyway.models.composition.composition", "DroneService"),
+    "State": ("skyway.models.composition.composition", "State"),
+    "Stop": ("skyway.models.composition.composition", "Stop"),
+    "WindEnsemble": ("skyway.models.wind.ensemble", "WindEnsemble"),
+    "constant_wind": ("skyway.models.wind.forecast", "constant_wind"),
+    "Objective": ("skyway.planner.problem.objective", "Objective"),
     "compare": ("skyway.planner.plan", "compare"),
     "plan": ("skyway.planner.plan", "plan"),
-    "Request": ("skyway.planner.request", "Request"),
+    "Request": ("skyway.planner.problem.request", "Request"),
     "Comparison": ("skyway.planner.result", "Comparison"),
     "PlanResult": ("skyway.planner.result", "PlanResult"),
     "build_scenario": ("skyway.building", "build_scenario"),
-    "plot": ("skyway.plotting", "plot"),
+    "plot": ("skyway.plots.plotting", "plot"),
 }
 
 __all__ = [

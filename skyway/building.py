@@ -5,22 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.drone import M200_V2, Drone
-from skyway.models.errors import Fault, InputError
-from skyway.models.fleet import read_fleet
-from skyway.models.flight import FlightRules
-from skyway.models.load import PadLoad
-from skyway.models.network_sources import network_of
-from skyway.models.scenario import Scenario
-from skyway.models.scenario_checks import fit_warnings
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.drones.drone import M200_V2, Drone
+from skyway.models.drones.fleet import read_fleet
+from skyway.models.flight.rules import FlightRules
+from skyway.models.network.sources import network_of
+from skyway.models.queues.load import PadLoad
+from skyway.models.scenario.checks import fit_warnings
+from skyway.models.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from os import PathLike
 
-    from skyway.models.network import ConnectionRule
-    from skyway.models.wind_history import WindHistory
-    from skyway.models.zones import NoFlyZones
+    from skyway.models.network.network import ConnectionRule
+    from skyway.models.network.zones import NoFlyZones
+    from skyway.models.wind.history import WindHistory
 
 
 def build_scenario(
@@ -40,7 +40,7 @@ def build_scenario(
     Parameters
     ----------
     stations : Network, sequence of Station or of mappings, DataFrame, GeoDataFrame or networkx graph
-        See `models.network_sources.network_of`.
+        See `models.network.sources.network_of`.
     segments : pairs of station ids, ConnectionRule or None
         Directed segments, or the rule that makes them; None: the edges of a graph, else all pairs within 10 km.
     drones : sequence of Drone, or path of a fleet file

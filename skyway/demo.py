@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
     from skyway.link.supervisor import Outcome
     from skyway.link.supervisor.context import Context
-    from skyway.models.scenario import Scenario
-    from skyway.models.services import Composition
-    from skyway.models.wind_ensemble import WindEnsemble
-    from skyway.planner.request import Request
+    from skyway.models.composition.composition import Composition
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.problem.request import Request
     from skyway.sim_stub.world import World
 
 START, DESTINATION = "siuh-north", "white-plains"
@@ -58,9 +58,9 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
     InfeasibleError
         There is no plan for that day.
     """
-    from skyway.link.supervisor import Journal, Mandate, NobodyThere, Supervisor
-    from skyway.models.composition_file import save
-    from skyway.planner.replan import DEFAULT_PLANNER
+    from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
+    from skyway.models.composition.file import save
+    from skyway.planner.online.replan import DEFAULT_PLANNER
     from skyway.proving_flight import drag_of
     from skyway.sim_stub.pads import Pads
 
@@ -80,7 +80,7 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
     path.unlink(missing_ok=True)
     vehicle, close = _aboard(options, lockstep, world)
     journal = Journal(path, lockstep.clock.posix_s)
-    mandate = Mandate(
+    job = DeliveryJob(
         composition=composition,
         scenario=scenario,
         request=request,
@@ -91,7 +91,7 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
     )
     operator = NobodyThere(show=lambda line: say(f"{_clock(lockstep.clock.posix_s())}  {line}"))
     pads = world.pads or Pads(world, scenario.load, seed=options.seed)
-    supervisor = Supervisor(mandate, vehicle, lockstep.clock, pads, operator, journal, on_tick=_truth_writer(world))
+    supervisor = Supervisor(job, vehicle, lockstep.clock, pads, operator, journal, on_tick=_truth_writer(world))
     try:
         return supervisor.run()
     finally:
@@ -101,17 +101,17 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
 
 def plan_demo(options: DemoOptions) -> Composition:
     """Return the plan that would be flown."""
-    from skyway.planner.replan import DEFAULT_PLANNER
+    from skyway.planner.online.replan import DEFAULT_PLANNER
 
     return _plan(options, options.planner or DEFAULT_PLANNER)[3]
 
 
 def _plan(options: DemoOptions, planner: str) -> tuple[Scenario, Request, WindEnsemble, Composition]:
     """Plan for a departure on that day; its own wind is never a member of the forecast."""
-    from skyway.models.services import State
+    from skyway.models.composition.composition import State
     from skyway.planner.plan import plan
-    from skyway.planner.problem import HORIZON_H
-    from skyway.planner.request import Request
+    from skyway.planner.problem.problem import HORIZON_H
+    from skyway.planner.problem.request import Request
     from skyway.scenarios import load_scenario
 
     scenario = load_scenario(None)
@@ -125,10 +125,10 @@ def _plan(options: DemoOptions, planner: str) -> tuple[Scenario, Request, WindEn
 
 def _world(options: DemoOptions, scenario: Scenario, composition: Composition) -> tuple[Any, World]:
     """Make the world: the wind of that day with gusts, other drones at the pads, one vehicle at the start."""
-    from skyway.planner.problem import HORIZON_H
+    from skyway.planner.problem.problem import HORIZON_H
     from skyway.sim_stub.fleet import FleetOptions, build_world
+    from skyway.sim_stub.plant.wind_truth import RecordedWind
     from skyway.sim_stub.transports.lockstep import Lockstep
-    from skyway.sim_stub.wind_truth import RecordedWind
 
     stations = scenario.network.stations
     place = stations[scenario.network.index[START]]
@@ -150,9 +150,9 @@ def _world(options: DemoOptions, scenario: Scenario, composition: Composition) -
 
 def _aboard(options: DemoOptions, lockstep: Any, world: World) -> tuple[Any, Callable[[], None]]:
     """Connect to the vehicle, recording everything; returns it and what closes the connection."""
-    from skyway.link.connection import Connection
-    from skyway.link.mavlink_vehicle import MavlinkVehicle
-    from skyway.link.recorder import Recorder
+    from skyway.link.protocol.connection import Connection
+    from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+    from skyway.link.wire.recorder import Recorder
 
     recorder = Recorder(options.folder, lockstep.clock, name="demo")
     craft = next(iter(world.vehicles.values()))
@@ -175,15 +175,15 @@ def _truth_writer(world: World) -> Callable[[Context], None]:
 
 
 def _clock(posix_s: float) -> str:
-    from skyway.models.units import from_posix
+    from skyway.models.base.units import from_posix
 
     return f"{from_posix(posix_s):%H:%M:%S}"
 
 
 def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
     """Return the last lines: how it ended, and where to look."""
-    from skyway.flight_report import write_report
     from skyway.link.supervisor import read_journal
+    from skyway.report.report import write_report
 
     journal = options.folder / "journal.jsonl"
     records = read_journal(journal).records
@@ -203,7 +203,7 @@ def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
 
 def with_day(options: DemoOptions, text: str | None) -> DemoOptions:
     """Return the options with a day as typed."""
-    from skyway.models.errors import Fault, InputError
+    from skyway.models.base.errors import Fault, InputError
 
     if text is None:
         return options

@@ -7,18 +7,18 @@ from datetime import UTC, tzinfo
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skyway import flight_report_fields as of
-from skyway.models.errors import Fault, InputError
-from skyway.models.units import clock_text, from_posix
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.units import clock_text, from_posix
+from skyway.report import fields as of
 
 if TYPE_CHECKING:
     from datetime import datetime
 
     from skyway.link.supervisor.journal import Record
-    from skyway.models.drag import DragModel
-    from skyway.models.scenario import Scenario
-    from skyway.models.services import Composition
-    from skyway.planner.request import Request
+    from skyway.models.composition.composition import Composition
+    from skyway.models.drones.drag import DragModel
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.problem.request import Request
 
 FAR_S = 300.0
 """A vehicle whose clock is so far from ours is simulated, or replayed: then its time is taken."""
@@ -55,8 +55,8 @@ def scenario_of(composition: Composition, folder: Path | None) -> Scenario:
 
 def request_of(composition: Composition, scenario: Scenario) -> Request:
     """Return what was asked when the plan was made."""
-    from skyway.models.services import State
-    from skyway.planner.request import Request
+    from skyway.models.composition.composition import State
+    from skyway.planner.problem.request import Request
 
     scenario.drone(composition.drone)
     first = composition.stops[0].soc_from if composition.stops else 1.0
@@ -90,7 +90,7 @@ def heights(scenario: Scenario, given: list[str] | None) -> dict[str, float]:
 
 def read_drag_file(path: Path | None) -> DragModel | None:
     """Read the drag of the drone; None where none is given."""
-    from skyway.models.drag_file import read_drag
+    from skyway.models.drones.drag_file import read_drag
 
     return None if path is None else read_drag(path)
 

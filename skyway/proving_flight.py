@@ -7,26 +7,26 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skyway.link.connection import Connection
-from skyway.link.mavlink_vehicle import MavlinkVehicle
-from skyway.link.recorder import Recorder
-from skyway.missions.commands import Command, Frame
-from skyway.missions.mission import Mission, MissionItem
-from skyway.models.calibration_wind import identify_drag
-from skyway.models.errors import LinkError
-from skyway.models.files import write_atomically
-from skyway.models.telemetry import TelemetryTrack
-from skyway.models.wind_filter_blocks import blocks
-from skyway.sim_stub.airframe import Airframe
+from skyway.link.protocol.connection import Connection
+from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.wire.recorder import Recorder
+from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.mission import Mission, MissionItem
+from skyway.models.base.errors import LinkError
+from skyway.models.base.files import write_atomically
+from skyway.models.calibration.wind import identify_drag
+from skyway.models.drones.telemetry import TelemetryTrack
+from skyway.models.wind.estimation.blocks import blocks
 from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.plant.airframe import Airframe
+from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.lockstep import Lockstep
-from skyway.sim_stub.wind_truth import ConstantWind
 from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:
-    from skyway.models.drag import DragModel
-    from skyway.models.drone import Drone
-    from skyway.models.telemetry import TelemetrySample
+    from skyway.models.drones.drag import DragModel
+    from skyway.models.drones.drone import Drone
+    from skyway.models.drones.telemetry import TelemetrySample
 
 LAT, LON = 40.7392, -73.9756
 _SIDE_LAT, _SIDE_LON = 0.010, 0.013

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.antimeridian import line_geometry
-from skyway.models.units import iso
+from skyway.models.base.antimeridian import line_geometry
+from skyway.models.base.units import iso
 
 if TYPE_CHECKING:
-    from skyway.models.services import Composition
+    from skyway.models.composition.composition import Composition
 
 
 def route_geojson(composition: Composition) -> dict[str, Any]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from skyway.models.errors import Fault, InputError
-from skyway.models.files import write_atomically
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import write_atomically
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -1,6 +1,6 @@
 """Logs as tables (``.csv``, ``.csv.gz``), by a mapping of their columns to the quantities of telemetry.
 
-Columns that carry the names of `models.telemetry.TelemetrySample` need no mapping; `skyway replay --csv` writes such
+Columns that carry the names of `models.drones.telemetry.TelemetrySample` need no mapping; `skyway replay --csv` writes such
 a table. A mapping is a TOML file (``schema = "skyway.log-columns/1"``), see ``docs/how-to/replay.md``.
 """
 
@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import numpy as np
 
-from skyway.link.logs.log import LogSummary
-from skyway.link.logs.messages import euler
-from skyway.link.logs.vehicle_kind import KINDS, Vehicle
-from skyway.models.errors import Fault, InputError
-from skyway.models.fields import Table, finite, read_toml
-from skyway.models.telemetry import QUANTITIES, TelemetryTrack, TimeBase, believable
-from skyway.models.units import parse_instant
+from skyway.link.logs.common.log import LogSummary
+from skyway.link.logs.common.messages import euler
+from skyway.link.logs.common.vehicle_kind import KINDS, Vehicle
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.fields import Table, finite, read_toml
+from skyway.models.base.units import parse_instant
+from skyway.models.drones.telemetry import QUANTITIES, TelemetryTrack, TimeBase, believable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.link.logs.vehicle_kind import Kind
+    from skyway.link.logs.common.vehicle_kind import Kind
 
 SCHEMA = "skyway.log-columns/1"
 PIECE_ROWS = 10_000
@@ -70,7 +70,7 @@ class LogColumns:
     payload : ColumnOf or None
         Mass of the package, kg.
     vehicle : str
-        What it is (`link.logs.vehicle_kind.KINDS`), where the table's author says it.
+        What it is (`link.logs.common.vehicle_kind.KINDS`), where the table's author says it.
     """
 
     time: str

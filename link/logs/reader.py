@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from skyway.link.logs.common.log import Log
     from skyway.link.logs.csv_log import LogColumns
-    from skyway.link.logs.log import Log
 
 SUFFIX = {"tlog": "tlog", "dataflash": "bin", "ulog": "ulg", "csv": "csv"}
 """Usual name ending of each format."""
@@ -74,15 +74,15 @@ def open_log(path: Path, columns: LogColumns | None = None) -> Log:
     """
     kind = format_of(path)
     if kind == "tlog":
-        from skyway.link.logs.tlog_track import Tlog
+        from skyway.link.logs.tlog.track import Tlog
 
         return Tlog(path)
     if kind == "dataflash":
-        from skyway.link.logs.dataflash import DataFlash
+        from skyway.link.logs.dataflash.dataflash import DataFlash
 
         return DataFlash(path)
     if kind == "ulog":
-        from skyway.link.logs.ulog import ULogFile
+        from skyway.link.logs.ulog.ulog import ULogFile
 
         return ULogFile(path)
     from skyway.link.logs.csv_log import CsvLog
@@ -92,8 +92,8 @@ def open_log(path: Path, columns: LogColumns | None = None) -> Log:
 
 def _inside(head: bytes) -> str | None:
     """Tell a log whose beginning is cut or damaged by what follows: a whole frame behind a stamp, a message that is a format."""
-    from skyway.link.logs import tlog_kernels as kernels
-    from skyway.link.logs.dialect import crc_extras
+    from skyway.link.logs.tlog import tlog_kernels as kernels
+    from skyway.link.logs.tlog.dialect import crc_extras
 
     extras, data = crc_extras(), np.frombuffer(head, dtype=np.uint8)
     for at in np.flatnonzero((data == kernels.V1) | (data == kernels.V2)).tolist():

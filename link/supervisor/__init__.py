@@ -1,6 +1,6 @@
 """Supervision of a delivery: leg by leg, learning and replanning, journaled; the only part of `link` that plans.
 
-`Supervisor` takes a `Mandate` to its end over any `link.vehicle.Vehicle`; `states` is the table it goes by.
+`Supervisor` takes a `DeliveryJob` to its end over any `link.vehicle.vehicle.Vehicle`; `states` is the table it goes by.
 """
 
 from __future__ import annotations
@@ -9,18 +9,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from skyway.link.supervisor.job import DeliveryJob, Outcome
     from skyway.link.supervisor.journal import Journal, Record, read_journal
     from skyway.link.supervisor.machine import Supervisor
-    from skyway.link.supervisor.mandate import Mandate, Outcome
     from skyway.link.supervisor.operators import NobodyThere, Operator, Scripted
     from skyway.link.supervisor.states import State
 
 _HOMES = {
     "Journal": "journal",
-    "Mandate": "mandate",
+    "DeliveryJob": "job",
     "NobodyThere": "operators",
     "Operator": "operators",
-    "Outcome": "mandate",
+    "Outcome": "job",
     "Record": "journal",
     "Scripted": "operators",
     "State": "states",
@@ -29,8 +29,8 @@ _HOMES = {
 }
 
 __all__ = [
+    "DeliveryJob",
     "Journal",
-    "Mandate",
     "NobodyThere",
     "Operator",
     "Outcome",

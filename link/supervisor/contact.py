@@ -7,23 +7,23 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from skyway.link.supervisor.crash import crash_end
-from skyway.link.supervisor.departure import make_leg
+from skyway.link.supervisor.departure.departure import make_leg
+from skyway.link.supervisor.departure.parameter_changes import changes_of
+from skyway.link.supervisor.flight.crash import crash_end
 from skyway.link.supervisor.legs import Leg
-from skyway.link.supervisor.modelled_use import ModelledUse
-from skyway.link.supervisor.parameter_changes import changes_of
+from skyway.link.supervisor.soc.modelled_use import ModelledUse
 from skyway.link.supervisor.states import IN_AIR, State, Turn
 from skyway.link.supervisor.wind_book import observations_of
-from skyway.models.composition_file import from_json
-from skyway.models.errors import InputError, LinkError, VehicleTimeoutError
-from skyway.planner.energy_belief import EnergyBelief
+from skyway.models.base.errors import InputError, LinkError, VehicleTimeoutError
+from skyway.models.composition.file import from_json
+from skyway.planner.online.energy_belief import EnergyBelief
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.link.supervisor.context import After, Context
     from skyway.link.supervisor.journal import Record
-    from skyway.link.vehicle import Identity
+    from skyway.link.vehicle.vehicle import Identity
 
 KNOWN_S = 45.0
 """So long we wait for position, charge and whether it is armed."""
@@ -45,7 +45,7 @@ def connecting(ctx: Context) -> After:
     ctx.uid, ctx.reboots = who.uid, ctx.vehicle.reboots
     ctx.note("vehicle", str(who), system=who.system, autopilot=who.autopilot, uid=who.uid)
     ctx.tell(str(who))
-    origin = ctx.mandate.composition.origin
+    origin = ctx.job.composition.origin
     end = ctx.clock.now_s() + LOOK_AGAIN_S
     while not (ctx.on_ground and ctx.here_station() == origin) and ctx.clock.now_s() < end:
         ctx.tick()
@@ -55,7 +55,7 @@ def connecting(ctx: Context) -> After:
     ctx.station = ctx.here_station()
     if ctx.station != origin:
         return State.STOPPED, f"the vehicle stands at {ctx.station or 'no station'}, and the plan begins at {origin}"
-    ctx.plan = ctx.mandate.composition
+    ctx.plan = ctx.job.composition
     ctx.visited.add(origin)
     ctx.note_plan("the plan as given")
     return State.REPLANNING, f"at {origin} with {100 * ctx.soc:.0f} %"
@@ -145,7 +145,7 @@ def _restore_leg(ctx: Context, data: dict[str, Any], time_s: float) -> Leg | Non
         _, mission = make_leg(ctx, _number(data.get("ground_speed_mps")))
     except (InputError, Turn):
         return None
-    reach = ctx.replanner().reach(ctx.mandate.forecast, ctx.belief)
+    reach = ctx.replanner().reach(ctx.job.forecast, ctx.belief)
     use = ModelledUse(reach.soc_per_s, reach.soc_climb - reach.soc_per_s * reach.rules.climb_s, reach.load)
     use.begin(time_s)
     soc, planned_s, planned_soc = (_number(data.get(key)) for key in ("soc", "planned_s", "planned_soc"))
@@ -195,7 +195,7 @@ def take_up(ctx: Context) -> After:
         ctx.flight -= 1
         ctx.note("start", f"the flight from {leg.origin} was not begun")
     ctx.station = station
-    if station is None or station == ctx.mandate.request.destination:
+    if station is None or station == ctx.job.request.destination:
         return State.LANDED, f"it stands at {station or 'no station'}"
     if ctx.plan is None or not ctx.plan.services or ctx.plan.services[0].origin != station:
         ctx.plan = None

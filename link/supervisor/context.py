@@ -6,37 +6,37 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from skyway.link.supervisor.flies import flies
-from skyway.link.supervisor.foreign import follows_a_landing, refuse_on_ground
-from skyway.link.supervisor.gauge import read_gauge
-from skyway.link.supervisor.lean import LeanWatch, watch_lean
+from skyway.link.supervisor.departure.parameter_changes import ParameterChanges
+from skyway.link.supervisor.flight.flies import flies
+from skyway.link.supervisor.flight.lean import LeanWatch, watch_lean
+from skyway.link.supervisor.flight.pilot_intervention import follows_a_landing, refuse_on_ground
+from skyway.link.supervisor.flight.track import write_track
 from skyway.link.supervisor.legs import station_at
-from skyway.link.supervisor.parameter_changes import ParameterChanges
+from skyway.link.supervisor.soc.reported_soc import ReportedSoc
+from skyway.link.supervisor.soc.soc_estimator import read_gauge
+from skyway.link.supervisor.soc.voltage import VoltageWatch
 from skyway.link.supervisor.states import IN_AIR, ON_GROUND, TABLE, State, Turn
-from skyway.link.supervisor.told_charge import ToldCharge
-from skyway.link.supervisor.track import write_track
 from skyway.link.supervisor.vehicle_texts import NOTICE, SEVERITIES, TextLog
-from skyway.link.supervisor.voltage import VoltageWatch
-from skyway.models.composition_file import to_json
-from skyway.models.errors import LinkError, VehicleTimeoutError
-from skyway.models.services import Place
-from skyway.planner.energy_belief import EnergyBelief
-from skyway.planner.replan import GroundReplanner
+from skyway.models.base.errors import LinkError, VehicleTimeoutError
+from skyway.models.composition.composition import Place
+from skyway.models.composition.file import to_json
+from skyway.planner.online.energy_belief import EnergyBelief
+from skyway.planner.online.replan import GroundReplanner
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from skyway.link.seen import Change
+    from skyway.link.supervisor.job import DeliveryJob
     from skyway.link.supervisor.journal import Journal, Record
     from skyway.link.supervisor.legs import Leg
-    from skyway.link.supervisor.mandate import Mandate
     from skyway.link.supervisor.operators import Operator
     from skyway.link.supervisor.wind_book import WindBook
-    from skyway.link.vehicle import Vehicle
-    from skyway.models.clock import Clock
-    from skyway.models.pad_service import PadService
-    from skyway.models.services import Composition
-    from skyway.models.telemetry import TelemetrySample
+    from skyway.link.telemetry.vehicle_monitor import Change
+    from skyway.link.vehicle.vehicle import Vehicle
+    from skyway.models.base.clock import Clock
+    from skyway.models.composition.composition import Composition
+    from skyway.models.drones.telemetry import TelemetrySample
+    from skyway.models.queues.pad_service import PadService
 
 After = tuple[State, str]
 """The next state, and why."""
@@ -113,7 +113,7 @@ class Context:
     journal: Journal
     pads: PadService
     operator: Operator
-    mandate: Mandate
+    job: DeliveryJob
     wind: WindBook
     on_tick: Callable[[Context], None] | None = None
     state: State = State.CONNECTING
@@ -135,7 +135,7 @@ class Context:
     soc: float = math.nan
     told_soc: float = math.nan
     gauge: float = 1.0
-    told: ToldCharge = field(default_factory=ToldCharge)
+    told: ReportedSoc = field(default_factory=ReportedSoc)
     gauged_s: float = -math.inf
     voltage: VoltageWatch = field(default_factory=VoltageWatch)
     flown_from: tuple[float, float] = (math.nan, math.nan)
@@ -162,7 +162,7 @@ class Context:
 
     def replanner(self) -> GroundReplanner:
         """Make what decides at a landing, and what tells what can be reached."""
-        m = self.mandate
+        m = self.job
         return GroundReplanner(m.scenario, m.request, m.planner, m.replanning, drag=m.drag)
 
     # Time
@@ -327,7 +327,7 @@ class Context:
     @property
     def left_words(self) -> str:
         """What the vehicle does when it is left."""
-        from skyway.link.supervisor.failsafes import when_left
+        from skyway.link.supervisor.departure.failsafes import when_left
 
         if self.on_ground:
             return "it stands disarmed on the ground"
@@ -409,7 +409,7 @@ class Context:
         place = self.place
         if place is None:
             return None
-        network = self.mandate.scenario.network
+        network = self.job.scenario.network
         known = {s.id: Place(s.lat, s.lon, s.elevation_m, s.name, s.pads) for s in network.stations}
         if self.plan is not None:
             known |= dict(self.plan.stations)

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from skyway.models.errors import Fault, InputError
-from skyway.models.files import read_bytes
-from skyway.models.units import from_posix, iso, parse_instant
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import read_bytes
+from skyway.models.base.units import from_posix, iso, parse_instant
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

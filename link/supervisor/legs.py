@@ -7,21 +7,21 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from skyway.missions.builder.leg_builder import LegBuilder
 from skyway.missions.dialects import dialect
-from skyway.missions.leg_builder import LegBuilder
-from skyway.models import geodesy
-from skyway.models.services import Place
+from skyway.models.base import geodesy
+from skyway.models.composition.composition import Place
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from skyway.link.supervisor.modelled_use import ModelledUse
-    from skyway.missions.document import MissionDocument
-    from skyway.missions.mission import Home
-    from skyway.missions.mission_options import MissionOptions
-    from skyway.missions.parameters import Parameter
-    from skyway.models.scenario import Scenario
-    from skyway.models.services import Composition, DroneService
+    from skyway.link.supervisor.soc.modelled_use import ModelledUse
+    from skyway.missions.builder.mission_options import MissionOptions
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.mission import Home
+    from skyway.missions.items.parameters import Parameter
+    from skyway.models.composition.composition import Composition, DroneService
+    from skyway.models.scenario.scenario import Scenario
 
 IN_FLIGHT = "in-flight"
 

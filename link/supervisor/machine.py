@@ -5,27 +5,29 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from skyway.link.supervisor import air, charging, contact, departure, ground, landing
+from skyway.link.supervisor import contact
 from skyway.link.supervisor.context import Context
+from skyway.link.supervisor.departure import charging, departure, ground
+from skyway.link.supervisor.departure.parameter_changes import restore_at_end
+from skyway.link.supervisor.flight import air, landing
+from skyway.link.supervisor.job import Outcome
 from skyway.link.supervisor.journal import SCHEMA, read_journal
-from skyway.link.supervisor.mandate import Outcome
-from skyway.link.supervisor.parameter_changes import restore_at_end
 from skyway.link.supervisor.states import ENDS, IN_AIR, State, Turn, check
 from skyway.link.supervisor.wind_book import WindBook
-from skyway.models.composition_file import to_json
-from skyway.models.errors import LinkError, StationConflictError
-from skyway.planner.energy_belief import EnergyBelief
+from skyway.models.base.errors import LinkError, StationConflictError
+from skyway.models.composition.file import to_json
+from skyway.planner.online.energy_belief import EnergyBelief
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from skyway.link.supervisor.context import After
+    from skyway.link.supervisor.job import DeliveryJob
     from skyway.link.supervisor.journal import Journal
-    from skyway.link.supervisor.mandate import Mandate
     from skyway.link.supervisor.operators import Operator
-    from skyway.link.vehicle import Vehicle
-    from skyway.models.clock import Clock
-    from skyway.models.pad_service import PadService
+    from skyway.link.vehicle.vehicle import Vehicle
+    from skyway.models.base.clock import Clock
+    from skyway.models.queues.pad_service import PadService
 
 STEPS: Mapping[State, Callable[[Context], After]] = {
     State.CONNECTING: contact.connecting,
@@ -70,7 +72,7 @@ class Supervisor:
 
     def __init__(
         self,
-        mandate: Mandate,
+        job: DeliveryJob,
         vehicle: Vehicle,
         clock: Clock,
         pads: PadService,
@@ -80,10 +82,10 @@ class Supervisor:
         resume: bool = False,
         on_tick: Callable[[Context], None] | None = None,
     ) -> None:
-        rules = mandate.scenario.rules
-        wind = WindBook(mandate.forecast, rules.cruise_height_m, rules.wind_profile_exponent, drag=mandate.drag)
-        belief = EnergyBelief.first(loaded=mandate.drag is not None)
-        self.context = Context(vehicle, clock, journal, pads, operator, mandate, wind, on_tick=on_tick, belief=belief)
+        rules = job.scenario.rules
+        wind = WindBook(job.forecast, rules.cruise_height_m, rules.wind_profile_exponent, drag=job.drag)
+        belief = EnergyBelief.first(loaded=job.drag is not None)
+        self.context = Context(vehicle, clock, journal, pads, operator, job, wind, on_tick=on_tick, belief=belief)
         self.context.entered_s = clock.now_s()
         self.context.resumed = resume
         if resume:
@@ -91,28 +93,28 @@ class Supervisor:
             contact.restore(self.context, records)
             self.context.note("resume", f"the journal ends in state {records[-1].state}", last=records[-1].n)
         else:
-            self.context.note("start", f"delivery {mandate.composition}", **self._start(mandate))
+            self.context.note("start", f"delivery {job.composition}", **self._start(job))
 
     @staticmethod
-    def _start(mandate: Mandate) -> dict[str, Any]:
+    def _start(job: DeliveryJob) -> dict[str, Any]:
         """Everything that a report, or a resume, needs of the beginning."""
-        c = mandate.composition
+        c = job.composition
         return {
             "schema": SCHEMA,
             "composition": to_json(c),
-            "planner": mandate.planner,
-            "supervised": mandate.replanning is not None,
-            "replanning": None if mandate.replanning is None else asdict(mandate.replanning),
-            "release": mandate.options.release,
-            "asking": mandate.asking,
+            "planner": job.planner,
+            "supervised": job.replanning is not None,
+            "replanning": None if job.replanning is None else asdict(job.replanning),
+            "release": job.options.release,
+            "asking": job.asking,
             "forecast": {
-                "members": len(mandate.forecast),
-                "labels": list(mandate.forecast.labels),
-                "height_m": mandate.forecast.height_m,
+                "members": len(job.forecast),
+                "labels": list(job.forecast.labels),
+                "height_m": job.forecast.height_m,
             },
-            "destination": mandate.request.destination,
-            "reserve_soc": mandate.request.reserve_soc,
-            "payload_kg": mandate.request.payload_kg,
+            "destination": job.request.destination,
+            "reserve_soc": job.request.reserve_soc,
+            "payload_kg": job.request.payload_kg,
         }
 
     def run(self) -> Outcome:

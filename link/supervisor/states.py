@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.errors import SkywayError
+from skyway.models.base.errors import SkywayError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

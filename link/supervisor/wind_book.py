@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.models import geodesy
-from skyway.models.forecast_update import update_forecast
-from skyway.models.wind_field import WindObservation
-from skyway.models.wind_filter_live import LiveWind, forecast_of, settings_for
-from skyway.models.wind_summary import Passage, WindSummary, summarise_wind
+from skyway.models.base import geodesy
+from skyway.models.wind.estimation.field import WindObservation
+from skyway.models.wind.estimation.forecast_update import update_forecast
+from skyway.models.wind.estimation.live import LiveWind, forecast_of, settings_for
+from skyway.models.wind.summary import Passage, WindSummary, summarise_wind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from skyway.link.supervisor.lean import WindAtLimit
-    from skyway.models.drag import DragModel
-    from skyway.models.telemetry import TelemetrySample
-    from skyway.models.wind_ensemble import WindEnsemble
-    from skyway.models.wind_filter import WindEstimate
+    from skyway.link.supervisor.flight.lean import WindAtLimit
+    from skyway.models.drones.drag import DragModel
+    from skyway.models.drones.telemetry import TelemetrySample
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.models.wind.estimation.filter import WindEstimate
 
 UPDATE_EVERY_S = 30.0
 SAME_ERROR = 100.0

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.missions.fence_items import CLAIMED_COUNT
-from skyway.missions.finding import Finding
-from skyway.missions.geofence import FencePolygon
-from skyway.models import geodesy
+from skyway.missions.items.fence_items import CLAIMED_COUNT
+from skyway.missions.items.finding import Finding
+from skyway.missions.items.geofence import FencePolygon
+from skyway.models.base import geodesy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.missions.checks.route import Route
-    from skyway.missions.document import MissionDocument
-    from skyway.missions.geofence import FenceCircle, Geofence
-    from skyway.models.zones import NoFlyZones
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.geofence import FenceCircle, Geofence
+    from skyway.models.network.zones import NoFlyZones
 
 MAX_FINDINGS = 20
 _CIRCLE_CORNERS = 128

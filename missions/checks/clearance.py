@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.missions.checks.near_stations import NearStations
-from skyway.missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Frame
-from skyway.missions.finding import Finding
-from skyway.models import geodesy
+from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Frame
+from skyway.missions.items.finding import Finding
+from skyway.models.base import geodesy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from skyway.missions.checks.route import Route, RouteLeg, Step
-    from skyway.missions.coordinates import Point
-    from skyway.missions.finding import Severity
-    from skyway.missions.mission import Mission
-    from skyway.models.network import Station
+    from skyway.missions.items.coordinates import Point
+    from skyway.missions.items.finding import Severity
+    from skyway.missions.items.mission import Mission
+    from skyway.models.network.network import Station
 
 SAME_PLACE_M = 20.0
 STRAIGHT = 1.02

@@ -14,18 +14,18 @@ import numpy as np
 
 from skyway.missions.checks.near_stations import NearStations
 from skyway.missions.checks.weather import SteadyWind, Weather
-from skyway.missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
-from skyway.models import geodesy
-from skyway.models.wind import ground_speed
+from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
+from skyway.models.base import geodesy
+from skyway.models.wind.triangle import ground_speed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.missions.checks.route import Route, RouteLeg
-    from skyway.missions.mission import Mission
-    from skyway.models.drone import Drone
-    from skyway.models.energy import Phase
-    from skyway.models.network import Station
+    from skyway.missions.items.mission import Mission
+    from skyway.models.drones.drone import Drone
+    from skyway.models.drones.energy import Phase
+    from skyway.models.network.network import Station
 
 ENERGY_ERROR = 0.05
 """Energies of one vehicle differ from the model by up to this fraction, evenly."""

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from skyway.missions.checks.weather import SteadyWind
-from skyway.missions.finding import Finding
+from skyway.missions.items.finding import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

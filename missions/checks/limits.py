@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.missions.checks.clearance import items_over_stations, next_ground_m
-from skyway.missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
-from skyway.missions.finding import Finding
-from skyway.models import geodesy
+from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from skyway.missions.items.finding import Finding
+from skyway.models.base import geodesy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.missions.checks.route import Route, RouteLeg, Step
-    from skyway.missions.coordinates import Point
-    from skyway.missions.document import MissionDocument
-    from skyway.missions.mission import Mission, MissionItem
-    from skyway.models.drone import Drone
-    from skyway.models.network import Station
+    from skyway.missions.items.coordinates import Point
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.mission import Mission, MissionItem
+    from skyway.models.drones.drone import Drone
+    from skyway.models.network.network import Station
 
 AUTOPILOT_MAX_SPEED_MPS = 20.0
 FAR_FROM_HOME_M = 10_000.0

@@ -6,13 +6,13 @@ import math
 from collections import defaultdict
 from typing import TYPE_CHECKING
 
-from skyway.models import geodesy
+from skyway.models.base import geodesy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from skyway.missions.coordinates import Point
-    from skyway.models.network import Station
+    from skyway.missions.items.coordinates import Point
+    from skyway.models.network.network import Station
 
 NEAR_STATION_M = 150.0
 _CELL_DEG = 0.01

@@ -20,18 +20,18 @@ from skyway.missions.checks.limits import (
 from skyway.missions.checks.route import fly
 from skyway.missions.checks.structure import check_structure
 from skyway.missions.dialects import dialect_of_firmware
-from skyway.missions.document import MissionDocument
-from skyway.missions.finding import Finding
-from skyway.missions.mission import Mission
-from skyway.models.drone import M200_V2
-from skyway.models.units import J_PER_WH
+from skyway.missions.items.document import MissionDocument
+from skyway.missions.items.finding import Finding
+from skyway.missions.items.mission import Mission
+from skyway.models.base.units import J_PER_WH
+from skyway.models.drones.drone import M200_V2
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from skyway.missions.checks.route import Route
     from skyway.missions.dialects.protocol import Dialect
-    from skyway.models.zones import NoFlyZones
+    from skyway.models.network.zones import NoFlyZones
 
 SCHEMA = "skyway.check/1"
 MAX_PER_KIND = 20

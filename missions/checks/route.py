@@ -10,12 +10,12 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from skyway.missions.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
 
 if TYPE_CHECKING:
-    from skyway.missions.coordinates import Point
     from skyway.missions.dialects.protocol import Dialect
-    from skyway.missions.mission import Mission, MissionItem
+    from skyway.missions.items.coordinates import Point
+    from skyway.missions.items.mission import Mission, MissionItem
 
 MAX_REPEATED_STEPS = 20_000
 """Steps followed beyond the number of items, where jumps repeat some."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from skyway.missions.commands import (
+from skyway.missions.items.commands import (
     FLOWN_COMMANDS,
     GLOBAL_FRAMES,
     LOCATED_COMMANDS,
@@ -15,13 +15,13 @@ from skyway.missions.commands import (
     Frame,
     is_scaled,
 )
-from skyway.missions.finding import Finding
+from skyway.missions.items.finding import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from skyway.missions.checks.route import Route
-    from skyway.missions.mission import Mission, MissionItem
+    from skyway.missions.items.mission import Mission, MissionItem
 
 _NAN_ALLOWED = {
     Command.NAV_WAYPOINT: {4},

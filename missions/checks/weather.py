@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from skyway.models.wind import vector
+from skyway.models.wind.triangle import vector
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from skyway.models.wind_forecast import WindEnsemble
+    from skyway.models.wind.forecast import WindEnsemble
 
 
 class Weather(Protocol):

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.missions.dialects.ardupilot import ARDUPILOT
-from skyway.missions.dialects.px4 import PX4
-from skyway.missions.parameters import dumps
-from skyway.missions.settings import version_of
-from skyway.models.errors import Fault, InputError
+from skyway.missions.dialects.ardupilot.dialect import ARDUPILOT
+from skyway.missions.dialects.px4.dialect import PX4
+from skyway.missions.dialects.settings import version_of
+from skyway.missions.items.parameters import dumps
+from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.missions.dialects.protocol import Dialect
-    from skyway.missions.parameters import Parameter
+    from skyway.missions.items.parameters import Parameter
 
 DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (PX4, ARDUPILOT)}
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from skyway.missions.dialects.settings import Settings
     from skyway.missions.dialects.wire import WireItem
-    from skyway.missions.document import MissionDocument
-    from skyway.missions.finding import Finding
-    from skyway.missions.mission import Mission, MissionItem
-    from skyway.missions.parameters import FlightNeeds, Parameter
-    from skyway.missions.settings import Settings
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.finding import Finding
+    from skyway.missions.items.mission import Mission, MissionItem
+    from skyway.missions.items.parameters import FlightNeeds, Parameter
 
 Meaning = dict[str, float | str | None]
 """What an item means to an autopilot, field by field; None is "not given"."""

@@ -6,17 +6,17 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.missions.commands import LOCATED_COMMANDS, Command, command_of, frame_of, is_scaled
-from skyway.missions.coordinates import E7
-from skyway.missions.fence_items import from_fence, from_rally, to_fence, to_rally
-from skyway.missions.mission import MissionItem
-from skyway.models.errors import Fault, InputError
+from skyway.missions.items.commands import LOCATED_COMMANDS, Command, command_of, frame_of, is_scaled
+from skyway.missions.items.coordinates import E7
+from skyway.missions.items.fence_items import from_fence, from_rally, to_fence, to_rally
+from skyway.missions.items.mission import MissionItem
+from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from skyway.missions.geofence import Geofence
-    from skyway.missions.rally import RallyPoints
+    from skyway.missions.items.geofence import Geofence
+    from skyway.missions.items.rally import RallyPoints
 
 MISSION_TYPE_MISSION = 0
 MISSION_TYPE_FENCE = 1

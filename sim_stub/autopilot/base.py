@@ -13,11 +13,11 @@ from skyway.sim_stub.autopilot.fence import Fence
 from skyway.sim_stub.autopilot.items import FENCE, MISSION, RALLY, Command, Item, Result
 from skyway.sim_stub.autopilot.mission_run import MissionRun
 from skyway.sim_stub.autopilot.modes import MANUAL_MODES, Mode
-from skyway.sim_stub.physics import Demand, metres_per_degree
+from skyway.sim_stub.plant.physics import Demand, metres_per_degree
 
 if TYPE_CHECKING:
     from skyway.sim_stub.autopilot.parameters import ParameterStore
-    from skyway.sim_stub.physics import Body
+    from skyway.sim_stub.plant.physics import Body
     from skyway.sim_stub.vehicle import Vehicle
 
 LOOK_S = 0.1

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from skyway.sim_stub.physics import Demand, offset_m
+from skyway.sim_stub.plant.physics import Demand, offset_m
 
 if TYPE_CHECKING:
     from skyway.sim_stub.autopilot.base import Autopilot

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.sim_stub.autopilot.behaviours import Fly
-from skyway.sim_stub.physics import Demand, metres_per_degree, offset_m
+from skyway.sim_stub.plant.physics import Demand, metres_per_degree, offset_m
 
 if TYPE_CHECKING:
     from skyway.sim_stub.autopilot.base import Autopilot

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.sim_stub.autopilot.items import Command, Item
-from skyway.sim_stub.physics import offset_m
+from skyway.sim_stub.plant.physics import offset_m
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

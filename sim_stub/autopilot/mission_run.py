@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from skyway.sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Land, Wait
 from skyway.sim_stub.autopilot.circle import Circle
 from skyway.sim_stub.autopilot.items import NAV_COMMANDS, RELATIVE_FRAMES, Command, Item
-from skyway.sim_stub.physics import Demand, offset_m
+from skyway.sim_stub.plant.physics import Demand, offset_m
 
 if TYPE_CHECKING:
     from skyway.sim_stub.autopilot.base import Autopilot

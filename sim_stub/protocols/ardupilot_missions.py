@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from skyway.sim_stub.autopilot.ardupilot_missions import MAX_ITEMS, accept
+from skyway.sim_stub.autopilot.ardupilot.missions import MAX_ITEMS, accept
 from skyway.sim_stub.autopilot.fence import Fence
 from skyway.sim_stub.autopilot.items import FENCE, MISSION, RALLY, Answer, Command, Frame, Item
 from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.protocols.mission_server import PARTS, MissionServer, Partner, identity
 
 if TYPE_CHECKING:
-    from skyway.sim_stub.ports import Port
     from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.wire.frames import Message
+    from skyway.sim_stub.wire.ports import Port
 
 RETRY_S = 1.0
 GIVE_UP_S = 8.0

@@ -14,9 +14,9 @@ from skyway.sim_stub.protocols.system_commands import SystemCommands
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from skyway.sim_stub.ports import Port
     from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.wire.frames import Message
+    from skyway.sim_stub.wire.ports import Port
 
 _TELLS = 4
 """How often progress is told on the way, where it is known."""

@@ -14,9 +14,9 @@ from skyway.sim_stub.autopilot.items import MISSION, Answer, Frame, Item
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from skyway.sim_stub.ports import Port
     from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.wire.frames import Message
+    from skyway.sim_stub.wire.ports import Port
 
 PARTS = (0, 1, 2)
 """Mission types that a vehicle stores: mission, fence, rally."""

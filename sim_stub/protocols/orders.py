@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from skyway.sim_stub.autopilot.items import Frame, Item
 
 if TYPE_CHECKING:
-    from skyway.sim_stub.ports import Port
     from skyway.sim_stub.wire.frames import Message
+    from skyway.sim_stub.wire.ports import Port
 
 _FRAMES = (0, 2, 3, 5, 6)
 _NO_PLACE = -(2**31)

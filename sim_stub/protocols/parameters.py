@@ -10,9 +10,9 @@ from skyway.sim_stub.autopilot.parameters import REAL32, Parameter
 from skyway.sim_stub.wire.messages import spec
 
 if TYPE_CHECKING:
-    from skyway.sim_stub.ports import Port
     from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.wire.frames import Message
+    from skyway.sim_stub.wire.ports import Port
 
 _LAYOUT = spec("PARAM_VALUE").layout
 _PER_TICK = 8

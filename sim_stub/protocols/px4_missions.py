@@ -7,13 +7,13 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from skyway.sim_stub.autopilot.items import ALL, FENCE, MISSION, RALLY, Answer, Item
-from skyway.sim_stub.autopilot.px4_missions import MAX_ITEMS, accept, present
+from skyway.sim_stub.autopilot.px4.missions import MAX_ITEMS, accept, present
 from skyway.sim_stub.protocols.mission_server import PARTS, MissionServer, Partner, identity
 
 if TYPE_CHECKING:
-    from skyway.sim_stub.ports import Port
     from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.wire.frames import Message
+    from skyway.sim_stub.wire.ports import Port
 
 RETRY_S = 0.25
 GIVE_UP_S = 5.0

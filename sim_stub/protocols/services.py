@@ -9,9 +9,9 @@ from skyway.sim_stub.wire.frames import Signing
 from skyway.sim_stub.wire.messages import spec
 
 if TYPE_CHECKING:
-    from skyway.sim_stub.ports import Port
     from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.wire.frames import Message
+    from skyway.sim_stub.wire.ports import Port
 
 _GROUND_STATION = 6
 _CAPABILITIES = {

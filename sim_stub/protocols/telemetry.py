@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from skyway.models import wind
+from skyway.models.wind import triangle as wind
 from skyway.sim_stub.autopilot.mission_run import MissionState
 from skyway.sim_stub.autopilot.modes import MANUAL_MODES, Mode
 from skyway.sim_stub.wire.messages import spec

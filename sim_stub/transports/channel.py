@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from skyway.models.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     import random

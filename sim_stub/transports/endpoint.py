@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from typing import TYPE_CHECKING, Any, Protocol
 
-from skyway.models.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from skyway.sim_stub.transports.urls import Address

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from skyway.sim_stub.transports.channel import Channel, Impairment
 
 if TYPE_CHECKING:
-    from skyway.sim_stub.ports import Port
     from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.wire.ports import Port
 
 
 class Lane:

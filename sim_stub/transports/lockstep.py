@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class VirtualClock:
-    """The time of a lockstep run; satisfies `models.clock.Clock`.
+    """The time of a lockstep run; satisfies `models.base.clock.Clock`.
 
     Parameters
     ----------

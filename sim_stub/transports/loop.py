@@ -6,7 +6,7 @@ import selectors
 import time
 from typing import TYPE_CHECKING
 
-from skyway.models.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.models.pad_service import (
+from skyway.models.queues.pad_service import (
     MAX_LINE_BYTES,
     DroneOnPad,
     PadAnswer,

@@ -8,7 +8,7 @@ import time
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
-from skyway.models.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError
 from skyway.sim_stub.transports.endpoint import bind, resolve
 from skyway.sim_stub.transports.lane import Lane
 

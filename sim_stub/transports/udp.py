@@ -7,7 +7,7 @@ import selectors
 import socket
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.errors import InputError
+from skyway.models.base.errors import InputError
 from skyway.sim_stub.transports.endpoint import bind, resolve
 from skyway.sim_stub.transports.lane import Lane
 

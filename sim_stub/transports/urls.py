@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from skyway.models.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError
 
 KINDS = ("udpout", "udpin", "tcp", "tcpin")
 _FORM = re.compile(r"([a-z]+):(?://)?(\[[0-9a-fA-F:]+\]|[^:\[\]]*):(\d{1,5})")

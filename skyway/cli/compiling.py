@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from skyway.models import compiled
+from skyway.models.jit import compiled
 
 
 class CompilingNotice:

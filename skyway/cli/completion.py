@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.errors import SkywayError
+from skyway.models.base.errors import SkywayError
 
 if TYPE_CHECKING:
-    from skyway.models.scenario import Scenario
+    from skyway.models.scenario.scenario import Scenario
 
 
 def stations(ctx: Any, incomplete: str) -> list[tuple[str, str]]:  # typer's own Context, or click's in older releases
@@ -35,7 +35,7 @@ def planners(incomplete: str) -> list[str]:
 def _scenario(ctx: Any) -> Scenario | None:
     """Return the scenario on the line, or the built-in one; None where it cannot be read: the shell shows no errors."""
     from skyway.missions.examples import NEW_YORK
-    from skyway.models.scenario_file import read_scenario
+    from skyway.models.scenario.file import read_scenario
 
     try:
         return read_scenario(Path(ctx.params.get("scenario") or NEW_YORK))

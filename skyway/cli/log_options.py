@@ -10,14 +10,14 @@ from zoneinfo import ZoneInfo
 import typer
 
 from skyway.cli import options
-from skyway.models.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
-    from skyway.link.logs.log import Log
-    from skyway.models.drone import Drone
-    from skyway.models.scenario import Scenario
-    from skyway.models.wind_ensemble import WindEnsemble
+    from skyway.link.logs.common.log import Log
+    from skyway.models.drones.drone import Drone
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.ensemble import WindEnsemble
 
 LogFile = Annotated[Path, typer.Argument(help="Flight log: .tlog, .bin, .ulg or .csv.", show_default=False)]
 Columns = Annotated[
@@ -84,8 +84,8 @@ FAR_M = 300_000.0
 
 
 def air_of(path: Path | None) -> dict[str, Any]:
-    """Drag and airspeed of a file of ``calibrate wind``, as `link.replay.ReplayOptions` takes them."""
-    from skyway.models.drag_file import read_air
+    """Drag and airspeed of a file of ``calibrate wind``, as `link.replay.replay.ReplayOptions` takes them."""
+    from skyway.models.drones.drag_file import read_air
 
     if path is None:
         return {}
@@ -95,7 +95,7 @@ def air_of(path: Path | None) -> dict[str, Any]:
 
 def drone_of(named: Path) -> Drone:
     """Read the one drone of a fleet file, or return a built-in drone by its id."""
-    from skyway.models.fleet import BUILT_IN, read_fleet
+    from skyway.models.drones.fleet import BUILT_IN, read_fleet
 
     if str(named) in BUILT_IN:
         return BUILT_IN[str(named)]
@@ -115,7 +115,7 @@ def load_named(name: str | None) -> Scenario:
 
 
 def log_forecast(log: Log, wind: str | None, file: Path | None, scenario: str | None) -> dict[str, Any]:
-    """What was forecast for a log, as `link.replay.ReplayOptions` takes it; empty where nothing was."""
+    """What was forecast for a log, as `link.replay.replay.ReplayOptions` takes it; empty where nothing was."""
     if wind is not None:
         if file is not None or scenario is not None:
             raise InputError(Fault("--wind excludes --forecast and --scenario", remedy="give one of them"))
@@ -123,8 +123,8 @@ def log_forecast(log: Log, wind: str | None, file: Path | None, scenario: str | 
         return {"forecast": lambda *_: (north, east)}
     if file is None and scenario is None:
         return {}
-    from skyway.models.units import from_posix
-    from skyway.models.wind_filter_live import forecast_of, settings_for
+    from skyway.models.base.units import from_posix
+    from skyway.models.wind.estimation.live import forecast_of, settings_for
 
     world = load_named(scenario)
     start = from_posix(dated(log))
@@ -150,7 +150,7 @@ def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
     """Say on stderr that the flight was far from every site of a forecast."""
     import numpy as np
 
-    from skyway.models import geodesy
+    from skyway.models.base import geodesy
 
     for track in log.tracks():
         placed = np.flatnonzero(np.isfinite(track["lat_deg"]) & np.isfinite(track["lon_deg"]))
@@ -184,7 +184,7 @@ def open_any(path: Path, columns: Path | None) -> Log:
 
 def towards(text: str) -> tuple[float, float]:
     """Read ``SPEED@FROM`` as (north, east) TOWARDS, m/s."""
-    from skyway.models.wind import vector
+    from skyway.models.wind.triangle import vector
 
     north, east = vector(*options.parse_wind(text))
     return float(north), float(east)
@@ -192,6 +192,6 @@ def towards(text: str) -> tuple[float, float]:
 
 def write(path: Path, text: str, *, force: bool) -> None:
     """Write a text file whole or not at all."""
-    from skyway.models.files import write_atomically
+    from skyway.models.base.files import write_atomically
 
     write_atomically(path, text, force=force)

@@ -14,23 +14,21 @@ from typing import Annotated
 import typer
 
 from skyway import __version__
-from skyway.cli import (
-    bench_commands,
-    demo_commands,
-    extras,
-    fly_commands,
-    forecast_commands,
-    link_commands,
-    mission_commands,
-    plan_commands,
-    replay_commands,
-    report_commands,
-    scenario_commands,
-    sim_commands,
-)
+from skyway.cli import extras
 from skyway.cli.command_groups import GroupedCommands
+from skyway.cli.commands import bench as bench_commands
+from skyway.cli.commands import demo as demo_commands
+from skyway.cli.commands import fly as fly_commands
+from skyway.cli.commands import forecast as forecast_commands
+from skyway.cli.commands import link as link_commands
+from skyway.cli.commands import mission as mission_commands
+from skyway.cli.commands import plan as plan_commands
+from skyway.cli.commands import replay as replay_commands
+from skyway.cli.commands import report as report_commands
+from skyway.cli.commands import scenario as scenario_commands
+from skyway.cli.commands import sim as sim_commands
 from skyway.cli.compiling import show_compiling
-from skyway.models.errors import SkywayError
+from skyway.models.base.errors import SkywayError
 
 USAGE_ERROR: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 """Wrong usage: typer brings its own copy of click, or in older releases stands on the package."""

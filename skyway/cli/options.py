@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from skyway.models.errors import Fault, InputError, NoRouteError
-from skyway.models.ranges import percent_faults
+from skyway.models.base.errors import Fault, InputError, NoRouteError
+from skyway.models.base.ranges import percent_faults
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from skyway.models.scenario import Scenario
-    from skyway.models.wind_forecast import WindEnsemble
-    from skyway.models.wind_history import WindSite
-    from skyway.planner.objective import Objective
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.models.wind.history import WindSite
+    from skyway.planner.problem.objective import Objective
 
 WIND = re.compile(r"^\s*([0-9]+(?:\.[0-9]*)?)\s*@\s*([0-9]+(?:\.[0-9]*)?)\s*$")
 POSITION = re.compile(r"^\s*(-?[0-9]+(?:\.[0-9]*)?)\s*,\s*(-?[0-9]+(?:\.[0-9]*)?)\s*$")
@@ -127,7 +127,7 @@ def say_written(*paths: Path | None) -> None:
 
 def check_picture(path: Path | None) -> None:
     """Refuse pictures of a format that is not drawn."""
-    from skyway.pictures import check_format
+    from skyway.plots.pictures import check_format
 
     if path is not None:
         check_format(path, "--plot")
@@ -146,7 +146,7 @@ def place(scenario: Scenario, text: str, option: str) -> tuple[Scenario, str]:
 
 def _target(scenario: Scenario, lat: float, lon: float) -> tuple[Scenario, str]:
     """Add a delivery target to the network; a `NoRouteError` where no segment reaches it."""
-    from skyway.models.geodesy import inverse
+    from skyway.models.base.geodesy import inverse
 
     network = scenario.network
     wider = scenario.with_target(lat, lon)
@@ -174,7 +174,7 @@ def parse_depart(text: str | None) -> datetime:
 
 
 def _instant(text: str, option: str) -> datetime:
-    from skyway.models.units import parse_instant
+    from skyway.models.base.units import parse_instant
 
     try:
         instant = parse_instant(text, field=option)
@@ -199,7 +199,7 @@ def parse_duration(text: str, option: str) -> float:
 
 def parse_objective(text: str) -> Objective:
     """Objective as typed: ``mean``, ``p95``, ``on-time 2013-07-10T16:00-04:00``."""
-    from skyway.planner.objective import Objective
+    from skyway.planner.problem.objective import Objective
 
     with as_typed():
         return Objective.parse(text)
@@ -214,8 +214,8 @@ def wind_forecast(
     day: date | None,
 ) -> WindEnsemble:
     """Wind that the planner knows: constant, from a file, or the scenario's analogue days (without the true one)."""
-    from skyway.models.wind_forecast import constant_wind, read_forecast
-    from skyway.planner.problem import HORIZON_H
+    from skyway.models.wind.forecast import constant_wind, read_forecast
+    from skyway.planner.problem.problem import HORIZON_H
 
     if wind is not None and forecast is not None:
         raise InputError(Fault("--wind and --forecast exclude each other", remedy="give one of them"))
@@ -235,8 +235,8 @@ def true_wind(
     scenario: Scenario, depart: datetime, text: str | None, option: str = "--truth"
 ) -> tuple[WindEnsemble | None, date | None]:
     """Wind as it will be: a day of the record (``2013-07-10``) or a forecast file with one member."""
-    from skyway.models.wind_forecast import read_forecast
-    from skyway.planner.problem import HORIZON_H
+    from skyway.models.wind.forecast import read_forecast
+    from skyway.planner.problem.problem import HORIZON_H
 
     if text is None:
         return None, None
@@ -254,7 +254,7 @@ def true_wind(
 
 def _sites(scenario: Scenario) -> tuple[tuple[WindSite, ...], float]:
     """Wind sites of the scenario and their height; one site amid the stations where it has none."""
-    from skyway.models.wind_history import WindSite
+    from skyway.models.wind.history import WindSite
 
     if scenario.wind_sites:
         return scenario.wind_sites, scenario.measured_at_m

@@ -27,11 +27,11 @@ from benchmarks.melbourne import melbourne  # noqa: E402
 from benchmarks.networks import geometric, random_pairs  # noqa: E402
 from benchmarks.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows  # noqa: E402
 from benchmarks.trials import ROLLING, case_of, contenders  # noqa: E402
-from skyway.models.errors import InputError  # noqa: E402
-from skyway.planner.evaluate import NO_ERRORS, fly_policy  # noqa: E402
+from skyway.models.base.errors import InputError  # noqa: E402
+from skyway.planner.evaluation.evaluate import NO_ERRORS, fly_policy  # noqa: E402
+from skyway.planner.online.rolling import RollingRobust  # noqa: E402
 from skyway.planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST, plan  # noqa: E402
-from skyway.planner.problem import Problem  # noqa: E402
-from skyway.planner.rolling import RollingRobust  # noqa: E402
+from skyway.planner.problem.problem import Problem  # noqa: E402
 
 
 def quiet(_):
@@ -202,11 +202,11 @@ def test_who_is_told_the_wind_and_the_queues_is_told_those_of_the_run(long_insta
 
 def test_a_flight_is_flown_again_as_it_was_in_the_same_gusts(long_instance):
     case = case_of(long_instance.scenario(), long_instance, 1, 1)
-    start = Problem(case.scenario, case.truths.request, case.scenario.drone(long_instance.drone), case.forecast)
-    policy = RollingRobust(start, case.truths.errors)
+    start = Problem(case.scenario, case.realizations.request, case.scenario.drone(long_instance.drone), case.forecast)
+    policy = RollingRobust(start, case.realizations.errors)
     seen = []
-    flown, _ = fly_policy(case.truths, long_instance.drone, policy, np.array([0]), watch=seen.append)
-    same = [again.charge_left(int(case.truths.gust_key[0])) for again in seen]
+    flown, _ = fly_policy(case.realizations, long_instance.drone, policy, np.array([0]), watch=seen.append)
+    same = [again.charge_left(int(case.realizations.gust_key[0])) for again in seen]
     assert min(same) == pytest.approx(float(flown.lowest_soc[0]))
     assert seen[0].charge_left(1) != same[0]
     watch = rolling_risk.Watch(start.reserve, 30, np.random.default_rng(0))
@@ -221,7 +221,7 @@ def test_where_the_wind_closes_a_flight_for_hours_a_route_of_shorter_ones_is_bet
     instance = read_instance(FOLDER / "geometric-1000-0.5.json")
     case = case_of(instance.scenario(), instance, 3, 1)
     short = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast)
-    monkeypatch.setattr("skyway.planner.robust.LONG", np.inf)
+    monkeypatch.setattr("skyway.planner.robust.robust.LONG", np.inf)
     long = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast)
     begin = short.problem.depart_s
     assert len(short.robust.candidates) > len(long.robust.candidates)

@@ -14,7 +14,7 @@ from skyway.cli.main import main
 def read_new_york_once():
     """Keep the built-in scenario between commands; one test reads it in a process of its own."""
     from skyway.missions.examples import NEW_YORK
-    from skyway.models import scenario_file
+    from skyway.models.scenario import file as scenario_file
 
     read = scenario_file.read_scenario
     kept = cache(read)

@@ -16,10 +16,10 @@ import pytest
 from sim_serving import free_port
 
 from skyway.missions.examples import NEW_YORK
-from skyway.models.scenario_file import read_scenario
+from skyway.models.scenario.file import read_scenario
 from skyway.sim_stub.fleet import FleetOptions, build_world, serve
+from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.urls import parse_address
-from skyway.sim_stub.wind_truth import ConstantWind
 
 PLAN = ("plan", "--from", "bellevue", "--to", "city-hall", "--payload", "0.8", "--drone", "m200", "--planner", "shortest",
         "--depart", "2013-07-10T14:00-04:00", "-o", "plan.json")  # fmt: skip

@@ -12,8 +12,8 @@ import pytest
 from cli_requests import HOP, ONE_WIND, TRIP
 
 from skyway.missions.examples import NEW_YORK
-from skyway.models.composition_file import load
-from skyway.models.wind import wind_triangle
+from skyway.models.composition.file import load
+from skyway.models.wind.triangle import wind_triangle
 
 TOP = {
     "schema": str, "id": str, "scenario": dict, "planner": str, "drone": str, "drone_parameters": dict,

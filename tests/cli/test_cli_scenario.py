@@ -192,7 +192,7 @@ def test_names_with_brackets_are_printed_as_they_are(skyway, tmp_path):
 def test_labels_of_a_crowded_map_keep_off_each_other():
     import numpy as np
 
-    from skyway.pictures import LabelPlacer, new_figure
+    from skyway.plots.pictures import LabelPlacer, new_figure
 
     random = np.random.default_rng(3)
     x, y = random.uniform(0.05, 0.95, (2, 14))

@@ -15,11 +15,11 @@ import pytest
 from rich.console import Console
 
 from benchmarks.deliveries import Stage, Story
-from skyway.cli.flight_view import FlightView
-from skyway.flight_report import flight, write_report
-from skyway.flight_report_svg import Band, Chart, Course, time_ticks
+from skyway.cli.views.flight import FlightView
 from skyway.flying import line_of
 from skyway.link.supervisor import read_journal
+from skyway.report.report import flight, write_report
+from skyway.report.svg import Band, Chart, Course, time_ticks
 
 VOID = {"meta"}
 LINKING = {"src", "href", "xlink:href", "action", "data", "poster", "srcset"}
@@ -142,11 +142,11 @@ def test_waits_and_charges_are_the_times_in_those_states(flown, records):
 def test_errors_of_the_wind_are_those_one_computes_by_hand(flown, records):
     leg = flight(flown)["legs"][0]
     inside = [r for r in records if leg["depart_s"] <= r.time_s <= leg["land_s"]]
-    truths = [(r.time_s, r.data["wind_north_mps"], r.data["wind_east_mps"]) for r in inside if r.event == "truth"]
+    realizations = [(r.time_s, r.data["wind_north_mps"], r.data["wind_east_mps"]) for r in inside if r.event == "truth"]
     squares = []
     for record in inside:
         if record.event == "track" and record.data.get("wind_north_mps") is not None:
-            _, north, east = min(truths, key=lambda row: abs(row[0] - record.time_s))
+            _, north, east = min(realizations, key=lambda row: abs(row[0] - record.time_s))
             squares.append((record.data["wind_north_mps"] - north) ** 2 + (record.data["wind_east_mps"] - east) ** 2)
     assert leg["wind"]["estimate_rms_mps"] == pytest.approx(math.sqrt(sum(squares) / len(squares)), abs=0.05)
     assert leg["wind"]["forecast_rms_mps"] > 0.0

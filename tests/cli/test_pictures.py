@@ -10,9 +10,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skyway.charge_band import band_of
 from skyway.missions.examples import NEW_YORK
-from skyway.planner.course_kernels import COLUMNS, PAD, READY, SOC_DOWN, SOC_OFF, TAKE_OFF, TOUCH_DOWN
+from skyway.planner.schedule.schedule_kernels import (
+    COLUMNS,
+    PAD,
+    READY,
+    SOC_LANDING,
+    SOC_TAKE_OFF,
+    TAKE_OFF,
+    TOUCH_DOWN,
+)
+from skyway.plots.charge_band import band_of
 
 EAST = 180.0 - -73.95
 PLAN = ("--from", "bellevue", "--to", "jacobi", "--payload", "0.8", "--drone", "m200", "--planner", "pfs-charge-aware",
@@ -72,8 +80,8 @@ def test_a_plan_across_the_antimeridian_is_drawn_about_its_middle_and_its_lines_
 
 def test_a_network_across_the_antimeridian_comes_back_from_its_geojson_as_it_was(skyway, fiji, tmp_path):
     pytest.importorskip("matplotlib")
-    from skyway.models.network_files import read_segments, read_stations
-    from skyway.models.scenario_file import read_scenario
+    from skyway.models.network.files import read_segments, read_stations
+    from skyway.models.scenario.file import read_scenario
 
     assert skyway("network", fiji, "--plot", "n.svg", "--geojson", "n.geojson").code == 0
     network = read_scenario(fiji).network
@@ -109,7 +117,7 @@ def test_the_band_of_the_charge_holds_eight_of_ten_runs():
     runs[:, 0, PAD] = 0.0
     runs[:, 0, READY] = delay
     runs[:, 0, TAKE_OFF], runs[:, 0, TOUCH_DOWN] = delay, delay + 1000.0
-    runs[:, 0, SOC_OFF], runs[:, 0, SOC_DOWN] = 1.0, 0.0
+    runs[:, 0, SOC_TAKE_OFF], runs[:, 0, SOC_LANDING] = 1.0, 0.0
     band = band_of(runs, np.full(101, 1.0 / 101), 0.0, 1.0)
     for time_s, low, high in zip(band.time_s, band.low, band.high, strict=True):
         charge = np.clip(1.0 - (time_s - delay) / 1000.0, 0.0, 1.0)[delay + 1000.0 >= time_s]

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from skyway.cli.plan_view import course_sheet
-from skyway.cli.sheet import NO_NUMBER, Column, Sheet, wrapped
-from skyway.models.figure import Figure
-from skyway.models.formatting import about, between, by, duration, later_text, minutes, percent, share, spent
-from skyway.models.services import ArrivalDistribution, Composition, DroneService, Place, Stop, Wind
+from skyway.cli.views.plan import course_sheet
+from skyway.cli.views.sheet import NO_NUMBER, Column, Sheet, wrapped
+from skyway.models.base.figure import Figure
+from skyway.models.base.formatting import about, between, by, duration, later_text, minutes, percent, share, spent
+from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, Stop, Wind
 
 COMMANDS = {
     "plan": ("plan", *TRIP, "--drone", "m300"),

@@ -6,4 +6,4 @@ import pytest
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch):
     """Nobody else is there: a second and a half of listening for others at wall time is left out."""
-    monkeypatch.setattr("skyway.link.seen.ALONE_S", 0.0)
+    monkeypatch.setattr("skyway.link.telemetry.vehicle_monitor.ALONE_S", 0.0)

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 from branches import Branches
 
 from benchmarks.deliveries import Stage, Story
-from skyway.link.frames import FrameReader
 from skyway.link.supervisor import read_journal
-from skyway.models.pad_service import PadServiceError
+from skyway.link.wire.frames import FrameReader
+from skyway.models.queues.pad_service import PadServiceError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from skyway.link.frames import Message
+    from skyway.link.wire.frames import Message
 
 DURATIONS_S = (1.0, 5.0, 10.0, 30.0, 120.0, 600.0, 1800.0)
 DIRECTIONS = ("both", "up", "down")

@@ -1,6 +1,6 @@
 """The truth that filters are judged by: a point mass with drag in a wind that wanders, and what its sensors would say.
 
-Its own equations, on purpose: nothing of `models.drag` or of the filter is used here.
+Its own equations, on purpose: nothing of `models.drones.drag` or of the filter is used here.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skyway.models.telemetry import TelemetryTrack
+from skyway.models.drones.telemetry import TelemetryTrack
 
 G = 9.80665
 RATE_HZ = 10.0

@@ -10,9 +10,9 @@ import math
 import random
 from dataclasses import dataclass
 
-from skyway.link.supervisor.voltage import VoltageWatch
-from skyway.models.charging import ChargingCurve
-from skyway.sim_stub.battery import Battery
+from skyway.link.supervisor.soc.voltage import VoltageWatch
+from skyway.models.drones.charging import ChargingCurve
+from skyway.sim_stub.plant.battery import Battery
 
 CAPACITY_J = 350.0 * 3600.0
 HOVER_W = 850.0

@@ -56,11 +56,11 @@ class DataFlashWriter:
         return b"".join(self.parts)
 
 
-def plane(*, duration_s=240.0, wind=(-4.0, 3.0), airspeed_mps=18.0, seed=0, turning=True):
+def plane(*, duration_s=240.0, wind=(-4.0, 3.0), airspeed_mps=18.0, seed=0, turn_back=True):
     """Columns of a fixed wing on circles in a wind, and what its sensors say, at 10 Hz; lean and wind have nothing in common."""
     generator = np.random.default_rng(seed)
     time_s = np.arange(0.0, duration_s, 0.1)
-    yaw = (0.12 if turning else 0.0) * time_s
+    yaw = (0.12 if turn_back else 0.0) * time_s
     air = airspeed_mps * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
     velocity = air + np.array(wind) + generator.normal(0.0, 0.1, air.shape)
     return {
@@ -241,8 +241,8 @@ def ulog(columns, *, status=None, parameters=None, sensor=False, gps=None, ratio
         now = 2.0 + time_s
         north, east = (float(columns[f"vel_{name}_mps"][row]) for name in ("north", "east"))
         if row % 10 == 0:
-            kind, vtol, turning, system_type = (1, 0, 0, 2) if status is None else status(row)
-            log.add("vehicle_status", now, 3, 2, 0, kind, vtol, turning, system_type, 1)
+            kind, vtol, turn_back, system_type = (1, 0, 0, 2) if status is None else status(row)
+            log.add("vehicle_status", now, 3, 2, 0, kind, vtol, turn_back, system_type, 1)
             log.add("vehicle_land_detected", now, 0)
         fix, satellites, hdop = (3, 14, 0.8) if gps is None else gps(row)
         log.add("vehicle_gps_position", now, hdop, 0.2, fix, satellites)

@@ -2,9 +2,9 @@
 
 from collections import deque
 
-from skyway.link.connection import Connection
+from skyway.link.protocol.connection import Connection
 from skyway.sim_stub.config import VehicleConfig
-from skyway.sim_stub.wind_truth import ConstantWind
+from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.world import World
 
 TURN_S = 0.02

@@ -9,8 +9,8 @@ import pytest
 from drone_truth import fly
 
 from skyway.cli.main import main
-from skyway.models.drag import DragModel
-from skyway.models.drag_file import drag_file
+from skyway.models.drones.drag import DragModel
+from skyway.models.drones.drag_file import drag_file
 
 TAKE_OFF = datetime(2013, 7, 10, 17, 0, tzinfo=UTC).timestamp()
 WIND = (-6.0, 5.0)

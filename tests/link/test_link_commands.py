@@ -12,16 +12,16 @@ import typer
 from sim_serving import free_port, served
 from wires import a_fence, a_mission, some_rally_points
 
-from skyway.cli import link_commands
-from skyway.link.autopilots import FAMILIES
-from skyway.link.frames import FrameWriter
-from skyway.link.parameter_file import read_required
+from skyway.cli.commands import link as link_commands
+from skyway.link.protocol.autopilots import FAMILIES
+from skyway.link.protocol.parameter_file import read_required
+from skyway.link.wire.frames import FrameWriter
 from skyway.missions import write
 from skyway.missions.dialects import dialect
-from skyway.missions.document import MissionDocument
-from skyway.missions.mission import Mission
-from skyway.missions.parameters import Parameter, dumps
-from skyway.models.errors import InputError, SkywayError
+from skyway.missions.items.document import MissionDocument
+from skyway.missions.items.mission import Mission
+from skyway.missions.items.parameters import Parameter, dumps
+from skyway.models.base.errors import InputError, SkywayError
 
 app = typer.Typer()
 link_commands.register(app)
@@ -235,7 +235,7 @@ def test_a_signed_link_takes_the_key_from_a_file_or_the_environment_and_no_link_
         assert run("verify", plan, port=port)[0] == 0
         monkeypatch.delenv("SKYWAY_SIGNING_KEY_FILE")
         monkeypatch.setenv("SKYWAY_SIGNING_KEY", "cd" * 32)
-        monkeypatch.setattr("skyway.link.seen.FIND_S", 1.5)
+        monkeypatch.setattr("skyway.link.telemetry.vehicle_monitor.FIND_S", 1.5)
         code, text = run("verify", plan, port=port)
         assert code == 2
         assert re.fullmatch(r"--key-file: no packet is signed with our key: \d+ were not believed; the key .*", text)

@@ -11,10 +11,10 @@ import pytest
 from sim_station import LAND, SPEED, TAKEOFF, WAYPOINT, Stage, item, plain
 
 from skyway.link.logs.reader import open_log
-from skyway.link.replay import ReplayOptions, replay
-from skyway.models.drag import DragModel
+from skyway.link.replay.replay import ReplayOptions, replay
+from skyway.models.drones.drag import DragModel
 from skyway.sim_stub.faults import parse_fault
-from skyway.sim_stub.wind_truth import ConstantWind
+from skyway.sim_stub.plant.wind_truth import ConstantWind
 
 SQUARE = ((800, 0), (800, 800), (0, 800), (0, 0))
 TRIANGLE = ((1500, 0), (750, 1300), (0, 0))
@@ -79,7 +79,7 @@ def gusty(calibrated, tmp_path_factory):
 
 
 def test_the_drag_found_is_that_of_the_simulated_airframe(calibrated):
-    from skyway.sim_stub.airframe import Airframe
+    from skyway.sim_stub.plant.airframe import Airframe
 
     frame, (_, drag) = Airframe(), calibrated
     true = frame.drag_n_per_speed(17.0, 0.0) / frame.mass_kg(0.0)

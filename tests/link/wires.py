@@ -2,18 +2,18 @@
 
 import math
 
-from skyway.link.connection import Connection
-from skyway.link.frames import FrameReader, FrameWriter
-from skyway.link.verified import UploadJob, upload_verified
-from skyway.missions.commands import Command, Frame
-from skyway.missions.coordinates import Point
-from skyway.missions.geofence import FencePolygon, Geofence
-from skyway.missions.mission import Mission, MissionItem
-from skyway.missions.rally import RallyPoint, RallyPoints
+from skyway.link.protocol.connection import Connection
+from skyway.link.protocol.verified import UploadJob, upload_verified
+from skyway.link.wire.frames import FrameReader, FrameWriter
+from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.coordinates import Point
+from skyway.missions.items.geofence import FencePolygon, Geofence
+from skyway.missions.items.mission import Mission, MissionItem
+from skyway.missions.items.rally import RallyPoint, RallyPoints
 from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.channel import Impairment
 from skyway.sim_stub.transports.lockstep import Lockstep
-from skyway.sim_stub.wind_truth import ConstantWind
 from skyway.sim_stub.world import World
 
 LAT, LON = 40.7392, -73.9756

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 from branches import Branches
 
 from benchmarks.deliveries import Stage, Story
-from skyway.link import frames
-from skyway.link.frames import Message
 from skyway.link.supervisor import Scripted, read_journal
+from skyway.link.wire import frames
+from skyway.link.wire.frames import Message
 from skyway.sim_stub.wire.frames import FrameWriter
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from skyway.sim_stub.ports import Port
     from skyway.sim_stub.wire.messages import MessageSpec
+    from skyway.sim_stub.wire.ports import Port
 
 PACKETS = (1, 3, 10, 100)
 KINDS = ("low", "high", "zero", "plausible", "frozen", "not-a-number")

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from skyway.missions.dialects import DIALECTS
-from skyway.missions.settings import MAIN
+from skyway.missions.dialects.settings import MAIN
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "parameters.md"
 HEAD = """# Parameters by firmware version

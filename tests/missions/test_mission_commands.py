@@ -7,10 +7,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from skyway.cli.mission_commands import register
-from skyway.missions import mission_file
-from skyway.models import composition_file
-from skyway.models.errors import InputError
+from skyway.cli.commands.mission import register
+from skyway.missions.files import mission_file
+from skyway.models.base.errors import InputError
+from skyway.models.composition import file as composition_file
 
 app = typer.Typer()
 register(app)
@@ -193,7 +193,7 @@ def test_json_goes_with_exit_code_0_too(run, plan_json):
 
 def test_a_scenario_brings_fleet_zones_pads_and_forecast(run, tmp_path):
     from skyway.missions.examples import NEW_YORK
-    from skyway.models.scenario_file import read_scenario
+    from skyway.models.scenario.file import read_scenario
 
     region = read_scenario(NEW_YORK)
     first, second = region.network.stations[0], region.network.stations[1]

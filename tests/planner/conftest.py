@@ -3,7 +3,7 @@
 import pytest
 
 from skyway.missions.examples import NEW_YORK
-from skyway.models.scenario_file import read_scenario
+from skyway.models.scenario.file import read_scenario
 
 
 @pytest.fixture(scope="session")

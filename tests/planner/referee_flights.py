@@ -1,4 +1,4 @@
-"""Flights as the referees see them: nothing here is shared with the planners or with `models.flight_kernels`.
+"""Flights as the referees see them: nothing here is shared with the planners or with `models.flight.kernels`.
 
 Read from a problem is data only: network, drone, rules, request, wind series, queues. A segment's ground speeds give one
 function of time, the distance that a drone flying along it for ever would have covered. A segment entered at t is left
@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 EDGE_S = 1e-6
-"""A time this close below the boundary of a slot belongs to the next one (rule of `models.flight`)."""
+"""A time this close below the boundary of a slot belongs to the next one (rule of `models.flight.rules`)."""
 _CLOSED_MPS = 1e-7
 
 
@@ -233,25 +233,25 @@ def flown(problem, queues, itinerary):
     """
     f = Flights(problem)
     now, joined, soc, node = 0.0, 0.0, f.soc, f.origin
-    for leg, hop in enumerate(itinerary, 1):
-        decided = hop.not_before_s - f.begin_s
+    for number, leg in enumerate(itinerary, 1):
+        decided = leg.not_before_s - f.begin_s
         off = max(now, decided)
-        if hop.charge_to is not None and hop.charge_to > soc and not (f.in_flight and leg == 1):
+        if leg.charge_to is not None and leg.charge_to > soc and not (f.in_flight and number == 1):
             curve = f.curve(node)
             pad = max(now, float(Queue(queues[node], f.begin_s).pad_at(joined)))
             since = float(curve.time_at(soc))
-            off = max(off, pad + float(curve.time_at(hop.charge_to)) - since)
+            off = max(off, pad + float(curve.time_at(leg.charge_to)) - since)
             soc = float(curve.soc_at(since + off - pad))
         if off > max(decided, 0.0) + 0.02:
-            return math.inf, f"leg {leg} takes off {off - decided:.3f} s late"
-        joined = float(f.land(hop.segments, off))
+            return math.inf, f"leg {number} takes off {off - decided:.3f} s late"
+        joined = float(f.land(leg.segments, off))
         if math.isinf(joined):
-            return math.inf, f"leg {leg} cannot be flown"
-        node = int(f.network.head[hop.segments[-1]])
+            return math.inf, f"leg {number} cannot be flown"
+        node = int(f.network.head[leg.segments[-1]])
         now = float(Queue(queues[node], f.begin_s).spot_at(joined)) if f.network.stations[node].pads else joined
         soc -= f.cost * (now - off)
         if soc < f.reserve - 1e-6:
-            return now, f"leg {leg} lands {f.reserve - soc:.2e} below the reserve"
+            return now, f"leg {number} lands {f.reserve - soc:.2e} below the reserve"
     if f.needs_escape and soc < f.reserve + float(f.escape_need(now)) - 1e-6:
         return now, "the way on from the destination breaks the reserve"
     return now, ""

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from worlds import DEPART, make_request, make_wind, make_world
 
-from skyway.models.drone import M200_V2
-from skyway.models.flight import FlightRules
-from skyway.models.network import ConnectionRule
-from skyway.models.network_builders import build_network
-from skyway.models.services import State
-from skyway.planner.problem import Problem
+from skyway.models.composition.composition import State
+from skyway.models.drones.drone import M200_V2
+from skyway.models.flight.rules import FlightRules
+from skyway.models.network.builders import build_network
+from skyway.models.network.network import ConnectionRule
+from skyway.planner.problem.problem import Problem
 
 LONG_RANGE = replace(
     M200_V2,
@@ -63,7 +63,7 @@ def instance(seed, slot_min, kind, *, stations=None):
     wind = make_wind(
         rng,
         mean_mps=float(rng.choice([2.0, 5.0, 8.0])),
-        turning=float(rng.choice([10.0, 60.0])),
+        turn_back=float(rng.choice([10.0, 60.0])),
         slots=24 * 60 // slot_min,
         slot_s=60.0 * slot_min,
     )

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from worlds import DEPART, make_request, make_wind, make_world
 
-from skyway.models.composition_file import from_json, to_json
-from skyway.models.drone import M200_V2
-from skyway.models.errors import InputError, NoRouteError, PayloadError
-from skyway.models.services import State
-from skyway.models.wind import wind_triangle
-from skyway.models.wind_forecast import constant_wind
+from skyway.models.base.errors import InputError, NoRouteError, PayloadError
+from skyway.models.composition.composition import State
+from skyway.models.composition.file import from_json, to_json
+from skyway.models.drones.drone import M200_V2
+from skyway.models.wind.forecast import constant_wind
+from skyway.models.wind.triangle import wind_triangle
 from skyway.planner.plan import FORECAST_PLANNERS, PLANNERS, ROBUST, compare, plan
-from skyway.planner.problem import HORIZON_H
-from skyway.planner.request import Request
+from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.problem.request import Request
 
 AFTERNOON = datetime(2013, 7, 10, 18, tzinfo=UTC)
 

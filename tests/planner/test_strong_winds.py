@@ -6,15 +6,15 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from skyway.models.errors import NoRouteError
-from skyway.models.flight_kernels import slot_of
-from skyway.models.services import State
-from skyway.models.wind_forecast import constant_wind
-from skyway.planner.course_kernels import flight_parts
+from skyway.models.base.errors import NoRouteError
+from skyway.models.composition.composition import State
+from skyway.models.flight.kernels import slot_of
+from skyway.models.wind.forecast import constant_wind
 from skyway.planner.plan import compare, plan
-from skyway.planner.problem import HORIZON_H, Problem
-from skyway.planner.profile_kernels import interpolate
-from skyway.planner.request import Request
+from skyway.planner.problem.problem import HORIZON_H, Problem
+from skyway.planner.problem.request import Request
+from skyway.planner.schedule.profile_kernels import interpolate
+from skyway.planner.schedule.schedule_kernels import flight_parts
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 

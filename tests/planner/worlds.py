@@ -7,23 +7,23 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from skyway.models.drone import M200_V2
-from skyway.models.flight import FlightRules
-from skyway.models.load import PadLoad
-from skyway.models.network import ConnectionRule, Station
-from skyway.models.network_builders import build_network
-from skyway.models.scenario import Scenario
-from skyway.models.services import State
-from skyway.models.wind_forecast import WindEnsemble
-from skyway.planner.request import Request
+from skyway.models.composition.composition import State
+from skyway.models.drones.drone import M200_V2
+from skyway.models.flight.rules import FlightRules
+from skyway.models.network.builders import build_network
+from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.queues.load import PadLoad
+from skyway.models.scenario.scenario import Scenario
+from skyway.models.wind.forecast import WindEnsemble
+from skyway.planner.problem.request import Request
 
 DEPART = datetime(2026, 6, 1, 9, 20, tzinfo=UTC)
 
 
-def make_wind(rng, *, members=1, mean_mps=6.0, slots=48, slot_s=3600.0, turning=40.0) -> WindEnsemble:
+def make_wind(rng, *, members=1, mean_mps=6.0, slots=48, slot_s=3600.0, turn_back=40.0) -> WindEnsemble:
     """Winds that change speed and turn from slot to slot, the same over the whole region."""
     speed = np.maximum(rng.normal(mean_mps, 0.5 * mean_mps + 0.1, (members, slots)), 0.0)
-    direction = np.cumsum(rng.normal(0.0, turning, (members, slots)), axis=1) + rng.uniform(0, 360, (members, 1))
+    direction = np.cumsum(rng.normal(0.0, turn_back, (members, slots)), axis=1) + rng.uniform(0, 360, (members, 1))
     angle = np.radians(direction)
     return WindEnsemble(
         site_lat=np.array([52.5]),

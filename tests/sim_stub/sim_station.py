@@ -5,8 +5,8 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.lockstep import Lockstep
-from skyway.sim_stub.wind_truth import ConstantWind
 from skyway.sim_stub.world import World
 
 NAN = math.nan

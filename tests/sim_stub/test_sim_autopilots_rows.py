@@ -23,12 +23,12 @@ from sim_station import (
     plain,
 )
 
-from skyway.models.network import Station as Place
+from skyway.models.network.network import Station as Place
 from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.faults import parse_fault
-from skyway.sim_stub.physics import offset_m
+from skyway.sim_stub.plant.physics import offset_m
+from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.channel import Impairment
-from skyway.sim_stub.wind_truth import ConstantWind
 
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 GUIDED_RETURN = {"px4": "NAV_DLL_ACT", "ardupilot": "FS_GCS_ENABLE"}

@@ -7,8 +7,8 @@ import socket
 import pytest
 
 from skyway.cli.bare_values import fill
+from skyway.cli.commands.sim import BARE
 from skyway.cli.main import main
-from skyway.cli.sim_commands import BARE
 
 SHORT = ["--tcp", "0", "--speedup", "20", "--for", "0.5"]
 

@@ -6,11 +6,11 @@ import pytest
 from sim_station import LAT, LON, Stage, item, leg
 
 from skyway import sim_stub
-from skyway.models.errors import InputError
-from skyway.models.network import Station as Place
+from skyway.models.base.errors import InputError
+from skyway.models.network.network import Station as Place
 from skyway.sim_stub import Pads, World, parse_fault
 from skyway.sim_stub.autopilot.modes import Mode
-from skyway.sim_stub.physics import offset_m
+from skyway.sim_stub.plant.physics import offset_m
 
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 HERE = Place("here", "Here", LAT, LON, 5.0, 2, 2)

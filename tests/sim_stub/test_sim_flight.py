@@ -6,8 +6,8 @@ import math
 import pytest
 from sim_station import JUMP, LAND, LAT, LON, NAN, SPEED, TAKEOFF, WAYPOINT, Stage, item, leg, plain
 
-from skyway.sim_stub.physics import offset_m
-from skyway.sim_stub.wind_truth import ConstantWind
+from skyway.sim_stub.plant.physics import offset_m
+from skyway.sim_stub.plant.wind_truth import ConstantWind
 
 GRIPPER = {"px4": (("PD_GRIPPER_EN", 1),), "ardupilot": (("GRIP_ENABLE", 1),)}
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])

@@ -7,14 +7,14 @@ import pytest
 from sim_station import Station
 
 from skyway import missions
-from skyway.models import geodesy
-from skyway.models.network import Station as Place
-from skyway.models.services import ArrivalDistribution, Composition, DroneService, Stop, Wind
-from skyway.models.services import Place as PlanPlace
+from skyway.models.base import geodesy
+from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Stop, Wind
+from skyway.models.composition.composition import Place as PlanPlace
+from skyway.models.network.network import Station as Place
 from skyway.sim_stub.config import VehicleConfig
-from skyway.sim_stub.physics import offset_m
+from skyway.sim_stub.plant.physics import offset_m
+from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.lockstep import Lockstep
-from skyway.sim_stub.wind_truth import ConstantWind
 from skyway.sim_stub.world import World
 
 NOON = datetime(2026, 5, 4, 12, 0, tzinfo=UTC)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from sim_station import LAT, LON, Stage
 
-from skyway.models.load import WEEK_H, PadLoad
-from skyway.models.network import Station as Place
-from skyway.models.pad_service import (
+from skyway.models.network.network import Station as Place
+from skyway.models.queues.load import WEEK_H, PadLoad
+from skyway.models.queues.pad_service import (
     PadRequest,
     PadServiceError,
     StationStatus,

@@ -13,8 +13,8 @@ import pytest
 from sim_serving import free_port, served
 from sim_station import LAT, LON, item, leg
 
-from skyway.models.pad_service import PadRequest, decode_answer, encode
-from skyway.sim_stub.physics import offset_m
+from skyway.models.queues.pad_service import PadRequest, decode_answer, encode
+from skyway.sim_stub.plant.physics import offset_m
 
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 
@@ -179,7 +179,7 @@ def test_pads_over_tcp():
 
 def test_the_command_runs_prints_events_and_stops_cleanly_on_ctrl_c():
     script = (
-        "import typer, sys; from skyway.cli import sim_commands; app = typer.Typer();"
+        "import typer, sys; from skyway.cli.commands import sim as sim_commands; app = typer.Typer();"
         "sim_commands.register(app); app.callback()(lambda: None); app(sys.argv[1:])"
     )
     arguments = ["sim", "--at", "bellevue", "--tcp", "0", "--speedup", "20", "--fault", "gps@1s+1s"]

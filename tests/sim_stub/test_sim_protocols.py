@@ -10,8 +10,8 @@ from sim_station import LAT, LON, NAN, TAKEOFF, WAYPOINT, Stage, Station, item, 
 
 from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.faults import parse_fault
+from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.channel import Impairment
-from skyway.sim_stub.wind_truth import ConstantWind
 from skyway.sim_stub.wire.frames import FrameWriter
 from skyway.sim_stub.wire.messages import spec
 

@@ -13,27 +13,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sim_station import LAT, LON, Stage, dialect, item
 
-from skyway.models.errors import InputError
-from skyway.models.geodesy import inverse
-from skyway.models.network import Station as Place
-from skyway.models.wind_ensemble import WindEnsemble
-from skyway.sim_stub.airframe import Airframe
-from skyway.sim_stub.battery import Battery
+from skyway.models.base.errors import InputError
+from skyway.models.base.geodesy import inverse
+from skyway.models.network.network import Station as Place
+from skyway.models.wind.ensemble import WindEnsemble
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.faults import KINDS, parse_fault
 from skyway.sim_stub.fleet import FleetOptions, build_world, serve
-from skyway.sim_stub.physics import Body, Demand, offset_m
-from skyway.sim_stub.power import PowerModel
+from skyway.sim_stub.plant.airframe import Airframe
+from skyway.sim_stub.plant.battery import Battery
+from skyway.sim_stub.plant.physics import Body, Demand, offset_m
+from skyway.sim_stub.plant.power import PowerModel
+from skyway.sim_stub.plant.wind_truth import ConstantWind, Gusts, RecordedWind, parse_constant
 from skyway.sim_stub.transports.channel import Channel, Impairment
 from skyway.sim_stub.transports.loop import SocketLoop
 from skyway.sim_stub.transports.urls import Address, parse_address
-from skyway.sim_stub.wind_truth import ConstantWind, Gusts, RecordedWind, parse_constant
 from skyway.sim_stub.world import World
 
 
 @given(st.floats(-70, 70), st.floats(-179.9, 179.9), st.floats(0, 360), st.floats(10, 20_000))
 def test_flat_offsets_agree_with_geodesics(lat, lon, bearing, length):
-    from skyway.models.geodesy import direct
+    from skyway.models.base.geodesy import direct
 
     to_lat, to_lon = direct(lat, lon, bearing, length)
     north, east = offset_m(lat, lon, to_lat, to_lon)
@@ -286,7 +286,7 @@ def test_speed_ups_have_their_limits_and_a_taken_port_is_named():
 
 def test_the_command_ends_after_its_time_and_prints_json_lines():
     script = (
-        "import typer, sys; from skyway.cli import sim_commands; app = typer.Typer();"
+        "import typer, sys; from skyway.cli.commands import sim as sim_commands; app = typer.Typer();"
         "sim_commands.register(app); app.callback()(lambda: None); app(sys.argv[1:])"
     )
     arguments = [

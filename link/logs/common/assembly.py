@@ -1,0 +1,155 @@
+"""From single messages to telemetry: each sample holds the latest of every quantity that is not too old.
+
+The same assembler serves a log, where thousands of messages come at once, and a live link, where they come one by one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.drones.telemetry import COLUMN, QUANTITIES, TelemetrySample, TelemetryTrack, believable
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+FRESH_S = 2.0
+"""A quantity of motion older than this is not known any more."""
+SLOW_FRESH_S = 15.0
+"""The same for what is told rarely."""
+SLOW = frozenset(
+    (
+        "soc",
+        "armed",
+        "landed",
+        "fixed_wing",
+        "mission_item",
+        "mode",
+        "wind_north_mps",
+        "wind_east_mps",
+        "mission_reached",
+        "gps_ok",
+        "ekf_ok",
+        "airspeed_ok",
+    )
+)
+TICK_GAP_S = 0.5
+"""Where no attitude came for so long, a position gives a sample as well."""
+
+
+class Stretch:
+    """Reports of one vehicle over some time: columns of each kind of message.
+
+    Attributes
+    ----------
+    reports : list of (times, columns)
+        Times in s, shape (reports,), and the quantities reported then, by name.
+    """
+
+    def __init__(self) -> None:
+        self.reports: list[tuple[NDArray[np.float64], Mapping[str, NDArray[np.float64]]]] = []
+
+    def add(self, time_s: ArrayLike, columns: Mapping[str, ArrayLike]) -> None:
+        """Add reports of one kind, in the order of time."""
+        times = np.atleast_1d(np.asarray(time_s, dtype=np.float64))
+        known = {
+            name: np.broadcast_to(np.asarray(values, dtype=np.float64), times.shape) for name, values in columns.items()
+        }
+        if len(times) and known:
+            self.reports.append((times, known))
+
+
+class Assembler:
+    """Makes the samples of one vehicle.
+
+    Parameters
+    ----------
+    system : int
+        Whose.
+    lasting : frozenset of str
+        Quantities that are told once when they change, and known until then.
+    """
+
+    def __init__(self, system: int, lasting: frozenset[str] = frozenset()) -> None:
+        self.system = system
+        self._last_time = np.full(len(QUANTITIES), -np.inf)
+        self._last_value = np.full(len(QUANTITIES), np.nan)
+        self._last_tick = -np.inf
+        self._last_main = -np.inf
+        self._fresh = np.array([SLOW_FRESH_S if name in SLOW else FRESH_S for name in QUANTITIES])
+        self._fresh[[COLUMN[name] for name in lasting]] = np.inf
+
+    def feed(self, stretch: Stretch) -> TelemetryTrack:
+        """Take reports not older than those before, and return the samples that they complete."""
+        ticks = self._ticks(stretch)
+        values = np.full((len(ticks), len(QUANTITIES)), np.nan)
+        by_quantity: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = {}
+        for times, columns in stretch.reports:
+            for name, column in columns.items():
+                by_quantity.setdefault(name, []).append((times, column))
+        for name, number in COLUMN.items():
+            parts = by_quantity.get(name, [])
+            times = np.concatenate([self._last_time[number : number + 1], *(part[0] for part in parts)])
+            column = np.concatenate([self._last_value[number : number + 1], *(part[1] for part in parts)])
+            if len(parts) > 1:
+                order = np.argsort(times, kind="stable")
+                times, column = times[order], column[order]
+            place = np.searchsorted(times, ticks, side="right") - 1
+            held = np.maximum(place, 0)
+            fresh = (place >= 0) & (ticks - times[held] <= self._fresh[number])
+            values[:, number] = np.where(fresh, column[held], np.nan)
+            self._last_time[number], self._last_value[number] = times[-1], column[-1]
+        values = believable(values)
+        values[values[:, COLUMN["airspeed_ok"]] != 1.0, COLUMN["airspeed_mps"]] = np.nan
+        power = values[:, COLUMN["voltage_v"]] * values[:, COLUMN["current_a"]]
+        values[:, COLUMN["power_w"]] = np.where(np.isfinite(power), power, values[:, COLUMN["power_w"]])
+        if len(ticks):
+            self._last_tick = float(ticks[-1])
+        return TelemetryTrack(self.system, ticks, values)
+
+    def feed_one(self, time_s: float, columns: Mapping[str, float]) -> TelemetrySample | None:
+        """Take one live message, in microseconds; returns a sample where it completes one, by the rules of `feed`."""
+        for name, value in columns.items():
+            number = COLUMN[name]
+            self._last_time[number], self._last_value[number] = time_s, value
+        if "roll_rad" in columns:
+            self._last_main = max(self._last_main, time_s)
+        elif "vel_north_mps" not in columns or time_s - self._last_main <= TICK_GAP_S:
+            return None
+        if time_s <= self._last_tick:
+            return None
+        self._last_tick = time_s
+        row = believable(np.where(time_s - self._last_time <= self._fresh, self._last_value, np.nan)).tolist()
+        if row[COLUMN["airspeed_ok"]] != 1.0:
+            row[COLUMN["airspeed_mps"]] = math.nan
+        power = row[COLUMN["voltage_v"]] * row[COLUMN["current_a"]]
+        if math.isfinite(power):
+            row[COLUMN["power_w"]] = power
+        return TelemetrySample(time_s=time_s, system=self.system, **dict(zip(QUANTITIES, row, strict=True)))
+
+    def latest(self, quantity: str) -> float:
+        """Newest report of a quantity, however old; NaN before the first."""
+        return float(self._last_value[COLUMN[quantity]])
+
+    def forget(self) -> None:
+        """Begin anew, as after a restart of the vehicle."""
+        self._last_time[:], self._last_value[:] = -np.inf, np.nan
+        self._last_tick = self._last_main = -math.inf
+
+    def _ticks(self, stretch: Stretch) -> NDArray[np.float64]:
+        """Times at which samples are taken: every attitude, and positions where attitudes are missing."""
+        main = [times for times, columns in stretch.reports if "roll_rad" in columns]
+        other = [
+            times for times, columns in stretch.reports if "vel_north_mps" in columns and "roll_rad" not in columns
+        ]
+        ticks = np.sort(np.concatenate([np.array([self._last_main]), *main]))
+        self._last_main = float(ticks[-1])
+        if other:
+            extra = np.sort(np.concatenate(other))
+            before = ticks[np.searchsorted(ticks, extra, side="right") - 1]
+            ticks = np.sort(np.concatenate([ticks, extra[extra - before > TICK_GAP_S]]))
+        return np.unique(ticks[ticks > self._last_tick])

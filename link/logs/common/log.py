@@ -1,0 +1,95 @@
+"""A flight log of any format: what it holds, and the telemetry in it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+from skyway.link.logs.common.vehicle_kind import Vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from skyway.models.drones.telemetry import TelemetryTrack, TimeBase
+
+MAX_EVENTS = 5000
+"""Messages for people that are kept of one log."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogEvent:
+    """Something that the log says in words.
+
+    Attributes
+    ----------
+    time_s : float
+        As in the samples.
+    system : int
+        Who said it.
+    text : str
+        What.
+    """
+
+    time_s: float
+    system: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class LogSummary:
+    """What a log holds.
+
+    Attributes
+    ----------
+    format : str
+        ``tlog``, ``dataflash``, ``ulog`` or ``csv``.
+    messages : int
+        Valid messages (rows of a CSV).
+    by_type : dict of str to int
+        By the format's own name of the message.
+    skipped_bytes : int
+        Bytes (rows of a CSV) that belong to no message.
+    systems : tuple of int
+        Vehicles that gave telemetry.
+    others : tuple of int
+        Systems that spoke without telemetry: ground stations, radios.
+    start_s, end_s : float
+        First and last time; NaN in an empty log.
+    time_base : TimeBase
+        Whose clock it is, and its doubts.
+    events : tuple of LogEvent
+        What the log says in words, at most `MAX_EVENTS`.
+    vehicles : dict of int to Vehicle
+        What each vehicle is.
+    doubted : dict of int to ((float, float), ...)
+        From when to when each vehicle said that it does not trust its position, as in the samples.
+    """
+
+    format: str
+    messages: int
+    by_type: dict[str, int]
+    skipped_bytes: int
+    systems: tuple[int, ...]
+    others: tuple[int, ...]
+    time_base: TimeBase
+    start_s: float = math.nan
+    end_s: float = math.nan
+    events: tuple[LogEvent, ...] = field(default=())
+    vehicles: Mapping[int, Vehicle] = field(default_factory=dict)
+    doubted: Mapping[int, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+
+    def vehicle(self, system: int | None) -> Vehicle:
+        """What a vehicle of this log is."""
+        return self.vehicles.get(system or 0, Vehicle())
+
+
+class Log(Protocol):
+    """A log that has been indexed."""
+
+    @property
+    def summary(self) -> LogSummary:
+        """What it holds."""
+
+    def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
+        """Return the telemetry of every vehicle piece by piece; each vehicle's pieces are in the order of time."""

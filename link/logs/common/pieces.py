@@ -1,0 +1,129 @@
+"""Reading a log of any size in little memory: piece by piece, and its reports in the order of time all the same.
+
+An autopilot writes what its parts tell when they come to tell it, so that reports of one second are mixed with those of
+the next. They are held back for a while before samples are made of them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+import numpy as np
+
+from skyway.link.logs.common.assembly import Assembler, Stretch
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from skyway.models.drones.telemetry import TelemetryTrack
+
+    Reports = Mapping[str, tuple[NDArray[np.float64], Mapping[str, NDArray[np.float64]]]]
+    """Times and quantities of each kind of message, by its name."""
+
+Found_co = TypeVar("Found_co", covariant=True)
+PIECE_BYTES = 1024 * 1024
+HOLD_S = 2.0
+"""Reports are at most so much later in the log than younger ones."""
+WARM_UP_S = 15.0
+"""A replay that begins in the middle reads from so much earlier, so that slow quantities are known."""
+
+
+class Scan(Protocol[Found_co]):
+    """Looks for messages in a piece of a log."""
+
+    def __call__(self, data: NDArray[np.uint8], *, final: bool) -> tuple[Found_co, int]:
+        """Return what was found, and how many bytes are done with; `final` says that the log ends with them."""
+
+
+def read_pieces(
+    path: Path, scan: Scan[Found_co], *, begin: int = 0
+) -> Iterator[tuple[int, NDArray[np.uint8], Found_co]]:
+    """Read a file piece by piece; what a piece has not used up begins the next one.
+
+    Parameters
+    ----------
+    path : Path
+    scan : Scan
+        Looks through each piece.
+    begin : int
+        Where to begin.
+
+    Yields
+    ------
+    int, ndarray of uint8, Found
+        Place of the piece in the file, its bytes (valid until the next piece), and what was found in it.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    buffer = np.empty(PIECE_BYTES, dtype=np.uint8)
+    try:
+        with path.open("rb") as stream:
+            stream.seek(begin)
+            base, held = begin, 0
+            while True:
+                got = stream.readinto(memoryview(buffer)[held:])  # type: ignore[arg-type]
+                data = buffer[: held + got]
+                found, used = scan(data, final=got == 0)
+                yield base, data, found
+                if got == 0:
+                    return
+                left = data[used:].copy()
+                buffer[: len(left)] = left
+                held, base = len(left), base + used
+    except OSError as error:
+        raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
+
+
+class InOrder:
+    """Makes samples of reports that come a little out of order.
+
+    Parameters
+    ----------
+    system : int
+        Whose.
+    lasting : frozenset of str
+        As `link.logs.common.assembly.Assembler` takes it.
+    """
+
+    def __init__(self, system: int, lasting: frozenset[str] = frozenset()) -> None:
+        self._assembler = Assembler(system, lasting)
+        self._held: dict[str, tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]] = {}
+        self._latest_s = self._done_s = -math.inf
+
+    def feed(self, reports: Reports) -> TelemetryTrack:
+        """Take the reports of a piece; return the samples that nothing older can change any more."""
+        for name, (times, columns) in reports.items():
+            fresh = np.isfinite(times) & (times > self._done_s)
+            if not fresh.any():
+                continue
+            kept = {quantity: np.asarray(values, dtype=np.float64)[fresh] for quantity, values in columns.items()}
+            before = self._held.get(name)
+            stamps = times[fresh]
+            if before is not None and before[1].keys() == kept.keys():
+                stamps = np.concatenate([before[0], stamps])
+                kept = {quantity: np.concatenate([before[1][quantity], kept[quantity]]) for quantity in kept}
+            order = np.argsort(stamps, kind="stable")
+            self._held[name] = stamps[order], {quantity: values[order] for quantity, values in kept.items()}
+            self._latest_s = max(self._latest_s, float(stamps[order[-1]]))
+        return self._until(self._latest_s - HOLD_S)
+
+    def flush(self) -> TelemetryTrack:
+        """Return the rest."""
+        return self._until(math.inf)
+
+    def _until(self, time_s: float) -> TelemetryTrack:
+        stretch = Stretch()
+        for name, (times, columns) in self._held.items():
+            count = int(np.searchsorted(times, time_s, side="right"))
+            stretch.add(times[:count], {quantity: values[:count] for quantity, values in columns.items()})
+            self._held[name] = times[count:], {quantity: values[count:] for quantity, values in columns.items()}
+        self._done_s = max(self._done_s, time_s)
+        return self._assembler.feed(stretch)

@@ -1,0 +1,1 @@
+"""DataFlash, the log of ArduPilot."""

@@ -1,0 +1,97 @@
+"""Finding the messages of an ArduPilot DataFlash log, by the rules that pymavlink reads them by."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.models.jit.compiled import compiled
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+HEAD_1, HEAD_2 = 0xA3, 0x95
+FORMAT_TYPE = 0x80
+FORMAT_LENGTH = 89
+
+
+LETTERS_AT, LETTERS = 9, 16
+"""Where a format message has the letters of the fields, and how many at most."""
+GARBAGE_BYTES = 528
+"""A message that cannot be unpacked ends the log where fewer bytes than these are left: block devices end in garbage."""
+
+
+@compiled
+def packed_bytes(data: NDArray[np.uint8], at: int, sizes: NDArray[np.int64]) -> int:
+    """Bytes that the fields of a format message take; -1 where a letter is none."""
+    total = 0
+    for place in range(at + LETTERS_AT, at + LETTERS_AT + LETTERS):
+        if data[place] == 0:
+            break
+        if sizes[data[place]] < 0:
+            return -1
+        total += sizes[data[place]]
+    return total
+
+
+@compiled
+def find_messages(
+    data: NDArray[np.uint8],
+    final: bool,
+    length: NDArray[np.int64],
+    packed: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+    offset: NDArray[np.int64],
+    kind: NDArray[np.uint8],
+) -> tuple[int, int, int]:
+    """Find every message of a piece.
+
+    Takes any bytes; tables of 256 entries, and `offset` and `kind` of one length.
+
+    Parameters
+    ----------
+    data : ndarray of uint8
+        The piece.
+    final : bool
+        Whether the log ends with it.
+    length : ndarray of int64, shape (256,)
+        Bytes of each type of message, 0 where it is not known yet; format messages fill it in.
+    packed : ndarray of int64, shape (256,)
+        Bytes that its fields take; where they are not as many, such messages cannot be read. Filled in likewise.
+    sizes : ndarray of int64, shape (256,)
+        Bytes of each letter of a format, -1 where it is none.
+    offset, kind : ndarray
+        Filled with the place and type of each message.
+
+    Returns
+    -------
+    count, used, skipped : int
+        Messages; bytes done with; those of them that belong to none.
+    """
+    count = skipped = at = 0
+    size = len(data)
+    while size - at >= 3 and count < len(offset):
+        if data[at] != HEAD_1 or data[at + 1] != HEAD_2 or length[data[at + 2]] == 0:
+            at += 1
+            skipped += 1
+            continue
+        number = data[at + 2]
+        if size - at < length[number]:
+            break
+        nonsense = number == FORMAT_TYPE and packed_bytes(data, at, sizes) < 0
+        if nonsense or packed[number] != length[number] - 3:
+            if not nonsense and size - at - 3 < GARBAGE_BYTES:
+                break
+            at += 3
+            skipped += 3
+            continue
+        offset[count] = at
+        kind[count] = number
+        count += 1
+        if number == FORMAT_TYPE and data[at + 4] >= 3:
+            length[data[at + 3]] = data[at + 4]
+            packed[data[at + 3]] = packed_bytes(data, at, sizes)
+        at += length[number]
+    if final:
+        return count, size, skipped + size - at
+    return count, at, skipped

@@ -1,0 +1,71 @@
+"""How pymavlink begins a tlog: it looks through the whole of it for the first message of each type before it reads it.
+
+What that leaves in its parser, the time of a good message above all, decides how a log is read whose first bytes are cut, so the
+same is done here. It is a walk from header to header that reads ten bytes a message.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.link.logs.tlog import tlog_kernels as kernels
+from skyway.link.logs.tlog.dialect import crc_extras
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from typing import BinaryIO
+
+    from skyway.link.logs.tlog.tlog import ScanState
+
+PIECE_BYTES = 1024 * 1024
+WINDOW_BYTES = 1 << 16
+
+
+def beginning(path: Path, fresh: ScanState) -> ScanState:
+    """Return what the parser remembers when it begins to read a log, made of a fresh memory.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    seen = np.zeros(kernels.DENSE_IDS, dtype=np.bool_)
+    extras = crc_extras()
+    try:
+        with path.open("rb") as stream, path.open("rb") as beside:
+            place, buffer = 0, np.empty(PIECE_BYTES, dtype=np.uint8)
+            while True:
+                stream.seek(place)
+                size = stream.readinto(memoryview(buffer))  # type: ignore[arg-type]
+                at, step, final = 0, 1, size < PIECE_BYTES
+                while step > 0:
+                    at, step = kernels.walk(buffer, size, at, final, extras, seen)
+                    if step > 0 and not _hear(beside, place + at, fresh):
+                        return type(fresh)()  # pymavlink does not open such a log: begin plainly
+                    at += max(step, 0)
+                if final or step < 0:
+                    break
+                place += at
+    except OSError as error:
+        raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
+    state = fresh.state
+    state[[kernels.POS, kernels.ENDED, kernels.BAD, kernels.BAD_BYTES, kernels.STAMP_BYTES]] = 0
+    return fresh
+
+
+def _hear(stream: BinaryIO, place: int, memory: ScanState) -> bool:
+    """Let the parser read one message at a place; False where it finds none to the end of the log."""
+    wanted = WINDOW_BYTES
+    while True:
+        stream.seek(place)
+        data = np.frombuffer(stream.read(wanted), dtype=np.uint8)
+        state, clock, kept = memory.state.copy(), memory.clock.copy(), memory.kept.copy()
+        state[kernels.POS] = 0
+        found = kernels.read_one(data, state, clock, kept, crc_extras(), kernels.CRC_TABLE)
+        if state[kernels.POS] < len(data) - kernels.MARGIN or len(data) < wanted:
+            memory.state[:], memory.clock[:], memory.kept[:] = state, clock, kept
+            return bool(found >= 0)
+        wanted *= 4

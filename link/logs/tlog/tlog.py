@@ -1,0 +1,256 @@
+"""MAVLink telemetry logs (``.tlog``): every message found and checked at millions a second, in little memory.
+
+A log is read in chunks, so that one of any size needs the memory of a chunk. What counts as a message is what pymavlink
+counts (`link.logs.tlog.tlog_kernels`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skyway.link.logs.common.table_kernels import table_of
+from skyway.link.logs.tlog import tlog_kernels as kernels
+from skyway.link.logs.tlog.beginning import beginning
+from skyway.link.logs.tlog.dialect import crc_extras, message_type, name_of
+from skyway.link.logs.tlog.stamps import StampCheck
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+CHUNK_BYTES = 4 * 1024 * 1024
+SEEK_EVERY = 64 * 1024
+"""Bytes between the points that a replay can jump to."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frames:
+    """The messages of one chunk of a log, in the order they were recorded.
+
+    Attributes
+    ----------
+    data : ndarray of uint8
+        The chunk.
+    base : int
+        Place of its first byte in the log.
+    offset : ndarray of int64, shape (messages,)
+        Place of each frame in the log; -1 where it is not in one piece there.
+    time_s : ndarray of float64
+        Stamp of the recorder's clock, POSIX seconds, unchecked.
+    number, system, component, length : ndarray
+        Message id, who sent it, and bytes of the frame.
+    """
+
+    data: NDArray[np.uint8]
+    base: int
+    offset: NDArray[np.int64]
+    time_s: NDArray[np.float64]
+    number: NDArray[np.int32]
+    system: NDArray[np.uint8]
+    component: NDArray[np.uint8]
+    length: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.offset)
+
+    def rows_of(self, name: str) -> NDArray[np.int64]:
+        """Rows of one type of message whose payload can be read."""
+        return np.flatnonzero((self.number == message_type(name).id) & (self.offset >= 0))
+
+    def decoded(self, name: str, rows: NDArray[np.int64]) -> NDArray[np.void]:
+        """Fields of messages of one type, as a structured array, shape (rows,)."""
+        layout = message_type(name).layout
+        start = self.offset[rows] - self.base
+        second = self.data[start] == kernels.V2
+        signed = second & ((self.data[np.minimum(start + 2, len(self.data) - 1)] & kernels.SIGNED) != 0)
+        payload = start + np.where(second, 10, 6)
+        length = self.length[rows] - np.where(second, 12, 8) - np.where(signed, 13, 0)
+        return table_of(self.data, payload.astype(np.int64), layout, length.astype(np.int64))
+
+
+def _fresh_state() -> NDArray[np.int64]:
+    state = np.zeros(kernels.STATE_SIZE, dtype=np.int64)
+    state[kernels.EXPECTED] = 8
+    return state
+
+
+@dataclass(slots=True)
+class ScanState:
+    """What the parser remembers between chunks; a copy of it at a place lets the reading go on from there."""
+
+    state: NDArray[np.int64] = field(default_factory=_fresh_state)
+    clock: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    kept: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(2048, dtype=np.uint8))
+
+    def copy(self) -> ScanState:
+        """Return the same, to be changed."""
+        return ScanState(self.state.copy(), self.clock.copy(), self.kept.copy())
+
+
+def read_frames(
+    path: Path, *, chunk_bytes: int = CHUNK_BYTES, begin: int = 0, memory: ScanState | None = None
+) -> Iterator[Frames]:
+    """Read the messages of a log chunk by chunk.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    chunk_bytes : int
+        Bytes held at a time, at least 64 kB.
+    begin : int
+        Where to begin, at the stamp before a frame; 0 is the start of the log.
+    memory : ScanState, optional
+        What the parser remembers where it begins; filled with the counts of what was skipped.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    memory = memory or ScanState()
+    extras, table = crc_extras(), kernels.CRC_TABLE
+    buffer = np.empty(max(chunk_bytes, 1 << 16), dtype=np.uint8)
+    try:
+        with path.open("rb") as stream:
+            stream.seek(begin)
+            base, held = begin, 0
+            while not memory.state[kernels.ENDED]:
+                got = stream.readinto(memoryview(buffer)[held:])  # type: ignore[arg-type]
+                size = held + got
+                final = size < len(buffer)
+                out = _rows(size // 8 + 64)
+                count = kernels.scan_chunk(
+                    buffer, size, base, final, memory.state, memory.clock, memory.kept, extras, table, out
+                )
+                yield Frames(buffer, base, *(column[:count] for column in out))
+                cut = max(int(memory.state[kernels.POS]) - kernels.KEPT_BACK, 0)
+                buffer[: size - cut] = buffer[cut:size].copy()
+                held = size - cut
+                base += cut
+                memory.state[kernels.POS] -= cut
+    except OSError as error:
+        raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
+
+
+def _rows(most: int) -> tuple[NDArray[Any], ...]:
+    kinds = (np.int64, np.float64, np.int32, np.uint8, np.uint8, np.int32)
+    return tuple(np.empty(most, dtype=kind) for kind in kinds)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TlogIndex:
+    """What a log holds, and where its times lie.
+
+    Attributes
+    ----------
+    messages : int
+        Valid messages, as pymavlink counts them without BAD_DATA.
+    by_type : dict of str to int
+        By name.
+    by_system : dict of int to int
+        By MAVLink system id.
+    skipped_bytes, bad_records : int
+        Bytes that belong to no message, one that is cut off at the end included, and the pieces they come in.
+    first_s, last_s : float
+        First and last believable stamp; NaN where there is none.
+    seek_time_s, seek_offset, seek_shift_s : ndarray, shape (points,)
+        Times, never decreasing; places from which the log can be read on; how far the clock had been set back by then.
+    stamps : StampCheck
+        What was found wrong with the stamps.
+    beginning : ScanState
+        What the parser remembered at the start of the log.
+    """
+
+    messages: int
+    by_type: dict[str, int]
+    by_system: dict[int, int]
+    skipped_bytes: int
+    bad_records: int
+    first_s: float
+    last_s: float
+    seek_time_s: NDArray[np.float64]
+    seek_offset: NDArray[np.int64]
+    seek_shift_s: NDArray[np.float64]
+    stamps: StampCheck
+    beginning: ScanState
+
+    def offset_at(self, time_s: float) -> tuple[int, float]:
+        """Return a place in the log before everything recorded at `time_s` or later, and the clock's shift there."""
+        point = int(np.searchsorted(self.seek_time_s, time_s, side="left")) - 1
+        return (int(self.seek_offset[point]), float(self.seek_shift_s[point])) if point >= 0 else (0, 0.0)
+
+
+def scan(
+    path: Path,
+    *,
+    chunk_bytes: int = CHUNK_BYTES,
+    watch: Callable[[Frames, NDArray[np.float64]], None] | None = None,
+) -> TlogIndex:
+    """Find and count every message of a log; memory does not grow with it.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    chunk_bytes : int
+        Bytes held at a time.
+    watch : callable, optional
+        Shown the messages of each chunk and their times on the way.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    memory, check = beginning(path, ScanState()), StampCheck()
+    begun = memory.copy()
+    types: Counter[int] = Counter()
+    systems = np.zeros(256, dtype=np.int64)
+    points = [np.empty((3, 0))]
+    first_s = math.nan
+    for frames in read_frames(path, chunk_bytes=chunk_bytes, memory=memory):
+        if not len(frames):
+            continue
+        times = check.clean(frames.time_s)
+        first_s = float(times[0]) if math.isnan(first_s) else first_s
+        dense = frames.number < kernels.DENSE_IDS
+        counted = np.bincount(frames.number[dense])
+        types.update({int(number): int(counted[number]) for number in np.flatnonzero(counted)})
+        types.update(frames.number[~dense].tolist())
+        systems += np.bincount(frames.system, minlength=256)
+        points.append(_seek_points(frames, times))
+        if watch is not None:
+            watch(frames, times)
+    state = memory.state
+    seek_time_s, seek_offset, seek_shift_s = np.concatenate(points, axis=1)
+    return TlogIndex(
+        messages=sum(types.values()),
+        by_type={name_of(number): count for number, count in sorted(types.items())},
+        by_system={int(system): int(systems[system]) for system in np.flatnonzero(systems)},
+        skipped_bytes=int(state[[kernels.BAD_BYTES, kernels.STAMP_BYTES, kernels.BUFFERED]].sum()),
+        bad_records=int(state[kernels.BAD]),
+        first_s=first_s,
+        last_s=check.highest_s if math.isfinite(check.highest_s) else math.nan,
+        seek_time_s=seek_time_s,
+        seek_offset=seek_offset.astype(np.int64),
+        seek_shift_s=seek_shift_s,
+        stamps=check,
+        beginning=begun,
+    )
+
+
+def _seek_points(frames: Frames, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """One frame for every so many bytes: time, place of the stamp before it, shift of the clock there, shape (3, points)."""
+    shift = times - frames.time_s
+    whole = np.flatnonzero((frames.offset >= 8) & (np.abs(shift) < StampCheck.REACH_S))
+    first = whole[np.flatnonzero(np.diff(frames.offset[whole] // SEEK_EVERY, prepend=-1))]
+    return np.stack([times[first], frames.offset[first] - 8.0, shift[first]])

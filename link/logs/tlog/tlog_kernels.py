@@ -1,0 +1,351 @@
+"""The inner loop of the tlog reader: finding frames and checking them.
+
+A tlog is a row of 8-byte time stamps (big-endian microseconds) each followed by one MAVLink frame. What counts as
+a message where bytes are damaged is decided as pymavlink does, byte for byte: it takes a stamp, then as many bytes as
+the parser asks for, and keeps what the parser has not used for the next message. Agreement matters more here
+than cleverness, for people compare counts.
+
+Source: MAVLink 2 serialisation (https://mavlink.io/en/guide/serialization.html); X.25 checksum with one extra byte per
+message type.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skyway.models.jit.compiled import compiled
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+V1, V2 = 0xFE, 0xFD
+SIGNED = 0x01
+LONGEST = 280
+"""Bytes of the longest frame: 10 header, 255 payload, 2 checksum, 13 signature."""
+MARGIN = 8192
+"""A chunk is left this far before its end, unless it is the last: no step of the parser looks further."""
+KEPT_BACK = 1024
+"""Bytes before the next one that a new chunk repeats, so that frames in the parser's buffer are found in it."""
+DENSE_IDS = 65536
+"""Every message type of the dialects lies below this id."""
+STAMP_REACH_S = 3 * 24 * 3600.0
+"""After bad bytes a stamp further than this from the last good one is not believed."""
+POS, BUFFERED, EXPECTED, HAVE_LAST, LAST_BAD, ENDED, BAD, BAD_BYTES, STAMP_BYTES = range(9)
+"""Places in the state: next byte of the chunk, bytes kept back, bytes the parser wants, whether a good message came
+yet, whether the last one was bad, whether the log is over, bad records, their bytes, bytes passed looking for a stamp."""
+STATE_SIZE = 9
+HEADER = 18
+"""Bytes from a stamp to the end of the longest header."""
+FRAME = 1024
+"""Where in the parser's memory a complete frame is laid."""
+
+
+def _crc_table() -> NDArray[np.int64]:
+    table = np.zeros(256, dtype=np.int64)
+    for value in range(256):
+        crc = value
+        for _ in range(8):
+            crc = (crc >> 1) ^ (0x8408 if crc & 1 else 0)
+        table[value] = crc
+    return table
+
+
+CRC_TABLE = _crc_table()
+
+
+@compiled
+def frame_is_good(
+    data: NDArray[np.uint8], at: int, total: int, crc_extra: NDArray[np.int16], table: NDArray[np.int64]
+) -> bool:
+    """Whether a frame that begins at `at` and has `total` bytes passes the checks; an unknown type always does.
+
+    Takes any bytes, and any place in them: a frame that is cut off is not good.
+    """
+    tail = 2
+    if data[at] == V2:
+        if data[at + 2] & ~SIGNED:
+            return False
+        if data[at + 2] & SIGNED:
+            tail = 15
+        number = int(data[at + 7]) | (int(data[at + 8]) << 8) | (int(data[at + 9]) << 16)
+    else:
+        number = int(data[at + 5])
+    extra = int(crc_extra[number]) if number < DENSE_IDS else -1
+    if extra < 0:
+        return True
+    crc = 0xFFFF
+    end = at + total - tail
+    for place in range(at + 1, end):
+        crc = (crc >> 8) ^ table[(crc ^ data[place]) & 0xFF]
+    crc = (crc >> 8) ^ table[(crc ^ extra) & 0xFF]
+    return (int(data[end]) | (int(data[end + 1]) << 8)) == crc
+
+
+@compiled
+def stamp(data: NDArray[np.uint8], at: int) -> float:
+    """Seconds of the 8-byte stamp at `at`."""
+    value = np.uint64(0)
+    for place in range(at, at + 8):
+        value = (value << np.uint64(8)) | np.uint64(data[place])
+    return float(value) * 1.0e-6
+
+
+@compiled
+def _take_stamp(
+    data: NDArray[np.uint8], stop: int, size: int, state: NDArray[np.int64], clock: NDArray[np.float64]
+) -> bool:
+    """Take the stamp before a message; after bad bytes look on for one to believe. False: look on in the next chunk."""
+    if size - state[POS] < 8:
+        state[POS] = size
+        return True
+    at = state[POS] + 8
+    time_s = stamp(data, at - 8)
+    if state[HAVE_LAST] and state[LAST_BAD]:
+        while abs(time_s - clock[1]) > STAMP_REACH_S and at < size:
+            if stop < size and at > stop:
+                state[POS] = at - 8
+                return False
+            at += 1
+            state[STAMP_BYTES] += 1
+            time_s = stamp(data, at - 8)
+    state[POS] = at
+    clock[0] = time_s
+    return True
+
+
+@compiled
+def _record(
+    data: NDArray[np.uint8],
+    at: int,
+    total: int,
+    place: int,
+    row: int,
+    state: NDArray[np.int64],
+    clock: NDArray[np.float64],
+    out: tuple[NDArray[Any], ...],
+) -> None:
+    offset, times, number, system, component, length = out
+    offset[row] = place
+    times[row] = clock[0]
+    length[row] = total
+    if data[at] == V2:
+        system[row] = data[at + 5]
+        component[row] = data[at + 6]
+        number[row] = int(data[at + 7]) | (int(data[at + 8]) << 8) | (int(data[at + 9]) << 16)
+    else:
+        system[row] = data[at + 3]
+        component[row] = data[at + 4]
+        number[row] = data[at + 5]
+    state[HAVE_LAST] = 1
+    state[LAST_BAD] = 0
+    clock[1] = clock[0]
+
+
+@compiled
+def _bad(state: NDArray[np.int64], count: int) -> None:
+    state[LAST_BAD] = 1
+    state[BAD] += 1
+    state[BAD_BYTES] += count
+
+
+@compiled
+def _drop(kept: NDArray[np.uint8], used: int, have: int, state: NDArray[np.int64]) -> None:
+    """Forget the first bytes of the parser's buffer."""
+    for step in range(used, have):
+        kept[step - used] = kept[step]
+    state[BUFFERED] = have - used
+
+
+@compiled
+def _buffered_message(
+    data: NDArray[np.uint8],
+    size: int,
+    state: NDArray[np.int64],
+    kept: NDArray[np.uint8],
+    crc_extra: NDArray[np.int16],
+    table: NDArray[np.int64],
+) -> int:
+    """Read one message through the parser's buffer; a good frame ends up at kept[FRAME:].
+
+    Returns the length of a good frame, 0 for a bad record, -1 where the bytes end.
+    """
+    while True:
+        have = state[BUFFERED]
+        new = min(max(state[EXPECTED] - have, 1), size - state[POS])
+        for step in range(new):
+            kept[have + step] = data[state[POS] + step]
+        state[POS] += new
+        have += new
+        state[BUFFERED] = have
+        if have >= 1 and kept[0] != V2 and kept[0] != V1:
+            used = 1
+            while used < have and kept[used] != V2 and kept[used] != V1:
+                used += 1
+            state[EXPECTED] = 8
+            _drop(kept, used, have, state)
+            _bad(state, used)
+            return 0
+        shortest = 12 if have >= 1 and kept[0] == V2 else 8
+        if have >= 3:
+            state[EXPECTED] = int(kept[1]) + shortest
+            if kept[0] == V2 and kept[2] & SIGNED:
+                state[EXPECTED] += 13
+        if state[EXPECTED] >= shortest and have >= max(state[EXPECTED], 3):
+            total = state[EXPECTED]
+            state[EXPECTED] = shortest
+            for step in range(total):
+                kept[FRAME + step] = kept[step]
+            _drop(kept, total, have, state)
+            if frame_is_good(kept, FRAME, total, crc_extra, table):
+                return total
+            _bad(state, total)
+            return 0
+        if new == 0:
+            return -1
+
+
+@compiled
+def _place_of(data: NDArray[np.uint8], kept: NDArray[np.uint8], found: int, state: NDArray[np.int64]) -> int:
+    """Return where in the chunk a buffered frame lies in one piece, or -1."""
+    place = state[POS] - state[BUFFERED] - found
+    if place < 0:
+        return -1
+    for step in range(found):
+        if data[place + step] != kept[FRAME + step]:
+            return -1
+    return place
+
+
+@compiled
+def announced(data: NDArray[np.uint8], at: int) -> int:
+    """Bytes of the frame whose header begins at `at`; 0 where none does.
+
+    Takes any bytes, and any place in them.
+    """
+    if data[at] == V2:
+        return int(data[at + 1]) + 12 + 13 * (int(data[at + 2]) & SIGNED)
+    return int(data[at + 1]) + 8 if data[at] == V1 else 0
+
+
+@compiled
+def scan_chunk(
+    data: NDArray[np.uint8],
+    size: int,
+    base: int,
+    final: bool,
+    state: NDArray[np.int64],
+    clock: NDArray[np.float64],
+    kept: NDArray[np.uint8],
+    crc_extra: NDArray[np.int16],
+    table: NDArray[np.int64],
+    out: tuple[NDArray[Any], ...],
+) -> int:
+    """Find the messages of a chunk.
+
+    Takes any bytes, and a state of `STATE_SIZE`.
+
+    Parameters
+    ----------
+    data, size : ndarray of uint8, int
+        The bytes, and how many of them count.
+    base : int
+        Place of the first of them in the log.
+    final : bool
+        Whether the log ends with them.
+    state, clock, kept : ndarray
+        What the parser remembers: `STATE_SIZE` numbers; times of the last stamp and of the last good message; its buffer
+        of 2048 bytes.
+    crc_extra : ndarray of int16, shape (65536,)
+        Extra byte of each message type, -1 where the type is unknown.
+    table : ndarray of int64
+        `CRC_TABLE`.
+    out : tuple of ndarray
+        Offset in the log (-1 where a frame is not in one piece), time, id, system, component, length of each frame.
+
+    Returns
+    -------
+    int
+        Messages found; ``state[POS]`` says how far the parser came.
+    """
+    row = 0
+    stop = size if final else size - MARGIN
+    while not state[ENDED] and (final or state[POS] < stop) and row < len(out[0]):
+        if not _take_stamp(data, stop, size, state, clock):
+            break
+        at = state[POS]
+        if state[BUFFERED] == 0 and size - at >= LONGEST:
+            total = announced(data, at)
+            if total >= state[EXPECTED]:
+                state[POS] = at + total
+                state[EXPECTED] = 12 if data[at] == V2 else 8
+                if frame_is_good(data, at, total, crc_extra, table):
+                    _record(data, at, total, base + at, row, state, clock, out)
+                    row += 1
+                else:
+                    _bad(state, total)
+                continue
+        found = _buffered_message(data, size, state, kept, crc_extra, table)
+        if found < 0:
+            state[ENDED] = 1
+        elif found > 0:
+            place = _place_of(data, kept, found, state)
+            _record(kept, FRAME, found, base + place if place >= 0 else -1, row, state, clock, out)
+            row += 1
+    return row
+
+
+@compiled
+def read_one(
+    data: NDArray[np.uint8],
+    state: NDArray[np.int64],
+    clock: NDArray[np.float64],
+    kept: NDArray[np.uint8],
+    crc_extra: NDArray[np.int16],
+    table: NDArray[np.int64],
+) -> int:
+    """Read one message, stamp and all, as `scan_chunk` does; returns its length, 0 for a bad record, -1 where there is none.
+
+    Takes any bytes.
+    """
+    size = len(data)
+    _take_stamp(data, size, size, state, clock)
+    found = _buffered_message(data, size, state, kept, crc_extra, table)
+    if found > 0:
+        state[HAVE_LAST] = 1
+        state[LAST_BAD] = 0
+        clock[1] = clock[0]
+    return found
+
+
+@compiled
+def walk(
+    data: NDArray[np.uint8], size: int, at: int, final: bool, known: NDArray[np.int16], seen: NDArray[np.bool_]
+) -> tuple[int, int]:
+    """Go from header to header; returns a place and the bytes to the next one where a type is met first, or where it ends.
+
+    The bytes are 0 where the piece is over, and -1 where the log is.
+
+    Takes any bytes.
+    """
+    while at + 14 < size:
+        if not final and at + HEADER > size:
+            break
+        length = int(data[at + 9]) + 8
+        if data[at + 8] == V1:
+            number = int(data[at + 13])
+            length += 8
+        elif data[at + 8] == V2:
+            if at + HEADER > size:
+                return at, -1
+            number = int(data[at + 15]) | (int(data[at + 16]) << 8) | (int(data[at + 17]) << 16)
+            length += 12 + 13 * (int(data[at + 10]) & SIGNED)
+        else:
+            at += 1
+            continue
+        if number < DENSE_IDS and known[number] >= 0 and not seen[number]:
+            seen[number] = True
+            return at, length
+        at += length
+    return at, 0

@@ -1,0 +1,1 @@
+"""The exchanges of MAVLink: commands, parameters, verified upload."""

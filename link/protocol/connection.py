@@ -1,0 +1,404 @@
+"""A connection: frames in and out of one transport, told apart by system id, recorded, with a heartbeat of our own."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from skyway.link.protocol.exchange import RoundTrip, Target
+from skyway.link.wire.frames import FrameReader, FrameWriter, Message, Rejected, Signing
+from skyway.link.wire.transport import Routed
+from skyway.models.base.errors import StationConflictError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from skyway.link.protocol.exchange import Exchange, Steps
+    from skyway.link.wire.recorder import Recorder
+    from skyway.link.wire.transport import Transport
+    from skyway.models.base.clock import Clock
+
+T = TypeVar("T")
+HEARTBEAT_S = 1.0
+SILENT_S = 5.0
+"""A vehicle not heard for so long is out of reach."""
+GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
+_GROUND_STATION, _INVALID_AUTOPILOT = 6, 8
+_NO_VEHICLES = frozenset((_GROUND_STATION, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44))
+"""Types (MAV_TYPE) of what else has a heart: onboard computers, gimbals, cameras, batteries, winches; some of them claim the
+autopilot's firmware."""
+_MAX_SYSTEMS = 255
+_RADIOS = frozenset(("RADIO", "RADIO_STATUS"))
+_CHUNK, _CHUNK_S = 50, 1.0
+"""Characters of a piece of a long text, and how long the next piece may take."""
+_MAX_TEXTS = 200
+_GUEST_S = 0.002
+"""So long at most a guest's words wait while we wait for the vehicle's."""
+
+
+@dataclass(slots=True)
+class Peer:
+    """One vehicle heard on a connection.
+
+    Attributes
+    ----------
+    system, component : int
+        Of its autopilot.
+    autopilot, kind : int
+        MAV_AUTOPILOT and MAV_TYPE of its heartbeat.
+    met_s, heard_s, beat_s : float
+        When it was heard first and last, and its heart last, by the connection's clock.
+    received, lost : int
+        Packets, and gaps in their numbers.
+    texts : list of (severity, text)
+        What it said, the newest last; only the last ones are kept.
+    said : int
+        How many texts it has said in all.
+    latest : dict
+        Newest message of each name.
+    """
+
+    system: int
+    component: int
+    autopilot: int = 0
+    kind: int = 0
+    version: int = 2
+    met_s: float = -math.inf
+    heard_s: float = -math.inf
+    beat_s: float = -math.inf
+    received: int = 0
+    lost: int = 0
+    sequence: int | None = None
+    texts: list[tuple[int, str]] = field(default_factory=list)
+    said: int = 0
+    latest: dict[str, Message] = field(default_factory=dict)
+    round_trip: RoundTrip = field(default_factory=RoundTrip)
+    text_s: float = -math.inf
+    _text: tuple[int, int] = (0, 0)
+    _text_open: bool = False
+
+    @property
+    def target(self) -> Target:
+        """Whom to speak with."""
+        return Target(self.system, self.component)
+
+    @property
+    def loss(self) -> float:
+        """Share of its packets that did not arrive, 0-1."""
+        return self.lost / max(1, self.lost + self.received)
+
+    def texts_since(self, said: int) -> list[str]:
+        """Return what it has said since it had said so many texts, as far as that is kept."""
+        fresh = self.said - said
+        return [text for _, text in self.texts[-fresh:]] if fresh > 0 else []
+
+    def text_unfinished(self, now_s: float) -> bool:
+        """Whether more of the newest text may come."""
+        return self._text_open and now_s < self.text_s + _CHUNK_S
+
+    def take_text(self, message: Message, now_s: float) -> None:
+        """Take a STATUSTEXT; chunks of one text (MAVLink 2) are put together."""
+        severity, text = message["severity"], message["text"]
+        number, chunk = message["id"], message["chunk_seq"]
+        if number and chunk and self.texts and self._text == (number, chunk - 1):
+            self.texts[-1] = (severity, self.texts[-1][1] + text)
+        else:
+            self.texts.append((severity, text))
+            self.said += 1
+            del self.texts[:-_MAX_TEXTS]
+        self._text, self.text_s = (number, chunk), now_s
+        self._text_open = bool(number) and len(text) >= _CHUNK
+
+
+class SharedClient(Protocol):
+    """Another MAVLink library that speaks on a connection in our name, with a heartbeat of its own."""
+
+    def hear(self, frame: bytes) -> None:
+        """Take a frame that came and was believed."""
+        ...
+
+    def frames(self) -> Iterable[tuple[int, bytes]]:
+        """Yield what it has to say, with the system that each frame is for; 0 is everybody."""
+        ...
+
+
+class Connection:
+    """Frames in and out of one transport.
+
+    Parameters
+    ----------
+    transport : Transport
+        The bytes.
+    clock : Clock
+        The wall's, or a simulation's.
+    recorder : Recorder or None
+        Takes every frame.
+    system, component : int
+        Ours.
+    signing : Signing or None
+        With a key, only well signed packets are believed.
+
+    Attributes
+    ----------
+    conflict : StationConflictError or None
+        Set once another ground station is heard with our id; nothing is said to a vehicle then.
+    namesake : bool
+        A vehicle has our id; it cannot be told from ourselves.
+    guest : Guest or None
+        Who speaks on it besides us; our own heart rests meanwhile.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        clock: Clock,
+        *,
+        recorder: Recorder | None = None,
+        system: int = GROUND_SYSTEM,
+        component: int = GROUND_COMPONENT,
+        signing: Signing | None = None,
+    ) -> None:
+        if signing is not None:
+            signing.advance_to(clock.posix_s())
+        self.transport, self.clock, self.recorder = transport, clock, recorder
+        self.system, self.component = system, component
+        self.peers: dict[int, Peer] = {}
+        self.listeners: list[Callable[[Peer, Message], None]] = []
+        self.conflict: StationConflictError | None = None
+        self.namesake = False
+        self.shared_client: SharedClient | None = None
+        self._writer = FrameWriter(system, component, signing=signing)
+        self._routed = transport if isinstance(transport, Routed) else None
+        self._reader = FrameReader(signing, datagrams=self._routed is not None)
+        self._beat_s = -math.inf
+        self._own: deque[bytes] = deque(maxlen=16)
+        self._exchanges: list[Exchange] = []
+
+    @property
+    def rejected(self) -> Rejected:
+        """Packets that were not believed."""
+        return self._reader.rejected
+
+    @property
+    def signed(self) -> bool:
+        """Whether it has a signing key."""
+        return self._writer.signing is not None
+
+    @property
+    def wants_key(self) -> bool:
+        """Whether somebody signs and we have no key: a vehicle that signs seldom listens to who does not."""
+        return self._reader.heard_signed and not self.signed
+
+    def send(self, name: str, system: int = 0, **fields: Any) -> None:
+        """Send a message; MAVLink 1 to a vehicle that speaks nothing else."""
+        peer = self.peers.get(system)
+        self._pass_on(self._writer.frame(name, fields, None if peer is None else peer.version), system)
+
+    def _pass_on(self, frame: bytes, system: int) -> None:
+        if self.recorder is not None:
+            self.recorder.frame(frame)
+        if system and self._routed is not None:
+            self._routed.write_to(system, frame)
+        else:
+            self.transport.write(frame)
+
+    def pump(self, timeout_s: float = 0.0) -> None:
+        """Take what has come, waiting for it at most so long; keep our heart beating."""
+        now = self.clock.now_s()
+        if self.shared_client is not None:
+            due_s = now + _GUEST_S
+            for system, frame in self.shared_client.frames():
+                if not system:
+                    self._own.append(frame)
+                self._pass_on(frame, system)
+        else:
+            if now >= self._beat_s + HEARTBEAT_S:
+                self._beat(now)
+            due_s = self._beat_s + HEARTBEAT_S
+        data = self.transport.read(max(0.0, min(timeout_s, due_s - now)))
+        if data:
+            self._take(data)
+
+    def _beat(self, now: float) -> None:
+        self._beat_s = now
+        fields = {"type": _GROUND_STATION, "autopilot": _INVALID_AUTOPILOT, "system_status": 4, "mavlink_version": 3}
+        old = any(peer.version == 1 for peer in self.peers.values())
+        for version in (1, 2) if old else (2,):  # who speaks 1 may know 2, and waits to hear it (MAV_PROTO_VER 0)
+            frame = self._writer.frame("HEARTBEAT", fields, version)
+            self._own.append(frame)
+            self._pass_on(frame, 0)
+
+    def _take(self, data: bytes) -> None:
+        now = self.clock.now_s()
+        for frame, message in self._reader.feed(data):
+            if self.recorder is not None:
+                self.recorder.frame(frame)
+            if message is not None and frame not in self._own:  # routers send our own words back
+                self._hear(message, now)
+            if self.shared_client is not None:
+                self.shared_client.hear(frame)
+
+    def _hear(self, message: Message, now: float) -> None:
+        name = message.name
+        if name in _RADIOS:
+            return  # in nobody's name, and even unsigned
+        if message.system == self.system:
+            self._hear_namesake(message)
+            return
+        peer = self.peers.get(message.system)
+        if peer is None:
+            peer = self._meet(message, now)
+            if peer is None:
+                return
+        if message.component != peer.component:
+            return
+        if self._routed is not None and not self._routed.learn(peer.system, proven=self.signed):
+            self.rejected.elsewhere += 1
+            return
+        self._count(peer, message, now)
+        if name == "STATUSTEXT":
+            peer.take_text(message, now)
+        peer.latest[name] = message
+        for listener in self.listeners:
+            listener(peer, message)
+        for exchange in self._exchanges:
+            if exchange.target.system == message.system and not exchange.done and self._for_us(message):
+                exchange.hear(message, now)
+
+    def _hear_namesake(self, message: Message) -> None:
+        if message.name != "HEARTBEAT":
+            return
+        if message["type"] == _GROUND_STATION:
+            self.conflict = self.conflict or StationConflictError(message.system, message.component)
+        elif message["autopilot"] != _INVALID_AUTOPILOT:
+            self.namesake = True
+
+    def refuse_conflict(self) -> None:
+        """Say nothing to a vehicle that cannot tell us from another station.
+
+        Raises
+        ------
+        StationConflictError
+            Another station speaks with our system id.
+        """
+        if self.conflict is not None:
+            raise StationConflictError(self.conflict.system, self.conflict.component)
+
+    def _meet(self, message: Message, now: float) -> Peer | None:
+        """A vehicle is somebody whose autopilot's heartbeat was heard."""
+        if message.name != "HEARTBEAT" or message["autopilot"] == _INVALID_AUTOPILOT or message.system == 0:
+            return None
+        if message["type"] in _NO_VEHICLES or len(self.peers) >= _MAX_SYSTEMS:
+            return None
+        peer = Peer(message.system, message.component, met_s=now)
+        self.peers[message.system] = peer
+        return peer
+
+    def _count(self, peer: Peer, message: Message, now: float) -> None:
+        if peer.sequence is not None:
+            gap = (message.sequence - peer.sequence - 1) & 0xFF
+            if gap < 128:
+                peer.lost += gap
+        peer.sequence = message.sequence
+        peer.received += 1
+        peer.heard_s = now
+        if message.name == "HEARTBEAT":
+            peer.beat_s = now
+            peer.autopilot, peer.kind, peer.version = message["autopilot"], message["type"], message.version
+
+    def _for_us(self, message: Message) -> bool:
+        system = message.fields.get("target_system", 0)
+        component = message.fields.get("target_component", 0)
+        return system in (0, self.system) and component in (0, self.component)
+
+    def perform(self, steps: Steps[T]) -> T:
+        """Carry a procedure out.
+
+        Raises
+        ------
+        StationConflictError
+            Another station speaks with our system id.
+        """
+        return self.perform_all([steps])[0]
+
+    def perform_all(self, procedures: Iterable[Steps[T]]) -> Sequence[T]:
+        """Carry procedures with several vehicles out side by side."""
+        running: dict[int, tuple[Steps[T], Exchange | None]] = {}
+        results: dict[int, T] = {}
+        for number, steps in enumerate(procedures):
+            running[number] = (steps, None)
+        try:
+            self.refuse_conflict()
+            while running:
+                for number, (steps, current) in list(running.items()):
+                    self._advance(number, steps, current, running, results)
+                if running:
+                    self._turn()
+        finally:
+            self._exchanges = []
+            for steps, _ in running.values():
+                steps.close()
+        return [results[number] for number in sorted(results)]
+
+    def _advance(
+        self,
+        number: int,
+        steps: Steps[T],
+        current: Exchange | None,
+        running: dict[int, tuple[Steps[T], Exchange | None]],
+        results: dict[int, T],
+    ) -> None:
+        """Go on with one procedure as far as it goes without waiting."""
+        while current is None or current.done:
+            if current is not None:
+                self._flush(current)
+                self._exchanges.remove(current)
+            try:
+                current = next(steps)
+            except StopIteration as end:
+                results[number] = end.value
+                del running[number]
+                return
+            self._exchanges.append(current)
+            current.begin(self.clock.now_s())
+            self._flush(current)
+        running[number] = (steps, current)
+
+    def _turn(self) -> None:
+        due = min((exchange.next_s for exchange in self._exchanges), default=math.inf)
+        self.pump(min(due - self.clock.now_s(), HEARTBEAT_S))
+        self.refuse_conflict()
+        now = self.clock.now_s()
+        for exchange in self._exchanges:
+            if not exchange.done and now >= exchange.next_s:
+                exchange.tick(now)
+            self._flush(exchange)
+
+    def _flush(self, exchange: Exchange) -> None:
+        for name, fields in exchange.outbox:
+            self.send(name, exchange.target.system, **fields)
+        exchange.outbox.clear()
+
+    def wait(self, condition: Callable[[], bool], longest_s: float) -> bool:
+        """Take what comes until a condition holds; False where it has not in time."""
+        end = self.clock.now_s() + longest_s
+        while not condition():
+            left = end - self.clock.now_s()
+            if left <= 0.0:
+                return False
+            self.pump(left)
+        return True
+
+    def run_for(self, duration_s: float) -> None:
+        """Take what comes for a while."""
+        self.wait(lambda: False, duration_s)
+
+    def close(self) -> None:
+        """Close transport and recording."""
+        try:
+            self.transport.close()
+        finally:
+            if self.recorder is not None:
+                self.recorder.close()

@@ -1,0 +1,182 @@
+"""One download by the MAVLink mission protocol, and clearing: the ground's side, as state machines."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.link.protocol.exchange import SPREADS, Exchange
+from skyway.link.protocol.mission_words import ACCEPTED, ERROR, ITEM_FIELDS, MissionKind
+from skyway.missions.dialects.wire import WireItem
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.link.protocol.exchange import RoundTrip, Target
+    from skyway.link.wire.frames import Message
+
+GIVE_UP_S = 10.0
+_AGAIN_S = 0.4
+_MAX_RESTARTS = 12
+_FORGOTTEN_TRIES, _FORGOTTEN_COSTS, _DOUBTED_TRIES = 12, 2, 2
+
+
+def wire_item(message: Message) -> WireItem:
+    """Item of a MISSION_ITEM_INT message."""
+    return WireItem(**{name: message[name] for name in ITEM_FIELDS})
+
+
+class Download(Exchange):
+    """Reads what a vehicle holds, item by item in order: PX4 ends the transfer at any other.
+
+    Parameters
+    ----------
+    target : Target
+        The vehicle.
+    kind : MissionKind
+        What to read.
+
+    Attributes
+    ----------
+    items : tuple of WireItem or None
+        What it holds; None where it could not be read.
+    problem : str
+        Why not.
+    """
+
+    def __init__(
+        self,
+        target: Target,
+        kind: MissionKind,
+        *,
+        round_trip: RoundTrip | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> None:
+        super().__init__(target, round_trip)
+        self.kind = kind
+        self.items: tuple[WireItem, ...] | None = None
+        self.problem = ""
+        self._got: list[WireItem] = []
+        self._count: int | None = None
+        self._tries = 0
+        self._restarts = 0
+        self._heard_s = 0.0
+        self._sent_s = 0.0
+        self._progress = progress
+        self._pause = False
+
+    def begin(self, now_s: float) -> None:
+        """Ask how many items there are."""
+        self._heard_s = now_s
+        self._ask(now_s)
+
+    def _ask(self, now_s: float) -> None:
+        if self._count is None:
+            self.send("MISSION_REQUEST_LIST", mission_type=int(self.kind))
+        else:
+            self.send("MISSION_REQUEST_INT", seq=len(self._got), mission_type=int(self.kind))
+        self._sent_s = now_s
+        self._tries += 1
+        self.next_s = now_s + self.round_trip.retry_s(self._tries, spreads=SPREADS)
+
+    def hear(self, message: Message, now_s: float) -> None:
+        """Take the count, and item after item."""
+        if message.name not in ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"):
+            return
+        if message["mission_type"] != self.kind or self._pause:
+            return
+        if message.name == "MISSION_COUNT":
+            if self._count is None:
+                self._count = message["count"]
+                self._next(now_s)
+        elif message.name == "MISSION_ITEM_INT":
+            if self._count is not None and message["seq"] == len(self._got):
+                self._got.append(wire_item(message))
+                self._next(now_s)
+        elif message["type"] == ERROR and self._count is not None:
+            # Either it has ended the transfer, and is silent from now on, or it speaks of a packet that came late.
+            self._tries = max(self._tries, _FORGOTTEN_TRIES - _DOUBTED_TRIES)
+            self.next_s = min(self.next_s, now_s + self.round_trip.retry_s(1))
+        elif message["type"] != ACCEPTED:
+            self._again(now_s, f"the vehicle broke the download off (answer {message['type']})")
+
+    def _next(self, now_s: float) -> None:
+        if self._tries == 1:
+            self.round_trip.learn(now_s - self._sent_s)
+        else:
+            self.round_trip.unclear()
+        self._heard_s, self._tries = now_s, 0
+        if self._progress is not None and self._count is not None:
+            self._progress(len(self._got), self._count)
+        if len(self._got) == self._count:
+            self.items = tuple(self._got)
+            self.send("MISSION_ACK", type=ACCEPTED, mission_type=int(self.kind))
+            self.finish()
+        else:
+            self._ask(now_s)
+
+    def _again(self, now_s: float, problem: str) -> None:
+        """Begin anew after a while: the vehicle was busy, or has changed what it holds."""
+        self._restarts += 1
+        if self._restarts > _MAX_RESTARTS:
+            self.problem = problem
+            self.finish()
+            return
+        self._pause = True
+        self.next_s = now_s + _AGAIN_S
+
+    def tick(self, now_s: float) -> None:
+        """Ask again."""
+        if self._pause:
+            self._pause, self._count, self._got, self._tries = False, None, [], 0
+        elif now_s >= self._heard_s + GIVE_UP_S:
+            self.problem = f"no answer for {GIVE_UP_S:.0f} s"
+            self.finish()
+            return
+        elif self._count is not None and self._tries >= _FORGOTTEN_TRIES:  # a reboot, or it has forgotten the transfer
+            self._restarts += _FORGOTTEN_COSTS
+            if self._restarts > _MAX_RESTARTS:
+                self.problem = f"item {len(self._got)} never came"
+                self.finish()
+                return
+            self._count, self._got, self._tries = None, [], 0
+        self._ask(now_s)
+
+
+class Clear(Exchange):
+    """Clears what a vehicle holds of one kind.
+
+    Attributes
+    ----------
+    answer : int or None
+        MAV_MISSION_RESULT; None for silence.
+    """
+
+    def __init__(self, target: Target, kind: MissionKind, *, round_trip: RoundTrip | None = None) -> None:
+        super().__init__(target, round_trip)
+        self.kind = kind
+        self.answer: int | None = None
+        self._tries = 0
+        self._begun_s = 0.0
+
+    def begin(self, now_s: float) -> None:
+        """Ask."""
+        self._begun_s = now_s
+        self._ask(now_s)
+
+    def _ask(self, now_s: float) -> None:
+        self.send("MISSION_CLEAR_ALL", mission_type=int(self.kind))
+        self._tries += 1
+        self.next_s = now_s + self.round_trip.retry_s(self._tries)
+
+    def hear(self, message: Message, now_s: float) -> None:  # noqa: ARG002
+        """End at the acknowledgement."""
+        if message.name == "MISSION_ACK" and message["mission_type"] == self.kind:
+            self.answer = message["type"]
+            self.finish()
+
+    def tick(self, now_s: float) -> None:
+        """Ask again; clearing twice does no harm."""
+        if now_s >= self._begun_s + GIVE_UP_S:
+            self.finish()
+        else:
+            self._ask(now_s)

@@ -1,0 +1,110 @@
+"""Open what a person names: a connection, recorded, with the key from a file or the environment."""
+
+from __future__ import annotations
+
+import binascii
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skyway.link.protocol.connection import GROUND_SYSTEM, Connection
+from skyway.link.wire.address import parse_address
+from skyway.link.wire.frames import Signing
+from skyway.link.wire.recorder import Recorder
+from skyway.link.wire.transport import open_transport
+from skyway.models.base.clock import WallClock
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import read_bytes
+
+if TYPE_CHECKING:
+    from skyway.models.base.clock import Clock
+
+KEY_VARIABLE = "SKYWAY_SIGNING_KEY"
+"""Environment variable with the signing key in hexadecimal digits."""
+KEY_FILE_VARIABLE = "SKYWAY_SIGNING_KEY_FILE"
+"""Environment variable that names a file with it."""
+_KEY_BYTES = 32
+
+
+def read_key(file: Path | None = None) -> bytes | None:
+    """Signing key from a file (32 bytes, or 64 hexadecimal digits), or else from the environment; None for no key.
+
+    The environment holds 64 hexadecimal digits (`KEY_VARIABLE`) or names a file (`KEY_FILE_VARIABLE`).
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, others may read it, or it holds no key. The message never shows the key.
+    """
+    text = os.environ.get(KEY_VARIABLE, "").strip()
+    if file is None and not text and os.environ.get(KEY_FILE_VARIABLE):
+        file = Path(os.environ[KEY_FILE_VARIABLE])
+    if file is not None:
+        if os.name == "posix" and file.exists() and file.stat().st_mode & 0o077:
+            remedy = f"chmod 600 {file}"
+            raise InputError(Fault("others may read the signing key", str(file), remedy=remedy))
+        return _key_of(read_bytes(file, max_bytes=4096), str(file))
+    if len(text) == _KEY_BYTES:  # digits, not bytes: half a key
+        raise _no_key(KEY_VARIABLE)
+    return None if not text else _key_of(text.encode(), KEY_VARIABLE)
+
+
+def _key_of(data: bytes, where: str) -> bytes:
+    if len(data) == _KEY_BYTES:
+        return data
+    try:
+        key = binascii.unhexlify(data.strip())
+    except (binascii.Error, ValueError):
+        key = b""
+    if len(key) != _KEY_BYTES:
+        raise _no_key(where)
+    return key
+
+
+def _no_key(where: str) -> InputError:
+    return InputError(Fault("holds no signing key", where, remedy="64 hexadecimal digits, or 32 bytes in a file"))
+
+
+def open_connection(
+    text: str,
+    *,
+    record: Path | None,
+    system: int = GROUND_SYSTEM,
+    key: bytes | None = None,
+    clock: Clock | None = None,
+) -> Connection:
+    """Open a connection string.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``udpin:127.0.0.1:14540``.
+    record : Path or None
+        Folder of the recording; None records nothing, which only tests do.
+    system : int
+        Our system id, 1-255.
+    key : bytes or None
+        Signing key.
+    clock : Clock or None
+        None is the wall's.
+
+    Raises
+    ------
+    InputError, LinkLostError
+        It cannot be opened.
+    """
+    if not 1 <= system <= 255:
+        raise InputError(Fault("out of range", field="--gcs-system", value=system, remedy="1 to 255"))
+    address = parse_address(text)
+    clock = clock or WallClock()
+    signing = None if key is None else Signing(key)
+    recorder = None if record is None else Recorder(record, clock, name=f"{address.kind}-{address.port}")
+    try:
+        transport = open_transport(address)
+    except Exception:
+        if recorder is not None:
+            recorder.close()
+            for path in recorder.paths:
+                path.unlink(missing_ok=True)  # nothing was said
+        raise
+    return Connection(transport, clock, recorder=recorder, system=system, signing=signing)

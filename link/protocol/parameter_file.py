@@ -1,0 +1,128 @@
+"""Parameter files of ground stations: ``NAME,VALUE`` lines, and QGroundControl's tab-separated ones."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, cast
+
+from skyway.missions.dialects import DIALECTS
+from skyway.missions.items.parameters import UNITS, Parameter
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import read_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from skyway.missions.dialects.settings import Name, Setting
+    from skyway.missions.items.parameters import Rule
+
+_MAX_BYTES = 2_000_000
+_QGC_FIELDS = 5
+_RULE = re.compile(r"# (equal|at-least|at-most|bits|read): (.*)")
+_READ = re.compile(r"# ([A-Z0-9_]{1,16}): read it")
+_ELSEWHERE = re.compile(
+    r"# {1,3}elsewhere ([A-Z0-9_]{1,16})(?: (at least|at most|with bits))?(?: ([-+0-9.e]+)[ a-z/]*)?"
+)
+
+
+def read_parameters(path: Path) -> dict[str, float]:
+    """Read a parameter file.
+
+    Raises
+    ------
+    InputError
+        With every line that is none.
+    """
+    found: dict[str, float] = {}
+    faults = []
+    for number, line in enumerate(read_text(path, max_bytes=_MAX_BYTES).splitlines(), start=1):
+        text = line.partition("#")[0].strip()
+        if not text:
+            continue
+        words = text.split("\t")
+        name, value = (words[2], words[3]) if len(words) == _QGC_FIELDS else _pair(text)
+        try:
+            found[name] = float(value)
+        except ValueError:
+            faults.append(Fault("is no parameter", str(path), number, value=text, remedy="NAME,VALUE"))
+            continue
+        if not math.isfinite(found[name]) or not re.fullmatch(r"[A-Za-z0-9_]{1,16}", name):
+            faults.append(Fault("is no parameter", str(path), number, value=text, remedy="NAME,VALUE"))
+    if faults:
+        raise InputError(faults)
+    return found
+
+
+def read_required(path: Path) -> tuple[Parameter, ...]:
+    """Read the parameters that a mission needs, with their rules, as ``skyway mission`` writes them.
+
+    A line without a rule before it is ``equal``. A parameter that other firmware calls otherwise is needed under any of
+    its names, whichever the file has.
+    """
+    values = read_parameters(path)
+    wanted: list[Parameter] = []
+    rule: Rule = "equal"
+    why = ""
+    for line in map(str.strip, read_text(path, max_bytes=_MAX_BYTES).splitlines()):
+        told, only, other = _RULE.fullmatch(line), _READ.fullmatch(line), _ELSEWHERE.fullmatch(line)
+        if told is not None:
+            rule, why = cast("Rule", told[1]), told[2]
+        elif other is not None and wanted:
+            wanted[-1] = wanted[-1].or_else(_elsewhere(other, wanted[-1]))
+        elif only is not None:
+            wanted.append(_known(only[1], "read", None, why))
+        elif line and not line.startswith("#"):
+            name = _name_of(line)
+            wanted.append(_known(name, rule, values[name], why))
+            rule, why = "equal", ""
+    once: dict[str, Parameter] = {}
+    for parameter in wanted:
+        if parameter.name not in once or once[parameter.name].value is None:
+            once[parameter.name] = _every_name(parameter)
+    return tuple(once.values())
+
+
+def _name_of(line: str) -> str:
+    text = line.partition("#")[0].strip()
+    words = text.split("\t")
+    return words[2] if len(words) == _QGC_FIELDS else _pair(text)[0]
+
+
+def _known(name: str, rule: Rule, value: float | None, why: str) -> Parameter:
+    """A parameter of the file, with its meaning where we know it; the file is of a version, so its name alone."""
+    found = _setting(name)
+    if found is None:
+        return Parameter(name, rule, value, why)
+    setting, spelled = found
+    ours = None if value is None else value / UNITS[spelled.unit]
+    return next(way for way in setting.need(rule, ours, why).ways if way.name == name)
+
+
+def _elsewhere(line: re.Match[str], first: Parameter) -> Parameter:
+    """What a comment says of other firmware."""
+    rule: Rule = (
+        "read" if line[3] is None else cast("Rule", (line[2] or "equal").replace("at ", "at-").replace("with ", ""))
+    )
+    return _known(line[1], rule, None if line[3] is None else float(line[3]), first.why)
+
+
+def _every_name(parameter: Parameter) -> Parameter:
+    """Add the names of other versions; those that the file gives in comments stay as they are."""
+    found = _setting(parameter.name)
+    if found is None:
+        return parameter
+    value = None if parameter.value is None else parameter.value / UNITS[parameter.unit]
+    given = set(parameter.names)
+    more = [w for w in found[0].need(parameter.rule, value, parameter.why).ways if w.name not in given]
+    return parameter.or_else(*more)
+
+
+def _setting(name: str) -> tuple[Setting, Name] | None:
+    """The setting that a parameter of either autopilot is."""
+    return next((found for known in DIALECTS.values() if (found := known.settings.find(name)) is not None), None)
+
+
+def _pair(text: str) -> tuple[str, str]:
+    words = [word for word in re.split(r"[,\s]+", text) if word]
+    return (words[0], words[1]) if len(words) == 2 else (text, "")

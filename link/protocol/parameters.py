@@ -1,0 +1,377 @@
+"""Parameters: read some by name, set one, list all; and what a mission requires of them."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skyway.link.protocol.exchange import Exchange
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    from skyway.link.protocol.exchange import RoundTrip, Target
+    from skyway.link.wire.frames import Message
+    from skyway.missions.items.parameters import Parameter
+
+REAL32 = 9
+GIVE_UP_S = 5.0
+_LIST_GIVE_UP_S = 8.0
+_LIST_QUIET_S = 0.6
+_LONGEST_S = 60.0
+"""Reading by name takes no longer, also where somebody else keeps the vehicle telling parameters."""
+_ASK_AT_ONCE = 10
+_CHANCE = 1e-4
+"""So unlikely it may be that a parameter taken for absent is there, and that its answers were lost."""
+_ANSWERS = ("PARAM_VALUE", "PARAM_ERROR")
+_DOES_NOT_EXIST = 1
+PARAMETER_ERRORS = {
+    1: "there is none of that name", 2: "out of range", 3: "not permitted", 4: "unknown component", 5: "read-only",
+    6: "its type is not supported", 7: "another type",
+}  # fmt: skip
+"""MAV_PARAM_ERROR in words."""
+_WHOLE = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
+"""MAV_PARAM_TYPE of whole numbers, and how their bytes lie in those of a float."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterValue:
+    """A parameter as the vehicle has it.
+
+    Attributes
+    ----------
+    name : str
+        The autopilot's name.
+    value : float
+        In the autopilot's unit.
+    kind : int
+        MAV_PARAM_TYPE.
+    """
+
+    name: str
+    value: float
+    kind: int
+
+
+def read_value(message: Message, *, bytewise: bool) -> ParameterValue:
+    """Value of a PARAM_VALUE message."""
+    kind, value = message["param_type"], message["param_value"]
+    if bytewise and kind in _WHOLE:
+        value = float(struct.unpack(_WHOLE[kind], message.payload[:4].ljust(4, b"\0"))[0])
+    return ParameterValue(message["param_id"], float(value), kind)
+
+
+def wire_value(value: float, kind: int, *, bytewise: bool) -> float:
+    """Value for a PARAM_SET message."""
+    if not (bytewise and kind in _WHOLE):
+        return value
+    try:
+        raw = struct.pack(_WHOLE[kind], round(value))
+    except struct.error:
+        raise InputError(Fault("does not fit this parameter", value=value, remedy="a smaller whole number")) from None
+    return float(struct.unpack("<f", raw)[0])
+
+
+def same_value(wanted: float, actual: float, kind: int) -> bool:
+    """Whether a value read back is the one that was set."""
+    if kind in _WHOLE:
+        return round(wanted) == round(actual)
+    return math.isclose(wanted, actual, rel_tol=1e-6, abs_tol=1e-9)
+
+
+class SetParameter(Exchange):
+    """Sets one parameter, and hears what it became.
+
+    Attributes
+    ----------
+    found : ParameterValue or None
+        What the vehicle answered; None for silence.
+    refused : int or None
+        MAV_PARAM_ERROR, where it says that it does not take the value.
+    """
+
+    def __init__(
+        self,
+        target: Target,
+        name: str,
+        value: float,
+        kind: int,
+        *,
+        bytewise: bool,
+        round_trip: RoundTrip | None = None,
+    ) -> None:
+        super().__init__(target, round_trip)
+        _check_name(name)
+        self.name, self.value, self.kind, self.bytewise = name, value, kind, bytewise
+        self.found: ParameterValue | None = None
+        self.refused: int | None = None
+        self._tries = 0
+        self._begun_s = self._sent_s = 0.0
+
+    def begin(self, now_s: float) -> None:
+        """Set it."""
+        self._begun_s = now_s
+        self._ask(now_s)
+
+    def _ask(self, now_s: float) -> None:
+        wire = wire_value(self.value, self.kind, bytewise=self.bytewise)
+        self.send("PARAM_SET", param_id=self.name, param_value=wire, param_type=self.kind)
+        self._sent_s = now_s
+        self._tries += 1
+        self.next_s = now_s + max(self.round_trip.retry_s(self._tries), 0.1)
+
+    def hear(self, message: Message, now_s: float) -> None:
+        """Take the answer."""
+        if message.name not in _ANSWERS or message["param_id"] != self.name:
+            return
+        if self._tries == 1:
+            self.round_trip.learn(now_s - self._sent_s)
+        if message.name == "PARAM_ERROR":
+            self.refused = message["error"]
+        else:
+            self.found = read_value(message, bytewise=self.bytewise)
+        self.finish()
+
+    def tick(self, now_s: float) -> None:
+        """Set it again."""
+        if now_s >= self._begun_s + GIVE_UP_S:
+            self.finish()
+        else:
+            self._ask(now_s)
+
+
+class ReadParameters(Exchange):
+    """Reads parameters by name, and tells one that the vehicle does not have from one whose answer was lost.
+
+    Newer firmware says that it has none of a name (PARAM_ERROR); older firmware is silent. So the names are asked for in
+    rounds, and each round ends with a question that every vehicle answers: the first parameter of its list. Where that
+    answer comes and those to a name asked for before it do not, round after round, so often that losses do not explain it
+    (`_CHANCE`, by the share of answers that this link loses), the vehicle has no such parameter. Where nothing comes at
+    all for `GIVE_UP_S`, the link is lost, and nothing is known.
+
+    Attributes
+    ----------
+    found : dict
+        What came, by name.
+    absent : set
+        Names of parameters that the vehicle does not have.
+    """
+
+    def __init__(
+        self, target: Target, names: Sequence[str], *, bytewise: bool, round_trip: RoundTrip | None = None
+    ) -> None:
+        super().__init__(target, round_trip)
+        for name in names:
+            _check_name(name)
+        self.bytewise = bytewise
+        self.found: dict[str, ParameterValue] = {}
+        self.absent: set[str] = set()
+        self._silent = dict.fromkeys(names, 0)
+        self._round: tuple[str, ...] = ()
+        self._answered = self._lost = self._missed = 0
+        self._probed = False
+        self._begun_s = self._heard_s = self._sent_s = 0.0
+
+    @property
+    def _open(self) -> list[str]:
+        return [name for name in self._silent if name not in self.found and name not in self.absent]
+
+    def begin(self, now_s: float) -> None:
+        """Ask for the first."""
+        self._begun_s = self._heard_s = now_s
+        self._ask(now_s)
+
+    def _ask(self, now_s: float) -> None:
+        """Begin a round: those that were asked for least often, and last the question that is always answered."""
+        self._round = tuple(sorted(self._open, key=self._silent.__getitem__)[:_ASK_AT_ONCE])
+        if not self._round:
+            self.finish()
+            return
+        for name in self._round:
+            self.send("PARAM_REQUEST_READ", param_id=name, param_index=-1)
+        self.send("PARAM_REQUEST_READ", param_id="", param_index=0)
+        self._sent_s, self._probed = now_s, False
+        self.next_s = now_s + max(self.round_trip.retry_s(1 + self._missed), 0.1)
+
+    def hear(self, message: Message, now_s: float) -> None:
+        """Take an answer; the next round begins with the last one of this."""
+        if message.name not in _ANSWERS:
+            return
+        name = message["param_id"]
+        self._heard_s = now_s
+        if message.name == "PARAM_ERROR":
+            if name in self._silent and message["error"] == _DOES_NOT_EXIST:
+                self.absent.add(name)
+                self._answered += 1
+        elif name in self._silent:
+            self._answered += name not in self.found
+            self.found[name] = read_value(message, bytewise=self.bytewise)
+        if message.name == "PARAM_VALUE" and message["param_index"] == 0 and name not in self._round:
+            self._answered += not self._probed
+            self._probed = True
+            if self._missed:  # it may be the answer to an earlier round
+                self.round_trip.unclear()
+            else:
+                self.round_trip.learn(now_s - self._sent_s)
+            self._missed = 0
+        if not self._open:
+            self.finish()
+        elif not any(name in self._open for name in self._round):
+            self._ask(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """End a round: what was asked for and has not come was lost, or is not there."""
+        if now_s >= min(self._heard_s + GIVE_UP_S, self._begun_s + _LONGEST_S):
+            self.finish()
+            return
+        self._lost += not self._probed
+        self._missed += not self._probed
+        lost = self._lost + sum(self._silent[name] for name in self.found if name in self._silent)
+        loss = (lost + 2.0) / (lost + self._answered + 3.0)
+        for name in self._round:
+            if self._probed and name in self._open:
+                self._silent[name] += 1
+                if loss ** self._silent[name] < _CHANCE:
+                    self.absent.add(name)
+        self._ask(now_s)
+
+
+def _check_name(name: str) -> None:
+    if not 1 <= len(name.encode("ascii", "replace")) <= 16:
+        raise InputError(Fault("is no name of a parameter", field="parameter", value=name, remedy="1 to 16 letters"))
+
+
+class ListParameters(Exchange):
+    """Reads all parameters, and asks by number for those that did not arrive.
+
+    Attributes
+    ----------
+    found : dict
+        By number.
+    total : int or None
+        How many there are; None as long as nothing has come.
+    """
+
+    def __init__(self, target: Target, *, bytewise: bool, round_trip: RoundTrip | None = None) -> None:
+        super().__init__(target, round_trip)
+        self.bytewise = bytewise
+        self.found: dict[int, ParameterValue] = {}
+        self.total: int | None = None
+        self._heard_s = 0.0
+
+    @property
+    def complete(self) -> bool:
+        """Whether all have come."""
+        return self.total is not None and len(self.found) >= self.total
+
+    def begin(self, now_s: float) -> None:
+        """Ask for all."""
+        self._heard_s = now_s
+        self.send("PARAM_REQUEST_LIST")
+        self.next_s = now_s + 1.0
+
+    def hear(self, message: Message, now_s: float) -> None:
+        """Take one."""
+        if message.name != "PARAM_VALUE":
+            return
+        index = message["param_index"]
+        self.total = message["param_count"]
+        self._heard_s = now_s
+        self.next_s = now_s + _LIST_QUIET_S
+        if index < self.total:
+            self.found[index] = read_value(message, bytewise=self.bytewise)
+        if self.complete:
+            self.finish()
+
+    def tick(self, now_s: float) -> None:
+        """Ask for what is missing."""
+        if now_s >= self._heard_s + _LIST_GIVE_UP_S:
+            self.finish()
+            return
+        if self.total is None:
+            self.send("PARAM_REQUEST_LIST")
+        else:
+            missing = [number for number in range(self.total) if number not in self.found]
+            for number in missing[:_ASK_AT_ONCE]:
+                self.send("PARAM_REQUEST_READ", param_id="", param_index=number)
+        self.next_s = now_s + max(self.round_trip.retry_s(1), 0.2)
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterCheck:
+    """One required parameter beside what the vehicle has.
+
+    Attributes
+    ----------
+    wanted : Parameter
+        What a mission relies on, as this vehicle's firmware has it; the first way where it has none.
+    actual : float or None
+        What the vehicle has; None where it has no such parameter, or did not answer.
+    absent : bool
+        It answers, and has a parameter of none of the names.
+    """
+
+    wanted: Parameter
+    actual: float | None
+    absent: bool = False
+
+    @property
+    def ok(self) -> bool:
+        """Whether it will do."""
+        return self.actual is not None and self.wanted.accepts(self.actual)
+
+    @property
+    def to_set(self) -> float | None:
+        """What to set it to; None where nothing is to be set."""
+        if self.ok or self.wanted.value is None or self.actual is None or not self.wanted.believes(self.actual):
+            return None
+        if self.wanted.rule == "bits":
+            return float(int(self.actual) | int(self.wanted.value))
+        return self.wanted.value
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with it, with the remedy; empty where it will do."""
+        wanted = self.wanted
+        if self.ok:
+            return ""
+        if self.absent:
+            known = " or ".join(dict.fromkeys(way.name for way in wanted.ways))
+            remedy = f"; if this firmware has it under another name: --parameter-name {wanted.key}=NAME:UNIT"
+            return f"the vehicle has no {known} ({wanted.why}){remedy if wanted.key else ''}"
+        if self.actual is None:
+            return f"the vehicle does not tell {wanted.name} ({wanted.why})"
+        if not wanted.believes(self.actual):
+            return (
+                f"{wanted.name} is {self.actual:g} {wanted.unit}: that cannot be, does this firmware have another unit?"
+            )
+        to_be = "must be checked by hand" if self.to_set is None else f"must be {self.to_set:g}"
+        return f"{wanted.name} is {self.actual:g}, {to_be}: {wanted.why}"
+
+
+def check_parameters(
+    wanted: Sequence[Parameter], actual: Mapping[str, float], absent: Collection[str] = frozenset()
+) -> tuple[ParameterCheck, ...]:
+    """Put what a mission relies on beside what was read from the vehicle, by name.
+
+    Parameters
+    ----------
+    absent : collection of str
+        What the vehicle does not have; a name in neither was not answered, and could be there.
+    """
+    return tuple(_check(parameter, actual, absent) for parameter in wanted)
+
+
+def _check(wanted: Parameter, actual: Mapping[str, float], absent: Collection[str]) -> ParameterCheck:
+    """The first way that the vehicle has decides; before one that it has not told, none after it does."""
+    for way in wanted.ways:
+        if way.paired and way.paired in absent:
+            continue
+        if way.name in absent:
+            continue
+        known = way.name in actual and (not way.paired or way.paired in actual)
+        return ParameterCheck(way, actual[way.name] if known else None)
+    return ParameterCheck(wanted, None, absent=True)

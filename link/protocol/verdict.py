@@ -1,0 +1,106 @@
+"""What a vehicle says of a mission that it has taken: PX4 acknowledges missions that it will not fly.
+
+PX4 judges a mission after it has taken it over, says so in words (STATUSTEXT), and newer versions in
+MISSION_CURRENT.mission_state. ArduPilot judges nothing before it flies.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+from skyway.link.protocol.command import ACCEPTED, IN_PROGRESS
+from skyway.link.protocol.exchange import Exchange
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.link.protocol.exchange import RoundTrip, Target
+    from skyway.link.wire.frames import Message
+
+GIVE_UP_S = 2.0
+SETTLE_S = 0.2
+"""It judges within so much of the last item; what it says before may be of the mission before."""
+AGAIN_S = 0.3
+"""A refusal counts when it is said again so much later."""
+WORDS_S = 1.0
+"""Words come no later than so long after."""
+_MISSION_CURRENT, _REQUEST_MESSAGE = 42, 512
+_UNKNOWN, _NO_MISSION = 0, 1
+_YES = (ACCEPTED, IN_PROGRESS)
+_REFUSING = re.compile(
+    r"mission reject|infeasible|not feasible|too far|geofence violat|no valid mission|mission (is )?invalid",
+    re.IGNORECASE,
+)
+_NUMBER = re.compile(r"\b(?:WP|waypoint|item|at) #?(\d+)", re.IGNORECASE)
+
+
+class AskVerdict(Exchange):
+    """Asks whether the mission that is stored can be flown.
+
+    Parameters
+    ----------
+    since_s : float
+        When the mission was taken over, by the connection's clock.
+
+    Attributes
+    ----------
+    refused : bool or None
+        What its state says; None where it does not tell.
+    """
+
+    def __init__(self, target: Target, since_s: float, *, round_trip: RoundTrip | None = None) -> None:
+        super().__init__(target, round_trip)
+        self.refused: bool | None = None
+        self._since_s, self._end_s = since_s, 0.0
+        self._tries = 0
+        self._told = False
+        self._refused_s = math.inf
+
+    def begin(self, now_s: float) -> None:
+        """Ask, as soon as it can have judged."""
+        self._end_s = now_s + GIVE_UP_S
+        self.next_s = max(now_s, self._since_s + SETTLE_S)
+
+    def hear(self, message: Message, now_s: float) -> None:
+        """Take its state."""
+        if message.name == "MISSION_CURRENT" and now_s >= self._since_s + SETTLE_S:
+            state = message["mission_state"]
+            if state == _NO_MISSION and now_s < self._refused_s + AGAIN_S:
+                self._refused_s = min(self._refused_s, now_s)
+                self.next_s = self._refused_s + AGAIN_S
+            elif state != _UNKNOWN:
+                self.refused = state == _NO_MISSION
+                self.finish()
+            else:  # older versions have nothing but words
+                self._wait_for_words(now_s)
+        elif message.name == "COMMAND_ACK" and message["command"] == _REQUEST_MESSAGE and message["result"] not in _YES:
+            self._wait_for_words(now_s)
+
+    def _wait_for_words(self, now_s: float) -> None:
+        self._told = True
+        self._end_s = min(self._end_s, max(now_s, self._since_s + WORDS_S))
+        self.next_s = self._end_s
+
+    def tick(self, now_s: float) -> None:
+        """Ask again, or give up."""
+        if now_s >= self._end_s:
+            if math.isfinite(self._refused_s):
+                self.refused = True
+            self.finish()
+        elif not self._told:
+            self._tries += 1
+            self.send("COMMAND_LONG", command=_REQUEST_MESSAGE, param1=float(_MISSION_CURRENT))
+            self.next_s = min(now_s + max(self.round_trip.retry_s(self._tries), 0.1), self._end_s)
+
+
+def refusing(texts: Sequence[str]) -> list[str]:
+    """Those of a vehicle's words that refuse a mission."""
+    return [text for text in texts if _REFUSING.search(text)]
+
+
+def items_named(texts: Sequence[str]) -> tuple[int, ...]:
+    """Numbers of the items that words concern, from 0: PX4 counts from 1 when it speaks."""
+    found = (_NUMBER.search(text) for text in texts)
+    return tuple(sorted({int(hit[1]) - 1 for hit in found if hit is not None and int(hit[1]) > 0}))

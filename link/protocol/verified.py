@@ -1,0 +1,333 @@
+"""Verified upload: send, read back, compare in meaning, and then repeat or roll back.
+
+What is believed is only what was read back: acknowledgements are lost, doubled, late, or meant for others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from skyway.link.protocol.download import Download
+from skyway.link.protocol.mission_words import MissionKind, in_words
+from skyway.link.protocol.upload import Upload, UploadEnd
+from skyway.link.protocol.verdict import AskVerdict, items_named, refusing
+from skyway.missions.dialects import dialect
+from skyway.missions.dialects.comparison import Difference, diff
+from skyway.missions.dialects.wire import (
+    WireItem,
+    fence_from_wire,
+    fence_to_wire,
+    rally_from_wire,
+    rally_to_wire,
+)
+from skyway.missions.items.geofence import Geofence
+from skyway.missions.items.mission import Mission
+from skyway.missions.items.rally import RallyPoints
+from skyway.models.base.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from skyway.link.protocol.exchange import RoundTrip, Steps, Target
+
+Part = Mission | Geofence | RallyPoints
+"""What can be uploaded."""
+ATTEMPTS = 6
+_REREADS = 2
+
+
+class UploadState(Enum):
+    """How an upload ended."""
+
+    VERIFIED = "verified"
+    REFUSED = "refused"
+    ROLLED_BACK = "rolled back"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class UploadOutcome:
+    """How an upload ended, and what the vehicle holds now.
+
+    Attributes
+    ----------
+    state : UploadState
+        Verified: it was read back and means the same. Refused: the vehicle holds what it held, or it has taken what
+        was sent and says that it will not fly it. Rolled back: what it held was sent again and read back. Unknown:
+        see `holds`; a start is blocked.
+    kind : MissionKind
+        What was sent.
+    holds : str
+        What the vehicle holds, or may hold, for a person.
+    reason : str
+        Why it is not verified; empty where it is.
+    items : tuple of int
+        Our numbers of the items that a refusal concerns.
+    differences : tuple of Difference
+        Found when reading back last.
+    attempts : int
+        Transfers begun.
+    infeasible : bool
+        It was taken, read back the same, and the vehicle says that it will not fly it.
+    """
+
+    state: UploadState
+    kind: MissionKind
+    holds: str
+    reason: str = ""
+    items: tuple[int, ...] = ()
+    differences: tuple[Difference, ...] = ()
+    attempts: int = 0
+    infeasible: bool = False
+
+    @property
+    def blocks_start(self) -> bool:
+        """Whether the vehicle must not be started after this."""
+        return self.state is UploadState.UNKNOWN or self.infeasible
+
+    @property
+    def verified(self) -> bool:
+        """Whether the vehicle holds what was sent."""
+        return self.state is UploadState.VERIFIED
+
+    def __str__(self) -> str:
+        text = f"{self.kind.word}: {self.state.value}; the vehicle holds {self.holds}"
+        return f"{text} ({self.reason})" if self.reason else text
+
+
+@dataclass(frozen=True, slots=True)
+class UploadJob:
+    """What to upload, to whom, and how.
+
+    Attributes
+    ----------
+    target : Target
+        The vehicle.
+    family : str
+        ``px4`` or ``ardupilot``.
+    part : Mission, Geofence or RallyPoints
+        What it shall hold.
+    current : int
+        Our number of the item that shall be flown first.
+    may_roll_back : callable
+        Whether what was there before may be put back now: only while disarmed.
+    texts : callable
+        What the vehicle has said so far, the newest last.
+    progress : callable or None
+        Told (what is done, items done, items).
+    """
+
+    target: Target
+    family: str
+    part: Part
+    current: int = 0
+    round_trip: RoundTrip | None = None
+    may_roll_back: Callable[[], bool] = field(default=lambda: False)
+    texts: Callable[[], Sequence[str]] = field(default=tuple)
+    progress: Callable[[str, int, int], None] | None = None
+
+    @property
+    def kind(self) -> MissionKind:
+        """Which of the three lists."""
+        return kind_of(self.part)
+
+    @property
+    def shift(self) -> int:
+        """What the autopilot's numbers are above ours."""
+        return int(self.family == "ardupilot" and self.kind is MissionKind.MISSION)
+
+
+def kind_of(part: Part) -> MissionKind:
+    """Which of the three lists something belongs to."""
+    if isinstance(part, Mission):
+        return MissionKind.MISSION
+    return MissionKind.FENCE if isinstance(part, Geofence) else MissionKind.RALLY
+
+
+def encode(part: Part, family: str, current: int = 0) -> tuple[WireItem, ...]:
+    """Put something on the wire as an autopilot wants it."""
+    if isinstance(part, Mission):
+        return dialect(family).to_wire(part, current=current)
+    return fence_to_wire(part) if isinstance(part, Geofence) else rally_to_wire(part)
+
+
+def decode(items: Sequence[WireItem], kind: MissionKind, family: str) -> Part:
+    """Take something from the wire.
+
+    Raises
+    ------
+    InputError
+        The items make no fence, or no rally points.
+    """
+    if kind is MissionKind.MISSION:
+        return dialect(family).from_wire(items)
+    return fence_from_wire(items) if kind is MissionKind.FENCE else rally_from_wire(items)
+
+
+def compare(sent: Part, items: Sequence[WireItem], family: str) -> tuple[Difference, ...]:
+    """Tell what differs in meaning between what was sent and the items read back."""
+    try:
+        return diff(sent, decode(items, kind_of(sent), family), family)
+    except InputError as error:
+        return (Difference(None, "items", "valid", str(error)),)
+
+
+def upload_verified(job: UploadJob) -> Steps[UploadOutcome]:
+    """Upload until what is read back means the same, the vehicle refuses, or nothing more can be done."""
+    run = _Run(job)
+    before = None
+    if job.may_roll_back():
+        down = run.download("reading what is there")
+        yield down
+        if down.items is None:
+            holds = "what it held before: nothing was sent"
+            return run.outcome(UploadState.UNKNOWN, holds, f"it cannot be read: {down.problem}")
+        before = down.items
+    return (yield from run.send_until_verified(before))
+
+
+class _Run:
+    """One verified upload under way."""
+
+    def __init__(self, job: UploadJob) -> None:
+        self.job = job
+        self.wire = encode(job.part, job.family, job.current)
+        self.attempts = 0
+        self.differences: tuple[Difference, ...] = ()
+        self._texts = len(job.texts())
+        self._sent = -1
+
+    def outcome(self, state: UploadState, holds: str, reason: str = "", items: tuple[int, ...] = ()) -> UploadOutcome:
+        differences = () if state is UploadState.VERIFIED else self.differences
+        return UploadOutcome(state, self.job.kind, holds, reason, items, differences, self.attempts)
+
+    def download(self, what: str) -> Download:
+        job = self.job
+        return Download(job.target, job.kind, round_trip=job.round_trip, progress=self._progress(what))
+
+    def _upload(self, items: Sequence[WireItem], what: str) -> Upload:
+        self.attempts += 1
+        job = self.job
+        return Upload(job.target, items, job.kind, round_trip=job.round_trip, progress=self._progress(what))
+
+    def _progress(self, what: str) -> Callable[[int, int], None] | None:
+        told = self.job.progress
+        return None if told is None else lambda done, total: told(what, done, total)
+
+    def send_until_verified(self, before: tuple[WireItem, ...] | None) -> Steps[UploadOutcome]:
+        """Send and read back, a bounded number of times."""
+        reason = ""
+        concerned: tuple[int, ...] = ()
+        found: tuple[WireItem, ...] | None = ()
+        for _ in range(ATTEMPTS):
+            said = len(self.job.texts())
+            up = self._upload(self.wire, "sending")
+            yield up
+            self._sent = max(self._sent, up.sent)
+            reason, concerned = self._why(up), self._ours(up)
+            found = yield from self._read_back(self.job.part)
+            if found is None:
+                return self.outcome(UploadState.UNKNOWN, self._may_hold(), "it cannot be read back: no answer")
+            if not self.differences:
+                return (yield from self._judged(up.heard_s, said))
+            if up.end is UploadEnd.REFUSED:
+                break
+        return (yield from self._give_up(before, found or (), reason, concerned))
+
+    def _judged(self, taken_s: float, said: int) -> Steps[UploadOutcome]:
+        """Verified, unless it is a mission that the vehicle says it will not fly, in its words since so many."""
+        holds = f"what was sent, {self._count()}"
+        job = self.job
+        if job.kind is not MissionKind.MISSION or job.family != "px4" or not self.wire:
+            return self.outcome(UploadState.VERIFIED, holds)
+        asked = AskVerdict(job.target, taken_s, round_trip=job.round_trip)
+        yield asked
+        words = refusing(job.texts()[said:])
+        if asked.refused is False or (asked.refused is None and not words):
+            return self.outcome(UploadState.VERIFIED, holds)
+        why = " / ".join(dict.fromkeys(words)) or "it says that there is no mission to fly, and not why"
+        refused = self.outcome(UploadState.REFUSED, f"{holds}, which it will not fly", why, items_named(words))
+        return replace(refused, infeasible=True)
+
+    def _read_back(self, wanted: Part) -> Steps[tuple[WireItem, ...] | None]:
+        """Read what is there and compare it; twice where it differs, since late packets may have got in between."""
+        found = None
+        for _ in range(_REREADS):
+            down = self.download("reading back")
+            yield down
+            if down.items is None:
+                continue
+            found = down.items
+            self.differences = compare(wanted, found, self.job.family)
+            if not self.differences:
+                break
+        return found
+
+    def _give_up(
+        self, before: tuple[WireItem, ...] | None, found: tuple[WireItem, ...], reason: str, concerned: tuple[int, ...]
+    ) -> Steps[UploadOutcome]:
+        """Leave the vehicle with what it held before, where that is possible."""
+        job, why = self.job, reason or f"what was read back differs {self.attempts} times"
+        differences = self.differences
+        if before is not None and self._same(before, found):
+            return self.outcome(UploadState.REFUSED, "what it held before", why, concerned)
+        if before is not None and job.may_roll_back():
+            old = [replace(item, seq=number) for number, item in enumerate(before)]
+            for _ in range(ATTEMPTS):
+                yield self._upload(old, "rolling back")
+                down = self.download("reading back")
+                yield down
+                if down.items is None:
+                    holds = f"{self._may_hold()}, or what it held before"
+                    return self.outcome(UploadState.UNKNOWN, holds, f"{why}; rolling back: {down.problem}", concerned)
+                if self._same(before, down.items):
+                    self.differences = differences
+                    return self.outcome(UploadState.ROLLED_BACK, "what it held before", why, concerned)
+        holds = f"a mixture: {len(differences)} differences from what was sent, the first {differences[0]}"
+        return self.outcome(UploadState.UNKNOWN, holds, why, concerned)
+
+    def _same(self, before: tuple[WireItem, ...], found: tuple[WireItem, ...]) -> bool:
+        try:
+            was = decode(before, self.job.kind, self.job.family)
+        except InputError:
+            return before == found
+        return not compare(was, found, self.job.family)
+
+    def _why(self, up: Upload) -> str:
+        """The vehicle's reason in words; empty where it took everything."""
+        said = [text for text in self.job.texts()[self._texts :] if "received" not in text.lower()]
+        words = f"; it said: {' / '.join(said[-3:])}" if said else ""
+        if up.end is UploadEnd.REFUSED:
+            return f"{self._named(self._ours(up))}{in_words(up.answer)}{words}"
+        if up.end is UploadEnd.BROKEN:
+            return f"the transfer was broken off: {in_words(up.answer)}{words}"
+        return "the vehicle fell silent" if up.end is UploadEnd.SILENT else ""
+
+    def _ours(self, up: Upload) -> tuple[int, ...]:
+        if up.end is not UploadEnd.REFUSED:
+            return ()
+        return tuple(number - self.job.shift for number in up.concerned if number >= self.job.shift)
+
+    @staticmethod
+    def _named(items: tuple[int, ...]) -> str:
+        return f"item {' or '.join(map(str, items))}: " if items else ""
+
+    def _count(self) -> str:
+        return f"{len(self.wire) - self.job.shift} items"
+
+    def _may_hold(self) -> str:
+        """What the vehicle may hold after a transfer whose end was not seen."""
+        total, sent = len(self.wire), self._sent + 1
+        if self.job.family == "px4":
+            if sent < total:
+                return "what it held before: PX4 takes an upload over whole or not at all, and not all was sent"
+            return f"either what it held before or all of the {self._count()} sent"
+        first = max(sent - self.job.shift, 0)
+        kept = "what it held before" if self.job.kind is MissionKind.FENCE else f"its old items, cut to {self._count()}"
+        if self.job.kind is MissionKind.FENCE and sent < total:
+            return kept
+        if not first:
+            return f"what it held before, or {kept}"
+        return f"a mixture: up to {first} new items (numbers 0 to {first - 1}) and otherwise {kept}"

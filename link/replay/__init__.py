@@ -1,0 +1,1 @@
+"""Logged flights looked at again: estimates, predictions, as if live."""

@@ -1,0 +1,224 @@
+"""A replay as JSON (``skyway.replay/1``) and as a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from skyway.models.base.units import J_PER_WH, from_posix, iso
+from skyway.models.drones.telemetry import QUANTITIES
+from skyway.models.wind.estimation.health import chi2_band
+from skyway.models.wind.triangle import speed_from
+
+if TYPE_CHECKING:
+    from skyway.link.replay.monitors import Leg
+    from skyway.link.replay.prediction import Prediction
+    from skyway.link.replay.replay import Replay
+    from skyway.models.drones.telemetry import TelemetryTrack
+    from skyway.models.wind.estimation.filter import FilteredWind
+
+SCHEMA = "skyway.replay/1"
+ESTIMATED = (
+    "estimated_wind_north_mps",
+    "estimated_wind_east_mps",
+    "estimated_sigma_mps",
+    "estimated_var_north_m2ps2",
+    "estimated_cov_north_east_m2ps2",
+    "estimated_var_east_m2ps2",
+)
+CORRELATED = 10.0
+"""So many neighbouring innovations of a real log are as good as one."""
+MAX_WINDS = 2000
+WIND_EVERY_S = 5.0
+MAX_EVENTS = 500
+
+
+def instant(found: Replay, time_s: float) -> str | float | None:
+    """Return a time as JSON has it: ISO 8601 where the log knows the date, else seconds of the log; None: unknown."""
+    if not math.isfinite(time_s):
+        return None
+    if not found.summary.time_base.absolute or not 0.0 <= time_s < 4e9:
+        return round(time_s, 3)
+    return iso(from_posix(round(time_s, 3)))
+
+
+def as_json(found: Replay) -> dict[str, Any]:
+    """Return everything that was found; unknown numbers are None."""
+    summary = found.summary
+    return {
+        "schema": SCHEMA,
+        "format": summary.format,
+        "messages": summary.messages,
+        "by_type": summary.by_type,
+        "skipped_bytes": summary.skipped_bytes,
+        "systems": list(summary.systems),
+        "other_systems": list(summary.others),
+        "system": found.system,
+        "vehicle": {"kind": found.vehicle.kind, "told_by": found.vehicle.told_by},
+        "start": instant(found, summary.start_s),
+        "end": instant(found, summary.end_s),
+        "time_base": {
+            "source": summary.time_base.source,
+            "absolute": summary.time_base.absolute,
+            "doubts": list(summary.time_base.doubts),
+        },
+        "legs": [_leg(found, leg) for leg in found.legs],
+        "wind": _winds(found),
+        "wind_summary": _wind_summary(found),
+        "drag": _drag(found),
+        "energy": _energy(found),
+        "events": [
+            {"t": instant(found, event.time_s), "system": event.system, "text": event.text}
+            for event in found.events[:MAX_EVENTS]
+        ],
+    }
+
+
+def _known(value: float, digits: int = 3) -> float | None:
+    return round(float(value), digits) if math.isfinite(value) else None
+
+
+def _leg(found: Replay, leg: Leg) -> dict[str, Any]:
+    return {
+        "start": instant(found, leg.start_s),
+        "end": instant(found, leg.end_s),
+        "time_s": _known(leg.end_s - leg.start_s),
+        "distance_m": _known(leg.distance_m, 1),
+        "from": [_known(leg.from_lat, 7), _known(leg.from_lon, 7)],
+        "to": [_known(leg.to_lat, 7), _known(leg.to_lon, 7)],
+        "soc_start": _known(leg.soc_start),
+        "soc_end": _known(leg.soc_end),
+        "energy_wh": _known(leg.energy_j / J_PER_WH),
+    }
+
+
+def _winds(found: Replay) -> list[dict[str, Any]]:
+    wind = found.wind
+    if not len(wind):
+        return []
+    every = max(WIND_EVERY_S, float(wind.time_s[-1] - wind.time_s[0]) / MAX_WINDS)
+    number = np.floor((wind.time_s - wind.time_s[0]) / every)
+    rows = np.append(np.flatnonzero(np.diff(number)), len(wind) - 1)
+    speed, direction = speed_from(wind.wind[rows, 0], wind.wind[rows, 1])
+    return [
+        {
+            "t": instant(found, float(wind.time_s[row])),
+            "speed_mps": _known(speed[place]),
+            "from_deg": _known(direction[place], 1),
+            "sigma_mps": _known(wind.sigma_mps[row]),
+            "covariance_m2ps2": [_known(value) for value in wind.covariance[row]],
+        }
+        for place, row in enumerate(rows)
+    ]
+
+
+def _wind_summary(found: Replay) -> dict[str, Any]:
+    tally = found.tally
+    speed, direction = (float(value) for value in speed_from(tally.mean(tally.north), tally.mean(tally.east)))
+    band = chi2_band(tally.count / CORRELATED)
+    return {
+        "mean_speed_mps": _known(speed),
+        "mean_from_deg": _known(direction, 1),
+        "forecast": _against_forecast(found),
+        "measurements": found.measured,
+        "rejected": found.rejected,
+        "inconsistent_s": found.tally.doubted,
+        "nis_mean": _known(tally.mean(tally.nis)),
+        "nis_band_95": [_known(value) for value in band] if tally.count else None,
+    }
+
+
+def _against_forecast(found: Replay) -> dict[str, Any] | None:
+    """Wind estimated against forecast: the forecast's mean, how far it was off in the mean, and how far at each time."""
+    tally = found.tally
+    if not found.forecast or not tally.count:
+        return None
+    speed, direction = speed_from(tally.mean(tally.expected_north), tally.mean(tally.expected_east))
+    return {
+        "speed_mps": _known(float(speed)),
+        "from_deg": _known(float(direction), 1),
+        "vector_difference_mps": _known(math.hypot(tally.mean(tally.off_north), tally.mean(tally.off_east))),
+        "vector_rms_mps": _known(math.sqrt(tally.mean(tally.off_squared))),
+    }
+
+
+def _drag(found: Replay) -> dict[str, Any]:
+    drag = found.drag
+    return {
+        "source": found.drag_source,
+        "as_live": "identified" not in (found.drag_source, found.airspeed_source),
+        "linear_per_s": None if drag is None else _known(drag.linear_per_s, 5),
+        "quadratic_per_m": None if drag is None else _known(drag.quadratic_per_m, 6),
+        "reason": found.drag_reason or None,
+        "check_factor": _known(found.drag_check.factor),
+        "check_sigma": _known(found.drag_check.sigma),
+        "airspeed": {
+            "source": found.airspeed_source,
+            "factor": _known(found.airspeed.factor, 4),
+            "heading_offset_deg": _known(math.degrees(found.airspeed.heading_offset_rad), 2),
+        },
+    }
+
+
+def _energy(found: Replay) -> dict[str, Any]:
+    total = sum(phase.energy_j for phase in found.phases.values())
+    return {
+        "total_wh": _known(total / J_PER_WH),
+        "soc_start": _known(found.soc[0]),
+        "soc_end": _known(found.soc[1]),
+        "phases": {
+            name: {
+                "time_s": _known(phase.time_s, 1),
+                "energy_wh": _known(phase.energy_j / J_PER_WH),
+                "mean_power_w": _known(phase.energy_j / phase.time_s, 1) if phase.time_s > 0.0 else None,
+            }
+            for name, phase in found.phases.items()
+        },
+    }
+
+
+def prediction_json(made: Prediction) -> dict[str, Any]:
+    """Return a prediction as plain JSON values."""
+    return {
+        "drone": made.drone.id,
+        "mass_kg": _known(made.mass_kg),
+        "predicted_wh": _known(made.total_j / J_PER_WH),
+        "predicted_by_phase_wh": {name: _known(energy / J_PER_WH) for name, energy in made.predicted_j.items()},
+        "measured_wh": _known(made.measured_j / J_PER_WH),
+        "error": _known(made.error, 4),
+        "predicted_soc_used": _known(made.predicted_soc),
+        "measured_soc_used": _known(made.measured_soc),
+    }
+
+
+class Table:
+    """Writes a row a second as the replay goes: the vehicle's own quantities, and the wind estimated then.
+
+    Parameters
+    ----------
+    stream : binary file
+    """
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._text = io.TextIOWrapper(stream, encoding="utf-8", newline="", write_through=True)
+        self._writer = csv.writer(self._text, lineterminator="\n")
+        self._writer.writerow(["time_s", *QUANTITIES, *ESTIMATED])
+        self._measured = False
+
+    def add(self, rows: TelemetryTrack, course: FilteredWind) -> None:
+        """Write some seconds."""
+        for row, time_s in enumerate(rows.time_s.tolist()):
+            self._measured = self._measured or bool(course.accepted[row])
+            known = self._measured and bool(course.trusted[row])
+            told = [*course.wind[row], course.sigma_mps[row], *course.covariance[row]]
+            extra = told if known else [math.nan] * len(ESTIMATED)
+            cells = [f"{value:.10g}" if math.isfinite(value) else "" for value in (*rows.values[row], *extra)]
+            self._writer.writerow([f"{time_s:.6f}", *cells])
+
+    def close(self) -> None:
+        """Leave the stream to its owner."""
+        self._text.detach()

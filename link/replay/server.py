@@ -1,0 +1,150 @@
+"""Serving a player: its packets to a MAVLink address, its control on a socket, one JSON object a line."""
+
+from __future__ import annotations
+
+import selectors
+import socket
+import time
+from typing import TYPE_CHECKING, Any
+
+from skyway.models.base.errors import Fault, InputError, LinkError
+from skyway.models.base.json_text import json_text
+
+if TYPE_CHECKING:
+    from skyway.link.replay.player import Player
+
+TICK_S = 0.02
+MAX_LINE = 4096
+MAX_CLIENTS = 8
+
+
+class Output:
+    """A MAVLink address for sending, as everyone writes it: ``udpout:127.0.0.1:14550``, ``tcp:host:port``.
+
+    Parameters
+    ----------
+    url : str
+        The address.
+
+    Raises
+    ------
+    LinkError, InputError
+        It cannot be opened, or is no address.
+    """
+
+    def __init__(self, url: str) -> None:
+        from pymavlink import mavutil
+
+        try:
+            self._connection: Any = mavutil.mavlink_connection(url)
+        except (OSError, ValueError, IndexError) as error:
+            raise LinkError(f"cannot open {url}: {error}") from None
+        except SystemExit:  # pymavlink's answer to an address without a port
+            remedy = "udpout:127.0.0.1:14550"
+            raise InputError(Fault("is no address", field="--connect", value=url, remedy=remedy)) from None
+
+    def send(self, data: bytes) -> None:
+        """Send one packet."""
+        self._connection.write(data)
+
+    def close(self) -> None:
+        """Close it."""
+        self._connection.close()
+
+
+class ControlServer:
+    """Listens for commands on a TCP port of this machine.
+
+    Parameters
+    ----------
+    player : Player
+        Obeys them.
+    port : int
+        0 takes any.
+    """
+
+    def __init__(self, player: Player, port: int) -> None:
+        self._player = player
+        self._selector = selectors.DefaultSelector()
+        self._listener = socket.socket()
+        self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            self._listener.bind(("127.0.0.1", port))
+        except (OSError, OverflowError) as error:
+            self._listener.close()
+            raise LinkError(f"cannot listen on port {port}: {error}") from None
+        self._listener.listen()
+        self._listener.settimeout(0.0)
+        self.port: int = self._listener.getsockname()[1]
+        self._pending: dict[socket.socket, bytes] = {}
+        self._selector.register(self._listener, selectors.EVENT_READ)
+
+    def serve(self, timeout_s: float) -> None:
+        """Answer what has come in within so many seconds."""
+        for key, _ in self._selector.select(timeout_s):
+            if key.fileobj is self._listener:
+                self._accept()
+            elif isinstance(key.fileobj, socket.socket):
+                self._answer(key.fileobj)
+
+    def close(self) -> None:
+        """Close all sockets."""
+        for client in list(self._pending):
+            self._drop(client)
+        self._selector.close()
+        self._listener.close()
+
+    def _accept(self) -> None:
+        client, _ = self._listener.accept()
+        if len(self._pending) >= MAX_CLIENTS:
+            client.close()
+            return
+        client.settimeout(0.0)
+        self._pending[client] = b""
+        self._selector.register(client, selectors.EVENT_READ)
+
+    def _answer(self, client: socket.socket) -> None:
+        try:
+            data = client.recv(MAX_LINE)
+        except OSError:
+            data = b""
+        if not data or len(self._pending[client]) > MAX_LINE:
+            self._drop(client)
+            return
+        *lines, rest = (self._pending[client] + data).split(b"\n")
+        self._pending[client] = rest
+        for line in lines:
+            reply = self._player.command(line.decode("utf-8", "replace"))
+            try:
+                client.sendall(json_text(reply).encode() + b"\n")
+            except OSError:
+                self._drop(client)
+                return
+
+    def _drop(self, client: socket.socket) -> None:
+        self._pending.pop(client, None)
+        self._selector.unregister(client)
+        client.close()
+
+
+def play(player: Player, control: ControlServer | None, *, hold: bool = False) -> int:
+    """Play to the end on the wall clock; returns the packets sent.
+
+    Parameters
+    ----------
+    player : Player
+    control : ControlServer or None
+    hold : bool
+        Stay at the end for further commands.
+    """
+    sent = 0
+    last = time.monotonic()
+    while hold or not player.ended:
+        if control is None:
+            time.sleep(TICK_S)
+        else:
+            control.serve(TICK_S)
+        now = time.monotonic()
+        sent += player.step(now - last)
+        last = now
+    return sent

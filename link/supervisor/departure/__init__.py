@@ -1,0 +1,1 @@
+"""On the ground: deciding, charging, checks, take-off."""

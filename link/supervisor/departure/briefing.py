@@ -1,0 +1,113 @@
+"""What a person is told before a take-off: the list while it is gone through, and then all that a yes answers to."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo
+
+from skyway.link.supervisor.departure.failsafes import by_itself
+from skyway.link.supervisor.departure.parameter_changes import told
+from skyway.models.base.units import clock_text
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import Context
+    from skyway.link.supervisor.departure.preflight import Check
+    from skyway.link.supervisor.legs import Leg
+
+LATE_S = 120.0
+"""The times of a plan are told with the departure that they count from, where that is so far from now."""
+REMIND_S = 30.0
+"""What holds a take-off up is told again after so long."""
+
+
+class Checklist:
+    """The list of one departure: each entry is journaled when it is looked at first, and when its verdict changes.
+
+    Parameters
+    ----------
+    ctx : Context
+        The delivery.
+    """
+
+    def __init__(self, ctx: Context) -> None:
+        self._ctx = ctx
+        self._verdicts: dict[str, str] = {}
+        self._reminded_s = ctx.clock.now_s()
+
+    def take(self, check: Check) -> Check:
+        """Take an entry; time passes, so that the operator and the vehicle are heard between two of them."""
+        if self._verdicts.get(check.name) != check.verdict:
+            self._verdicts[check.name] = check.verdict
+            data = {"name": check.name, "verdict": check.verdict, "said": check.said, "waits": check.waits}
+            self._ctx.note("check", str(check), **data)
+        self._ctx.tick(0.0)
+        return check
+
+    def waits(self, reason: str, left_s: float) -> None:
+        """Say from time to time what is waited for, and how long still."""
+        now = self._ctx.clock.now_s()
+        if now < self._reminded_s + REMIND_S:
+            return
+        self._reminded_s = now
+        left_s = max(left_s, 0.0)
+        self._ctx.note("waits", f"waits for {reason} (at most {left_s:.0f} s more)", left_s=left_s)
+
+
+def brief(ctx: Context, leg: Leg) -> None:
+    """Tell everything that a take-off is decided by: the flight, wind, diverts, parameters, and what happens by itself."""
+    family, first = ctx.vehicle.family.name, ctx.flight == 0
+    alone = by_itself(family, ctx.failsafes)
+    changes = ctx.parameters.proposed
+    wind = ctx.wind.on_way(leg.mission.way, ctx.now_s, leg.planned_s)
+    lines = [
+        _flight_line(ctx, leg),
+        *_delivery_lines(ctx),
+        f"wind on the way: {wind} ({ctx.wind.origin})",
+        f"diverts on the way: {', '.join(leg.diverts)}",
+    ]
+    lines += told(changes, restored=ctx.job.restore_parameters)
+    if first:
+        lines += ["by itself the vehicle does:", *(f"  {line}" for line in alone)]
+    ctx.note(
+        "briefing", lines[0], lines=lines, diverts=list(leg.diverts), by_itself=alone, wind=wind.as_data(), wind_origin=ctx.wind.origin,
+        parameters=[{"name": s.name, "now": s.before, "then": s.after, "why": s.why} for s in changes],
+    )  # fmt: skip
+    for line in lines:
+        ctx.tell(line)
+
+
+def _flight_line(ctx: Context, leg: Leg) -> str:
+    """The flight that is asked for; legs are numbered from 1."""
+    left = len(ctx.plan.services) if ctx.plan is not None else 1
+    number = ctx.flight + 1
+    kept = f" (reserve {100 * ctx.job.request.reserve_soc:.0f} %)"
+    via = f" over {', '.join(leg.via)}" if leg.via else ""
+    return (
+        f"leg {number} of {number + left - 1}: {leg.origin} > {leg.destination}{via}, on average {leg.planned_s / 60:.0f} min, "
+        f"from {_percent(ctx.soc)} to {_percent(leg.planned_soc)}{kept}"
+    )
+
+
+def _delivery_lines(ctx: Context) -> list[str]:
+    """When the package arrives, by the plan in force."""
+    plan = ctx.plan
+    if plan is None:
+        return []
+    zone = ZoneInfo(ctx.job.scenario.timezone)
+    arrival: dict[str, Any] = {
+        "on average": plan.arrival.mean,
+        "half by": plan.arrival.p50,
+        "95 % by": plan.arrival.p95,
+    }
+    known = [f"{word} {clock_text(at, zone)}" for word, at in arrival.items() if at is not None]
+    if not known:
+        return []
+    begins = min([plan.depart, *(service.depart for service in plan.services[:1])])
+    late = abs(begins.timestamp() - ctx.now_s) >= LATE_S
+    planned = f" (planned for a departure at {clock_text(begins, zone)})" if late else ""
+    return [f"delivery at {plan.destination}{planned}: {', '.join(known)}"]
+
+
+def _percent(share: float) -> str:
+    return "unknown" if math.isnan(share) else f"{100 * share:.0f} %"

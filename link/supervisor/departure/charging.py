@@ -1,0 +1,139 @@
+"""What is done at a pad: ask for one until there is one, charge, and tell the vehicle what its battery holds."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.link.pads import ManualPads
+from skyway.link.supervisor.soc.soc_estimator import learn_gauge
+from skyway.link.supervisor.states import State
+from skyway.models.base.errors import CommandRefusedError
+from skyway.models.queues.pad_service import DroneOnPad, PadServiceError
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import After, Context
+
+POLL_S = 10.0
+DOUBT_SOC, FASTER = 0.1, 0.5
+"""A pad that finds more charge than was there by so much is doubted until so much of the time has passed that it takes."""
+REDECIDE_S = 600.0
+"""A drone that waits for a pad thinks again this often."""
+
+
+def waiting(ctx: Context) -> After:
+    """Ask for a pad until there is one."""
+    begun_s = ctx.now_s
+    said = ""
+    while True:
+        try:
+            told = ctx.pads.charge(ctx.station or "", _drone(ctx), ctx.charge_to or 1.0)
+        except PadServiceError as error:
+            if str(error) != said:
+                said = str(error)
+                ctx.note("pad", said, answer="refused")
+                ctx.tell(f"pads: {said}")
+        else:
+            if told.state in ("charging", "done"):
+                _note_pad(ctx, told)
+                return State.CHARGING, f"on a pad of {ctx.station}"
+            line = f"waits for a pad at {ctx.station}, {told.place_in_line} before it"
+            if line != said:
+                said = line
+                _note_pad(ctx, told)
+                ctx.tell(line)
+        if ctx.now_s > begun_s + REDECIDE_S:
+            return State.REPLANNING, f"no pad for {REDECIDE_S / 60:.0f} min: think again"
+        ctx.wait_until(ctx.now_s + POLL_S)
+
+
+def charging(ctx: Context) -> After:
+    """Wait until it is charged."""
+    target = ctx.charge_to or 1.0
+    compared = ctx.charged
+    begun_s, soc = ctx.now_s, ctx.soc
+    while True:
+        _hear_charged(ctx)
+        if isinstance(ctx.pads, ManualPads) and not ctx.attended:
+            return State.STOPPED, f"it must be charged at {ctx.station}, and nobody is there to say charged"
+        try:
+            told = ctx.pads.charge(ctx.station or "", _drone(ctx), target)
+        except PadServiceError as error:
+            ctx.note("pad", str(error), answer="refused")
+            return State.REPLANNING, f"charging ended: {error}"
+        if told.state == "waiting":
+            return State.WAITING, "it lost its pad"
+        if told.soc is not None and not 0.0 <= told.soc <= 1.0:
+            told = _doubted(ctx, told, "is no state of charge")
+        if told.soc is not None and ctx.now_s < begun_s + _least_s(ctx, soc, told.soc):
+            told = _doubted(ctx, told, "no charger is so fast")
+        if told.soc is not None:
+            if not compared:
+                compared = True
+                learn_gauge(ctx, ctx.told_soc, told.soc)
+            ctx.soc, ctx.soc_source = told.soc, "the pad"
+        if told.state == "done" or (told.soc is not None and told.soc >= target - 1e-6):
+            break
+        left = POLL_S if told.done_s is None else told.done_s - ctx.now_s
+        ctx.wait_until(ctx.now_s + min(max(left + 0.5, 1.0), 60.0))
+        if told.soc is not None:
+            ctx.soc = told.soc
+    _note_pad(ctx, told)
+    _reset_counter(ctx, told.soc)
+    ctx.charged = True
+    ctx.tell(f"charged to {100 * ctx.soc:.0f} % at {ctx.station}")
+    return State.REPLANNING, f"charged to {100 * ctx.soc:.0f} %"
+
+
+def _least_s(ctx: Context, before: float, after: float) -> float:
+    """How long it takes at least to charge from one state to another."""
+    curve = ctx.job.scenario.drone(ctx.job.request.drone or "").charging_curve()
+    return FASTER * float(curve.duration_s(before, np.float64(after))) if after > before + DOUBT_SOC else 0.0
+
+
+def _doubted(ctx: Context, told: DroneOnPad, why: str) -> DroneOnPad:
+    """What is left of an answer that cannot be: the pad is ours, and nothing else is known."""
+    ctx.note("pad", f"the pad says {told.soc}: {why}; asked again", answer="doubted", soc=told.soc)
+    return DroneOnPad(drone=told.drone, state="charging", to_soc=told.to_soc)
+
+
+def _hear_charged(ctx: Context) -> None:
+    """Where people charge, they say ``charged``, or ``charged 83`` for 83 %."""
+    while ctx.words and isinstance(ctx.pads, ManualPads):
+        word, _, percent = ctx.words.pop(0).partition(" ")
+        if word != "charged":
+            ctx.operator.ask("say charged when it is done")
+            continue
+        known = percent.strip(" %").replace(".", "", 1).isdigit()
+        ctx.pads.charged(_drone(ctx), float(percent.strip(" %")) / 100.0 if known else ctx.charge_to or 1.0)
+
+
+def _reset_counter(ctx: Context, soc: float | None) -> None:
+    """Tell an autopilot that counts charge what the battery holds; one that estimates it refuses, and that is right."""
+    if soc is None:
+        return
+    ctx.voltage.forget()
+    ctx.told.forget()
+    try:
+        reported = ctx.ask(lambda: ctx.vehicle.reset_battery(soc))
+    except CommandRefusedError:
+        ctx.wait(2.0)
+        return
+    ctx.note("battery", f"the vehicle's counter was set to {100 * soc:.0f} %", soc=soc, reported=reported)
+    if math.isfinite(reported):
+        ctx.told.measured(ctx.now_s, reported)
+        ctx.soc, ctx.told_soc, ctx.soc_source = reported, reported, "the vehicle"
+
+
+def _drone(ctx: Context) -> str:
+    s = ctx.sample
+    return str(1 if s is None else s.system)
+
+
+def _note_pad(ctx: Context, told: DroneOnPad) -> None:
+    ctx.note(
+        "pad", f"{told.state} at {ctx.station}", answer=told.state, soc=told.soc, to_soc=told.to_soc,
+        place_in_line=told.place_in_line, pad_free_s=told.pad_free_s, done_s=told.done_s,
+    )  # fmt: skip

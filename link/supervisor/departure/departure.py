@@ -1,0 +1,294 @@
+"""What is done before a take-off: make the leg, check, upload, ask, arm and start."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from skyway.link.protocol.mission_words import MissionKind
+from skyway.link.protocol.verified import UploadState
+from skyway.link.supervisor.departure.briefing import Checklist, brief
+from skyway.link.supervisor.departure.parameter_changes import apply
+from skyway.link.supervisor.departure.preflight import run_checks
+from skyway.link.supervisor.flight.crash import crashed
+from skyway.link.supervisor.flight.pilot_intervention import refuse_foreign
+from skyway.link.supervisor.legs import Leg, plan_leg, with_places
+from skyway.link.supervisor.soc.modelled_use import ModelledUse
+from skyway.link.supervisor.states import State, Turn
+from skyway.models.base.errors import CommandRefusedError, LinkError, VehicleTimeoutError
+
+if TYPE_CHECKING:
+    from skyway.link.protocol.verified import Part
+    from skyway.link.supervisor.context import After, Context
+    from skyway.link.supervisor.departure.preflight import Check
+    from skyway.link.supervisor.legs import LegMission
+    from skyway.models.composition.composition import DroneService
+
+CHECK_AGAIN_S, CHECK_PATIENCE_S = 5.0, 120.0
+UNKNOWN_PATIENCE_S = 840.0
+"""What is not known may be waited for longer than what is known to be wrong: nearly as long as the state may last."""
+REPLAN_AGAIN_S = 10.0
+ARM_PATIENCE_S = 90.0
+TAKE_OFF_S = 60.0
+FRESH_S = 2.0
+"""So long we listen before a take-off, so that what is known is of now."""
+UPLOADS = 3
+STARTS = 3
+
+
+def next_service(ctx: Context, speed_mps: float | None = None) -> DroneService:
+    """Return the leg to be flown next, with its divert stations and the ground speed that the wind gives, or this one."""
+    if ctx.plan is None or not ctx.plan.services:
+        raise Turn(State.STOPPED, "there is no plan from here")
+    service = ctx.plan.services[0]
+    if speed_mps is not None:
+        return replace(service, diverts=ctx.diverts, ground_speed_mps=speed_mps)
+    reach = ctx.replanner().reach(ctx.wind.forecast(ctx.now_s), ctx.belief)
+    way = reach.way(service.origin, service.via, service.destination)
+    cruise_s = float(reach.expected(reach.along(way, ctx.now_s).time_s[:, -1]))
+    speed = min(service.distance_m / max(cruise_s, 1.0), reach.drone.max_ground_speed_mps)
+    return replace(service, diverts=ctx.diverts, ground_speed_mps=round(speed, 2))
+
+
+def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService, LegMission]:
+    """Make the mission of the next leg."""
+    service = next_service(ctx, speed_mps)
+    if ctx.plan is None:
+        raise Turn(State.STOPPED, "there is no plan from here")
+    job = ctx.job
+    plan = replace(with_places(ctx.plan, job.scenario, service.diverts), services=(service, *ctx.plan.services[1:]))
+    last = service.destination == job.request.destination
+    return service, plan_leg(plan, service, ctx.vehicle.family.name, job.options, last=last)
+
+
+def preflight(ctx: Context) -> After:
+    """Go through the list until all is in order; what cannot come right stops, with the reason."""
+    service, leg = make_leg(ctx)
+    begun_s, shown = ctx.clock.now_s(), Checklist(ctx)
+    while True:
+        waited_s = ctx.clock.now_s() - begun_s
+        try:
+            checks = [shown.take(check) for check in run_checks(ctx, service, leg)]
+        except LinkError as error:
+            if isinstance(error, VehicleTimeoutError):
+                ctx.unanswered(error)
+            if waited_s >= (UNKNOWN_PATIENCE_S if isinstance(error, VehicleTimeoutError) else CHECK_PATIENCE_S):
+                return State.STOPPED, f"preflight: {error}"
+            shown.waits(f"the list is not finished: {error}", CHECK_PATIENCE_S - waited_s)
+            ctx.wait(CHECK_AGAIN_S)
+            continue
+        wrong = [check for check in checks if not check.ok]
+        unknown = [check for check in wrong if check.verdict == "unknown" and check.waits]
+        if unknown:
+            ctx.must_answer("; ".join(map(str, unknown)))
+        elif not wrong or any(not check.waits for check in wrong):
+            break  # else what is wrong may follow from what is not known
+        patience_s = UNKNOWN_PATIENCE_S if len(unknown) == len(wrong) else CHECK_PATIENCE_S
+        if waited_s >= patience_s:
+            break
+        shown.waits("; ".join(map(str, wrong)), patience_s - waited_s)
+        ctx.wait(CHECK_AGAIN_S)
+    data = [{"name": c.name, "verdict": c.verdict, "said": c.said} for c in checks]
+    ctx.note("preflight", "; ".join(map(str, wrong)) or "all in order", checks=data, failsafes=ctx.failsafes)
+    if not wrong:
+        return State.UPLOADING, "preflight in order"
+    return _after_preflight(ctx, wrong[0], "; ".join(map(str, wrong)), service)
+
+
+def _after_preflight(ctx: Context, first: Check, reason: str, service: DroneService) -> After:
+    """Plan anew where another station, more charge or another hour helps; else stop: what is not known is no reason to fly."""
+    if first.verdict == "unknown":
+        return State.STOPPED, f"preflight: {reason}"
+    if first.name == "attitude":
+        return State.CRASHED, first.said
+    if first.name == "pads":
+        ctx.unusable[service.destination] = ctx.now_s
+        return State.REPLANNING, reason
+    if first.name in ("battery", "wind"):
+        ctx.wait(REPLAN_AGAIN_S)
+        return State.REPLANNING, reason
+    return State.STOPPED, f"preflight: {reason}"
+
+
+def uploading(ctx: Context) -> After:
+    """Send fence, rally points and mission, and read them back."""
+    service, leg = make_leg(ctx)
+    parts = (
+        (MissionKind.FENCE, leg.document.fence if leg.document.fence.areas else None),
+        (MissionKind.RALLY, leg.document.rally if len(leg.document.rally) else None),
+        (MissionKind.MISSION, leg.document.mission),
+    )
+    for kind, part in parts:
+        reason = _upload(ctx, kind, part)
+        if reason:
+            return State.STOPPED, f"the {kind.word} could not be uploaded: {reason}"
+    ctx.vehicle.changes()  # what we have just sent
+    ctx.leg = _new_leg(ctx, service, leg)
+    return State.READY, f"the leg to {service.destination} is uploaded and verified"
+
+
+def _upload(ctx: Context, kind: MissionKind, part: Part | None) -> str:
+    """Upload one list, or clear it; returns why that was not possible. A lost link does not count as a try."""
+    reason = ""
+    for _ in range(UPLOADS):
+        try:
+            if part is None:
+                ctx.vehicle.clear(kind)
+                return ""
+            outcome = ctx.vehicle.upload(part)
+        except LinkError as error:
+            reason = str(error)
+        else:
+            reason = "" if outcome.verified else str(outcome)
+            ctx.note("upload", str(outcome), part=kind.word, verified=outcome.verified, attempts=outcome.attempts)
+            if outcome.verified or outcome.state is UploadState.REFUSED:
+                return reason
+        ctx.must_answer(f"the {kind.word} could not be uploaded: {reason}")
+        ctx.wait(2.0)
+    return reason
+
+
+def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
+    reach = ctx.replanner().reach(ctx.wind.forecast(ctx.now_s), ctx.belief.next_flight())
+    flown = reach.to_the_end(reach.way(service.origin, service.via, service.destination), ctx.now_s, climbs=True)
+    return Leg(
+        origin=service.origin,
+        destination=service.destination,
+        via=service.via,
+        diverts=service.diverts,
+        mission=mission,
+        commanded_mps=service.ground_speed_mps,
+        planned_s=float(reach.expected(flown.time_s)),
+        planned_soc=ctx.soc - float(reach.expected(flown.soc)) * ctx.belief.factor,
+        modelled=ModelledUse(reach.soc_per_s, reach.soc_climb - reach.soc_per_s * reach.rules.climb_s, reach.load),
+        last=service.destination == ctx.job.request.destination,
+    )
+
+
+def ready(ctx: Context) -> After:
+    """Ask before the take-off where that was asked for."""
+    leg = ctx.leg
+    if leg is None:
+        return State.PREFLIGHT, "the leg is prepared anew"
+    job = ctx.job
+    brief(ctx, leg)
+    must = job.asking == "each" or (job.asking == "once" and not ctx.asked_once)
+    if must or (job.asking != "never" and ctx.parameters.unasked):
+        if not ctx.attended:
+            return State.STOPPED, "nobody is there to allow the take-off (--yes for rehearsals)"
+        count = len(ctx.parameters.proposed)
+        sets = "" if not count else f"set {count} parameter{'s' if count > 1 else ''} as listed, and "
+        question = (
+            f"{sets}take off from {leg.origin} to {leg.destination}: {leg.planned_s / 60:.0f} min, landing with about "
+            f"{100 * leg.planned_soc:.0f} %; yes or no?"
+        )
+        answer = ctx.answer(question, ("yes", "y", "no", "n"))
+        ctx.note("operator", f"asked to {question} answered {answer}")
+        if answer.startswith("n"):
+            return State.STOPPED, f"the operator does not allow the take-off to {leg.destination}"
+        ctx.asked_once = True
+        if ctx.soc < (ctx.charge_to or 0.0) - 0.03:
+            return State.REPLANNING, "the charge has fallen while waiting for the operator"
+    if ctx.stop_after_leg:
+        return State.STOPPED, f"the operator asked to stay at {ctx.station}"
+    try:
+        apply(ctx)
+    except LinkError as error:
+        return State.STOPPED, f"a parameter that the leg to {leg.destination} needs could not be set: {error}"
+    return State.ARMING, f"to {leg.destination}"
+
+
+def arming(ctx: Context) -> After:
+    """Arm and start, until it is in the air."""
+    leg = ctx.leg
+    if leg is None or ctx.plan is None:
+        return State.PREFLIGHT, "the leg is prepared anew"
+    ctx.wait(FRESH_S)
+    ctx.flight += 1
+    ctx.landed_at = None
+    ctx.lean.begin()
+    leg.start_s, leg.soc_start, leg.told_start = ctx.now_s, ctx.soc, ctx.told_soc
+    if leg.modelled is not None:
+        leg.modelled.begin(ctx.now_s)
+    if ctx.charged or not math.isfinite(ctx.flown_from[0]):
+        ctx.flown_from = (ctx.told_soc, ctx.soc)
+    ctx.note(
+        "leg", f"flight {ctx.flight}: {leg.origin} to {leg.destination}",
+        origin=leg.origin, destination=leg.destination, via=list(leg.via),
+        planned_s=leg.planned_s, planned_soc=leg.planned_soc,
+        wind=ctx.wind.on_way(leg.mission.way, ctx.now_s, leg.planned_s).as_data(), wind_origin=ctx.wind.origin,
+        soc=ctx.soc, told_soc=ctx.told_soc, ground_speed_mps=leg.commanded_mps,
+        way=[list(point) for point in leg.mission.way], last=leg.last, **ctx.standing(),
+    )  # fmt: skip
+    problem = _start(ctx)
+    if problem and not ctx.in_air:
+        return _disarmed(ctx, f"the take-off to {leg.destination} failed: {problem}")
+    ctx.station = None
+    ctx.charged = False
+    ctx.charge_to = None
+    return State.FLYING, f"in the air to {leg.destination}"
+
+
+def _start(ctx: Context) -> str:
+    """Arm and start until it is in the air; as long as the vehicle only refuses it is asked again.
+
+    What it says is heard meanwhile. An order whose answer was lost may have been carried out: one that is armed is given
+    time to take off before it is told again.
+
+    Returns
+    -------
+    str
+        Why it did not take off; nothing where it did.
+    """
+    problem, tries = "", 0
+    end = ctx.clock.now_s() + ARM_PATIENCE_S
+    while tries < STARTS:
+        if ctx.stop_after_leg:
+            return "the operator asked to stay"
+        try:
+            ctx.vehicle.start()
+            tries += 1
+            problem = "it does not take off"
+        except LinkError as error:
+            refused = isinstance(error, CommandRefusedError)
+            tries += int(not refused or ctx.clock.now_s() >= end)
+            if isinstance(error, VehicleTimeoutError):
+                ctx.unanswered(error)
+            elif str(error) != problem:
+                ctx.note("start", str(error))
+                ctx.tell(str(error))
+            problem = str(error)
+            ctx.wait(2.0)
+            if not ctx.vehicle.armed:
+                continue
+        if _took_off(ctx):
+            return ""
+    return problem
+
+
+def _took_off(ctx: Context) -> bool:
+    end = ctx.clock.now_s() + TAKE_OFF_S
+    while ctx.clock.now_s() < end:
+        refuse_foreign(ctx, ctx.tick(), ("mission", "takeoff", "guided"))
+        s = ctx.sample
+        if ctx.in_air and s is not None and s.height_m > 2.0:
+            return True
+    return False
+
+
+def _disarmed(ctx: Context, reason: str) -> After:
+    """Leave it disarmed on the ground."""
+    for _ in range(STARTS):
+        if ctx.on_ground:
+            break
+        try:
+            ctx.vehicle.disarm()
+        except LinkError as error:
+            ctx.note("start", str(error))
+        ctx.wait(2.0)
+    ctx.flight -= 1
+    if not ctx.on_ground:
+        return State.HOLDING, reason
+    crash = crashed(ctx, ctx.entered_s)
+    return (State.CRASHED, f"{reason}; {crash}") if crash else (State.STOPPED, reason)

@@ -1,0 +1,213 @@
+"""Parameters that a delivery changes on the vehicle: told beforehand, journaled before they are set, restored at its end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from skyway.models.base.errors import CommandRefusedError, LinkError, VehicleTimeoutError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from skyway.link.supervisor.context import Context
+    from skyway.link.supervisor.journal import Record
+    from skyway.link.vehicle.vehicle import Vehicle
+
+_TRIES = 6
+"""At the end, where nothing is waited for any more; each takes some 5 s where no answer comes."""
+_SAME = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChange:
+    """A parameter that is to be changed.
+
+    Attributes
+    ----------
+    name : str
+        The autopilot's name.
+    before, after : float
+        What the vehicle has, and what it is to have.
+    why : str
+        What happens otherwise.
+    """
+
+    name: str
+    before: float
+    after: float
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.before:g} > {self.after:g}: {self.why}"
+
+
+@dataclass(slots=True)
+class ParameterChanges:
+    """What a delivery has changed, and is about to.
+
+    Attributes
+    ----------
+    proposed : tuple of ParameterChange
+        Of the leg to come.
+    before, ours : dict
+        By name: the value before the first change of the delivery, and the one that was set last.
+    """
+
+    proposed: tuple[ParameterChange, ...] = ()
+    before: dict[str, float] = field(default_factory=dict)
+    ours: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def unasked(self) -> tuple[ParameterChange, ...]:
+        """Those proposed that this delivery has not changed before: the operator has not been asked about them."""
+        return tuple(setting for setting in self.proposed if setting.name not in self.ours)
+
+    def take(self, data: Mapping[str, Any]) -> None:
+        """Follow a ``parameter`` record of the journal."""
+        name, done = data.get("name"), data.get("done")
+        if not isinstance(name, str):
+            return  # of a journal written before values were kept
+        if done == "setting":
+            self.before.setdefault(name, float(data["before"]))
+            self.ours[name] = float(data["after"])
+        elif done in ("restored", "released"):
+            self.before.pop(name, None)
+            self.ours.pop(name, None)
+
+    def words(self) -> str:
+        """What is still changed, for a person."""
+        return ", ".join(f"{name} {self.ours[name]:g} (before: {value:g})" for name, value in self.before.items())
+
+
+def changes_of(records: Iterable[Record]) -> ParameterChanges:
+    """Return what a journal says is still changed on the vehicle."""
+    found = ParameterChanges()
+    for record in records:
+        if record.event == "parameter":
+            found.take(record.data)
+    return found
+
+
+def _note(ctx: Context, name: str, done: str, reason: str, **data: Any) -> None:
+    record = ctx.note("parameter", reason, name=name, done=done, **data)
+    ctx.parameters.take(record.data)
+
+
+def apply(ctx: Context) -> None:
+    """Set what was proposed, each with its old value on the disk before, and read back.
+
+    Raises
+    ------
+    LinkError
+        The vehicle refuses one, or does not answer.
+    """
+    proposed, ctx.parameters.proposed = ctx.parameters.proposed, ()
+    for setting in proposed:
+        _note(
+            ctx, setting.name, "setting", f"{setting.name} is set from {setting.before:g} to {setting.after:g}: {setting.why}",
+            before=setting.before, after=setting.after,
+        )  # fmt: skip
+        ctx.ask(partial(ctx.vehicle.set_parameter, setting.name, setting.after))
+        ctx.note(
+            "parameter", f"{setting.name} {setting.after:g}, read back", name=setting.name, done="set",
+            before=setting.before, after=setting.after,
+        )  # fmt: skip
+    if proposed:
+        ctx.tell(f"{len(proposed)} parameters set and read back")
+
+
+def restore_all(vehicle: Vehicle, changes: ParameterChanges, tell: Callable[[str, str, str, float], None]) -> str:
+    """Give the vehicle back the values it had; returns why that could not be done for all, or nothing.
+
+    One that has neither its old value nor ours was changed by somebody else, and is left.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        On the ground, disarmed.
+    changes : ParameterChanges
+        What is still changed; not modified here.
+    tell : callable
+        Takes name, ``restored`` or ``released``, a sentence and the value that it has now.
+    """
+    problems = []
+    for name, before in list(changes.before.items()):
+        try:
+            done, sentence, value = _restore(vehicle, name, before, changes.ours[name])
+        except CommandRefusedError as error:
+            problems.append(str(error))
+        except LinkError as error:
+            return "; ".join([*problems, str(error)])
+        else:
+            tell(name, done, sentence, value)
+    return "; ".join(problems)
+
+
+def _restore(vehicle: Vehicle, name: str, before: float, ours: float) -> tuple[str, str, float]:
+    """Restore one, asking again where no answer comes."""
+    for _ in range(_TRIES - 1):
+        try:
+            return _restore_once(vehicle, name, before, ours)
+        except VehicleTimeoutError:
+            continue
+    return _restore_once(vehicle, name, before, ours)
+
+
+def _restore_once(vehicle: Vehicle, name: str, before: float, ours: float) -> tuple[str, str, float]:
+    now = vehicle.parameter(name).value
+    if _same(now, before):
+        return "restored", f"{name} is {before:g} again", now
+    if not _same(now, ours):
+        return "released", f"{name} is {now:g}, which this delivery did not set: left as it is", now
+    found = vehicle.set_parameter(name, before).value
+    return "restored", f"{name} restored from {now:g} to {before:g}", found
+
+
+def _same(one: float, other: float) -> bool:
+    """Whether two values are one 32-bit float."""
+    return abs(one - other) <= _SAME * max(1.0, abs(one), abs(other))
+
+
+def restore_at_end(ctx: Context) -> None:
+    """Restore at the end of a delivery, where the vehicle stands disarmed; in the air its failsafes stay as they are."""
+    changes = ctx.parameters
+    if not changes.before:
+        return
+    count = len(changes.before)
+    if not ctx.job.restore_parameters:
+        ctx.tell(f"{_count(count)} stay changed, as asked for: {changes.words()}")
+        return
+    if not ctx.on_ground:
+        why = "it does not stand disarmed on the ground"
+    else:
+        done: list[str] = []
+
+        def told(name: str, how: str, sentence: str, value: float) -> None:
+            done.append(name)
+            if how == "released":
+                ctx.tell(sentence)
+            _note(ctx, name, how, sentence, value=value)
+
+        why = restore_all(ctx.vehicle, changes, told)
+        if done:
+            ctx.tell(f"parameters restored and read back: {', '.join(done)}")
+    if changes.before:
+        ctx.note("parameter", f"not restored: {changes.words()}", done="left", names=list(changes.before))
+        ctx.tell(
+            f"{_count(len(changes.before))} not restored ({why}): {changes.words()}; restore with: "
+            f"skyway params restore {ctx.journal.path}"
+        )
+
+
+def _count(number: int) -> str:
+    return "1 parameter" if number == 1 else f"{number} parameters"
+
+
+def told(settings: Sequence[ParameterChange], *, restored: bool) -> list[str]:
+    """Say what is to be changed, a line each."""
+    if not settings:
+        return []
+    after = "restored at the end" if restored else "they stay so"
+    return [f"{_count(len(settings))} to set on the vehicle (now > then; {after}):", *(f"  {one}" for one in settings)]

@@ -1,0 +1,264 @@
+"""The list before each take-off: every entry is in order, or not, or not known, and says so with its figure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from skyway.link.supervisor.departure.failsafes import finishes_alone, in_our_units, read_failsafes, when_left
+from skyway.link.supervisor.departure.parameter_changes import ParameterChange
+from skyway.link.supervisor.flight.crash import LIES_DEG, leans_deg
+from skyway.link.supervisor.flight.lean import airspeed_at_lean
+from skyway.models.base import geodesy
+from skyway.models.base.errors import InputError, LinkError, VehicleTimeoutError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from skyway.link.supervisor.context import Context
+    from skyway.link.supervisor.legs import LegMission
+    from skyway.models.composition.composition import Composition, DroneService
+
+Verdict = Literal["ok", "no", "unknown"]
+AT_PLACE_M = 60.0
+HOME_M = 60.0
+LEAN_LIMITS = {"px4": ("lean-limit",), "ardupilot": ("lean-limit", "position-lean-limit")}
+"""Settings of which the smallest limits it; 0 is no limit of its own."""
+LEAN_SLACK = 0.97
+HOME_HEIGHT_M = 30.0
+"""Heights of stations and of a satellite fix differ by so much at most."""
+SOC_SLACK = 0.015
+"""A charge told in whole percent may be so much lower."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One entry of the list.
+
+    Attributes
+    ----------
+    name : str
+        What was looked at.
+    verdict : str
+        ``ok``, ``no`` or ``unknown``.
+    said : str
+        What was found, with figures.
+    waits : bool
+        Whether it may come right by itself in a while.
+    """
+
+    name: str
+    verdict: Verdict
+    said: str
+    waits: bool = False
+
+    @property
+    def ok(self) -> bool:
+        """Whether it is in order."""
+        return self.verdict == "ok"
+
+    def __str__(self) -> str:
+        mark = {"ok": "ok", "no": "NOT OK", "unknown": "NOT KNOWN"}[self.verdict]
+        return f"{self.name}: {mark}: {self.said}"
+
+
+def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator[Check]:
+    """Go through the list, entry by entry; nothing is changed on the vehicle.
+
+    Raises
+    ------
+    LinkError
+        The vehicle did not answer.
+    """
+    yield from _identity(ctx)
+    yield from _position(ctx, service)
+    yield _battery(ctx, service)
+    yield from _wind(ctx, service)
+    yield from _parameters(ctx, leg)
+    yield _lean(ctx)
+    yield _failsafe(ctx)
+    yield _mission(ctx, leg)
+    yield _diverts(ctx, service)
+    yield _pads(ctx, service)
+
+
+def _identity(ctx: Context) -> Iterator[Check]:
+    who = ctx.vehicle.identify()
+    if ctx.uid and who.uid and who.uid != ctx.uid:
+        yield Check("vehicle", "no", f"{who} has another hardware id than the one this delivery began with")
+    else:
+        ctx.uid = ctx.uid or who.uid
+        yield Check("vehicle", "ok", str(who))
+    try:
+        ctx.vehicle.check_ground_station()
+    except VehicleTimeoutError as error:
+        yield Check("ground station", "unknown", str(error), waits=True)
+    except LinkError as error:
+        yield Check("ground station", "no", str(error))
+    else:
+        yield Check("ground station", "ok", "the vehicle counts our heartbeat")
+
+
+def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
+    lean = leans_deg(ctx)
+    if lean > LIES_DEG:
+        yield Check("attitude", "no", f"it lies there, leaning by {lean:.0f}°", waits=True)
+    place = ctx.place
+    station = ctx.plan.stations[service.origin] if ctx.plan is not None else None
+    if place is None or station is None:
+        yield Check("position", "unknown", "the vehicle does not tell where it is", waits=True)
+        return
+    away = geodesy.distance_m(*place, station.lat, station.lon)
+    doubt = _doubts(ctx).get("position")
+    if away > AT_PLACE_M:
+        yield Check("position", "no", f"{away:.0f} m from {service.origin}, at most {AT_PLACE_M:.0f} m", waits=True)
+    elif doubt is not None:
+        yield Check("position", "no", doubt, waits=True)
+    elif ctx.sample is not None and ctx.sample.gps_ok == 0.0:
+        yield Check("position", "no", "its receiver has no fix that it trusts", waits=True)
+    else:
+        yield Check("position", "ok", f"{away:.0f} m from {service.origin}")
+    try:
+        home = ctx.vehicle.home()
+    except LinkError as error:
+        yield Check("home", "unknown", str(error), waits=True)
+        return
+    off = geodesy.distance_m(home.lat_deg, home.lon_deg, *place)
+    moves = "moves here at arming" if off > HOME_M else f"{off:.0f} m away"
+    ground = station.elevation_m
+    height = ctx.sample.alt_msl_m if ctx.sample is not None else math.nan
+    if ground is not None and math.isfinite(height) and abs(height - ground) > HOME_HEIGHT_M:
+        said = (
+            f"the vehicle puts the ground at {height:.0f} m above the sea, {service.origin} has {ground:.0f} m: set its home "
+            "height, or correct the station's elevation"
+        )
+        yield Check("home", "no", said, waits=True)
+    else:
+        yield Check("home", "ok", moves)
+
+
+def _doubts(ctx: Context) -> dict[str, str]:
+    live = getattr(ctx.vehicle, "live", None)
+    return dict(live.doubts) if live is not None else {}
+
+
+def _battery(ctx: Context, service: DroneService) -> Check:
+    wanted = ctx.charge_to if ctx.charge_to is not None else service.soc_depart
+    if not math.isfinite(ctx.soc) or (ctx.sample is not None and not math.isfinite(ctx.sample.soc)):
+        return Check("battery", "unknown", "the vehicle does not tell its state of charge", waits=True)
+    said = f"{100 * ctx.soc:.0f} %, {100 * wanted:.0f} % wanted for {service.destination}"
+    doubt = _doubts(ctx).get("soc")
+    if doubt is not None and ("stuck" in doubt or "know" in doubt):
+        return Check("battery", "unknown", doubt, waits=True)
+    return Check("battery", "ok" if ctx.soc >= wanted - SOC_SLACK else "no", said)
+
+
+def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:
+    plan, drone = ctx.plan, ctx.job.scenario.drone(ctx.job.request.drone or "")
+    if plan is None:
+        return
+    wind = ctx.wind.forecast(ctx.now_s, now=True)
+    speeds = []
+    for name in (service.origin, *service.via, service.destination):
+        north, east = wind.wind_at(plan.stations[name].lat, plan.stations[name].lon, wind.slot_at(ctx.now_s))
+        speeds.append(np.hypot(north, east))
+    highest = np.max(speeds, axis=0)
+    p_over = float(wind.probability @ (highest > drone.wind_limit_mps))
+    told = ctx.wind.on_way(_way(plan, service), ctx.now_s, service.distance_m / max(service.ground_speed_mps, 1.0))
+    said = f"{told} ({ctx.wind.origin}), above {drone.wind_limit_mps:g} m/s with probability {p_over:.2f}"
+    yield Check("wind", "no" if p_over > 0.5 else "ok", said, waits=True)
+
+
+def _way(plan: Composition, service: DroneService) -> list[tuple[float, float]]:
+    places = [plan.stations[name] for name in (service.origin, *service.via, service.destination)]
+    return [(place.lat, place.lon) for place in places]
+
+
+def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:
+    """Read what the leg needs; what will not do is proposed to be set, where that is allowed."""
+    proposed = []
+    for check in ctx.vehicle.check_required(leg.parameters):
+        name = check.wanted.name
+        if check.absent:
+            yield Check(f"parameter {check.wanted.meaning}", "no", check.problem)
+        elif check.actual is None:
+            yield Check(f"parameter {name}", "unknown", check.problem, waits=True)
+        elif not check.ok and check.to_set is not None and ctx.job.set_parameters:
+            proposed.append(ParameterChange(name, check.actual, check.to_set, check.wanted.why))
+        elif not check.ok:
+            yield Check(f"parameter {name}", "no", check.problem)
+    ctx.parameters.proposed = tuple(proposed)
+    names = ", ".join(setting.name for setting in proposed)
+    yield Check(
+        "parameters", "ok", f"{len(leg.parameters)} read" + (f", {len(proposed)} to set: {names}" if names else "")
+    )
+
+
+def _lean(ctx: Context) -> Check:
+    """Whether its greatest lean lets it fly as fast through the air as is planned."""
+    limits = ctx.vehicle.read_settings(LEAN_LIMITS[ctx.vehicle.family.name])
+    known = [limit for limit in limits.values() if limit > 0.0]
+    drone = ctx.job.scenario.drone(ctx.job.request.drone or "")
+    if not known:
+        return Check("lean limit", "ok", "this firmware does not tell it: whether it limits the airspeed is not known")
+    ctx.lean.limit_deg, ctx.lean.top_airspeed_mps = min(known), drone.max_airspeed_mps
+    said = f"{min(known):.0f}°"
+    if ctx.job.drag is None:
+        return Check("lean limit", "ok", f"{said}; what airspeed it allows is not known without --drag")
+    planned = ctx.job.request.airspeed_mps or drone.cruise_airspeed_mps
+    most = airspeed_at_lean(ctx.job.drag, min(known))
+    said += f" allows {most:.1f} m/s through the air, {planned:.1f} are planned"
+    if most >= LEAN_SLACK * planned:
+        return Check("lean limit", "ok", said)
+    return Check("lean limit", "no", f"{said}: plan with --airspeed {math.floor(most)}, or allow more lean")
+
+
+def _failsafe(ctx: Context) -> Check:
+    """Tell what it does without us, as it will be with the parameters that are to be set."""
+    family = ctx.vehicle.family.name
+    proposed = in_our_units(family, {setting.name: setting.after for setting in ctx.parameters.proposed})
+    ctx.failsafes = {key: proposed.get(key, value) for key, value in read_failsafes(ctx.vehicle).items()}
+    alone = finishes_alone(family, ctx.failsafes)
+    said = when_left(family, ctx.failsafes)
+    if alone is None:
+        return Check("link loss", "unknown", said, waits=True)
+    return Check("link loss", "ok" if alone else "no", said)
+
+
+def _mission(ctx: Context, leg: LegMission) -> Check:
+    """Look at the mission, its fence and its rally points as ``skyway check`` does."""
+    from skyway.missions.checks.report import check
+    from skyway.missions.dialects import dialect
+
+    scenario = ctx.job.scenario
+    report = check(leg.document, dialect=dialect(ctx.vehicle.family.name), zones=scenario.network.zones)
+    errors = [finding for finding in report.findings if finding.severity == "error"]
+    if errors:
+        first = errors[0]
+        return Check("mission", "no", f"item {first.item}: {first.message}")
+    fence, rally = len(leg.document.fence.areas), len(leg.document.rally)
+    return Check("mission", "ok", f"{len(leg.document.mission)} items, {fence} fence area, {rally} rally points")
+
+
+def _diverts(ctx: Context, service: DroneService) -> Check:
+    if not ctx.diverts:
+        return Check("diverts", "no", f"no station stays in reach on the way to {service.destination}")
+    return Check("diverts", "ok", ", ".join(ctx.diverts))
+
+
+def _pads(ctx: Context, service: DroneService) -> Check:
+    """The state of the pads at the end of the leg must be known; a full station without a free spot is no place to fly to."""
+    station = ctx.job.scenario.network.index.get(service.destination)
+    pads = 0 if station is None else ctx.job.scenario.network.stations[station].pads
+    if pads == 0:
+        return Check("pads", "ok", f"{service.destination} is a delivery target without pads")
+    try:
+        status = ctx.pads.status(service.destination)
+    except (LinkError, InputError) as error:
+        return Check("pads", "unknown", f"{service.destination}: {error}", waits=True)
+    said = f"{service.destination}: {status.busy} of {status.pads} pads busy, {status.holding_free} holding spots free"
+    full = status.busy >= status.pads and status.holding_free == 0
+    return Check("pads", "no" if full else "ok", said, waits=True)

@@ -1,0 +1,1 @@
+"""In the air: turns, landing, what the vehicle and its pilot do."""

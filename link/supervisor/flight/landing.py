@@ -1,0 +1,115 @@
+"""What is done after a landing: find out where it stands, learn what the flight took, hand the package over."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.flight.air import LEARN_SOC
+from skyway.link.supervisor.flight.crash import crash_end
+from skyway.link.supervisor.states import State
+from skyway.models.base.errors import LinkError
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import After, Context
+
+RELEASES = 3
+PLACE_S = 90.0
+"""So long we look for a station at the place of a landing: longer than a position may be wrong."""
+
+
+def after_landing(ctx: Context) -> After:
+    """Find out where it stands, learn what the flight took, and go on from there."""
+    leg = ctx.leg
+    ctx.wait(3.0)
+    if ctx.in_air:
+        return State.HOLDING, "it is in the air again"
+    ctx.request_telemetry()
+    if not _found(ctx):
+        return State.HOLDING, "it is in the air again"
+    flown_s = 0.0 if leg is None or not math.isfinite(leg.start_s) else ctx.now_s - leg.start_s
+    crash = crash_end(ctx, ctx.clock.now_s() - flown_s)
+    if crash is not None:
+        return crash
+    if ctx.place is None:
+        ctx.must_answer("it has landed, and does not answer")
+        return State.HOLDING, "it has landed, and does not tell where"
+    station = ctx.here_station()
+    ctx.station = station
+    if leg is not None and math.isfinite(leg.soc_start) and leg.learns:
+        _learn(ctx)
+    where = station or f"{ctx.place[0]:.5f}, {ctx.place[1]:.5f}"
+    planned = leg is not None and station == leg.destination
+    if ctx.landed_at is None or leg is not None:
+        _note_landing(ctx, where, planned=planned)
+    if station is None:
+        return State.ENDED_ELSEWHERE, f"it stands disarmed at {where}, away from any station"
+    ctx.visited.add(station)
+    if ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].destination == station:
+        rest = ctx.plan.services[1:]
+        ctx.plan = replace(ctx.plan, services=rest, origin=station) if rest else None
+    elif not (ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].origin == station):
+        ctx.plan = None
+    ctx.leg, ctx.outlook = None, {}
+    if station == ctx.job.request.destination:
+        return _deliver(ctx)
+    if ctx.stop_after_leg:
+        return State.STOPPED, f"the operator asked to stay; it stands disarmed at {station}"
+    return State.REPLANNING, f"at {station}"
+
+
+def _found(ctx: Context) -> bool:
+    """Look for the station where it stands; returns whether it stands at all."""
+    end = ctx.clock.now_s() + PLACE_S
+    while ctx.here_station() is None and not ctx.in_air and ctx.clock.now_s() < end:
+        ctx.tick()
+    return not ctx.in_air
+
+
+def _note_landing(ctx: Context, where: str, *, planned: bool) -> None:
+    """Write down where a flight has ended; once, however often it is found standing there."""
+    leg = ctx.leg
+    ctx.landed_at = ctx.station or where
+    ctx.note(
+        "landed", f"at {where} with {100 * ctx.soc:.0f} %", soc=ctx.soc, planned=planned,
+        planned_soc=math.nan if leg is None else leg.planned_soc,
+        planned_s=math.nan if leg is None else leg.planned_s,
+        flight_s=math.nan if leg is None else ctx.now_s - leg.start_s, **ctx.standing(),
+    )  # fmt: skip
+    ctx.tell(f"landed at {where} with {100 * ctx.soc:.0f} %")
+
+
+def _learn(ctx: Context) -> None:
+    """Learn the energy factor from the whole flight."""
+    leg = ctx.leg
+    if leg is None:
+        return
+    used, expected = leg.soc_start - ctx.soc, 0.0 if leg.modelled is None else leg.modelled.total
+    if used > LEARN_SOC and expected > 0.0:
+        ctx.belief = ctx.belief.learnt(used, expected)
+        reason = f"the flight took {100 * used:.0f} %, the model says {100 * expected:.0f} %"
+        ctx.note(
+            "energy", reason, used_soc=used, modelled_soc=expected, factor=ctx.belief.factor, sigma=ctx.belief.sigma
+        )
+
+
+def _deliver(ctx: Context) -> After:
+    """The package is released, by the gripper or by a person who says so."""
+    destination = ctx.job.request.destination
+    if ctx.job.options.release == "gripper":
+        for attempt in range(RELEASES):
+            try:
+                ctx.ask(ctx.vehicle.release)
+            except LinkError as error:
+                ctx.note("release", f"the gripper was not opened: {error}")
+                if attempt == RELEASES - 1:
+                    return State.STOPPED, f"at {destination}, but the package is not released: {error}"
+                ctx.wait(2.0)
+            else:
+                break
+        ctx.note("release", "the gripper is open")
+        return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.soc:.0f} %"
+    ctx.answer(f"is the package taken off at {destination}? done", ("done",))
+    ctx.note("release", "by a person")
+    return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.soc:.0f} %"

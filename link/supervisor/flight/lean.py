@@ -1,0 +1,202 @@
+"""A ground speed that is commanded and not reached at full lean: its cause, and the measurement of the wind that it is.
+
+A multirotor that leans as far as its autopilot lets it, and goes steadily, has the drag of that lean: it flies through the
+air at one airspeed, in the direction in which it leans. What its ground velocity differs by is wind. Where the drag is known
+(``--drag``) the wind filter sees this from the tilt anyway; where it is not, the airspeed is that of the drone's maker at
+a usual lean, uncertain by a third, and the wind measured so is as uncertain as that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.units import GRAVITY_MPS2
+from skyway.models.drones.drag import thrust_acceleration
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import Context
+    from skyway.models.drones.drag import DragModel
+    from skyway.models.drones.telemetry import TelemetrySample
+
+WINDOW_S, STEADY_S = 12.0, 8.0
+JUDGE_EVERY_S = 0.5
+LEAN_SHARE, SPEED_SHARE = 0.93, 0.92
+"""Leaning at least so far of the limit, and no faster than so much of what is commanded."""
+REACHED_SHARE = 0.96
+STEADY_MPS2 = 0.15
+"""Gaining or losing less than this, it is as fast as it gets."""
+MEASURE_EVERY_S = 30.0
+GUSTS_S = 60.0
+"""The velocity that bounds the airspeed is averaged over so long: gusts carry a drone that cannot lean against them."""
+USUAL_LEAN_DEG = 25.0
+"""Lean at which makers state a top speed."""
+DRAG_EXPONENT = 0.75
+"""Airspeed grows with the tangent of the lean to between the half (quadratic drag) and the first power (linear)."""
+RELATIVE_SIGMA, ACROSS_MPS = 0.35, 1.5
+"""Of the airspeed at full lean where the drag is not known; and across the lean, whose direction is."""
+
+
+def airspeed_at_lean(drag: DragModel, lean_deg: float) -> float:
+    """Airspeed, m/s, whose drag a lean holds in steady level flight."""
+    force = GRAVITY_MPS2 * math.tan(math.radians(min(lean_deg, 80.0)))
+    return float(np.hypot(*drag.air_velocity(np.array([[force, 0.0]]))[0]))
+
+
+@dataclass(frozen=True, slots=True)
+class WindAtLimit:
+    """A measurement of the wind at full lean.
+
+    Attributes
+    ----------
+    north_mps, east_mps : float
+        TOWARDS.
+    noise : ndarray, shape (2, 2)
+        Covariance.
+    airspeed_mps : float
+        What was taken for its speed through the air.
+    along : (float, float)
+        Unit vector (north, east) of the lean.
+    """
+
+    north_mps: float
+    east_mps: float
+    noise: np.ndarray
+    airspeed_mps: float
+    along: tuple[float, float]
+
+
+@dataclass(slots=True)
+class LeanWatch:
+    """Watches whether a flight is as fast as it was told to be, and why not.
+
+    Attributes
+    ----------
+    limit_deg : float
+        The autopilot's greatest lean; NaN where it is not known, and then nothing is said.
+    top_airspeed_mps : float
+        The maker's.
+    limited : bool
+        It leans as far as it may, goes steadily, and is slower than commanded.
+    speed_mps, lean_deg : float
+        Over the ground, and of the thrust, on average while that was so.
+    taken : int
+        Measurements taken on this flight.
+    """
+
+    limit_deg: float = math.nan
+    top_airspeed_mps: float = 20.0
+    limited: bool = False
+    speed_mps: float = math.nan
+    lean_deg: float = math.nan
+    taken: int = 0
+    _measured_s: float = -math.inf
+    _judged_s: float = -math.inf
+    _rows: deque[tuple[float, ...]] = field(default_factory=deque)
+    _velocity: np.ndarray | None = None
+
+    def begin(self) -> None:
+        """Begin a flight."""
+        self.limited, self.taken, self._velocity = False, 0, None
+        self._measured_s = self._judged_s = -math.inf
+        self._rows.clear()
+
+    def hear(self, s: TelemetrySample, commanded_mps: float) -> bool:
+        """Take a sample in the air; returns whether it became limited, or free again, with it."""
+        row = (s.time_s, s.vel_north_mps, s.vel_east_mps, s.roll_rad, s.pitch_rad, s.yaw_rad)
+        if not math.isfinite(self.limit_deg) or not all(map(math.isfinite, row)):
+            return False
+        if self._rows and not s.time_s > self._rows[-1][0]:
+            return False
+        self._rows.append(row)
+        while self._rows[0][0] < s.time_s - WINDOW_S:
+            self._rows.popleft()
+        if s.time_s - self._rows[0][0] < STEADY_S or s.time_s < self._judged_s + JUDGE_EVERY_S:
+            return False
+        before = self.limited
+        self._judge(commanded_mps)
+        self._judged_s = s.time_s
+        return self.limited != before
+
+    def _judge(self, commanded_mps: float) -> None:
+        table = np.array(self._rows)
+        velocity, force = table[:, 1:3], self._force(table)
+        lean_deg = float(np.degrees(np.arctan2(np.hypot(*force.mean(axis=0)), GRAVITY_MPS2)))
+        half = len(table) // 2
+        first, last = velocity[:half].mean(axis=0), velocity[half:].mean(axis=0)
+        gain_mps2 = float(np.hypot(*(last - first))) / max(0.5 * (table[-1, 0] - table[0, 0]), 1e-6)
+        speed_mps = float(np.hypot(*velocity.mean(axis=0)))
+        if self.limited and speed_mps >= REACHED_SHARE * commanded_mps:
+            self.limited = False
+        elif lean_deg >= LEAN_SHARE * self.limit_deg and gain_mps2 <= STEADY_MPS2:
+            self.limited = self.limited or speed_mps <= SPEED_SHARE * commanded_mps
+            self.speed_mps, self.lean_deg = speed_mps, lean_deg
+        if not self.limited:
+            self._velocity = None
+            return
+        mean = velocity.mean(axis=0)
+        keep = math.exp(-JUDGE_EVERY_S / GUSTS_S)
+        self._velocity = mean if self._velocity is None else keep * self._velocity + (1.0 - keep) * mean
+
+    @staticmethod
+    def _force(table: np.ndarray) -> np.ndarray:
+        return np.nan_to_num(thrust_acceleration(table[:, 3], table[:, 4], table[:, 5]))
+
+    def measure(self) -> WindAtLimit | None:
+        """Measure the wind, where it is limited and long enough after the last time; for a drag that is not known.
+
+        Its error lies in the airspeed and is the same each time, so each further one counts for less.
+        """
+        if not self.limited or self._rows[-1][0] < self._measured_s + MEASURE_EVERY_S:
+            return None
+        table = np.array(self._rows)
+        force, velocity = self._force(table).mean(axis=0), table[:, 1:3].mean(axis=0)
+        if not math.degrees(math.atan2(np.hypot(*force), GRAVITY_MPS2)) >= LEAN_SHARE * self.limit_deg:
+            return None
+        self._measured_s = self._rows[-1][0]
+        self.taken += 1
+        along = force / np.hypot(*force)
+        share = math.tan(math.radians(self.lean_deg)) / math.tan(math.radians(USUAL_LEAN_DEG))
+        airspeed = self.top_airspeed_mps * share**DRAG_EXPONENT
+        north, east = velocity - airspeed * along
+        across = np.array([-along[1], along[0]])
+        noise = (RELATIVE_SIGMA * airspeed) ** 2 * np.outer(along, along) + ACROSS_MPS**2 * np.outer(across, across)
+        return WindAtLimit(float(north), float(east), self.taken * noise, airspeed, (float(along[0]), float(along[1])))
+
+    def airspeed_mps(self, wind: tuple[float, float]) -> float:
+        """Speed through the air that it does not exceed, as the ground speed and this wind tell; infinite where none binds."""
+        if not self.limited or self._velocity is None:
+            return math.inf
+        return float(np.hypot(*(self._velocity - np.array(wind))))
+
+    def said(self, commanded_mps: float) -> str:
+        """What limits it, in words."""
+        return f"limited by lean {self.limit_deg:.0f}°: {self.speed_mps:.1f} m/s over ground of {commanded_mps:.1f} commanded"
+
+
+def watch_lean(ctx: Context, s: TelemetrySample) -> None:
+    """Look at a sample of the flight; tell when the lean begins or ends to limit it, and take the wind that this measures."""
+    leg, watch = ctx.leg, ctx.lean
+    cruises = s.height_m > 0.6 * ctx.job.scenario.rules.cruise_height_m
+    if leg is None or not ctx.in_air or not cruises or ctx.vehicle.mode != "mission":
+        return
+    changed = watch.hear(s, leg.commanded_mps)
+    found = watch.measure() if ctx.job.drag is None else None
+    if found is not None:
+        ctx.wind.measure(found, s)
+    if not changed:
+        return
+    estimate, words = ctx.wind.estimate, watch.said(leg.commanded_mps)
+    if not watch.limited:
+        words = f"no longer limited by lean: {leg.commanded_mps:.1f} m/s are reached"
+    elif estimate is not None:
+        words += f"; wind put at {estimate.speed_mps:.1f} ± {estimate.sigma_mps:.1f} m/s from {estimate.from_deg:.0f}°"
+    ctx.note(
+        "limit", words, limited=watch.limited, lean_deg=watch.lean_deg, limit_deg=watch.limit_deg,
+        ground_speed_mps=watch.speed_mps, commanded_mps=leg.commanded_mps,
+    )  # fmt: skip
+    ctx.tell(words)

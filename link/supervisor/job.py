@@ -1,0 +1,97 @@
+"""What a supervisor is charged with: a plan, the region it was made in, and how to go about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from skyway.missions.builder.mission_options import MissionOptions
+from skyway.planner.online.replan import DEFAULT_PLANNER, ReplanSettings
+
+if TYPE_CHECKING:
+    from skyway.models.composition.composition import Composition
+    from skyway.models.drones.drag import DragModel
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.problem.request import Request
+
+Asking = Literal["each", "once", "never"]
+"""Before which take-offs the operator is asked."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeliveryJob:
+    """One delivery to be supervised.
+
+    Attributes
+    ----------
+    composition : Composition
+        The plan.
+    scenario : Scenario
+        Where it was made.
+    request : Request
+        What was asked, the drone named.
+    forecast : WindEnsemble
+        Wind as it is expected at the start.
+    options : MissionOptions
+        How missions are made, and who releases the package.
+    drag : DragModel or None
+        Of the drone, for the wind by its tilt; None is not known.
+    planner : str
+        Of replanning.
+    replanning : ReplanSettings or None
+        When a plan is left for another; None flies the plan as it is, whatever comes.
+    asking : str
+        ``each`` take-off, ``once``, or ``never``.
+    set_parameters : bool
+        Set parameters that a leg needs, told before the take-off and asked for with it.
+    restore_parameters : bool
+        Give the vehicle back at the end what was set.
+    manual_pads : bool
+        Charging is done by people.
+    """
+
+    composition: Composition
+    scenario: Scenario
+    request: Request
+    forecast: WindEnsemble
+    options: MissionOptions = field(default_factory=MissionOptions)
+    drag: DragModel | None = None
+    planner: str = DEFAULT_PLANNER
+    replanning: ReplanSettings | None = field(default_factory=ReplanSettings)
+    asking: Asking = "once"
+    set_parameters: bool = True
+    restore_parameters: bool = True
+    manual_pads: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a supervised delivery ended.
+
+    Attributes
+    ----------
+    state : str
+        The last state.
+    reason : str
+        A sentence.
+    station : str or None
+        Where the vehicle stands, as far as that is a station.
+    flights : int
+        How many were flown.
+    """
+
+    state: str
+    reason: str
+    station: str | None
+    flights: int
+
+    @property
+    def delivered(self) -> bool:
+        """Whether the package arrived."""
+        return self.state == "delivered"
+
+    @property
+    def exit_code(self) -> int:
+        """Of a command: 0 delivered, 1 not, but safe on the ground, 3 left to itself, crashed, or away from a station."""
+        return 0 if self.delivered else 1 if self.state == "stopped-safe" else 3

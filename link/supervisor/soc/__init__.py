@@ -1,0 +1,1 @@
+"""The state of charge: what is reported, what the voltage says, what is believed."""

@@ -1,0 +1,146 @@
+"""The state of charge that a vehicle tells, believed as far as a battery can do what it says.
+
+Charge goes at the rate at which it is drawn. A report that is far from that line is held, and the line goes on, until the voltage
+has confirmed it: a battery that has lost charge has lost voltage. What the voltage contradicts is not believed, however often it is
+said; where the curve is too flat to tell, or no voltage is known, a report must stay for some time. In the air charge never comes
+back, except where a loss that was believed turns out to have been none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from statistics import median
+
+from skyway.link.supervisor.soc.voltage import open_voltage
+
+NEAR_SOC, NEAR_SHARE = 0.04, 0.5
+"""So far from the line a report may be: the step of a percentage, and by how much the rate may be wrong."""
+HEARD, BEFORE_S = 3, 20.0
+"""Voltages that are compared: so many after a fall, those of so long before it."""
+TELLING = 0.008
+"""A loss that lowers the open voltage by less cannot be told by it."""
+CONFIRMED = 0.5
+"""Share of the expected fall of the voltage that confirms a loss."""
+FLAT_S, BLIND_S, GROUND_FALL_S, GROUND_RISE_S = 30.0, 130.0, 15.0, 120.0
+"""How long a report must stay: where the voltage cannot tell; where it is not known, longer than wrong values last; on the ground."""
+FALLING_S = 15.0
+"""So long after a loss a filter of the vehicle's may still be falling."""
+YOUNG_S = 120.0
+"""A line so young may itself begin with a wrong report."""
+_CELLS = (3, 4, 6, 8, 10, 12, 14)
+
+
+@dataclass(slots=True)
+class ReportedSoc:
+    """What is believed of one vehicle's reports.
+
+    Attributes
+    ----------
+    soc : float
+        Believed last, at `at_s`; the line begins there.
+    held_s : float
+        Since when reports have been off the line; NaN while they are not.
+    contradicted : bool
+        They are, and the voltage says otherwise.
+    """
+
+    soc: float = math.nan
+    at_s: float = -math.inf
+    held_s: float = math.nan
+    contradicted: bool = False
+    _met_s: float = -math.inf
+    _fell: tuple[float, float] = (math.nan, -math.inf)
+    _volts: deque[tuple[float, float]] = field(default_factory=deque)
+    _before: list[float] = field(default_factory=list)
+    _held_soc: float = math.nan
+
+    def line(self, time_s: float, rate_per_s: float) -> float:
+        """Charge now by what is drawn since the last report believed."""
+        return max(self.soc - rate_per_s * max(time_s - self.at_s, 0.0), 0.0)
+
+    def forget(self) -> None:
+        """Begin anew: the battery was measured, or another one put in."""
+        self.soc, self.at_s, self.held_s, self.contradicted = math.nan, -math.inf, math.nan, False
+        self._met_s, self._fell = -math.inf, (math.nan, -math.inf)
+
+    def measured(self, time_s: float, soc: float) -> None:
+        """Begin again with a charge that is sure: reports of before that are still to come are held, not believed."""
+        self.forget()
+        self._met_s = time_s
+        self._believe(time_s, soc)
+
+    def hear(self, time_s: float, told: float, open_v: float, rate_per_s: float, *, flies: bool) -> float:
+        """Take a report with the voltage that the battery would have without load; returns charge lost at once, mostly 0.
+
+        Parameters
+        ----------
+        told : float
+            State of charge; NaN where the vehicle does not know it.
+        open_v : float
+            Volts; NaN where it is not known.
+        rate_per_s : float
+            Charge drawn a second.
+        """
+        if math.isfinite(open_v):
+            self._volts.append((time_s, open_v))
+            while self._volts[0][0] < time_s - BEFORE_S - BLIND_S:
+                self._volts.popleft()
+        if not math.isfinite(told):
+            return 0.0
+        if not math.isfinite(self.soc):
+            self._met_s = time_s
+            return self._believe(time_s, told)
+        line = self.line(time_s, rate_per_s)
+        near = NEAR_SOC + NEAR_SHARE * rate_per_s * max(time_s - self.at_s, 0.0)
+        if abs(told - line) <= near:
+            return self._believe(time_s, told)
+        if math.isnan(self.held_s):
+            self.held_s = time_s
+            self._held_soc = line
+            self._before = [volts for at_s, volts in self._volts if time_s - BEFORE_S <= at_s < time_s]
+        if not flies:
+            stays_s = GROUND_FALL_S if told < line else GROUND_RISE_S
+            return self._believe(time_s, told) if time_s >= self.held_s + stays_s else 0.0
+        if told > line:
+            return self._restored(time_s, told, rate_per_s)
+        falling = time_s < self._fell[1] + FALLING_S
+        if falling or self._confirmed(time_s, line, told):
+            if not falling:
+                self._fell = line, time_s
+            self._believe(time_s, told)
+            return line - told
+        return 0.0
+
+    def _believe(self, time_s: float, told: float) -> float:
+        self.soc, self.at_s, self.held_s, self.contradicted = told, time_s, math.nan, False
+        return 0.0
+
+    def _restored(self, time_s: float, told: float, rate_per_s: float) -> float:
+        """Take back a loss that was none: the report is again where the line before it leads."""
+        before, at_s = self._fell
+        if not math.isfinite(before) or abs(told - (before - rate_per_s * (time_s - at_s))) > 2.0 * NEAR_SOC:
+            return 0.0
+        back = self.line(time_s, rate_per_s) - told
+        self._fell = math.nan, -math.inf
+        self._believe(time_s, told)
+        return back
+
+    def _confirmed(self, time_s: float, line: float, told: float) -> bool:
+        """Whether a fall is believed by now."""
+        now = [volts for at_s, volts in self._volts if at_s >= self.held_s]
+        if len(now) < HEARD or len(self._before) < HEARD:
+            return time_s >= self.held_s + BLIND_S
+        used, lost = (open_voltage(soc) / open_voltage(self._held_soc) for soc in (line, told))
+        expected, found = used - lost, used - median(now[-2 * HEARD :]) / median(self._before)
+        if expected < TELLING:  # where it was told apart once, that stands though the line has come nearer
+            return not self.contradicted and time_s >= self.held_s + FLAT_S
+        young = time_s < self._met_s + YOUNG_S and _misfit(told, median(now)) < _misfit(line, median(now)) - TELLING
+        self.contradicted = found < CONFIRMED * expected and not young
+        return not self.contradicted
+
+
+def _misfit(soc: float, volts: float) -> float:
+    """How badly a voltage fits a charge, with the number of cells that fits best."""
+    return min(abs(volts / (cells * open_voltage(soc)) - 1.0) for cells in _CELLS)

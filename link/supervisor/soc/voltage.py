@@ -1,0 +1,291 @@
+"""Charge that is lost without being counted: an autopilot that counts what flows out does not see a pack that fails.
+
+The voltage does. What the current lets it sag is taken off, the step at the take-off tells how much that is; when the rest falls by
+more in half a minute than any flight takes out of a battery, the charge is read from a discharge curve of lithium-polymer cells that
+is laid through what was known before the fall. Such a curve is flat in its middle: what it says is good to a tenth or two, and
+is meant to be used for one thing, to land while there is charge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from statistics import median, quantiles
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+_SOC = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+_CELL_V = (3.20, 3.56, 3.655, 3.71, 3.75, 3.785, 3.83, 3.87, 3.94, 4.02, 4.12, 4.25)
+"""Open voltage of a cell: midway between charts of common (4.20 V) and high-voltage (4.35 V) lithium-polymer cells."""
+FALL = 0.025
+"""A voltage that falls by this share within `BACK_S`, and stays there for `NOW_S`, has lost charge."""
+NOW_S, BACK_S = 4.0, 90.0
+"""What is compared: medians of the last seconds, and of as many from so long ago at most."""
+MIN_LOST_SOC = 0.1
+"""Less is not told apart from a gust, or from a cold battery."""
+NOTICED_SOC = 0.05
+REST_A, FLIGHT_A = 5.0, 10.0
+SURE = 16
+"""So many measurements, two a second, tell whether the power fell with the voltage."""
+DOUBTED_S = 130.0
+"""A voltage that stays low for longer is no burst of wrong values."""
+WITNESS_S, AFTER_S = 30.0, 60.0
+"""The power is asked for so long after a fall; later it differs for other reasons."""
+HALF, TOO_MUCH = 0.5, 1.5
+"""Shares of the voltage's fall: a power that fell by less was not measured with it, one that fell by more changed for another reason."""
+SIGMAS = 1.5
+"""So many standard deviations a share must lie on one side of `HALF` to say anything."""
+POWER_ERROR, LOAD_ERROR, YOUNG_ERROR = 0.03, 0.4, 0.05
+"""Error of a power compared with one before: always; by how much the load changed between; where little is known of before."""
+SAME_GUST = 0.5
+"""What half a minute of gusts leaves of their spread in a median."""
+AGAIN, AGAIN_S = 6, 300.0
+"""A loss is taken back where so many voltages in a row, so long after it at most, are as before."""
+FALLS_ON, FALLS_ON_BLIND, CURVE_ERROR = 0.006, 0.018, 0.35
+"""A voltage that falls by so much more than a sound battery's is that of one nearly empty; where the resistance is not known; and by which share
+of what charge used and a change of the sag explain these may be wrong."""
+FALLS_ON_S, SURE_NOW, STEADY = 8.0, 8, 0.015
+"""Not told earlier after a loss, nor by voltages that differ by more among themselves."""
+REST_S = 180.0
+"""A voltage at rest so long ago still tells what the current lets it sag."""
+MAX_SAG = 0.15
+"""Share of the voltage: whatever sags by more was measured wrongly at rest or after."""
+RAW_SHARE = 0.4
+"""So much of a fall must be seen before what the current lets it sag is taken off: else the current was told wrongly."""
+
+
+def open_voltage(soc: float) -> float:
+    """Voltage of a cell without load at a state of charge."""
+    return _between(soc, _SOC, _CELL_V)
+
+
+def soc_of(cell_v: float) -> float:
+    """State of charge of a cell with some voltage without load."""
+    return _between(cell_v, _CELL_V, _SOC)
+
+
+def _between(value: float, given: tuple[float, ...], wanted: tuple[float, ...]) -> float:
+    for k in range(1, len(given)):
+        if value <= given[k] or k == len(given) - 1:
+            share = min(max((value - given[k - 1]) / (given[k] - given[k - 1]), 0.0), 1.0)
+            return wanted[k - 1] + share * (wanted[k] - wanted[k - 1])
+    return wanted[-1]
+
+
+class _Heard(NamedTuple):
+    """One measurement in flight.
+
+    Attributes
+    ----------
+    volts, raw_v : float
+        Without what the current lets it sag; as measured.
+    told : float
+        State of charge that the vehicle told.
+    sag_v : float
+        What was taken off.
+    watts, load : float
+        Power; that of this airspeed and climb over hover, NaN where it is not known.
+    """
+
+    time_s: float
+    volts: float
+    raw_v: float
+    told: float
+    watts: float
+    load: float
+    sag_v: float
+
+
+def _power(heard: Iterable[_Heard]) -> tuple[float, float, float] | None:
+    """Median of power for its load, its spread as a share (between quartiles), and the median load; None for too few."""
+    known = [one for one in heard if math.isfinite(one.watts) and one.load > 0.0]
+    if len(known) < AGAIN:
+        return None
+    low, middle, high = quantiles([one.watts / one.load for one in known], n=4)
+    young = YOUNG_ERROR if len(known) < SURE else 0.0
+    return middle, (high - low) / middle + young / SAME_GUST, median(one.load for one in known)
+
+
+@dataclass(slots=True)
+class _Fall:
+    """A loss found, and what became of voltage and power since.
+
+    Attributes
+    ----------
+    lost, told : float
+        Charge, and what the vehicle said of it before.
+    found_s, volts : float
+        When; the voltage before.
+    before : tuple or None
+        Power before, as `_power` tells it.
+    after : deque of _Heard
+        Since then.
+    mismeasured : bool
+        In the first half minute the power fell with the voltage: motors that carry a vehicle draw more current from a weaker battery.
+    """
+
+    lost: float
+    told: float
+    found_s: float
+    volts: float
+    before: tuple[float, float, float] | None
+    after: deque[_Heard]
+    mismeasured: bool = False
+
+    def hear(self, one: _Heard) -> None:
+        """Take a measurement, and ask the power once there are enough."""
+        self.after.append(one)
+        if not self.mismeasured and len(self.after) >= SURE and one.time_s < self.found_s + WITNESS_S:
+            self.mismeasured = self.power_fell(list(self.after))
+
+    def power_fell(self, after: list[_Heard]) -> bool:
+        """Whether the power, for its load, clearly fell with the voltage; what cannot be compared says nothing."""
+        now = _power(after)
+        fell = 1.0 - median(one.volts for one in after) / self.volts
+        if now is None or self.before is None or not fell > 0.0:
+            return False
+        watts, spread, load = now
+        watts_before, spread_before, load_before = self.before
+        other = LOAD_ERROR * abs(load / load_before - 1.0)
+        error = SIGMAS * math.hypot(POWER_ERROR + other, SAME_GUST * spread, SAME_GUST * spread_before) / fell
+        share = (1.0 - watts / watts_before) / fell
+        return share - error > HALF and share < TOO_MUCH
+
+    def sound(self, volts: float, told: float) -> float:
+        """Voltage now of a sound battery that had `volts` when this loss was found."""
+        return volts * open_voltage(told) / open_voltage(self.told)
+
+    def falls_on(self, *, blind: bool) -> bool:
+        """Whether the voltage goes on falling as that of a battery that is nearly empty, which an error of measurement does not.
+
+        A voltage that falls on and takes the measured power with it is an error that grows.
+        """
+        heard = list(self.after)
+        then, now = heard[:SURE_NOW], heard[-SURE_NOW:]
+        volts, before = median(one.volts for one in now), median(one.volts for one in then)
+        if now[-1].time_s < self.found_s + FALLS_ON_S or max(one.volts for one in now) - volts > STEADY * before:
+            return False
+        sag = abs(median(one.sag_v for one in now) - median(one.sag_v for one in then)) / before
+        usual = open_voltage(now[-1].told) / open_voltage(then[0].told)
+        least = (FALLS_ON_BLIND if blind else FALLS_ON) + CURVE_ERROR * (1.0 - usual + sag)
+        if not volts < before * usual * (1.0 - least):
+            return False
+        return not (self.mismeasured and self.power_fell(heard[-SURE:]))
+
+
+@dataclass(slots=True)
+class VoltageWatch:
+    """Watches one vehicle's voltage.
+
+    Attributes
+    ----------
+    lost : float
+        Charge that was lost and that the vehicle does not count.
+    ohm : float
+        Resistance of the battery, as the last take-off showed it; 0 until then.
+    """
+
+    lost: float = 0.0
+    ohm: float = 0.0
+    _rest: tuple[float, float, float] = (-math.inf, 0.0, 0.0)
+    _seen: deque[_Heard] = field(default_factory=deque)
+    _heard_s: float = -math.inf
+    _falls: list[_Fall] = field(default_factory=list)
+
+    def hear(
+        self, time_s: float, volts: float, amperes: float, told_soc: float, *, load: float = 1.0, flies: bool = False
+    ) -> float:
+        """Take what the vehicle tells; returns charge found lost just now, usually 0; less than 0 where it is there again.
+
+        Parameters
+        ----------
+        load : float
+            Power at the airspeed and climb of now, over that of hover; NaN where it is not known.
+        flies : bool
+            It is known to be in the air, whatever the current says.
+        """
+        if not all(map(math.isfinite, (volts, amperes, told_soc))) or time_s < self._heard_s + 0.5:
+            return 0.0
+        self._heard_s = time_s
+        if amperes < FLIGHT_A:
+            if not flies:
+                self._seen.clear()  # on the ground: nothing that is compared with flight
+            if amperes < REST_A and not flies:
+                self._rest = (time_s, volts, amperes)
+            return 0.0
+        rest_s, rest_v, rest_a = self._rest
+        if not self._seen and time_s < rest_s + REST_S:
+            sag_v = max(rest_v - volts, 0.0)
+            self.ohm = sag_v / (amperes - rest_a) if sag_v < MAX_SAG * rest_v else 0.0
+            self._rest = (-math.inf, 0.0, 0.0)
+        if self._seen and told_soc < self._seen[-1].told - NOTICED_SOC:
+            self._seen.clear()  # the vehicle has noticed it itself
+        one = _Heard(time_s, volts + amperes * self.ohm, volts, told_soc, volts * amperes, load, amperes * self.ohm)
+        self._seen.append(one)
+        while self._seen[0].time_s < time_s - BACK_S:
+            self._seen.popleft()
+        for fall in self._falls:
+            fall.hear(one)
+        return self._again(time_s) or self._fallen(time_s)
+
+    def _again(self, time_s: float) -> float:
+        """Take losses back whose voltage is there again: a battery does not mend."""
+        for number, fall in enumerate(self._falls):
+            now = [one.volts for one in list(fall.after)[-AGAIN:]]
+            if len(now) < AGAIN or time_s > fall.found_s + AGAIN_S:
+                continue
+            if median(now) >= fall.sound(fall.volts, self._seen[-1].told) * (1.0 - 0.5 * FALL):
+                back = min(sum(one.lost for one in self._falls[number:]), self.lost)
+                self.lost -= back
+                del self._falls[number:]
+                self._seen.clear()
+                return -back
+        return 0.0
+
+    def doubtful(self, *, affordable: bool = True) -> bool:
+        """Whether nothing but a voltage of the moment says that charge was lost.
+
+        A battery that has lost charge shows it by a voltage that goes on falling faster than a sound one's, as near empty; and one
+        that stays low for longer than any burst of wrong values is believed where there is no time to wait for that.
+
+        Parameters
+        ----------
+        affordable : bool
+            If the loss is true, there is still charge for more than a landing.
+        """
+        blind = self.ohm == 0.0
+        late_s = -math.inf if affordable else self._heard_s - DOUBTED_S
+        believed = [(one.found_s <= late_s and not one.mismeasured) or one.falls_on(blind=blind) for one in self._falls]
+        return bool(self._falls) and not any(believed)
+
+    def _fallen(self, time_s: float) -> float:
+        new = [one for one in self._seen if one.time_s > time_s - NOW_S]
+        old = [one for one in self._seen if one.time_s <= self._seen[0].time_s + NOW_S]
+        if len(new) < 3 or len(old) < 3 or new[0].time_s <= old[-1].time_s:
+            return 0.0
+        before, now = median(one.volts for one in old), median(one.volts for one in new)
+        fell_v = before - now
+        if max(one.volts for one in new) > before * (1.0 - FALL):
+            return 0.0
+        if median(one.raw_v for one in old) - median(one.raw_v for one in new) < RAW_SHARE * fell_v:
+            return 0.0
+        believed = max(old[-1].told - self.lost, 0.02)
+        found = soc_of(now * open_voltage(believed) / before)
+        lost = new[-1].told - self.lost - found
+        if lost < MIN_LOST_SOC:
+            return 0.0
+        self.lost += lost
+        earlier = [one for one in self._seen if one not in new and one.volts > before - 0.5 * fell_v]
+        after = deque(new, maxlen=int(2.0 * AFTER_S))
+        self._falls.append(_Fall(lost, old[-1].told, time_s, before, _power(earlier), after))
+        self._seen.clear()
+        return lost
+
+    def forget(self) -> None:
+        """Begin anew: the battery was measured, or another one put in."""
+        self.lost = 0.0
+        self._falls.clear()
+        self._seen.clear()

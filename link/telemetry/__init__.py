@@ -1,0 +1,1 @@
+"""What a vehicle shows, brought to one time base, with doubts."""

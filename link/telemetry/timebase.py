@@ -1,0 +1,226 @@
+"""From the time since a vehicle's boot to UTC, at any speed that a simulation runs at.
+
+Three sources, the best first: the vehicle's own clock (SYSTEM_TIME, set by satellites); ours, tied to its boot by
+questions and answers (TIMESYNC), whose error is at most half a round trip; ours when its messages arrive.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from skyway.models.drones.telemetry import TimeBase
+
+if TYPE_CHECKING:
+    from skyway.link.wire.frames import Message
+
+_PLAUSIBLE_S = (946_684_800.0, 4_102_444_800.0)
+"""Years 2000 to 2100: a clock without satellites starts in 1970."""
+_REBOOT_S = 1.0
+ASK_S, FIRST_ASK_S = 10.0, 1.0
+"""How often the vehicle is asked for its time, and until it has answered."""
+_KEPT_ANSWERS = 8
+_OTHER_CLOCK_S = 60.0
+"""An answer so far from the vehicle's other messages counts from another zero than they do (some bridges do)."""
+_REAL_TIME = 0.05
+"""A clock that runs by less than this share too fast or slow is a real one; others are simulations."""
+_MIN_SPAN_S = 2.0
+_KEPT_READINGS, _MIN_READINGS, _ONE_STEP = 5, 4, 0.6
+"""Readings over which a drift is looked for; one step of it holds no more than this share of what is gained."""
+_READ_S = 0.05
+"""How far two fields of one SYSTEM_TIME message may be apart."""
+_FAR_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    """One answer to TIMESYNC: our time and the vehicle's at one instant, and how far they may be apart, s."""
+
+    posix_s: float
+    boot_s: float
+    doubt_s: float
+
+    @property
+    def offset_s(self) -> float:
+        return self.posix_s - self.boot_s
+
+
+class _Drift:
+    """Whether another clock runs as fast as the vehicle's time since boot, told from readings of both side by side.
+
+    A real clock does, and may be set once in a while: by satellites, or by a person. In a simulation one of the two may
+    be the computer's and the other the simulated one: PX4's takes the time of day from the computer, and its time since
+    boot from the simulation.
+    """
+
+    def __init__(self) -> None:
+        self._readings: deque[_Answer] = deque(maxlen=_KEPT_READINGS)
+        self.seen = False
+        self.speed = math.nan
+
+    def add(self, reading: _Answer) -> None:
+        """Take a reading of both clocks."""
+        last = self._readings[-1] if self._readings else None
+        if last is not None and reading.boot_s <= last.boot_s:
+            return
+        self._readings.append(reading)
+        first = self._readings[0]
+        span_s = min(reading.posix_s - first.posix_s, reading.boot_s - first.boot_s)
+        if len(self._readings) < _MIN_READINGS or span_s <= 0.0:
+            return
+        if reading.posix_s - first.posix_s >= _MIN_SPAN_S:
+            self.speed = (reading.boot_s - first.boot_s) / (reading.posix_s - first.posix_s)
+        gains = [after.offset_s - before.offset_s for before, after in pairwise(self._readings)]
+        gained = abs(sum(gains))
+        spread = (
+            max(map(abs, gains)) <= _ONE_STEP * gained
+        )  # a clock that is set jumps once; this one gains all the time
+        if spread and gained > reading.doubt_s + first.doubt_s + _REAL_TIME * (reading.boot_s - first.boot_s):
+            self.seen = True
+
+    @property
+    def steady(self) -> bool:
+        """Whether the newest two readings agree."""
+        if len(self._readings) < 2:
+            return True
+        before, after = self._readings[-2], self._readings[-1]
+        gained = abs(after.offset_s - before.offset_s)
+        return gained <= after.doubt_s + before.doubt_s + _REAL_TIME * (after.boot_s - before.boot_s)
+
+
+class VehicleClock:
+    """The clock of one vehicle.
+
+    Attributes
+    ----------
+    offset_s : float or None
+        POSIX seconds at its boot, by SYSTEM_TIME; None while it does not know the time.
+    reboots : int
+        How often its time has begun anew.
+    """
+
+    def __init__(self) -> None:
+        self.offset_s: float | None = None
+        self.reboots = 0
+        self._newest_boot_s = 0.0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Know nothing: of the offset to our time, nor of drifts."""
+        self.offset_s = None
+        self._arrival_s: float | None = None
+        self._asked: deque[int] = deque(maxlen=4)
+        self._ask_s = -math.inf
+        self._kept_s: float | None = None
+        self._answers: deque[_Answer] = deque(maxlen=_KEPT_ANSWERS)
+        self._ours, self._theirs = _Drift(), _Drift()
+
+    @property
+    def boot_s(self) -> float:
+        """Newest time since boot that it has told, s."""
+        return self._newest_boot_s
+
+    @property
+    def speed(self) -> float:
+        """Seconds of the vehicle in one of ours, by TIMESYNC: 1 for real ones; NaN while it is not known."""
+        return self._ours.speed
+
+    @property
+    def simulated(self) -> bool:
+        """Whether its time since boot runs faster or slower than ours, or than its own clock of day."""
+        return self._ours.seen or self._theirs.seen
+
+    @property
+    def base(self) -> TimeBase:
+        """Where times come from."""
+        if self._theirs.seen:
+            doubt = "its clock of day runs otherwise than its time since boot (a simulation): the latter is counted"
+            return TimeBase("the vehicle's time since boot, begun at its clock (SYSTEM_TIME)", doubts=(doubt,))
+        if self.offset_s is not None:
+            return TimeBase("the vehicle's clock (SYSTEM_TIME)", doubts=(*self._fast(), *self._far()))
+        if self._answers:
+            best = min(answer.doubt_s for answer in self._answers)
+            doubt = f"the vehicle does not know the time: it is ours, to {1e3 * best:.0f} ms"
+            return TimeBase("this computer's clock, tied to the vehicle's (TIMESYNC)", doubts=(doubt, *self._fast()))
+        doubt = "the vehicle does not know the time: times are those of arrival here, late by the delay of the link"
+        return TimeBase("this computer's clock", doubts=(doubt,))
+
+    def _fast(self) -> tuple[str, ...]:
+        if not self._ours.seen:
+            return ()
+        return (f"its clock runs {self.speed:.1f} times as fast as ours (a simulation): times are its own",)
+
+    def _far(self) -> tuple[str, ...]:
+        if not self._answers or self.offset_s is None or self._ours.seen:
+            return ()
+        apart = self.offset_s - self._answers[-1].offset_s
+        return (f"the vehicle's clock is {apart:+.0f} s from this computer's",) if abs(apart) > _FAR_S else ()
+
+    def question(self, posix_s: float) -> int | None:
+        """Our time for a TIMESYNC question to be sent now, ns; None where it is too early for the next one."""
+        if posix_s < self._ask_s:
+            return None
+        self._ask_s = posix_s + (ASK_S if len(self._answers) == _KEPT_ANSWERS else FIRST_ASK_S)
+        asked = int(posix_s * 1e9)
+        self._asked.append(asked)
+        return asked
+
+    def hear(self, message: Message, posix_s: float) -> float:
+        """Learn from a message, and return the instant it speaks of, POSIX seconds."""
+        fields = message.fields
+        if message.name == "TIMESYNC":
+            self._answered(fields["tc1"], fields["ts1"], posix_s)
+        boot_ms = fields.get("time_boot_ms")
+        if boot_ms is None:
+            offset_s = self._offset_s()
+            return posix_s if offset_s is None else self._newest_boot_s + offset_s
+        boot_s = float(boot_ms) * 1e-3
+        self._advance(boot_s)
+        if message.name == "SYSTEM_TIME":
+            utc_s = fields["time_unix_usec"] * 1e-6
+            if _PLAUSIBLE_S[0] < utc_s < _PLAUSIBLE_S[1]:
+                self._told(utc_s, boot_s)
+        offset_s = self._offset_s()
+        if offset_s is not None:
+            return boot_s + offset_s
+        late = posix_s - boot_s
+        self._arrival_s = late if self._arrival_s is None else min(self._arrival_s, late)
+        return boot_s + self._arrival_s
+
+    def _advance(self, boot_s: float) -> None:
+        """Take a time since boot; one that goes back is of a new start."""
+        if boot_s < self._newest_boot_s - _REBOOT_S:
+            self._begin()
+            self._newest_boot_s = boot_s
+            self.reboots += 1
+        self._newest_boot_s = max(self._newest_boot_s, boot_s)
+
+    def _told(self, utc_s: float, boot_s: float) -> None:
+        """Take the vehicle's clock of day, as long as it does not run otherwise than its time since boot.
+
+        One that does is the computer's under a simulation: what it said last while both agreed, or first, is kept.
+        """
+        self._theirs.add(_Answer(utc_s, boot_s, _READ_S))
+        if self.offset_s is None or (self._theirs.steady and not self._theirs.seen):
+            self.offset_s = utc_s - boot_s
+
+    def _offset_s(self) -> float | None:
+        return self._kept_s if self.offset_s is None else self.offset_s
+
+    def _answered(self, theirs_ns: int, ours_ns: int, posix_s: float) -> None:
+        """Take an answer to a question of ours; others' are none of our business."""
+        if not theirs_ns or ours_ns not in self._asked:
+            return
+        self._asked.remove(ours_ns)
+        boot_s, took_s = theirs_ns * 1e-9, posix_s - ours_ns * 1e-9
+        if self._newest_boot_s and abs(boot_s - self._newest_boot_s) > _OTHER_CLOCK_S:
+            return
+        self._advance(boot_s)
+        answer = _Answer(posix_s - took_s / 2.0, boot_s, took_s / 2.0)
+        self._answers.append(answer)
+        self._ours.add(answer)
+        if self._kept_s is None or (self._ours.steady and not self._ours.seen):
+            self._kept_s = min(self._answers, key=lambda told: told.doubt_s).offset_s

@@ -1,0 +1,333 @@
+"""What is seen of one vehicle, whatever driver speaks with it: its state, its telemetry, and what became different."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skyway.link.protocol.autopilots import family_named, family_of
+from skyway.link.telemetry.live import RATES_HZ, WIND, WIND_COV, LiveTelemetry
+from skyway.link.telemetry.rates import RateKeeper
+from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from skyway.link.protocol.connection import Connection, Peer
+    from skyway.link.wire.frames import Message
+    from skyway.models.drones.telemetry import TelemetrySample
+
+FIND_S = 10.0
+ALONE_S = 1.5
+"""So long we listen before we say anything: other vehicles' hearts, and other stations', beat once a second."""
+MISSION_STATES = ("unknown", "no mission", "not started", "active", "paused", "complete")
+"""MISSION_STATE of MISSION_CURRENT; ``no mission`` is also what PX4 says of one that it will not fly."""
+INTERVAL = 511
+"""MAV_CMD_SET_MESSAGE_INTERVAL."""
+_EXPECTED_S = 5.0
+"""So long after an order of ours a change is its doing."""
+CONFIRMED = 2
+"""A change that no order of ours asks for is believed when it has been told so often in a row."""
+_WISHES = 2
+_MAX_SAMPLES, _MAX_CHANGES = 1000, 200
+_ARMED = 128
+_KINDS = ("mission", "fence", "rally points")
+_TAKEN, _UNTOLD = "Flight plan received", "untold"
+"""What ArduPilot says when a mission was uploaded, to every station."""
+_IDS = struct.Struct("<III")
+_IDS_AT = 6
+"""Where MISSION_CURRENT tells the ids of what is stored (added to MAVLink in 2023; pymavlink's tables are older)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """Where a vehicle counts heights from, and returns to.
+
+    Attributes
+    ----------
+    lat_deg, lon_deg : float
+        WGS-84.
+    alt_msl_m : float
+        Above mean sea level.
+    """
+
+    lat_deg: float
+    lon_deg: float
+    alt_msl_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Something about a vehicle became different.
+
+    Attributes
+    ----------
+    what : str
+        ``mode``, ``armed``, ``mission``, ``fence``, ``rally points`` (what it holds of these) or ``boot``.
+    before, after : str
+        For a person; of a mission its id and number of items. Where a vehicle tells no ids, a different number of items
+        is noticed, and on ArduPilot its words.
+    ours : bool
+        Whether an order of ours in the seconds before, or since it was last told otherwise, asks for it. What is not ours did the vehicle by itself (the end of
+        a mission, a failsafe), its pilot, or another ground station: the texts tell more.
+    time_s : float
+        When we heard of it, POSIX seconds.
+    """
+
+    what: str
+    before: str
+    after: str
+    ours: bool
+    time_s: float
+
+    def __str__(self) -> str:
+        by = "" if self.ours else " (not commanded by us)"
+        return f"{self.what}: {self.before} -> {self.after}{by}"
+
+
+class VehicleMonitor:
+    """One vehicle on a connection, as it shows itself.
+
+    Parameters
+    ----------
+    connection : Connection
+        The link; several vehicles may share it.
+    system : int or None
+        Which one; None is the only one heard.
+    autopilot : str or None
+        ``px4`` or ``ardupilot`` where its heartbeat shall not decide.
+
+    Attributes
+    ----------
+    peer : Peer
+        What the connection knows of it.
+    family : Family
+        Its autopilot's ways.
+    live : LiveTelemetry
+        Its telemetry.
+    rates : RateKeeper
+        Whether telemetry comes as often as it was asked for.
+
+    Raises
+    ------
+    VehicleTimeoutError
+        No such vehicle is heard.
+    InputError
+        Several are heard, or its autopilot is none that we know.
+    """
+
+    def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
+        self.connection = connection
+        self.peer: Peer = _find(connection, system)
+        family = family_named(autopilot) if autopilot else family_of(self.peer.autopilot)
+        if family is None:
+            remedy = "say which one it resembles with --autopilot px4 or ardupilot"
+            raise InputError(Fault("an autopilot that we do not know", value=self.peer.autopilot, remedy=remedy))
+        self.family = family
+        self.live = LiveTelemetry(self.peer.system)
+        self.rates = RateKeeper(self.live)
+        self._addressed = {"target_system": self.peer.system, "target_component": self.peer.component}
+        self._new: list[TelemetrySample] = []
+        self._counts: dict[str, int] = {}
+        self._changes: list[Change] = []
+        self._expected: dict[str, tuple[frozenset[str], float]] = {}
+        self._was: dict[str, str] = {}
+        self._unconfirmed: dict[str, tuple[str, int]] = {}
+        self._as_before_s: dict[str, float] = {}
+        self._tells_ids = False
+        self._told_texts = 0
+        beat = self.peer.latest.get("HEARTBEAT")
+        if beat is not None:
+            self._note_state(beat)
+        connection.listeners.append(self._hear)
+
+    def _hear(self, peer: Peer, message: Message) -> None:
+        if peer is not self.peer:
+            return
+        name = message.name
+        self._counts[name] = self._counts.get(name, 0) + 1
+        boots = self.live.clock.reboots
+        posix_s = self.connection.clock.posix_s()
+        sample = self.live.hear(message, posix_s)
+        if sample is not None:
+            self._new.append(sample)
+            del self._new[:-_MAX_SAMPLES]
+        if self.live.clock.reboots != boots:
+            self._changed("boot", "up", "begun anew")
+        for number, rate in self.rates.heard(name, self.connection.clock.now_s()).items():
+            for _ in range(_WISHES):  # nobody waits for an answer, and one may be lost
+                self._wish(number, rate)
+        asked_ns = self.live.clock.question(posix_s)
+        if asked_ns is not None:
+            self.connection.send("TIMESYNC", self.system, tc1=0, ts1=asked_ns, **self._addressed)
+        if name == "HEARTBEAT":
+            self._note_state(message)
+        elif name == "MISSION_CURRENT":
+            self._note_stored(message)
+        elif name == "STATUSTEXT" and message["text"].startswith(_TAKEN) and not self._tells_ids:
+            self._changed("mission", _UNTOLD, "taken over, by its words")
+
+    def _note_state(self, beat: Message) -> None:
+        self._note("mode", self.family.mode_name(beat["custom_mode"]))
+        self._note("armed", "armed" if beat["base_mode"] & _ARMED else "disarmed")
+
+    def _note_stored(self, message: Message) -> None:
+        total = message["total"]
+        items = "" if total == 0 else f", {0 if total == 0xFFFF else total} items"
+        ids = _IDS.unpack(message.payload[_IDS_AT : _IDS_AT + _IDS.size].ljust(_IDS.size, b"\0"))
+        self._tells_ids = self._tells_ids or any(ids)
+        for kind, number in zip(_KINDS, ids, strict=True):
+            self._note(kind, f"id {number}{items if kind == 'mission' else ''}")
+
+    def _note(self, what: str, now: str) -> None:
+        before, now_s = self._was.setdefault(what, now), self.connection.clock.now_s()
+        since_s = self._as_before_s.setdefault(what, now_s)
+        if before == now:
+            self._as_before_s[what] = now_s
+            self._unconfirmed.pop(what, None)
+            return
+        told, times = self._unconfirmed.get(what, (now, 0))
+        times = times + 1 if told == now else 1
+        if times < CONFIRMED and not self._ours(what, now, since_s):
+            self._unconfirmed[what] = now, times
+            return
+        self._unconfirmed.pop(what, None)
+        self._was[what], self._as_before_s[what] = now, now_s
+        self._changed(what, before, now, since_s)
+
+    def _ours(self, what: str, after: str, since_s: float) -> bool:
+        """Whether an order of ours asks for a change that was made since an instant at which it was still told otherwise."""
+        wanted, until_s = self._expected.get(what, (frozenset(), -math.inf))
+        return since_s <= until_s and (not wanted or after in wanted)
+
+    def _changed(self, what: str, before: str, after: str, since_s: float | None = None) -> None:
+        clock = self.connection.clock
+        ours = self._ours(what, after, clock.now_s() if since_s is None else since_s)
+        self._changes.append(Change(what, before, after, ours, clock.posix_s()))
+        del self._changes[:-_MAX_CHANGES]
+
+    def expect(self, what: str, *after: str, for_s: float = _EXPECTED_S) -> None:
+        """Say that an order of ours is about to change something, to one of these; none stands for anything."""
+        self._expected[what] = (frozenset(after), self.connection.clock.now_s() + for_s)
+
+    def changes(self) -> list[Change]:
+        """Return what has become different since this was asked last, the oldest first."""
+        found, self._changes = self._changes, []
+        return found
+
+    @property
+    def system(self) -> int:
+        """Its system id."""
+        return self.peer.system
+
+    @property
+    def armed(self) -> bool:
+        """Whether its heartbeats say so; one that was never heard counts as armed."""
+        return self._was.get("armed") != "disarmed"
+
+    @property
+    def mode(self) -> str:
+        """Its mode, for a person."""
+        return self._was.get("mode", "unknown")
+
+    @property
+    def changing(self) -> bool:
+        """Whether it has just told of a change that we did not ask for, and that is not confirmed yet."""
+        return bool(self._unconfirmed)
+
+    @property
+    def mission_state(self) -> str:
+        """What it says of its mission: one of `MISSION_STATES`."""
+        said = self.peer.latest.get("MISSION_CURRENT")
+        number = 0 if said is None else said["mission_state"]
+        return MISSION_STATES[number] if number < len(MISSION_STATES) else MISSION_STATES[0]
+
+    @property
+    def reboots(self) -> int:
+        """How often it has restarted since it was met."""
+        return self.live.clock.reboots
+
+    @property
+    def silent_s(self) -> float:
+        """For how long nothing has been heard of it."""
+        return self.connection.clock.now_s() - self.peer.heard_s
+
+    def texts(self) -> list[str]:
+        """What it has said, the newest last; only the last 200 are kept."""
+        return [text for _, text in self.peer.texts]
+
+    def new_texts(self) -> list[tuple[int, str]]:
+        """What it has said since this was asked last: MAV_SEVERITY and text, the oldest first.
+
+        A long text comes in pieces: the newest one is kept back as long as more of it may come.
+        """
+        peer = self.peer
+        kept_back = int(peer.text_unfinished(self.connection.clock.now_s()))
+        fresh = peer.said - kept_back - self._told_texts
+        if fresh <= 0:
+            return []
+        self._told_texts += fresh
+        end = len(peer.texts) - kept_back
+        return peer.texts[max(end - fresh, 0) : end]
+
+    def its_messages(self, rates_hz: Mapping[int, float] = RATES_HZ) -> dict[int, float]:
+        """Return the messages that telemetry is made of, as its autopilot has them: PX4 tells the wind by another."""
+        px4 = self.family.name == "px4"
+        return {WIND_COV if px4 and number == WIND else number: rate for number, rate in rates_hz.items()}
+
+    def nudge_telemetry(self) -> None:
+        """Ask for telemetry without waiting for answers; to be done again as long as nothing comes."""
+        wanted = self.its_messages()
+        self.rates.want(wanted, self.connection.clock.now_s())
+        for number, rate in wanted.items():
+            self._wish(number, rate)
+
+    def _wish(self, number: int, rate_hz: float) -> None:
+        wish = {"command": INTERVAL, "param1": float(number), "param2": 1e6 / rate_hz}
+        self.connection.send("COMMAND_LONG", self.system, **wish, **self._addressed)
+
+    def measured_rates(self, duration_s: float) -> dict[str, float]:
+        """Messages a second of each name that really come, over some time."""
+        before = dict(self._counts)
+        self.connection.run_for(duration_s)
+        return {name: (count - before.get(name, 0)) / duration_s for name, count in self._counts.items()}
+
+    def take_samples(self) -> list[TelemetrySample]:
+        """Return the samples that have come since this was asked last, at most a thousand; does not wait."""
+        ready, self._new = self._new, []
+        return ready
+
+    def samples(self, duration_s: float = math.inf) -> Iterator[TelemetrySample]:
+        """Yield telemetry as it comes; ends after the time, or when the vehicle falls silent for 10 s."""
+        clock = self.connection.clock
+        end = clock.now_s() + duration_s
+        while clock.now_s() < end:
+            ready = self.take_samples()
+            yield from ready
+            if not ready and not self.connection.wait(lambda: bool(self._new), min(FIND_S, end - clock.now_s())):
+                return
+
+
+def _find(connection: Connection, system: int | None) -> Peer:
+    """Wait for a vehicle, and listen long enough to know who else is there."""
+    known = connection.peers
+    if not connection.wait(lambda: bool(known) if system is None else system in known, FIND_S):
+        if connection.namesake:
+            problem, remedy = "the vehicle has this system id itself", "another one, such as 255"
+            raise InputError(Fault(problem, field="--gcs-system", value=connection.system, remedy=remedy))
+        doubted = connection.rejected.unsigned + connection.rejected.forged + connection.rejected.replayed
+        if doubted:
+            problem = f"no packet is signed with our key: {doubted} were not believed"
+            raise InputError(Fault(problem, field="--key-file", remedy="the key that the vehicle has"))
+        others = f" of system {system}, only of {', '.join(map(str, sorted(known)))}" if known else ""
+        raise VehicleTimeoutError(f"no heartbeat{others}", FIND_S)
+    heard_for_s = connection.clock.now_s() - min(peer.met_s for peer in known.values())
+    connection.run_for(ALONE_S - heard_for_s)
+    if system is not None:
+        return known[system]
+    if len(known) > 1:
+        heard = ", ".join(map(str, sorted(known)))
+        raise InputError(Fault("several vehicles are heard", field="--system", remedy=f"one of {heard}"))
+    return next(iter(known.values()))

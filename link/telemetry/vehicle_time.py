@@ -1,0 +1,57 @@
+"""The time of the vehicle, as a clock: the same in a simulation that runs faster than the wall."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from skyway.link.telemetry.vehicle_monitor import VehicleMonitor
+    from skyway.models.base.clock import Clock
+
+
+_CATCHING_UP = 0.5
+
+
+class VehicleTime:
+    """A clock that follows the times a vehicle's telemetry has.
+
+    Between samples it goes on with the wall; while nothing is heard too. It never goes back, and never stands still: where it
+    was ahead of the vehicle, as after a change of the simulation's speed, it goes on at half speed until it is not. So what waits
+    for an instant never waits for ever. Time-outs stay the wall's.
+
+    Parameters
+    ----------
+    vehicle : Seen
+        Whose time.
+    clock : Clock
+        The wall's.
+    """
+
+    def __init__(self, vehicle: VehicleMonitor, clock: Clock) -> None:
+        self._vehicle, self._clock = vehicle, clock
+        self._at = (clock.posix_s(), clock.now_s())
+        self._sample_s = -1.0
+        self._latest_s = clock.posix_s()
+        self._asked_s = clock.now_s()
+        self._known = False
+
+    def posix_s(self) -> float:
+        """POSIX seconds of now, by the vehicle."""
+        sample = self._vehicle.live.sample
+        wall = self._clock.now_s()
+        if sample is not None and sample.time_s != self._sample_s and self._vehicle.live.clock.base.absolute:
+            self._sample_s = sample.time_s
+            self._at = (sample.time_s, wall)
+            if not self._known:
+                self._known, self._latest_s = True, sample.time_s
+        slowly = self._latest_s + _CATCHING_UP * (wall - self._asked_s)
+        self._latest_s, self._asked_s = max(slowly, self._at[0] + wall - self._at[1]), wall
+        return self._latest_s
+
+    def now_s(self) -> float:
+        """Seconds since some start, by the wall: what is asked and answered on the link does not go faster."""
+        return self._clock.now_s()
+
+    def sleep_until(self, instant_s: float) -> None:
+        """Wait on the wall."""
+        self._clock.sleep_until(instant_s)

@@ -1,0 +1,1 @@
+"""A vehicle behind a link: every verb, two drivers."""

@@ -1,0 +1,244 @@
+"""Leave the mission and land at another place: by reposition (PX4) or GUIDED (ArduPilot), whatever driver speaks.
+
+The supervisor of a flight steps a `Diversion` with the samples that it gets anyway; `divert` does the whole of it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
+from skyway.models.base.geodesy import distance_m
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.link.protocol.verified import UploadOutcome
+    from skyway.link.vehicle.vehicle import Vehicle
+    from skyway.missions.items.mission import Mission
+    from skyway.models.drones.telemetry import TelemetrySample
+
+ARRIVED_M, ARRIVED_HEIGHT_M, ARRIVED_MPS = 4.0, 3.0, 1.5
+"""So near and so slow, it is there and may land."""
+STALLED_S, STALLED_M = 20.0, 5.0
+"""One that has not come closer by so much in so long is told again where to go."""
+_ORDERS = 4
+_SLOWEST_MPS, _LANDING_S = 3.0, 240.0
+_SETTLE_S = 15.0
+"""Heartbeats come once a second, and some are lost: so long after an order the mode may still be the old one."""
+_DRAIN_S = 0.05
+_OWN_MODES = {"flying": ("guided", "hold"), "landing": ("land",)}
+
+
+@dataclass(frozen=True, slots=True)
+class Refuge:
+    """Where to land instead.
+
+    Attributes
+    ----------
+    lat_deg, lon_deg : float
+        WGS-84.
+    height_m : float
+        To fly there at, above home.
+    """
+
+    lat_deg: float
+    lon_deg: float
+    height_m: float
+
+    def __post_init__(self) -> None:
+        if not (abs(self.lat_deg) <= 90.0 and abs(self.lon_deg) <= 180.0 and math.isfinite(self.height_m)):
+            raise InputError(Fault("is not a place on Earth", value=(self.lat_deg, self.lon_deg, self.height_m)))
+
+
+class DivertState(StrEnum):
+    """How far a diversion has come."""
+
+    ORDERED = "ordered"
+    FLYING = "flying"
+    LANDING = "landing"
+    LANDED = "landed"
+    TAKEN = "taken over"
+    OVERDUE = "overdue"
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more is commanded."""
+        return self in (DivertState.LANDED, DivertState.TAKEN, DivertState.OVERDUE)
+
+
+class Diversion:
+    """One vehicle on its way to a refuge.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        In the air.
+    refuge : Refuge
+        Where it shall land.
+
+    Attributes
+    ----------
+    state : DivertState
+        How far it has come. Taken over: it is in a mode that is not ours, by a pilot or a failsafe of its own;
+        nothing is commanded any more. Overdue: it does not arrive, or does not land, in any sensible time.
+    reason : str
+        Why it was taken over or is overdue; empty otherwise.
+    """
+
+    def __init__(self, vehicle: Vehicle, refuge: Refuge) -> None:
+        self.vehicle, self.refuge = vehicle, refuge
+        self.state = DivertState.ORDERED
+        self.reason = ""
+        self._orders = 0
+        self._before = ""
+        self._order_s = self._end_s = math.nan
+        self._closest_m, self._closer_s = math.inf, math.nan
+
+    def begin(self) -> None:
+        """Tell it where to go.
+
+        Raises
+        ------
+        CommandRefusedError
+            It will not, with its reason.
+        VehicleTimeoutError
+            It did not answer, though asked several times: it may not have heard.
+        """
+        self._order_again()
+        self.state = DivertState.FLYING
+
+    def _order_again(self) -> None:
+        place = self.refuge
+        self._orders += 1
+        self._repeat(lambda: self.vehicle.go_to(place.lat_deg, place.lon_deg, place.height_m))
+        self._order_s = math.nan
+
+    def _repeat(self, order: Callable[[], None]) -> None:
+        """Give an order again where there was no answer: giving it twice does no harm."""
+        self._before = self.vehicle.mode
+        for attempt in range(_ORDERS):
+            try:
+                order()
+            except VehicleTimeoutError:
+                if attempt == _ORDERS - 1:
+                    raise
+            else:
+                return
+
+    def _taken(self, time_s: float) -> bool:
+        """Whether it is in a mode that is neither ours nor, for a while, the one it was in before our order."""
+        mode = self.vehicle.mode
+        if mode in _OWN_MODES[self.state.value] or not self.vehicle.armed:
+            return False  # PX4 leaves LAND as it disarms; samples on their way still say armed
+        return mode != self._before or time_s > self._order_s + _SETTLE_S
+
+    def hear(self, sample: TelemetrySample) -> DivertState:
+        """Go on by what the vehicle tells now; returns the state.
+
+        Raises
+        ------
+        LinkError
+            An order was refused, or not answered.
+        """
+        if self.state.over or self.state is DivertState.ORDERED:
+            return self.state
+        if math.isnan(self._order_s):
+            self._order_s = sample.time_s
+        if not self.vehicle.armed:  # whatever mode that leaves it in: PX4 leaves LAND when it disarms
+            if sample.landed != 0.0 or self.state is DivertState.LANDING:
+                self.state = DivertState.LANDED
+        elif self._taken(sample.time_s):
+            self.state = DivertState.TAKEN
+            self.reason = f"it is in mode {self.vehicle.mode}, which we did not command"
+        elif self.state is DivertState.FLYING:
+            self._fly(sample)
+        elif sample.time_s > self._end_s:
+            self._overdue(f"it has not landed in {_LANDING_S:.0f} s")
+        return self.state
+
+    def _overdue(self, why: str) -> None:
+        self.state, self.reason = DivertState.OVERDUE, why
+
+    def _fly(self, sample: TelemetrySample) -> None:
+        away = self.away_m(sample)
+        if math.isnan(away):
+            return
+        if math.isnan(self._end_s):
+            self._end_s = sample.time_s + away / _SLOWEST_MPS + _LANDING_S
+        if away < self._closest_m - STALLED_M:
+            self._closest_m, self._closer_s = away, sample.time_s
+        there = away <= ARRIVED_M and abs(sample.height_m - self.refuge.height_m) <= ARRIVED_HEIGHT_M
+        if there and sample.ground_speed_mps <= ARRIVED_MPS:
+            self._repeat(self.vehicle.land)
+            self.state = DivertState.LANDING
+            self._order_s, self._end_s = sample.time_s, sample.time_s + _LANDING_S
+        elif sample.time_s > self._end_s:
+            self._overdue(f"it is still {away:.0f} m away")
+        elif away > ARRIVED_M and sample.time_s > self._closer_s + STALLED_S:
+            if self._orders >= _ORDERS:
+                self._overdue(f"it stays {away:.0f} m away, though told {self._orders} times where to go")
+                return
+            self._closer_s = sample.time_s
+            self._order_again()
+
+    def away_m(self, sample: TelemetrySample) -> float:
+        """How far a sample is from the refuge, m; NaN where its position is not known."""
+        if math.isnan(sample.lat_deg) or math.isnan(sample.lon_deg):
+            return math.nan
+        return float(distance_m(sample.lat_deg, sample.lon_deg, self.refuge.lat_deg, self.refuge.lon_deg))
+
+
+def divert(vehicle: Vehicle, refuge: Refuge) -> Diversion:
+    """Fly to a refuge and land there; returns when it has landed, or when nothing more can be commanded.
+
+    Raises
+    ------
+    LinkError
+        An order was refused or not answered, or nothing is heard of the vehicle.
+    """
+    for _ in vehicle.samples(_DRAIN_S):
+        pass  # what it told while nobody asked is not of now
+    diversion = Diversion(vehicle, refuge)
+    diversion.begin()
+    for sample in vehicle.samples():
+        if diversion.hear(sample).over:
+            return diversion
+    raise VehicleTimeoutError(f"telemetry while it was {diversion.state} on its way to a refuge", 10.0)
+
+
+def change_or_divert(
+    vehicle: Vehicle, mission: Mission, current: int, refuge: Refuge | None = None
+) -> tuple[UploadOutcome, Diversion | None]:
+    """Change the mission in flight; where that is not verified, stay in hold, or divert to a refuge and land.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        In the air.
+    mission : Mission
+        To be flown from now on.
+    current : int
+        Our number of the item to be flown first.
+    refuge : Refuge or None
+        None stays in hold.
+
+    Returns
+    -------
+    outcome : UploadOutcome
+        Of the upload.
+    diversion : Diversion or None
+        None where the mission goes on, or the vehicle stays in hold.
+
+    Raises
+    ------
+    LinkError
+        It was not possible to hold, to go on, or to divert; what was being done is said.
+    """
+    outcome = vehicle.change_in_flight(mission, current)
+    if outcome.verified or refuge is None:
+        return outcome, None
+    return outcome, divert(vehicle, refuge)

@@ -1,0 +1,1 @@
+"""MAVLink on the wire: addresses, transports, frames, recording."""

@@ -1,0 +1,204 @@
+"""Compositions become missions, leg by leg or whole."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from skyway.missions.builder.leg_builder import LegBuilder
+from skyway.missions.builder.mission_options import MissionOptions
+from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.document import MissionDocument
+from skyway.missions.items.mission import MissionItem
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from skyway.missions.dialects.protocol import Dialect
+    from skyway.missions.items.parameters import Parameter
+    from skyway.models.composition.composition import Composition, Stop
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """Missions with everything that must be known to fly them.
+
+    Attributes
+    ----------
+    documents : tuple of MissionDocument
+        In flying order; more than one where each leg is a mission of its own.
+    parameters : tuple of Parameter
+        What the vehicle must be set to.
+    warnings : tuple of str
+        What the operator must know.
+    notes : tuple of str
+        What to do on the ground between the legs: how long to wait and charge, and to which state of charge.
+    """
+
+    documents: tuple[MissionDocument, ...]
+    parameters: tuple[Parameter, ...]
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def leg_mission(
+    composition: Composition, index: int, dialect: Dialect, options: MissionOptions | None = None
+) -> Export:
+    """Return the mission of one leg: what `fly` uploads before each take-off.
+
+    TAKEOFF, climb, speed item, waypoints, approach, LAND; the last leg releases the package and disarms. Heights
+    are above the ground that the leg leaves, since home moves there at arming.
+
+    Parameters
+    ----------
+    composition : Composition
+        The plan.
+    index : int
+        Of `composition.services`, from 0; people are told the number of a leg, from 1.
+    dialect : Dialect
+        For which autopilot.
+    options : MissionOptions, optional
+        How.
+
+    Raises
+    ------
+    InputError
+        No such leg, or a ground height that is needed is unknown.
+    """
+    legs = len(composition.services)
+    if not 0 <= index < legs:
+        raise InputError(Fault("no such leg", field="index", value=index, remedy=f"an index from 0 to {legs - 1}"))
+    build = LegBuilder(composition, dialect, options or MissionOptions())
+    service = composition.services[index]
+    build.check_elevations((service,))
+    document = build.leg(service, last=index == legs - 1)
+    parameters = dialect.parameters(build.needs((service,), document))
+    return Export((document,), parameters, build.warnings((service,)), _hold_notes(composition, (index,)))
+
+
+def whole_mission(composition: Composition, dialect: Dialect, options: MissionOptions | None = None) -> Export:
+    """Return all legs for a plain ground station, disarmed on every pad.
+
+    Where the autopilot stays in its mission after a landing that disarms (PX4), that is one mission: LAND, disarm,
+    and a WAYPOINT straight above that arming resumes. Where it does not (ArduPilot), it is one mission per leg.
+    Heights are above the home of each leg, since home moves at each arming.
+
+    Raises
+    ------
+    InputError
+        A ground height that is needed is unknown.
+    """
+    if not dialect.stays_in_mission_after_landing:
+        return _mission_per_leg(composition, dialect, options)
+    build = LegBuilder(composition, dialect, options or MissionOptions())
+    services = composition.services
+    build.check_elevations(services)
+    items = build.departure(services[0], build.ground_m(services[0].origin))
+    for number, service in enumerate(services):
+        ground = build.ground_m(service.origin)
+        if number > 0:
+            items += [*dialect.disarm(), build.above(service, ground)]
+        items += build.way(service, ground)
+    items += build.delivery()
+    export = _one_document(build, items, min(build.ground_m(service.origin) for service in services))
+    return replace(export, notes=_hold_notes(composition, range(len(services))))
+
+
+def armed_mission(composition: Composition, dialect: Dialect, options: MissionOptions | None = None) -> Export:
+    """Return all legs in one mission that stays armed on the pads and leaves by the clock.
+
+    LAND, NAV_DELAY of wait and recharge, and away; heights are above the first home throughout.
+
+    Raises
+    ------
+    InputError
+        A ground height that is needed is unknown.
+    """
+    build = LegBuilder(composition, dialect, options or MissionOptions())
+    services = composition.services
+    build.check_elevations(services)
+    ground = build.ground_m(services[0].origin)
+    items = build.departure(services[0], ground)
+    for number, service in enumerate(services):
+        if number > 0:
+            # never 0: ArduPilot takes that as a time of day and waits until midnight UTC
+            seconds = max(1, math.ceil(_hold_s(composition, number)))
+            hold = MissionItem(Command.NAV_DELAY, Frame.MISSION, float(seconds))
+            items += [hold, *dialect.leave_armed_hold(build.above(service, ground))]
+        items += build.way(service, ground)
+    items += build.delivery()
+    export = _one_document(build, items, ground)
+    pads = ", ".join(service.destination for service in services[:-1])
+    if not pads:
+        return export
+    warning = (
+        f"the vehicle stays ARMED at {pads}, propellers turning beside people for the whole hold, and leaves by the"
+        " clock whatever its state of charge"
+    )
+    return replace(export, warnings=(warning, *export.warnings))
+
+
+def _one_document(build: LegBuilder, items: Sequence[MissionItem], lowest_home_m: float) -> Export:
+    services = build.composition.services
+    document = MissionDocument(
+        build.mission(items, build.home(services[0].origin)),
+        build.fence(services),
+        build.rally(services, lowest_home_m),
+    )
+    parameters = build.dialect.parameters(build.needs(services, document))
+    return Export((document,), parameters, build.warnings(services))
+
+
+def _mission_per_leg(composition: Composition, dialect: Dialect, options: MissionOptions | None) -> Export:
+    LegBuilder(composition, dialect, options or MissionOptions()).check_elevations(composition.services)
+    exports = [leg_mission(composition, index, dialect, options) for index in range(len(composition.services))]
+    strictest: dict[str, Parameter] = {}
+    for parameter in (parameter for export in exports for parameter in export.parameters):
+        known = strictest.get(parameter.name)
+        if known is None or (parameter.value or 0.0) > (known.value or 0.0):
+            strictest[parameter.name] = parameter
+    return Export(
+        tuple(document for export in exports for document in export.documents),
+        tuple(strictest.values()),
+        tuple(dict.fromkeys(warning for export in exports for warning in export.warnings)),
+        tuple(note for export in exports for note in export.notes),
+    )
+
+
+def _stop_before(composition: Composition, number: int) -> Stop | None:
+    """Return the stop before a leg, or None where the plan has none."""
+    service = composition.services[number]
+    landed = composition.services[number - 1].arrive if number else None
+    for stop in composition.stops:
+        in_time = stop.arrive <= service.depart and (landed is None or stop.arrive >= landed)
+        if stop.station == service.origin and in_time:
+            return stop
+    return None
+
+
+def _hold_s(composition: Composition, number: int) -> float:
+    """Seconds on the pad before a leg: wait, recharge and hold."""
+    stop = _stop_before(composition, number)
+    if stop is not None:
+        return stop.wait_s + stop.recharge_s + stop.hold_s
+    before = composition.services[number - 1].arrive
+    return max(0.0, (composition.services[number].depart - before).total_seconds())
+
+
+def _hold_notes(composition: Composition, numbers: Iterable[int]) -> tuple[str, ...]:
+    """Say what the plan does on the ground before these legs: nothing in a mission that disarms says so."""
+    notes = []
+    for number in numbers:
+        stop = _stop_before(composition, number)
+        if stop is None:
+            continue
+        parts = [f"wait {stop.wait_s / 60:.1f} min for a pad"] if stop.wait_s else []
+        if stop.recharge_s:
+            parts.append(f"charge {stop.recharge_s / 60:.1f} min to {100 * stop.soc_to:.0f} %")
+        if stop.hold_s:
+            parts.append(f"stay {stop.hold_s / 60:.1f} min")
+        parts.append(f"then arm for leg {number + 1} with at least {100 * stop.soc_to:.0f} %")
+        notes.append(f"at {stop.station}: {', '.join(parts)}")
+    return tuple(notes)

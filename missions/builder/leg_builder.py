@@ -1,0 +1,299 @@
+"""The items, fence and rally points of the legs of one composition, for one autopilot.
+
+Height model: from one station to the next the vehicle is nowhere lower than the cruise height above the higher of the
+two grounds, since the ground need not fall or rise where the vehicle does. So it climbs straight above the station
+that it leaves, passes each station as high as both neighbouring segments want, changes height linearly between, and
+lands straight down. Heights in items count from home: the site of the last arming.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from skyway.missions.builder.corridor import corridor
+from skyway.missions.builder.mission_options import MAX_GROUND_SPEED_MPS
+from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.coordinates import Point
+from skyway.missions.items.course import pieces
+from skyway.missions.items.document import MissionDocument
+from skyway.missions.items.geofence import Geofence
+from skyway.missions.items.mission import Home, Mission, MissionItem
+from skyway.missions.items.parameters import FlightNeeds
+from skyway.missions.items.rally import RallyPoint, RallyPoints
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.missions.builder.mission_options import MissionOptions
+    from skyway.missions.dialects.protocol import Dialect
+    from skyway.models.composition.composition import Composition, DroneService, Place
+
+MAV_TYPE_QUADROTOR = 2
+GROUND_SPEED = 1.0
+"""Speed type of DO_CHANGE_SPEED; multirotors hold ground speed whatever it says."""
+NO_THROTTLE_CHANGE = -1.0
+GRIPPER_RELEASE = 0.0
+
+
+class LegBuilder:
+    """Makes the parts of missions from one composition.
+
+    Parameters
+    ----------
+    composition : Composition
+        The plan; only read.
+    dialect : Dialect
+        For which autopilot.
+    options : MissionOptions
+        How.
+    """
+
+    def __init__(self, composition: Composition, dialect: Dialect, options: MissionOptions) -> None:
+        self.composition = composition
+        self.dialect = dialect
+        self.options = options
+        self.cruise_height_m = options.cruise_height_m or composition.cruise_height_m
+        self.climb_rate_mps = options.climb_rate_mps or composition.climb_rate_mps
+        self.descent_rate_mps = options.descent_rate_mps or composition.descent_rate_mps
+        self.max_speed_mps = min(
+            options.max_ground_speed_mps or math.inf, composition.max_ground_speed_mps, MAX_GROUND_SPEED_MPS
+        )
+
+    def place(self, station: str) -> Place:
+        """Return where a station is."""
+        return self.composition.stations[station]
+
+    def ground_m(self, station: str) -> float:
+        """Ground height of a station; refuses to guess."""
+        known = self.options.elevation_m.get(station, self.place(station).elevation_m)
+        if known is None:
+            raise InputError(
+                Fault(
+                    "the height of the ground is unknown, so heights above it cannot be given",
+                    field=f"stations[{station}].elevation_m",
+                    remedy=f"add elevation_m to the station, or give --elevation {station}=METRES",
+                )
+            )
+        return known
+
+    def speed_mps(self, service: DroneService) -> float:
+        """Return the ground speed that a leg is commanded at."""
+        return min(service.ground_speed_mps, self.max_speed_mps)
+
+    def check_elevations(self, services: Sequence[DroneService]) -> None:
+        """Refuse with every station whose ground height is missing, not only the first."""
+        named = dict.fromkeys(station for s in services for station in (s.origin, *s.via, s.destination, *s.diverts))
+        faults: list[Fault] = []
+        for station in named:
+            try:
+                self.ground_m(station)
+            except InputError as error:
+                faults += error.faults
+        if faults:
+            raise InputError(faults)
+
+    def position(self, command: Command, station: str, height_m: float) -> MissionItem:
+        """An item at a station, with yaw left to the vehicle."""
+        place = self.place(station)
+        return self._positioned(command, place.lat, place.lon, height_m)
+
+    def _positioned(self, command: Command, lat: float, lon: float, height_m: float) -> MissionItem:
+        point = Point.of_degrees(lat, lon)
+        return MissionItem(
+            command,
+            Frame.GLOBAL_RELATIVE_ALT,
+            param4=self.dialect.open_yaw_deg,
+            x=point.lat_e7,
+            y=point.lon_e7,
+            z=round(height_m, 2),
+        )
+
+    def flying_heights_m(self, service: DroneService) -> tuple[float, ...]:
+        """Height above sea level at each station of a leg: the higher that a neighbouring segment wants."""
+        grounds = [self.ground_m(station) for station in (service.origin, *service.via, service.destination)]
+        segments = [max(ends) + self.cruise_height_m for ends in pairwise(grounds)]
+        return tuple(max(neighbours) for neighbours in pairwise((segments[0], *segments, segments[-1])))
+
+    def above(self, service: DroneService, home_ground_m: float) -> MissionItem:
+        """Return the waypoint that ends the climb, straight above the origin."""
+        height = self.flying_heights_m(service)[0] - home_ground_m
+        return self.position(Command.NAV_WAYPOINT, service.origin, height)
+
+    def speed(self, speed_mps: float) -> MissionItem:
+        """Return the item that orders a ground speed."""
+        return MissionItem(
+            Command.DO_CHANGE_SPEED, Frame.MISSION, GROUND_SPEED, round(speed_mps, 2), NO_THROTTLE_CHANGE
+        )
+
+    def way(self, service: DroneService, home_ground_m: float) -> list[MissionItem]:
+        """Speed item, overflown stations and approach, then LAND."""
+        items = [self.speed(self.speed_mps(service))]
+        stations = (service.origin, *service.via, service.destination)
+        heights = [height - home_ground_m for height in self.flying_heights_m(service)]
+        for ends, ends_m in zip(pairwise(stations), pairwise(heights), strict=True):
+            items += self._segment(*ends, *ends_m)
+        land_height = self.ground_m(service.destination) - home_ground_m
+        items.append(self.position(Command.NAV_LAND, service.destination, land_height))
+        return items
+
+    def _segment(self, before: str, after: str, from_m: float, to_m: float) -> list[MissionItem]:
+        start, end = self.place(before), self.place(after)
+        return [
+            self._positioned(Command.NAV_WAYPOINT, lat, lon, from_m + fraction * (to_m - from_m))
+            for lat, lon, fraction in pieces(start.lat, start.lon, end.lat, end.lon)
+        ]
+
+    def departure(self, service: DroneService, home_ground_m: float) -> list[MissionItem]:
+        """TAKEOFF and the end of the climb."""
+        above = self.above(service, home_ground_m)
+        return [replace(above, command=Command.NAV_TAKEOFF), above]
+
+    def leg(self, service: DroneService, *, last: bool) -> MissionDocument:
+        """Return one leg as a mission of its own, heights above the ground that it leaves; the last one delivers."""
+        ground = self.ground_m(service.origin)
+        items = [*self.departure(service, ground), *self.way(service, ground)]
+        if last:
+            items += self.delivery()
+        mission = self.mission(items, self.home(service.origin))
+        return MissionDocument(mission, self.fence((service,)), self.rally((service,), ground))
+
+    def turn(
+        self,
+        station: str,
+        here: tuple[float, float, float],
+        home_ground_m: float,
+        speed_mps: float,
+        *,
+        last: bool,
+        home: Home | None,
+    ) -> MissionDocument:
+        """Return the mission from the air to a station: level, and nowhere below where the vehicle is.
+
+        It begins with a waypoint where the vehicle is, never with a TAKEOFF, which PX4 would fly back to.
+
+        Parameters
+        ----------
+        station : str
+            Where to land.
+        here : (lat, lon, height above home)
+            Where the vehicle is.
+        home_ground_m : float
+            Ground height of the home of the leg under way.
+        speed_mps : float
+            Ground speed.
+        last : bool
+            The station is the destination of the delivery.
+        home : Home or None
+            Where the leg under way began.
+        """
+        ground = self.ground_m(station) - home_ground_m
+        lat, lon, height_m = here
+        # above home as well: the vehicle may still climb there, or have sunk towards a lower destination
+        top = max(height_m, max(ground, 0.0) + self.cruise_height_m)
+        items = [
+            self._positioned(Command.NAV_WAYPOINT, lat, lon, top),
+            self.speed(min(speed_mps, self.max_speed_mps)),
+            self.position(Command.NAV_WAYPOINT, station, top),
+            self.position(Command.NAV_LAND, station, ground),
+        ]
+        if last:
+            items += self.delivery()
+        return MissionDocument(self.mission(items, home or self.home(station)))
+
+    def delivery(self) -> list[MissionItem]:
+        """What follows the last landing: release and disarm."""
+        if self.options.release == "operator":  # people come near: disarm before, not after
+            return [*self.dialect.disarm()]
+        gripper = MissionItem(Command.DO_GRIPPER, Frame.MISSION, float(self.options.gripper), GRIPPER_RELEASE)
+        return [gripper, *self.dialect.disarm()]
+
+    def fence(self, services: Sequence[DroneService]) -> Geofence:
+        """Return the corridor around these legs and the ways to their divert stations."""
+        if self.options.corridor_width_m is None:
+            return Geofence()
+        route: list[tuple[float, float]] = []
+        diverts: list[tuple[list[tuple[float, float]], tuple[float, float]]] = []
+        for service in services:
+            part = self._course(service)
+            route += part
+            for station in service.diverts:
+                place = self.place(station)
+                diverts.append((part, (place.lat, place.lon)))
+        return Geofence((corridor(route, diverts, width_m=self.options.corridor_width_m),))
+
+    def _course(self, service: DroneService) -> list[tuple[float, float]]:
+        origin = self.place(service.origin)
+        points = [(origin.lat, origin.lon)]
+        for before, after in pairwise((service.origin, *service.via, service.destination)):
+            a, b = self.place(before), self.place(after)
+            points += [(lat, lon) for lat, lon, _ in pieces(a.lat, a.lon, b.lat, b.lon)]
+        return points
+
+    def rally(self, services: Sequence[DroneService], lowest_home_m: float) -> RallyPoints:
+        """Divert stations as high as their legs fly, from the lowest home that the mission has.
+
+        A vehicle may turn to one from anywhere on a leg: the way there clears both ends of the leg too.
+        """
+        grounds: dict[str, float] = {}
+        for service in services:
+            ends = max(self.ground_m(name) for name in (service.origin, *service.via, service.destination))
+            for station in service.diverts:
+                grounds[station] = max(grounds.get(station, -math.inf), ends, self.ground_m(station))
+        points = []
+        for station, ground in grounds.items():
+            place = self.place(station)
+            height = round(ground + self.cruise_height_m - lowest_home_m, 2)
+            points.append(RallyPoint(Point.of_degrees(place.lat, place.lon), height))
+        return RallyPoints(tuple(points))
+
+    def home(self, station: str) -> Home:
+        """Return the home of a mission that begins at a station."""
+        place = self.place(station)
+        return Home(Point.of_degrees(place.lat, place.lon), self.ground_m(station))
+
+    def mission(self, items: Sequence[MissionItem], home: Home) -> Mission:
+        """Return the mission of these items, with what ground stations want to know."""
+        speed = max(self.speed_mps(service) for service in self.composition.services)
+        return Mission(
+            tuple(items),
+            home,
+            round(speed, 2),
+            round(speed, 2),
+            self.dialect.firmware,
+            MAV_TYPE_QUADROTOR,
+        )
+
+    def needs(self, services: Sequence[DroneService], document: MissionDocument) -> FlightNeeds:
+        """Return what a mission of these legs asks of the vehicle's settings."""
+        grounds = [
+            self.ground_m(station) for s in services for station in (s.origin, *s.via, s.destination, *s.diverts)
+        ]
+        commands = [item.command for item in document.mission.items]
+        landing = commands.index(Command.NAV_LAND) if Command.NAV_LAND in commands else len(commands)
+        return FlightNeeds(
+            ground_speed_mps=max(self.speed_mps(service) for service in services),
+            climb_rate_mps=self.climb_rate_mps,
+            descent_rate_mps=self.descent_rate_mps,
+            return_height_m=math.ceil(max(grounds) - min(grounds) + self.cruise_height_m),
+            fenced=bool(document.fence),
+            has_rally_points=len(document.rally) > 0,
+            continues_after_landing=landing < len(commands) - 1,
+            stays_armed=Command.NAV_DELAY in commands,
+            uses_gripper=Command.DO_GRIPPER in commands,
+        )
+
+    def warnings(self, services: Sequence[DroneService]) -> tuple[str, ...]:
+        """Return what the operator must know of these legs."""
+        found = [
+            f"leg {service.origin} to {service.destination} is planned at {service.ground_speed_mps:.1f} m/s and"
+            f" commanded at {self.speed_mps(service):.1f} m/s: it takes longer than planned"
+            for service in services
+            if service.ground_speed_mps > self.speed_mps(service) + 0.01
+        ]
+        if self.options.release == "operator":
+            found.append("the package is released by a person after the last landing: confirm it in skyway")
+        return tuple(found)

@@ -1,0 +1,1 @@
+"""What ArduPilot takes."""

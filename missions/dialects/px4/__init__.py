@@ -1,0 +1,1 @@
+"""What PX4 takes."""

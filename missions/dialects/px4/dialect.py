@@ -1,0 +1,271 @@
+"""PX4: missions as a multirotor under PX4 1.16 and 1.17 takes them.
+
+What is here was seen in flight (software in the loop), or read in ``mavlink_mission.cpp`` and
+``FeasibilityChecker.cpp``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from skyway.missions.dialects.px4.settings import FIRMWARES, RELEASED, SETTINGS
+from skyway.missions.dialects.wire import from_wire, no_such_command, to_wire
+from skyway.missions.items.commands import FLOWN_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from skyway.missions.items.finding import Finding
+from skyway.missions.items.mission import Mission, MissionItem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from skyway.missions.dialects.protocol import Meaning
+    from skyway.missions.dialects.wire import WireItem
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.parameters import FlightNeeds, Parameter
+
+MAX_SPEED_MPS = 20.0
+"""MPC_XY_VEL_MAX at most."""
+
+_KEPT_PARAMS: dict[int, tuple[int, ...]] = {
+    Command.NAV_WAYPOINT: (1, 2, 4),
+    Command.NAV_LOITER_UNLIM: (3, 4),
+    Command.NAV_LOITER_TIME: (1, 2, 3, 4),
+    Command.NAV_LOITER_TO_ALT: (1, 2, 4),
+    Command.NAV_LAND: (2, 4),
+    Command.NAV_TAKEOFF: (4,),
+    Command.NAV_VTOL_TAKEOFF: (4,),
+    Command.NAV_VTOL_LAND: (4,),
+    Command.NAV_RETURN_TO_LAUNCH: (),
+    Command.DO_JUMP: (1, 2),
+    Command.DO_GRIPPER: (1, 2),
+    Command.DO_WINCH: (1, 2),
+    Command.COMPONENT_ARM_DISARM: (1,),
+    Command.NAV_DELAY: (1, 2, 3, 4),
+    Command.DO_CHANGE_SPEED: (1, 2, 3),
+}
+"""Parameters of 1 to 4 that PX4 keeps; all four for commands not listed."""
+
+_ACCEPTED = frozenset(
+    {
+        Command.NAV_WAYPOINT,
+        Command.NAV_LOITER_UNLIM,
+        Command.NAV_LOITER_TIME,
+        Command.NAV_LOITER_TO_ALT,
+        Command.NAV_LAND,
+        Command.NAV_TAKEOFF,
+        Command.NAV_VTOL_TAKEOFF,
+        Command.NAV_VTOL_LAND,
+        Command.NAV_ROI,
+        Command.DO_SET_ROI,
+        Command.DO_SET_ROI_LOCATION,
+        Command.CONDITION_GATE,
+        Command.DO_SET_HOME,
+        Command.DO_LAND_START,
+        Command.NAV_RETURN_TO_LAUNCH,
+        Command.NAV_DELAY,
+        Command.DO_JUMP,
+        Command.DO_CHANGE_SPEED,
+        Command.DO_WINCH,
+        Command.DO_GRIPPER,
+        Command.DO_TRIGGER_CONTROL,
+        Command.DO_DIGICAM_CONTROL,
+        Command.DO_MOUNT_CONFIGURE,
+        Command.DO_MOUNT_CONTROL,
+        Command.DO_GIMBAL_MANAGER_PITCHYAW,
+        Command.DO_GIMBAL_MANAGER_CONFIGURE,
+        Command.IMAGE_START_CAPTURE,
+        Command.IMAGE_STOP_CAPTURE,
+        Command.VIDEO_START_CAPTURE,
+        Command.VIDEO_STOP_CAPTURE,
+        Command.DO_CONTROL_VIDEO,
+        Command.DO_SET_CAM_TRIGG_DIST,
+        Command.OBLIQUE_SURVEY,
+        Command.DO_SET_CAM_TRIGG_INTERVAL,
+        Command.SET_CAMERA_MODE,
+        Command.SET_CAMERA_SOURCE,
+        Command.SET_CAMERA_FOCUS,
+        Command.SET_CAMERA_ZOOM,
+        Command.DO_VTOL_TRANSITION,
+        Command.DO_SET_ROI_WPNEXT_OFFSET,
+        Command.DO_SET_ROI_NONE,
+        Command.CONDITION_DELAY,
+        Command.CONDITION_DISTANCE,
+        Command.DO_SET_ACTUATOR,
+        Command.DO_SET_SERVO,
+        Command.DO_AUTOTUNE_ENABLE,
+        Command.COMPONENT_ARM_DISARM,
+    }
+)
+"""Commands that PX4 takes in missions."""
+
+_PLACELESS_FRAME = frozenset({Command.DO_SET_HOME, Command.DO_LAND_START, Command.DO_SET_ROI, Command.NAV_ROI})
+"""Located commands that PX4 also takes without a place."""
+
+_ALTITUDE_REFERENCE: dict[int, str] = {
+    Frame.GLOBAL: "sea level",
+    Frame.GLOBAL_INT: "sea level",
+    Frame.GLOBAL_RELATIVE_ALT: "home",
+    Frame.GLOBAL_RELATIVE_ALT_INT: "home",
+}
+
+
+class Px4:
+    """PX4's way with missions: items from 0, home not among them."""
+
+    name = "px4"
+    settings = SETTINGS
+    firmwares = FIRMWARES
+    released = RELEASED
+    firmware = 12
+    stays_in_mission_after_landing = True
+    zero_means_as_it_is = False
+    open_yaw_deg = math.nan
+
+    def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:
+        """Return the items to upload: those without a place in frame MISSION, else PX4 refuses them."""
+        return tuple(
+            to_wire(_in_frame(item), number, current=int(number == current))
+            for number, item in enumerate(mission.items)
+        )
+
+    def from_wire(self, items: Sequence[WireItem]) -> Mission:
+        """Return the mission of downloaded items."""
+        return Mission(tuple(from_wire(item) for item in items), firmware=self.firmware)
+
+    def meaning(self, item: MissionItem) -> Meaning:
+        """Return what PX4 keeps: not ``current``, not LAND's abort altitude, NaN and 0 as one yaw on reading back."""
+        item = _in_frame(item)
+        meaning: Meaning = {"command": item.name, "autocontinue": float(item.autocontinue)}
+        kept = _KEPT_PARAMS.get(item.command, (1, 2, 3, 4))
+        for number in kept:
+            value = item.params[number - 1]
+            meaning[f"param{number}"] = None if math.isnan(value) else value
+        if item.is_located:
+            meaning["altitude reference"] = _ALTITUDE_REFERENCE.get(item.frame, f"frame {item.frame:d}")
+            meaning["x"], meaning["y"], meaning["z"] = item.x, item.y, item.z
+        elif item.command not in _KEPT_PARAMS:
+            meaning["param5"], meaning["param6"] = round(item.param5_or_zero), round(item.param6_or_zero)
+            meaning["param7"] = None if math.isnan(item.z) else item.z
+        return meaning
+
+    def disarm(self) -> tuple[MissionItem, ...]:
+        """Return COMPONENT_ARM_DISARM 0: the mission waits on the pad, and a plain ARM resumes it."""
+        return (MissionItem(Command.COMPONENT_ARM_DISARM, Frame.MISSION, 0.0),)
+
+    def leave_armed_hold(self, above: MissionItem) -> tuple[MissionItem, ...]:
+        """Return the waypoint straight above: a second TAKEOFF would make the mission infeasible."""
+        return (above,)
+
+    def cannot_fly(self, document: MissionDocument) -> Iterator[Finding]:
+        """Tell what PX4 refuses at upload, or accepts and then denies to start."""
+        placed = False
+        for number, item in enumerate(document.mission.items):
+            yield from _refusals(number, item)
+            if item.command in TAKEOFF_COMMANDS and placed:
+                yield Finding(
+                    "error",
+                    number,
+                    "px4-takeoff-not-first",
+                    "PX4 accepts a TAKEOFF that is not the first position and then denies to start the mission",
+                    "replace it by a WAYPOINT straight above the pad",
+                )
+            placed = placed or item.command in FLOWN_COMMANDS or item.command == Command.CONDITION_GATE
+            if item.command == Command.NAV_LAND and number == 0:
+                yield Finding("error", 0, "px4-land-first", "PX4 rejects a mission that starts with LAND")
+        yield from _sideways_departures(document.mission)
+
+    def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:
+        """Return the parameters that PX4 needs for such a mission, as each version has them."""
+        of, speed = SETTINGS, min(needs.ground_speed_mps, MAX_SPEED_MPS)
+        without_exceptions = of["data-link-action"].need("equal", 0, "a mission goes on when the data link is lost")
+        found = [
+            of["speed-limit"].need("at-least", speed, "clips every planned ground speed (12 m/s by default)"),
+            of["mission-speed"].need("equal", speed, "the speed missions are flown at without a speed item"),
+            of["climb-rate"].need("equal", needs.climb_rate_mps, "planned climb rate"),
+            of["descent-rate"].need("equal", needs.descent_rate_mps, "planned descent rate"),
+            of["return-height"].need("at-least", needs.return_height_m, "a return must clear the ground"),
+            of["data-link-exceptions"].need(
+                "bits", 1, "a mission goes on when the data link is lost", without_exceptions
+            ),
+            of["remote-control-exceptions"].need("bits", 1, "a mission goes on when the remote control is lost"),
+            of["low-battery-action"].need("read", None, "what the vehicle does by itself at low battery"),
+            of["critical-battery"].need("read", None, "when it does so; must lie below the planned reserve"),
+            of["data-link-action"].need("read", None, "what it does without a data link outside missions"),
+        ]
+        if needs.fenced:
+            found += [
+                of["fence-action"].need("equal", 3, "a breach returns to a rally point instead of hovering"),
+                of["fence-radius"].need("equal", 0, "no circle around home besides the corridor"),
+                of["fence-ceiling"].need("equal", 0, "no ceiling above home besides the corridor"),
+            ]
+        if needs.has_rally_points:
+            returns = of["return-type"]
+            near = returns.need("equal", 0, "a return goes to the closest rally point or home")
+            safe = returns.need(
+                "equal", 5, "a return goes to a rally point, never home", near, paired="NAV_LTR_LAST_DL"
+            )
+            found.append(safe)
+        if needs.stays_armed:
+            found.append(of["disarm-delay"].need("equal", -1, "would disarm during an armed hold"))
+        if needs.uses_gripper:
+            kind = of["gripper-kind"].need("at-least", 0, "the release is a gripper")
+            found.append(of["gripper"].need("equal", 1, "the release is a gripper", kind))
+        return tuple(found)
+
+
+def _in_frame(item: MissionItem) -> MissionItem:
+    """Put an item without a place into frame MISSION."""
+    if item.command in LOCATED_COMMANDS and not (item.command in _PLACELESS_FRAME and item.point is None):
+        return item
+    return item if item.frame == Frame.MISSION else replace(item, frame=Frame.MISSION)
+
+
+def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
+    if item.command not in _ACCEPTED:
+        yield Finding(
+            "error",
+            number,
+            "px4-unsupported-command",
+            f"PX4 refuses the upload: {no_such_command(item)} in missions",
+            "remove it, or replace it by waypoints",
+        )
+    elif item.is_located and item.frame not in _ALTITUDE_REFERENCE:
+        yield Finding(
+            "error",
+            number,
+            "px4-unsupported-frame",
+            f"PX4 refuses the upload: {item.name} has its altitude above terrain",
+            "give it above home or above sea level",
+        )
+    if item.is_flown_to and item.point is None and item.command != Command.NAV_TAKEOFF:
+        yield Finding(
+            "error",
+            number,
+            "px4-no-position",
+            f"{item.name} has no position: ArduPilot takes 0, 0 as here, PX4 as a place in the Atlantic",
+            "give it a position",
+        )
+
+
+def _sideways_departures(mission: Mission) -> Iterator[Finding]:
+    """After a landing in mid-mission PX4 leaves sideways at low height unless it is first sent straight up."""
+    landed_at: MissionItem | None = None
+    for number, item in enumerate(mission.items):
+        if item.command == Command.NAV_LAND:
+            landed_at = item
+        elif item.is_flown_to and item.point is not None and landed_at is not None:
+            pad = landed_at.point
+            aside = pad is not None and max(abs(item.point[0] - pad[0]), abs(item.point[1] - pad[1])) > 500
+            if aside and item.command not in TAKEOFF_COMMANDS:
+                yield Finding(
+                    "error",
+                    number,
+                    "px4-sideways-after-land",
+                    "after LAND the next position lies aside: PX4 leaves the pad sideways at low height",
+                    "put a WAYPOINT straight above the pad before it",
+                )
+            landed_at = None
+
+
+PX4 = Px4()

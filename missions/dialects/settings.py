@@ -1,0 +1,149 @@
+"""What the parameters of an autopilot are called, and in which unit, in each version of its firmware.
+
+A setting has one meaning and one unit of ours; firmware calls it by one name or another. The version of a vehicle says which
+name is likely; which one it has is asked of the vehicle, since builds between two versions have some of the new names and
+not others. The tables are in ``missions.dialects.ardupilot_settings`` and ``px4_settings``.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skyway.missions.items.parameters import UNITS, Parameter
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from skyway.missions.items.parameters import Rule
+
+Version = tuple[int, int]
+"""Major and minor version of a firmware."""
+OLDEST: Version = (0, 0)
+MAIN: Version = (999, 0)
+"""The branch that is developed on."""
+_NEVER: Version = (1000, 0)
+_VERSION = re.compile(r"v?(\d{1,3})\.(\d{1,3})(?:[.-].*)?")
+
+
+def version_of(text: str) -> Version:
+    """Version of a text such as ``4.6``, ``v1.16.1`` or ``main``.
+
+    Raises
+    ------
+    InputError
+        For a text that is none.
+    """
+    if text.strip().lower() == "main":
+        return MAIN
+    found = _VERSION.fullmatch(text.strip())
+    if found is None:
+        remedy = "major and minor number such as 4.6 or 1.16, or main"
+        raise InputError(Fault("is no version of a firmware", field="--firmware", value=text, remedy=remedy))
+    return int(found[1]), int(found[2])
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """One name of a setting.
+
+    Attributes
+    ----------
+    name : str
+        As the firmware has it.
+    unit : str
+        One of `missions.items.parameters.UNITS`: that of the value on the wire.
+    since, until : (int, int)
+        Versions that have it; `until` has it no more.
+    """
+
+    name: str
+    unit: str = ""
+    since: Version = OLDEST
+    until: Version = _NEVER
+
+    def held_by(self, version: Version) -> bool:
+        """Whether a version of the firmware has it."""
+        return self.since <= version < self.until
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One meaning.
+
+    Attributes
+    ----------
+    key : str
+        How a person names it to skyway, such as ``mission-speed``.
+    words : str
+        What it is.
+    names : tuple of Name
+        The newest firmware's first.
+    plausible : (float, float)
+        In our unit: a value beyond is in another unit, or means something else, than we know.
+    """
+
+    key: str
+    words: str
+    names: tuple[Name, ...]
+    plausible: tuple[float, float] = (-1e9, 1e9)
+
+    def need(self, rule: Rule, value: float | None, why: str, *otherwise: Parameter, paired: str = "") -> Parameter:
+        """Return what a mission needs of it, under each of its names.
+
+        Parameters
+        ----------
+        rule, value, why
+            As `Parameter` has them; the value in our unit.
+        otherwise : Parameter
+            What will do where the firmware has no such setting at all.
+        paired : str
+            It counts only where the vehicle has this parameter too, which came into the firmware with it.
+        """
+        low, high = self.plausible
+        ways = [
+            Parameter(
+                name.name, rule, None if value is None else value * UNITS[name.unit], why,
+                key=self.key, words=self.words, unit=name.unit, paired=paired,
+                plausible=(low * UNITS[name.unit], high * UNITS[name.unit]),
+            )
+            for name in self.names
+        ]  # fmt: skip
+        return ways[0].or_else(*ways[1:], *otherwise)
+
+
+class Settings:
+    """The settings of one autopilot.
+
+    Parameters
+    ----------
+    settings : iterable of Setting
+        All of them.
+    """
+
+    def __init__(self, settings: Iterable[Setting]) -> None:
+        self._by_key = {setting.key: setting for setting in settings}
+        self._by_name = {name.name: (setting, name) for setting in self._by_key.values() for name in setting.names}
+
+    def __getitem__(self, key: str) -> Setting:
+        return self._by_key[key]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All keys."""
+        return tuple(self._by_key)
+
+    def find(self, name: str) -> tuple[Setting, Name] | None:
+        """Return the setting that a parameter is, and its name; None for a parameter that is not in the table."""
+        return self._by_name.get(name)
+
+    def in_version(self, wanted: Parameter, version: Version) -> Parameter | None:
+        """Return the way of a need in a version of the firmware; None where that has none of its names."""
+        for way in wanted.ways:
+            found = self.find(way.name)
+            paired = self.find(way.paired)
+            if (found is None or found[1].held_by(version)) and (paired is None or paired[1].held_by(version)):
+                return way
+        return None

@@ -1,0 +1,1 @@
+"""Mission files of QGroundControl, Mission Planner and others."""

@@ -1,0 +1,126 @@
+"""Read and write mission files, whatever their format: it is told by what is inside, and by the name on writing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from skyway.missions.files import legacy_files, plan_reader, plan_writer, waypoints_file
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import read_bytes, write_atomically
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.missions.items.document import MissionDocument
+
+MAX_BYTES = 32 * 1024 * 1024
+SAVE_AS_UTF_8 = "save it as UTF-8, or write it again from the ground station"
+FileFormat = Literal["plan", "waypoints", "fence", "rally"]
+SUFFIXES: dict[str, FileFormat] = {".plan": "plan", ".waypoints": "waypoints"}
+
+
+def read(path: Path | str) -> MissionDocument:
+    """Read a mission, fence or rally file.
+
+    A ``name.waypoints`` file is read together with ``name.fence.waypoints`` and ``name.rally.waypoints`` where these
+    stand beside it, since the format keeps one kind in each file.
+
+    Parameters
+    ----------
+    path : Path or str
+        QGroundControl ``.plan`` or ``.mission``, QGC WPL 110 text, or an old fence or rally text; the content
+        decides.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or holds something else.
+    """
+    path = Path(path)
+    document = loads(read_bytes(path, max_bytes=MAX_BYTES), str(path))
+    if path.suffix == ".waypoints" and not path.name.endswith((".fence.waypoints", ".rally.waypoints")):
+        fence_path, rally_path = _siblings(path)
+        if fence_path.exists() and not document.fence:
+            document = replace(document, fence=read(fence_path).fence)
+        if rally_path.exists() and not len(document.rally):
+            document = replace(document, rally=read(rally_path).rally)
+    return document
+
+
+def loads(data: bytes, file: str = "mission") -> MissionDocument:
+    """Read the bytes of a file of any of the formats; `file` is named in errors (`InputError`)."""
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(Fault(f"is not UTF-8 text (byte {error.start})", file, remedy=SAVE_AS_UTF_8)) from None
+    if "\0" in text[:1000]:  # UTF-16 without its mark
+        raise InputError(Fault("is not UTF-8 text: it has null characters", file, remedy=SAVE_AS_UTF_8))
+    head = text.lstrip()[:200]
+    if head.startswith(("{", "[")):
+        return plan_reader.loads(text, file)
+    if head.startswith("QGC"):
+        return waypoints_file.loads(text.lstrip(), file)
+    words = [line.split() for line in text.splitlines()[:50] if line.strip() and not line.startswith("#")]
+    if words and words[0][0] == "RALLY":
+        return legacy_files.loads_rally(text, file)
+    if words and len(words[0]) == 2 and _is_number(words[0][0]):
+        return legacy_files.loads_fence(text, file)
+    remedy = "expected a .plan, a QGC WPL 110 file, or an ArduPilot fence or rally file"
+    raise InputError(Fault("is not a mission file that we know", file, None, None, head[:40], remedy))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def write(document: MissionDocument, path: Path | str, *, force: bool = False) -> tuple[Path, ...]:
+    """Write a mission file in the format that its name asks for; return every file written.
+
+    A ``.waypoints`` file holds the mission alone: fence and rally points go to ``.fence.waypoints`` and
+    ``.rally.waypoints`` beside it, where Mission Planner loads them from.
+
+    Raises
+    ------
+    InputError
+        Another suffix, a file that exists (without `force`), or a folder that cannot be written.
+    """
+    texts = {file: make(document) for file, make in _files(document, Path(path)).items()}
+    taken = [file for file in texts if file.exists()]
+    if taken and not force:
+        remedy = "give another name, or --force to overwrite it"
+        raise InputError([Fault("exists already", str(file), remedy=remedy) for file in taken])
+    for file, text in texts.items():
+        write_atomically(file, text, force=force)
+    return tuple(texts)
+
+
+def files_of(document: MissionDocument, path: Path | str) -> tuple[Path, ...]:
+    """Return the files that `write` would write; an `InputError` for a suffix that is no format."""
+    return tuple(_files(document, Path(path)))
+
+
+def _files(document: MissionDocument, path: Path) -> dict[Path, Callable[[MissionDocument], str]]:
+    kind = SUFFIXES.get(path.suffix)
+    if kind == "plan":
+        return {path: plan_writer.dumps}
+    if kind != "waypoints":
+        remedy = "name it .plan (QGroundControl) or .waypoints (Mission Planner, QGroundControl)"
+        raise InputError(Fault("has a suffix that is no mission format", str(path), remedy=remedy))
+    files: dict[Path, Callable[[MissionDocument], str]] = {path: waypoints_file.dumps_mission}
+    fence_path, rally_path = _siblings(path)
+    # A fence left over from another mission would be read with this one: replace it, or refuse.
+    if document.fence or fence_path.exists():
+        files[fence_path] = waypoints_file.dumps_fence
+    if len(document.rally) or rally_path.exists():
+        files[rally_path] = waypoints_file.dumps_rally
+    return files
+
+
+def _siblings(path: Path) -> tuple[Path, Path]:
+    return path.with_suffix(f".fence{path.suffix}"), path.with_suffix(f".rally{path.suffix}")

@@ -1,0 +1,1 @@
+"""Mission items, fences and rally points."""

@@ -1,0 +1,32 @@
+"""A mission with its fence and rally points: what one file, or one vehicle, holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from skyway.missions.items.geofence import Geofence
+from skyway.missions.items.mission import Mission
+from skyway.missions.items.rally import RallyPoints
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+@dataclass(frozen=True, slots=True)
+class MissionDocument:
+    """Everything that is uploaded together.
+
+    Attributes
+    ----------
+    mission : Mission
+    fence : Geofence
+    rally : RallyPoints
+    extra : mapping
+        What a file said besides; not compared.
+    """
+
+    mission: Mission = field(default_factory=Mission)
+    fence: Geofence = field(default_factory=Geofence)
+    rally: RallyPoints = field(default_factory=RallyPoints)
+    extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)

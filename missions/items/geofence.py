@@ -1,0 +1,86 @@
+"""Geofences: where the vehicle must stay, and where it must not go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from skyway.missions.items.coordinates import Point
+
+
+@dataclass(frozen=True, slots=True)
+class FencePolygon:
+    """A polygon to stay inside, or outside.
+
+    Attributes
+    ----------
+    vertices : tuple of Point
+        At least three; the first is not repeated at the end.
+    inclusion : bool
+        True: stay inside; False: stay outside.
+    extra : mapping
+        What a file said besides; not compared.
+    """
+
+    vertices: tuple[Point, ...]
+    inclusion: bool = True
+    extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class FenceCircle:
+    """A circle to stay inside, or outside.
+
+    Attributes
+    ----------
+    center : Point
+        Its middle.
+    radius_m : float
+        Metres.
+    inclusion : bool
+        True: stay inside; False: stay outside.
+    extra : mapping
+        What a file said besides; not compared.
+    """
+
+    center: Point
+    radius_m: float
+    inclusion: bool = True
+    extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Geofence:
+    """All areas of a vehicle's fence.
+
+    With several inclusion areas PX4 wants to be inside any of them, ArduPilot inside all of them unless bit 1 of
+    FENCE_OPTIONS is set.
+
+    Attributes
+    ----------
+    polygons : tuple of FencePolygon
+    circles : tuple of FenceCircle
+    return_point : Point or None
+        Where ArduPilot goes after a breach, where one is set.
+    return_altitude_m : float
+        Height above home there; 0 where none was given.
+    extra : mapping
+        What a file said besides; not compared.
+    """
+
+    polygons: tuple[FencePolygon, ...] = ()
+    circles: tuple[FenceCircle, ...] = ()
+    return_point: Point | None = None
+    return_altitude_m: float = 0.0
+    extra: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    def __bool__(self) -> bool:
+        return bool(self.polygons or self.circles or self.return_point)
+
+    @property
+    def areas(self) -> tuple[FencePolygon | FenceCircle, ...]:
+        """Polygons, then circles."""
+        return (*self.polygons, *self.circles)

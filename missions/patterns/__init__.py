@@ -1,0 +1,1 @@
+"""Surveys, scans and landing patterns, built as QGroundControl builds them."""

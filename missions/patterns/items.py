@@ -1,0 +1,45 @@
+"""What patterns of a ground station are made of: corners in, items out, as a plan file writes them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.json_fields import fault, place, sequence
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+Place = tuple[float, float]
+"""Latitude and longitude, degrees."""
+MAX_BUILT = 20_000
+"""Items built for one pattern; no autopilot holds as many."""
+
+
+def corners(source: Mapping[str, Any], key: str, least: int, file: str, field: str) -> list[Place]:
+    """Take the places of a polygon or a line, `least` or more."""
+    raw = sequence(source.get(key), file, f"{field}.{key}")
+    if not least <= len(raw) <= MAX_BUILT:
+        raise fault(f"does not have {least} to {MAX_BUILT} points", file, f"{field}.{key}", len(raw))
+    points = [place(pair, file, f"{field}.{key}[{number}]") for number, pair in enumerate(raw)]
+    return [(point.lat, point.lon) for point in points]
+
+
+def item(command: Command, frame: Frame, params: list[Any] | None = None) -> Mapping[str, Any]:
+    """Return one item; without parameters all seven are 0."""
+    return {"command": int(command), "frame": int(frame), "autoContinue": True, "params": params or [0] * 7}
+
+
+def waypoint(frame: Frame, place: Place, altitude_m: float, hold_s: float = 0) -> Mapping[str, Any]:
+    """Return a waypoint that leaves the yaw to the vehicle."""
+    return item(Command.NAV_WAYPOINT, frame, [hold_s, 0, 0, None, *place, altitude_m])
+
+
+def trigger(distance_m: float, *, at_once: bool = True) -> Mapping[str, Any]:
+    """Return the order to take a picture every so many metres; 0 ends it."""
+    return item(Command.DO_SET_CAM_TRIGG_DIST, Frame.MISSION, [distance_m, 0, int(at_once), 0, 0, 0, 0])
+
+
+def one_photo() -> Mapping[str, Any]:
+    """Return the order to take one picture now."""
+    return item(Command.IMAGE_START_CAPTURE, Frame.MISSION, [0, 0, 1, 0, None, None, None])

@@ -1,0 +1,78 @@
+"""Patterns of QGroundControl (surveys, corridors, structure scans, landings) as the items that are flown for them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from skyway.missions.items.json_fields import fault, mapping
+from skyway.missions.patterns import landing_pattern, structure_scan
+from skyway.missions.patterns import transects as transect_patterns
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+MAX_ITEMS = 100_000
+PATTERN_VERSIONS = {
+    "survey": (2, 3, 4, 5),
+    "CorridorScan": (1, 2),
+    "StructureScan": (3,),
+    "fwLandingPattern": (1, 2),
+    "vtolLandingPattern": (1,),
+    "TransectStyleComplexItem": (0, 1, 2),
+}
+"""Versions of patterns that QGroundControl reads, and those older ones whose items the file holds."""
+BUILT = {"survey": transect_patterns.survey, "CorridorScan": transect_patterns.corridor}
+"""Patterns that are built from their settings where their file holds no items."""
+_WITHOUT_STYLE = (2, 3)
+"""Versions of surveys that never held items."""
+
+
+def expand(source: Mapping[str, Any], number_here: int, file: str, field: str) -> tuple[list[Mapping[str, Any]], bool]:
+    """Return the simple items of a pattern, and whether they were built as QGroundControl builds them.
+
+    The items are those that the file holds, if any. Landing patterns count as held: their expansion is exact.
+
+    Parameters
+    ----------
+    source : mapping
+        The complex item of the plan file.
+    number_here : int
+        Of the item it begins at, for errors.
+    file, field : str
+        Named in errors.
+
+    Raises
+    ------
+    InputError
+        A pattern or version we do not know, or one that cannot be built from what the file says.
+    """
+    kind = str(source.get("complexItemType") or source.get("type"))
+    _check_version(kind, source, field, file)
+    if kind in landing_pattern.LANDINGS:
+        return landing_pattern.expand(kind, source, file, field), False
+    if kind == "StructureScan":
+        return structure_scan.structure_scan(source, file, field), True
+    style = source.get("TransectStyleComplexItem")
+    if isinstance(style, dict):
+        _check_version("TransectStyleComplexItem", style, f"{field}.TransectStyleComplexItem", file)
+    inner = style.get("Items") if isinstance(style, dict) else source.get("Items")
+    if isinstance(inner, list) and inner:
+        if len(inner) > MAX_ITEMS:
+            raise fault(f"has more than {MAX_ITEMS} items", file, field, len(inner))
+        return [mapping(item, file, field) for item in inner], False
+    never_held = kind == "survey" and source.get("version") in _WITHOUT_STYLE
+    if kind not in BUILT or source.get("version") == 1 or (inner is None and not never_held):
+        # QGroundControl opens no plan in which the list is missing
+        remedy = "open and save the plan in QGroundControl, or replace the pattern by waypoints"
+        problem = f"not supported: {kind} (item {number_here}) without the items it expands to"
+        raise fault(problem, file, field, remedy=remedy)
+    return BUILT[kind](source, file, field), True
+
+
+def _check_version(kind: str, source: Mapping[str, Any], field: str, file: str) -> None:
+    """Refuse a pattern of a version that QGroundControl refuses: its items may mean something else."""
+    known = PATTERN_VERSIONS.get(kind)
+    version = source.get("version", 0 if kind == "TransectStyleComplexItem" else None)
+    if known is not None and (isinstance(version, bool) or version not in known):
+        remedy = f"known: {', '.join(map(str, known))}; open and save the plan in QGroundControl"
+        raise fault(f"is a version of {kind} that we do not know", file, f"{field}.version", version, remedy)

@@ -1,0 +1,284 @@
+"""Surveys and corridor scans whose file does not hold the items they expand to: built as QGroundControl builds them.
+
+Surveys of versions 2 and 3 never hold them, later ones and corridors hold an empty list where a program wrote them.
+Sources: ``SurveyComplexItem``, ``CorridorScanComplexItem`` and ``TransectStyleComplexItem`` of QGroundControl. Not
+built is what needs more than the file: heights worked out above terrain, and settings that contradict each other.
+Newer QGroundControl for PX4 marks the ends of a transect by gates on the way; waypoints stand at the same places here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from skyway.missions.items.commands import Frame
+from skyway.missions.items.json_fields import fault, flag, mapping, quantity
+from skyway.missions.patterns.geometry import line_count, offset, sweep, to_place, to_plane
+from skyway.missions.patterns.items import MAX_BUILT, corners, one_photo, trigger, waypoint
+from skyway.models.base import geodesy
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from skyway.missions.patterns.items import Place
+
+HOVER_S = 4
+"""Time QGroundControl hovers for a picture."""
+CLOSEST_TRANSECTS_M = {"survey": 0.3, "CorridorScan": 0.5}
+"""Below this spacing QGroundControl flies one transect."""
+ONE_TRANSECT_M = 100_000.0
+TOP_RIGHT = 1
+MANUAL = "Manual"
+"""Begins the name of no camera: it alone may be flown at heights above the sea."""
+_FRAMES = {1: Frame.GLOBAL_RELATIVE_ALT, 2: Frame.GLOBAL, 4: Frame.GLOBAL_TERRAIN_ALT}
+"""By the altitude mode of QGroundControl; 3 works heights out from a terrain model."""
+_DISAGREES = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Transects:
+    """What a survey or corridor is flown by.
+
+    Attributes
+    ----------
+    spacing_m, trigger_m : float
+        Between transects, and between pictures along one; no trigger distance, no pictures.
+    altitude_m : float
+        Counted as `frame` says.
+    turnaround_m : float
+        Flown on beyond the ends of each transect.
+    entry : int
+        Corner to begin at: 0 to 3.
+    hovers : bool
+        It stops for each picture.
+    photographs_turns : bool
+        Pictures are taken while it turns, too.
+    """
+
+    spacing_m: float
+    trigger_m: float
+    altitude_m: float
+    frame: Frame
+    turnaround_m: float
+    entry: int
+    hovers: bool
+    photographs_turns: bool
+
+
+def survey(source: Mapping[str, Any], file: str, field: str) -> list[Mapping[str, Any]]:
+    """Return the items of a survey of any version.
+
+    Raises
+    ------
+    InputError
+        A setting is missing, impossible, or needs more than the file; or there would be too many items.
+    """
+    if source.get("version") in (2, 3):
+        settings, angle, again = _settings_of_version_3(source, file, field)
+    else:
+        style = mapping(source.get("TransectStyleComplexItem"), file, f"{field}.TransectStyleComplexItem")
+        settings = _settings(source, style, "survey", file, field)
+        angle = quantity(source, "angle", file, field)
+        again = flag(style, "Refly90Degrees", file, f"{field}.TransectStyleComplexItem")
+    polygon = corners(source, "polygon", 3, file, field)
+    shape = to_plane(polygon, polygon[0])
+    _limit(line_count(shape, settings.spacing_m), file, field)
+    angle = angle - 180.0 if angle > 90.0 else angle + 180.0 if angle < -90.0 else angle
+    alternate = flag(source, "flyAlternateTransects", file, field, missing=False)
+    flown: list[list[Place]] = []
+    for heading in (angle, angle + 90.0) if again else (angle,):
+        swept = sweep(shape, heading, settings.spacing_m)
+        lines = [[to_place(float(x), float(y), polygon[0]) for x, y in line] for line in swept]
+        lines = _entered(lines, settings.entry, reverse_lines=(1, 3), reverse_points=(2, 3))
+        if flown and lines:
+            lines = _nearest_first(lines, flown[-1][-1])
+        flown += _lawnmower(lines[::2] + lines[1::2][::-1] if alternate else lines)
+    if not flown:
+        raise fault("is not a polygon: no line crosses it", file, f"{field}.polygon")
+    return _items(flown, settings, file, field)
+
+
+def corridor(source: Mapping[str, Any], file: str, field: str) -> list[Mapping[str, Any]]:
+    """Return the items of a corridor scan; `InputError` as `survey`."""
+    style = mapping(source.get("TransectStyleComplexItem"), file, f"{field}.TransectStyleComplexItem")
+    settings = _settings(source, style, "CorridorScan", file, field)
+    width = quantity(source, "CorridorWidth", file, field, least=0.0)
+    polyline = corners(source, "polyline", 2, file, field)
+    shape = to_plane(polyline, polyline[0])
+    _limit(width / settings.spacing_m * len(polyline), file, field)
+    count = math.ceil(width / settings.spacing_m) if width > 0.0 else 1
+    lines = []
+    for number in range(count):
+        beside = 0.0 if count == 1 else width / 2.0 - (number + 0.5) * settings.spacing_m
+        moved = offset(shape, beside, closed=False)
+        if moved is None:
+            raise fault("has a point twice in a row", file, f"{field}.polyline")
+        lines.append([to_place(float(x), float(y), polyline[0]) for x, y in moved])
+    return _items(_lawnmower(_entered(lines, settings.entry, (1, 3), (2, 3))), settings, file, field)
+
+
+def _settings(source: Mapping[str, Any], style: Mapping[str, Any], kind: str, file: str, field: str) -> Transects:
+    at = f"{field}.TransectStyleComplexItem"
+    camera = mapping(style.get("CameraCalc"), file, f"{at}.CameraCalc")
+    seen = f"{at}.CameraCalc"
+    if style.get("FollowTerrain"):
+        mode: object = 3
+    elif "DistanceMode" in camera:
+        mode = camera["DistanceMode"]
+    else:
+        mode = 1 if flag(camera, "DistanceToSurfaceRelative", file, seen) else 2
+    frame = _frame(mode, file, f"{seen}.DistanceMode")
+    if frame == Frame.GLOBAL and not str(camera.get("CameraName", MANUAL)).startswith(MANUAL):
+        problem = "not supported: a pattern above sea level with a camera (QGroundControl flies it above home)"
+        raise fault(problem, file, f"{seen}.DistanceMode", mode, "open the plan in QGroundControl, and save it")
+    return Transects(
+        _spacing(quantity(camera, "AdjustedFootprintSide", file, seen, least=0.0), kind),
+        quantity(camera, "AdjustedFootprintFrontal", file, seen, least=0.0),
+        quantity(camera, "DistanceToSurface", file, seen),
+        frame,
+        quantity(style, "TurnAroundDistance", file, at),
+        _entry(source, "EntryPoint" if kind == "CorridorScan" else "entryLocation", file, field),
+        flag(style, "HoverAndCapture", file, at),
+        flag(style, "CameraTriggerInTurnAround", file, at),
+    )
+
+
+def _settings_of_version_3(source: Mapping[str, Any], file: str, field: str) -> tuple[Transects, float, bool]:
+    """Return the settings, the angle, and whether it is flown again at a right angle, of a survey of version 2 or 3."""
+    grid, at = mapping(source.get("grid"), file, f"{field}.grid"), f"{field}.grid"
+    if not flag(grid, "relativeAltitude", file, at):
+        remedy = "open the plan in QGroundControl, set the altitude, and save it"
+        problem = "not supported: a survey of version 3 above sea level (QGroundControl reads it as above home)"
+        raise fault(problem, file, f"{at}.relativeAltitude", grid.get("relativeAltitude"), remedy)
+    spacing = quantity(grid, "spacing", file, at, least=0.0)
+    distance = quantity(source, "cameraTriggerDistance", file, field, least=0.0)
+    altitude = quantity(grid, "altitude", file, at)
+    if not flag(source, "manualGrid", file, field):
+        camera = mapping(source.get("camera"), file, f"{field}.camera")
+        _agree(camera, altitude, spacing, distance, file, f"{field}.camera")
+    hovers = flag(source, "hoverAndCapture", file, field, missing=False)
+    settings = Transects(
+        _spacing(spacing, "survey"),
+        distance,
+        altitude,
+        Frame.GLOBAL_RELATIVE_ALT,
+        quantity(grid, "turnAroundDistance", file, at),
+        _entry(grid, "entryLocation", file, at) if "entryLocation" in grid else TOP_RIGHT,
+        hovers,
+        flag(source, "cameraTriggerInTurnaround", file, field, missing=True) and not hovers,
+    )
+    return settings, quantity(grid, "angle", file, at), flag(source, "refly90Degrees", file, field, missing=False)
+
+
+def _agree(camera: Mapping[str, Any], altitude: float, spacing: float, distance: float, file: str, field: str) -> None:
+    """Refuse a spacing that is not the camera's at this height: QGroundControl flies the camera's, not the file's."""
+    keys = ("focalLength", "sensorWidth", "resolutionWidth", "resolutionHeight")
+    focal, sensor, wide, high = (quantity(camera, key, file, field, positive=True) for key in keys)
+    pixel_m = altitude * sensor / (wide * focal)
+    footprint = [wide * pixel_m, high * pixel_m]
+    if not flag(camera, "orientationLandscape", file, field):
+        footprint.reverse()
+    side_key = "imageSizeOverlap" if "imageSizeOverlap" in camera else "imageSideOverlap"
+    overlaps = [int(quantity(camera, key, file, field)) for key in (side_key, "imageFrontalOverlap")]
+    for told, full, overlap, what in zip(
+        (spacing, distance), footprint, overlaps, ("grid.spacing", "cameraTriggerDistance"), strict=True
+    ):
+        worked_out = full * (100 - overlap) / 100.0
+        if abs(worked_out - told) > _DISAGREES * max(abs(told), abs(worked_out)):
+            remedy = f"the camera gives {worked_out:.4g} m at this height: open and save the plan in QGroundControl"
+            parent = field.rpartition(".")[0]
+            raise fault("contradicts the camera of the survey", file, f"{parent}.{what}", told, remedy)
+
+
+def _spacing(value: float, kind: str) -> float:
+    return value if value >= CLOSEST_TRANSECTS_M[kind] else ONE_TRANSECT_M
+
+
+def _frame(mode: object, file: str, field: str) -> Frame:
+    if isinstance(mode, (int, float)) and mode in _FRAMES:
+        return _FRAMES[int(mode)]
+    if mode == 3:
+        problem = "not supported: a pattern above terrain without the items it expands to"
+        raise fault(problem, file, field, mode, "open and save the plan in QGroundControl: it knows the terrain")
+    raise fault("is an altitude mode we do not know", file, field, mode, "known: 1, 2 and 4")
+
+
+def _entry(source: Mapping[str, Any], key: str, file: str, field: str) -> int:
+    value = quantity(source, key, file, field)
+    return int(value)  # others than 1 to 3 are the corner 0 to QGroundControl
+
+
+def _entered(
+    lines: list[list[Place]], entry: int, reverse_lines: tuple[int, int], reverse_points: tuple[int, int]
+) -> list[list[Place]]:
+    if entry in reverse_points:
+        lines = [line[::-1] for line in lines]
+    return lines[::-1] if entry in reverse_lines else lines
+
+
+def _nearest_first(lines: list[list[Place]], here: Place) -> list[list[Place]]:
+    """Begin where three of the four outer ends are nearest; QGroundControl leaves the fourth out."""
+    ends = (lines[0][0], lines[0][-1], lines[-1][0])
+    away = [geodesy.distance_m(*here, *end) for end in ends]
+    nearest = away.index(min(away))
+    if nearest == 2:
+        return lines[::-1]
+    return [line[::-1] for line in lines] if nearest == 1 else lines
+
+
+def _lawnmower(lines: Sequence[list[Place]]) -> list[list[Place]]:
+    return [line[::-1] if number % 2 else line for number, line in enumerate(lines)]
+
+
+def _limit(count: float, file: str, field: str) -> None:
+    if count > MAX_BUILT:
+        remedy = "make the area smaller, or the spacing wider"
+        raise fault(f"expands to more than {MAX_BUILT} items", file, field, remedy=remedy)
+
+
+def _items(lines: Sequence[list[Place]], settings: Transects, file: str, field: str) -> list[Mapping[str, Any]]:
+    """Return the items along the transects: waypoints, pictures at the ends or on the way, turns."""
+    takes = settings.trigger_m > 0.0
+    hovers = takes and settings.hovers
+    through = takes and not hovers and settings.photographs_turns
+    turns = settings.turnaround_m > 0.0
+    items: list[Mapping[str, Any]] = []
+
+    def fly(spot: Place, distance: float | None = None) -> None:
+        items.append(waypoint(settings.frame, spot, settings.altitude_m))
+        if distance is not None:
+            items.append(trigger(distance))
+
+    for number, line in enumerate(lines):
+        first, last = number == 0, number == len(lines) - 1
+        if turns:
+            fly(_beyond(line[1], line[0], settings.turnaround_m), settings.trigger_m if through and first else None)
+        if hovers:
+            for spot in (line[0], *_stops(line, settings.trigger_m, file, field), *line[1:]):
+                items += [waypoint(settings.frame, spot, settings.altitude_m, HOVER_S), one_photo()]
+        else:
+            fly(line[0], settings.trigger_m if takes else None)
+            for spot in line[1:-1]:
+                fly(spot)
+            ends = takes and (not through or (last and not turns))
+            fly(line[-1], 0 if ends else None)
+        if turns:
+            fly(_beyond(line[-2], line[-1], settings.turnaround_m), 0 if through and last else None)
+        _limit(len(items), file, field)
+    return items
+
+
+def _beyond(before: Place, end: Place, length_m: float) -> Place:
+    """Return the place as far behind the end of a line, in its direction."""
+    return geodesy.direct(*end, geodesy.bearing_deg(*end, *before) + 180.0, length_m)
+
+
+def _stops(line: list[Place], step_m: float, file: str, field: str) -> list[Place]:
+    """Return where it hovers for pictures between the ends of a survey's transect."""
+    length = geodesy.distance_m(*line[0], *line[-1])
+    _limit(2.0 * length / step_m, file, field)
+    if len(line) > 2 or step_m >= length:
+        return []
+    bearing = geodesy.bearing_deg(*line[0], *line[-1])
+    return [geodesy.direct(*line[0], bearing, step_m * number) for number in range(1, math.floor(length / step_m) + 1)]

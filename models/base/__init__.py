@@ -1,0 +1,1 @@
+"""Units, geodesy, errors, files and how figures are put into words."""

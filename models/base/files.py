@@ -1,0 +1,101 @@
+"""Files at the edge: written whole or not at all, read within bounds, every failure an `InputError`."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import tempfile
+import zlib
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, BinaryIO
+
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+def read_bytes(path: Path, *, max_bytes: int) -> bytes:
+    """Read a file of at most `max_bytes` (counted after decompression for ``.gz``).
+
+    Raises
+    ------
+    InputError
+        Missing, a folder, unreadable, damaged or too large.
+    """
+    try:
+        opener = gzip.open if path.suffix == ".gz" else open
+        with opener(path, "rb") as stream:
+            data = stream.read(max_bytes + 1)
+    except FileNotFoundError:
+        raise InputError(Fault("no such file", str(path))) from None
+    except IsADirectoryError:
+        raise InputError(Fault("is a folder, not a file", str(path))) from None
+    except (OSError, EOFError, zlib.error, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(Fault(f"cannot be read: {reason}", str(path))) from None
+    if len(data) > max_bytes:
+        raise InputError(
+            Fault(
+                f"is larger than {max_bytes / 1e6:.0f} MB",
+                str(path),
+                remedy="cut it to the part that is needed",
+            )
+        )
+    return bytes(data)
+
+
+def read_text(path: Path, *, max_bytes: int) -> str:
+    """Read a UTF-8 text file (a byte-order mark is dropped) of at most `max_bytes`, without NUL."""
+    data = read_bytes(path, max_bytes=max_bytes)
+    nul = data.find(0)
+    if nul >= 0 and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError(Fault(f"is not text: byte {nul} is NUL", str(path)))
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        problem = f"is not UTF-8 text (byte {error.start})"
+        raise InputError(Fault(problem, str(path), remedy="save it with the encoding UTF-8")) from None
+
+
+def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -> None:
+    """Write a file so that a reader, or a crash, never sees half of it.
+
+    Raises
+    ------
+    InputError
+        The file exists and `force` is false, or it cannot be written.
+    """
+    with writing(path, force=force) as stream:
+        stream.write(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def writing(path: Path, *, force: bool = False) -> Iterator[BinaryIO]:
+    """Open a file for writing that appears whole when the block ends, and not at all when it fails.
+
+    Raises
+    ------
+    InputError
+        The file exists and `force` is false, or it cannot be written.
+    """
+    try:
+        if path.exists() and not force:
+            remedy = "give another name, or --force to overwrite it"
+            raise InputError(Fault("exists already", str(path), remedy=remedy))
+        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with os.fdopen(descriptor, "wb") as stream:
+                yield stream
+                stream.flush()
+                os.fsync(stream.fileno())
+            mask = os.umask(0)
+            os.umask(mask)
+            os.chmod(temporary, 0o666 & ~mask)
+            os.replace(temporary, path)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+    except OSError as error:
+        raise InputError(Fault(f"cannot be written: {error.strerror or error}", str(path))) from None

@@ -1,0 +1,125 @@
+"""Geodesics on the WGS-84 ellipsoid (Karney 2013, as implemented in PROJ).
+
+Source: C. F. F. Karney, "Algorithms for geodesics", J. Geodesy 87, 43-55 (2013).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import Fault
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from pyproj import Geod
+
+SEMI_MAJOR_M = 6_378_137.0
+ECCENTRICITY_SQUARED = 0.006_694_379_990_141_317
+"""Of the WGS-84 ellipsoid."""
+EARTH_RADIUS_M = 6_371_008.8
+"""Mean radius of the Earth (IUGG), for bounding boxes and other coarse uses only."""
+
+
+@cache
+def _wgs84() -> Geod:
+    from pyproj import Geod
+
+    return Geod(ellps="WGS84")
+
+
+def inverse(
+    lat1: ArrayLike, lon1: ArrayLike, lat2: ArrayLike, lon2: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Length and initial bearing of the geodesics between points.
+
+    Parameters
+    ----------
+    lat1, lon1, lat2, lon2 : array_like, degrees
+        Start and end points; broadcast against each other.
+
+    Returns
+    -------
+    distance_m, bearing_deg : ndarray
+        Metres, and degrees clockwise from true north in [0, 360) at the start point.
+    """
+    a, b, c, d = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (lat1, lon1, lat2, lon2)))
+    azimuth, _, distance = _wgs84().inv(b.ravel(), a.ravel(), d.ravel(), c.ravel())
+    bearing = np.mod(np.asarray(azimuth), 360.0)
+    bearing[bearing >= 360.0] = 0.0
+    return np.asarray(distance).reshape(a.shape), bearing.reshape(a.shape)
+
+
+def earth_xyz(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return places (lat, lon), shape (places, 2), as metres from the centre of the ellipsoid, shape (places, 3)."""
+    lat, lon = np.radians(places).T
+    normal = SEMI_MAJOR_M / np.sqrt(1.0 - ECCENTRICITY_SQUARED * np.sin(lat) ** 2)
+    up = normal * (1.0 - ECCENTRICITY_SQUARED) * np.sin(lat)
+    return np.column_stack((normal * np.cos(lat) * np.cos(lon), normal * np.cos(lat) * np.sin(lon), up))
+
+
+def coarse_distance_m(lat: float, lon: float, lats: ArrayLike, lons: ArrayLike) -> NDArray[np.float64]:
+    """Distance of points from one, on a sphere: within 0.6 % of `inverse` and much faster, to leave out what is too far."""
+    here, there = np.radians(lat), np.radians(np.asarray(lats, dtype=np.float64))
+    half = 0.5 * np.radians(np.asarray(lons, dtype=np.float64) - lon)
+    square = np.sin(0.5 * (there - here)) ** 2 + np.cos(here) * np.cos(there) * np.sin(half) ** 2
+    return np.asarray(2.0 * EARTH_RADIUS_M * np.arcsin(np.sqrt(np.minimum(square, 1.0))))
+
+
+def distance_m(lat1: float, lon1: float, lat2: float, lon2: float) -> float:
+    """Length of the geodesic between two points, metres."""
+    return float(inverse(lat1, lon1, lat2, lon2)[0])
+
+
+def bearing_deg(lat1: float, lon1: float, lat2: float, lon2: float) -> float:
+    """Initial bearing of the geodesic from the first point to the second, degrees in [0, 360)."""
+    return float(inverse(lat1, lon1, lat2, lon2)[1])
+
+
+def direct(lat: float, lon: float, bearing: float, length_m: float) -> tuple[float, float]:
+    """Point reached from (lat, lon) along a geodesic; returns (lat, lon) in degrees."""
+    lon2, lat2, _ = _wgs84().fwd(lon, lat, bearing, length_m)
+    return float(lat2), float(lon2)
+
+
+def along(lat1: float, lon1: float, lat2: float, lon2: float, count: int) -> list[tuple[float, float]]:
+    """Return `count` points that divide the geodesic evenly, end points excluded, as (lat, lon)."""
+    if count < 1:
+        return []
+    return [(lat, lon) for lon, lat in _wgs84().npts(lon1, lat1, lon2, lat2, count)]
+
+
+def midpoint(
+    lat: ArrayLike, lon: ArrayLike, bearing: ArrayLike, length_m: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Half-way points of geodesics given by start, initial bearing and length; (lat, lon) in degrees."""
+    a, b, c, d = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (lat, lon, bearing, length_m)))
+    lon2, lat2, _ = _wgs84().fwd(b.ravel(), a.ravel(), c.ravel(), d.ravel() / 2.0)
+    return np.asarray(lat2).reshape(a.shape), np.asarray(lon2).reshape(a.shape)
+
+
+def local_offsets_m(
+    lat: ArrayLike, lon: ArrayLike, lat0: float, lon0: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(north, east) metres of points from an origin, along the geodesics from the origin.
+
+    Distances and bearings from the origin are exact; distances between two points are good to about
+    1e-5 relative within 100 km.
+    """
+    length, bearing = inverse(lat0, lon0, lat, lon)
+    angle = np.radians(bearing)
+    return length * np.cos(angle), length * np.sin(angle)
+
+
+def coordinate_faults(lat: float, lon: float, *, file: str | None = None, line: int | None = None) -> list[Fault]:
+    """Return what is wrong with a position in degrees: out of range, or not a number."""
+    faults = []
+    hint = "degrees, not ten-millionths of them" if 1e5 < abs(lat) < 1e9 else "degrees from -90 to 90"
+    if not -90.0 <= lat <= 90.0:
+        hint = "lat and lon may be swapped" if abs(lat) <= 180.0 and abs(lon) <= 90.0 else hint
+        faults.append(Fault("latitude out of range", file, line, "lat", lat, hint))
+    if not -180.0 <= lon <= 180.0:
+        faults.append(Fault("longitude out of range", file, line, "lon", lon, "degrees from -180 to 180"))
+    return faults

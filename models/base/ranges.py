@@ -1,0 +1,52 @@
+"""Numbers out of range, and what they may mean in another unit: fractions and percent, metres and kilometres, grams and kilograms."""
+
+from __future__ import annotations
+
+from numbers import Real
+
+from skyway.models.base.errors import Fault
+
+MIN_PERCENT = 1.0
+"""A state of charge between 0 and this is a slip of the pen: percent were meant for a fraction, or a fraction for percent."""
+
+
+def divided(value: float, by: float, most: float) -> str | None:
+    """What a number may mean that was given in a unit so many times smaller; None where it then is not from 0 to `most`."""
+    return f"; did you mean {value / by:g}?" if _is_number(value) and 0.0 < value / by <= most else None
+
+
+def range_faults(
+    field: str, value: float, low: float, high: float, remedy: str, meant: str | None = None
+) -> list[Fault]:
+    """Faults of a number that must lie in a range; `meant` is what it may mean in another unit."""
+    if not _is_number(value):
+        return [Fault("is no number", field=field, value=value, remedy=remedy)]
+    if low <= value <= high:
+        return []
+    return [Fault("out of range", field=field, value=value, remedy=f"{remedy}{meant or ''}")]
+
+
+def fraction_faults(field: str, value: float, high: float, option: str, *, least: float = 0.0) -> list[Fault]:
+    """Faults of a state of charge from 0 to 1; above 0 and below `least` it is a fraction of percent, taken for percent."""
+    meant = divided(value, 100.0, high) if _is_number(value) and value > 1.0 else None
+    faults = range_faults(field, value, 0.0, high, f"a fraction from 0 to {high:g} ({option})", meant)
+    if faults or not 0.0 < value < least:
+        return faults
+    return [_hardly(field, value, 100.0 * value, "a fraction", f"{min(100.0 * value, high):g}")]
+
+
+def percent_faults(option: str, value: float, high: float) -> list[Fault]:
+    """Faults of percent, as typed; above 0 and up to 1 it is a fraction, taken for percent."""
+    faults = range_faults(option, value, 0.0, high, f"percent from 0 to {high:g}")
+    if faults or not 0.0 < value <= MIN_PERCENT:
+        return faults
+    return [_hardly(option, value, value, "in percent", f"{option} {min(100.0 * value, high):g}")]
+
+
+def _hardly(field: str, value: float, percent: float, unit: str, meant: str) -> Fault:
+    problem = f"is {unit}, and {percent:g} % is hardly anything"
+    return Fault(problem, field=field, value=value, remedy=f"did you mean {meant}?")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)

@@ -1,0 +1,1 @@
+"""Drag, energy and airspeed of a vehicle, fitted to its flights."""

@@ -1,0 +1,267 @@
+"""Energy models fitted to recorded flights, with the error they make on flights they have not seen.
+
+Only the time in which the motors turn counts: a recorder that runs on after the landing would otherwise pass for a drone
+that needs little power.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
+from skyway.models.drones.energy import M100_COEFFICIENTS, PHASES, EnduranceEnergy, EnergyModel, MomentumEnergy, Phase
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.models.drones.drone import Drone
+    from skyway.models.drones.telemetry import TelemetryTrack
+
+ModelName = Literal["endurance", "momentum"]
+MODELS: tuple[ModelName, ...] = ("endurance", "momentum")
+VERTICAL_MPS = 0.4
+"""Climbing or sinking faster than this, smoothed, is a climb or a descent."""
+SMOOTH_S = 2.0
+MOTORS_ON = 0.3
+"""Share of the median power, smoothed, above which the motors turn."""
+LONGEST_GAP_S = 0.5
+"""A longer pause between samples counts as so much: what happened in it is not known."""
+MIN_MASS_SPREAD = 1.03
+"""With masses closer together than this ratio an exponent, or an offset, cannot be fitted."""
+DEFAULT_KAPPA = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class PowerRecord:
+    """What one flight took.
+
+    Attributes
+    ----------
+    name : str
+        Of the log.
+    mass_kg : float
+        Take-off mass, with package.
+    time_s, energy_j : dict of Phase to float
+        Time and energy in each phase, motors on.
+    idle_s : float
+        Time left out because the motors stood still.
+    """
+
+    name: str
+    mass_kg: float
+    time_s: dict[Phase, float]
+    energy_j: dict[Phase, float]
+    idle_s: float
+
+    @property
+    def total_s(self) -> float:
+        """Time in the air."""
+        return sum(self.time_s.values())
+
+    @property
+    def total_j(self) -> float:
+        """Energy taken."""
+        return sum(self.energy_j.values())
+
+    def predicted_j(self, model: EnergyModel) -> float:
+        """Energy that a model says these phases take."""
+        return sum(model.power_w(self.mass_kg, phase) * self.time_s[phase] for phase in PHASES)
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyFit:
+    """A model fitted to flights.
+
+    Attributes
+    ----------
+    model : EnergyModel
+        Fitted to all of them.
+    left_out_error : tuple of float
+        Relative error of the energy of each flight by a model fitted to the others; NaN for a single flight.
+    """
+
+    model: EnergyModel
+    left_out_error: tuple[float, ...]
+
+    @property
+    def worst(self) -> float:
+        """Largest error without its sign."""
+        return max(abs(error) for error in self.left_out_error)
+
+    @property
+    def median(self) -> float:
+        """Median error without its sign."""
+        return float(np.median(np.abs(self.left_out_error)))
+
+
+def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecord:
+    """Measure a flight.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    track : TelemetryTrack
+        With power and vertical speed.
+    mass_kg : float
+        Drone, batteries and package.
+
+    Raises
+    ------
+    InputError
+        Power is not known, or the motors never ran.
+    """
+    power = track["power_w"]
+    known = np.isfinite(power) & np.isfinite(track["vel_down_mps"])
+    if known.sum() < 20 or not np.nanmedian(power) > 1.0:
+        remedy = "a log with battery voltage and current, or a CSV with a power column"
+        raise InputError(Fault("has no battery power", name, remedy=remedy))
+    if not 0.0 < mass_kg < math.inf:
+        raise InputError(Fault("is no take-off mass", name, None, "mass", mass_kg, "kg, above 0"))
+    track = track.part(known)
+    time_s, power, rise = track.time_s, track["power_w"], -track["vel_down_mps"]
+    duration = np.minimum(np.gradient(time_s), LONGEST_GAP_S)
+    climb = _smooth(time_s, rise)
+    on = _smooth(time_s, power) > MOTORS_ON * float(np.median(power))
+    where: dict[Phase, NDArray[np.bool_]] = {
+        "climb": on & (climb > VERTICAL_MPS),
+        "cruise": on & (np.abs(climb) <= VERTICAL_MPS),
+        "descent": on & (climb < -VERTICAL_MPS),
+    }
+    return PowerRecord(
+        name,
+        mass_kg,
+        {phase: float(duration[chosen].sum()) for phase, chosen in where.items()},
+        {phase: float((duration * power)[chosen].sum()) for phase, chosen in where.items()},
+        float(duration[~on].sum()),
+    )
+
+
+def fit_energy(records: Sequence[PowerRecord], name: ModelName, drone: Drone, air_density_kg_m3: float) -> EnergyFit:
+    """Fit a model to flights, and to each of them without it.
+
+    Parameters
+    ----------
+    records : sequence of PowerRecord
+        At least one.
+    name : str
+        ``endurance`` or ``momentum``.
+    drone : Drone
+        Whose masses and battery the model is written for.
+    air_density_kg_m3 : float
+        During the flights.
+    """
+    if not records:
+        raise InputError("no flight to fit an energy model to")
+    errors = []
+    for number, record in enumerate(records):
+        others = [*records[:number], *records[number + 1 :]]
+        if not others:
+            errors.append(math.nan)
+            continue
+        model = _fit(others, name, drone, air_density_kg_m3)
+        errors.append(record.predicted_j(model) / record.total_j - 1.0)
+    return EnergyFit(_fit(records, name, drone, air_density_kg_m3), tuple(errors))
+
+
+def published_errors(records: Sequence[PowerRecord], air_density_kg_m3: float) -> tuple[float, ...]:
+    """Relative error of each flight's energy by the coefficients published for the DJI Matrice 100."""
+    model = MomentumEnergy(M100_COEFFICIENTS, air_density_kg_m3)
+    return tuple(record.predicted_j(model) / record.total_j - 1.0 for record in records)
+
+
+def calibrated(drone: Drone, model: EnergyModel) -> Drone:
+    """Return the drone with a fitted model; its endurances follow from the model."""
+    full_kg = drone.mass_kg + drone.max_payload_kg
+    return replace(
+        drone,
+        endurance_empty_s=drone.battery_j / model.power_w(drone.mass_kg),
+        endurance_full_s=drone.battery_j / model.power_w(full_kg),
+        energy=model if isinstance(model, MomentumEnergy) else None,
+    )
+
+
+def drone_file(drone: Drone, notes: Sequence[str] = ()) -> str:
+    """Write a drone as a fleet file that `models.drones.fleet.read_fleet` reads, with notes as comments."""
+    lines = [*(f"# {note}" for note in notes), 'schema = "skyway.fleet/1"', "", "[[drone]]"]
+    lines += [f"{key} = {_toml_text(getattr(drone, key))}" for key in ("id", "name", "provider")]
+    figures = {
+        "mass_kg": drone.mass_kg,
+        "max_payload_kg": drone.max_payload_kg,
+        "battery_wh": drone.battery_j / J_PER_WH,
+        "endurance_empty_min": drone.endurance_empty_s / S_PER_MIN,
+        "endurance_full_min": min(drone.endurance_full_s, drone.endurance_empty_s) / S_PER_MIN,
+        "max_airspeed_mps": drone.max_airspeed_mps,
+        "max_ground_speed_mps": drone.max_ground_speed_mps,
+        "wind_limit_mps": drone.wind_limit_mps,
+        "recharge_full_h": drone.recharge_full_s / S_PER_H,
+    }
+    if drone.price_per_km is not None:
+        figures["price_per_km"] = drone.price_per_km
+    lines += [f"{key} = {value!r}" for key, value in ((key, float(value)) for key, value in figures.items())]
+    if isinstance(drone.energy, MomentumEnergy):
+        lines += ['energy_model = "momentum"', "", "[drone.momentum]"]
+        lines.append(f"air_density_kg_m3 = {float(drone.energy.air_density_kg_m3)!r}")
+        for phase in PHASES:
+            b1, b0 = drone.energy.coefficients[phase]
+            lines += ["", f"[drone.momentum.{phase}]", f"b1 = {float(b1)!r}", f"b0 = {float(b0)!r}"]
+    return "\n".join(lines) + "\n"
+
+
+def _fit(records: Sequence[PowerRecord], name: ModelName, drone: Drone, density: float) -> EnergyModel:
+    if name == "momentum":
+        return MomentumEnergy({phase: _momentum(records, phase, density) for phase in PHASES}, density)
+    mass = np.array([record.mass_kg for record in records])
+    power = np.array([record.total_j / record.total_s for record in records])
+    weight = np.sqrt([record.total_s for record in records])
+    if mass.max() / mass.min() < MIN_MASS_SPREAD:
+        kappa, level = DEFAULT_KAPPA, float(np.average(np.log(power / mass**DEFAULT_KAPPA), weights=weight**2))
+    else:
+        kappa, level = (float(value) for value in np.polyfit(np.log(mass), np.log(power), 1, w=weight))
+    kappa = max(kappa, 0.0)
+    full_kg = drone.mass_kg + drone.max_payload_kg
+    empty_s, full_s = (drone.battery_j / (math.exp(level) * kg**kappa) for kg in (drone.mass_kg, full_kg))
+    if full_kg <= drone.mass_kg:
+        full_s = empty_s
+    return EnduranceEnergy(drone.battery_j, drone.mass_kg, full_kg, empty_s, full_s)
+
+
+def _momentum(records: Sequence[PowerRecord], phase: Phase, density: float) -> tuple[float, float]:
+    """b1 and b0 of one phase: weighted least squares; b0 is 0 where the masses are too much alike to tell."""
+    flown = [record for record in records if record.time_s[phase] > 1.0]
+    if not flown:
+        return M100_COEFFICIENTS[phase]
+    mass = np.array([record.mass_kg for record in flown])
+    induced = mass**1.5 / math.sqrt(density)
+    weight = np.sqrt([record.time_s[phase] for record in flown])
+    power = np.array([record.energy_j[phase] / record.time_s[phase] for record in flown])
+    if mass.max() / mass.min() >= MIN_MASS_SPREAD:
+        table = np.stack([induced, np.ones(len(flown))], axis=1)
+        (b1, b0), *_ = np.linalg.lstsq(table * weight[:, None], power * weight, rcond=None)
+        if b1 > 0.0:
+            return float(b1), float(b0)
+    return float((weight**2 * induced * power).sum() / (weight**2 * induced**2).sum()), 0.0
+
+
+def _smooth(time_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean over `SMOOTH_S` about each sample."""
+    total = np.concatenate(([0.0], np.cumsum(values)))
+    first = np.searchsorted(time_s, time_s - SMOOTH_S / 2.0, side="left")
+    last = np.searchsorted(time_s, time_s + SMOOTH_S / 2.0, side="right")
+    return np.asarray((total[last] - total[first]) / np.maximum(last - first, 1))
+
+
+def _toml_text(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+DEFAULT_DENSITY_KG_M3 = AIR_DENSITY_KG_M3
+"""Where the density during the flights is not said."""

@@ -1,0 +1,252 @@
+"""Drag and level bias of a drone, found in a log of its flight, or the reason why that flight cannot tell them.
+
+Flown on one course only, or standing in the wind, a drone leans by an amount that a strong wind and little drag explain
+as well as a weak wind and much drag. On two courses the wind stays and the course turns, which tells them apart. So the fit
+looks for drag, bias and a wind that changes slowly, all at once, and says how sure it is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.drones.drag import DragModel
+from skyway.models.wind.estimation.blocks import MIN_SPEED_MPS, MIN_SPREAD_DEG, course_spread_deg
+from skyway.models.wind.estimation.filter import WindFilterSettings
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.models.wind.estimation.blocks import Blocks
+
+KNOT_S = 120.0
+"""The wind of the fit is linear between knots so far apart."""
+KNOT_SIGMA_MPS = 1.5
+"""How much it may change from knot to knot."""
+MAX_BLOCKS = 1800
+"""Of a longer flight the last part is fitted."""
+BIAS_SIGMA_MPS2 = 0.15
+"""A level that is off by about 1 degree."""
+FAST_MPS = 8.0
+"""Quadratic drag is fitted where airspeeds differ by more than this."""
+MIN_BLOCKS = 60
+MAX_RELATIVE_SIGMA = 0.20
+"""A drag that is less sure than this is not identified."""
+
+
+@dataclass(frozen=True, slots=True)
+class DragFit:
+    """What a flight tells about the drag.
+
+    Attributes
+    ----------
+    identified : bool
+        Whether the flight can tell it at all.
+    reason : str
+        Why not, or what it was found from.
+    drag : DragModel or None
+        As sure as it is for this flight; `models.drones.drag.DragModel.another_flight` for the next. None where it was not identified.
+    relative_sigma : float
+        Relative standard deviation of the drag at the typical airspeed; infinite where nothing was fitted.
+    wind_north_mps, wind_east_mps : float
+        Mean wind of the flight, TOWARDS, found along with it; NaN where nothing was fitted.
+    course_spread_deg : float
+        How far the courses flown differ, 0 to 180.
+    blocks : int
+        Averages used.
+    """
+
+    identified: bool
+    reason: str
+    drag: DragModel | None = None
+    relative_sigma: float = math.inf
+    wind_north_mps: float = math.nan
+    wind_east_mps: float = math.nan
+    course_spread_deg: float = 0.0
+    blocks: int = 0
+
+
+def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
+    """Find drag, level bias and wind in one flight.
+
+    Parameters
+    ----------
+    air : Blocks
+        From `models.wind.estimation.blocks.blocks`.
+    period_s : float
+        Their period.
+    """
+    good = air.flying & ~air.winged & np.isfinite(air.drag).all(axis=1) & np.isfinite(air.velocity).all(axis=1)
+    count = int(good.sum())
+    if air.flying.any() and air.winged[air.flying].mean() > 0.5:
+        return DragFit(identified=False, reason="the vehicle flies on wings: its tilt tells no wind", blocks=count)
+    if count < MIN_BLOCKS:
+        reason = f"only {count * period_s:.0f} s of flight with attitude and velocity, at least {MIN_BLOCKS} are needed"
+        return DragFit(identified=False, reason=reason, blocks=count)
+    velocity, drag, yaw, time_s = (
+        values[good][-MAX_BLOCKS:] for values in (air.velocity, air.drag, air.yaw_rad, air.time_s)
+    )
+    spread = course_spread_deg(velocity)
+    speed = float(np.percentile(np.hypot(*velocity.T), 90))
+    if speed < MIN_SPEED_MPS:
+        reason = (
+            f"the drone hovers (ground speed up to {speed:.1f} m/s): drag and wind cannot be told apart; "
+            "fly out and back, or a circle, at cruise speed, or give the wind with --wind"
+        )
+        return DragFit(identified=False, reason=reason, course_spread_deg=spread, blocks=count)
+    fit = _Fit(time_s, velocity, drag, yaw, quadratic=_spread(velocity) > FAST_MPS)
+    model, relative, wind = fit.solve(period_s)
+    one_course = spread < MIN_SPREAD_DEG
+    if relative > MAX_RELATIVE_SIGMA or model is None or one_course:
+        turn = f"the courses flown differ by {spread:.0f}° only: fly out and back, or a circle"
+        unsure = f"the drag is uncertain by {relative:.0%} (limit {MAX_RELATIVE_SIGMA:.0%})"
+        reason = "; ".join([unsure] * (relative > MAX_RELATIVE_SIGMA) + [turn] * one_course)
+        return DragFit(
+            identified=False,
+            reason=reason,
+            relative_sigma=relative,
+            wind_north_mps=wind[0],
+            wind_east_mps=wind[1],
+            course_spread_deg=spread,
+            blocks=count,
+        )
+    reason = f"found from {count * period_s:.0f} s of flight on courses that differ by {spread:.0f}°"
+    return DragFit(
+        identified=True,
+        reason=reason,
+        drag=model,
+        relative_sigma=relative,
+        wind_north_mps=wind[0],
+        wind_east_mps=wind[1],
+        course_spread_deg=spread,
+        blocks=count,
+    )
+
+
+def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0, smooth: int = 10) -> DragModel:
+    """Find the linear drag of a flight, hover included, in a wind that was measured beside it.
+
+    Parameters
+    ----------
+    air : Blocks
+        Averages of the flight.
+    wind : ndarray, shape (blocks, 2)
+        Known wind, (north, east) TOWARDS, m/s.
+    period_s : float
+        Period of the blocks.
+    smooth : int
+        Blocks averaged before the fit: eddies that pass the mast do not pass the drone.
+
+    Returns
+    -------
+    DragModel
+        With the scatter of the drag seen about the drag expected.
+    """
+    good = air.flying & np.isfinite(air.drag).all(axis=1) & np.isfinite(wind).all(axis=1)
+    if good.sum() < max(MIN_BLOCKS, 2 * smooth):
+        raise InputError(Fault("too little flight to fit a drag to", field="blocks", value=int(good.sum())))
+    through = _running(air.velocity[good] - wind[good], smooth)
+    seen = _running(air.drag[good], smooth)
+    linear = float((seen * through).sum() / (through**2).sum())
+    if linear <= 0.0:
+        raise InputError("the drone does not lean against the wind that is given")
+    residual = air.drag[good] - linear * (air.velocity - wind)[good]
+    return DragModel(
+        linear_per_s=linear,
+        sigma_mps2=float(np.sqrt((residual**2).mean())),
+        period_s=period_s,
+    )
+
+
+class _Fit:
+    """Least squares over (drag, bias, wind at knots)."""
+
+    def __init__(
+        self,
+        time_s: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        drag: NDArray[np.float64],
+        yaw: NDArray[np.float64],
+        *,
+        quadratic: bool,
+    ) -> None:
+        self.velocity, self.drag, self.quadratic = velocity, drag, quadratic
+        self.cos, self.sin = np.cos(yaw), np.sin(yaw)
+        flown_s = np.cumsum(np.minimum(np.diff(time_s, prepend=time_s[0]), KNOT_S))
+        knots = max(2, math.ceil(flown_s[-1] / KNOT_S) + 1)
+        place = np.linspace(0.0, flown_s[-1], knots)
+        self.hats = np.stack([np.interp(flown_s, place, row) for row in np.eye(knots)], axis=1)
+        self.sigma = 0.25
+
+    def solve(self, period_s: float) -> tuple[DragModel | None, float, tuple[float, float]]:
+        from scipy.optimize import least_squares
+
+        knots = self.hats.shape[1]
+        start = np.concatenate([[0.3, 0.005 if self.quadratic else 0.0, 0.0, 0.0], np.zeros(2 * knots)])
+        low = np.concatenate([[1e-3, 0.0 if self.quadratic else -1e-9, -2.0, -2.0], np.full(2 * knots, -40.0)])
+        high = np.concatenate([[5.0, 1.0 if self.quadratic else 1e-9, 2.0, 2.0], np.full(2 * knots, 40.0)])
+        answer = least_squares(self._residuals, start, bounds=(low, high), loss="soft_l1", max_nfev=200)
+        c1, c2, forward, right = answer.x[:4]
+        wind = self._wind(answer.x)
+        through = self.velocity - wind
+        left = self._residuals(answer.x)[: 2 * len(self.drag)].reshape(2, -1)
+        scale = float(np.mean(left**2))
+        rho = max(0.0, min(0.98, float(np.mean([np.corrcoef(row[1:], row[:-1])[0, 1] for row in left]))))
+        inflation = scale * (1.0 + rho) / (1.0 - rho)
+        free = np.array([True, self.quadratic] + [True] * (len(answer.x) - 2))
+        free &= (answer.active_mask == 0) | (np.arange(len(answer.x)) != 1)
+        slopes = np.asarray(answer.jac, dtype=np.float64)[:, free]
+        information = slopes.T @ slopes / max(inflation, 1e-6)
+        covariance = np.linalg.pinv(information)
+        typical = max(float(np.median(np.hypot(*through.T))), 1.0)
+        slope = np.array([1.0, typical] + [0.0] * (len(answer.x) - 2))[free]
+        value = float(c1 + c2 * typical)
+        relative = math.sqrt(max(float(slope @ covariance @ slope), 0.0)) / value
+        mean = wind.mean(axis=0)
+        number = int(free[:2].sum())  # places of the two biases among what was free
+        level = math.sqrt(max(0.5 * float(np.trace(covariance[number : number + 2, number : number + 2])), 0.0))
+        model = DragModel(
+            linear_per_s=float(c1),
+            quadratic_per_m=float(max(c2, 0.0)),
+            bias_forward_mps2=float(forward),
+            bias_right_mps2=float(right),
+            sigma_mps2=float(np.clip(_white(left, period_s) * self.sigma, 0.05, 3.0)),
+            period_s=period_s,
+            relative_sigma=float(min(relative, 1.0)),
+            bias_sigma_mps2=float(min(level, 5.0)),
+        )
+        return (model if math.isfinite(relative) else None), relative, (float(mean[0]), float(mean[1]))
+
+    def _wind(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self.hats @ x[4:].reshape(2, -1).T
+
+    def _residuals(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        through = self.velocity - self._wind(x)
+        speed = np.hypot(*through.T)[:, None]
+        expected = through * (x[0] + x[1] * speed)
+        expected[:, 0] += x[2] * self.cos - x[3] * self.sin
+        expected[:, 1] += x[2] * self.sin + x[3] * self.cos
+        misses = ((self.drag - expected) / self.sigma).T.ravel()
+        knots = x[4:].reshape(2, -1)
+        return np.concatenate([misses, x[2:4] / BIAS_SIGMA_MPS2, (np.diff(knots, axis=1) / KNOT_SIGMA_MPS).ravel()])
+
+
+def _white(left: NDArray[np.float64], period_s: float) -> float:
+    """Standard deviation of residuals, shape (2, n), without what is alike from one to the next: that is gusts, not noise."""
+    alike = float(np.mean(left[:, 1:] * left[:, :-1])) * math.exp(period_s / WindFilterSettings().gust_tau_s)
+    return math.sqrt(max(float(np.mean(left**2)) - max(alike, 0.0), 0.0))
+
+
+def _spread(velocity: NDArray[np.float64]) -> float:
+    low, high = np.percentile(np.hypot(*velocity.T), (5, 95))
+    return float(high - low)
+
+
+def _running(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Running means over `count` rows, where they are whole."""
+    total = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
+    return np.asarray((total[count:] - total[:-count]) / count)

@@ -1,0 +1,1 @@
+"""Compositions, services and states (Definitions 1 to 4 of the paper), and their file."""

@@ -1,0 +1,446 @@
+"""Drone services, compositions and states (Definitions 1 to 4 of the paper).
+
+A *service* is one flight of one drone from a take-off to the next landing; stations overflown on the way are its
+``via``. A *composition* is the ordered chain of services, with the stops between them, that carries one package.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Literal
+
+from skyway.models.base import views
+from skyway.models.base.errors import AuditError
+from skyway.models.base.units import iso
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pandas as pd
+
+    from skyway.models.base.figure import Figure
+
+Recharge = Literal["full", "enough"]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a station or delivery target is.
+
+    Attributes
+    ----------
+    lat, lon : float
+        Degrees, WGS-84.
+    elevation_m : float or None
+        Height of the ground above mean sea level; None is unknown.
+    name : str or None
+        What people call it.
+    pads : int
+        Recharging pads; 0 is a delivery target.
+    """
+
+    lat: float
+    lon: float
+    elevation_m: float | None = None
+    name: str | None = None
+    pads: int = 0
+
+
+CALM_MPS = 0.05
+"""Weaker winds have no direction."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wind:
+    """Wind as people say it: one wind, or those that may blow.
+
+    Attributes
+    ----------
+    speed_mps : float
+        Metres per second; the mean of those that may blow.
+    from_deg : float or None
+        Where it blows FROM, degrees clockwise from true north; None is variable.
+    p10_mps, p90_mps : float or None
+        Speeds that 10 and 90 % of the winds do not exceed; None: one wind.
+    """
+
+    speed_mps: float
+    from_deg: float | None
+    p10_mps: float | None = None
+    p90_mps: float | None = None
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is one wind; else its figures have no more digits than a forecast is sure of."""
+        if self.p10_mps is None or self.p90_mps is None:
+            return True
+        return self.p90_mps - self.p10_mps < CALM_MPS and (self.from_deg is not None or self.p90_mps < CALM_MPS)
+
+    @property
+    def range_text(self) -> str:
+        """Speeds for people without unit: ``8 (5 to 11)``, or ``7.5`` where it is one wind."""
+        if self.certain or self.p10_mps is None or self.p90_mps is None:
+            return f"{self.speed_mps:.1f}"
+        return f"{self.speed_mps:.0f} ({self.p10_mps:.0f} to {self.p90_mps:.0f})"
+
+    @property
+    def direction_text(self) -> str:
+        """Direction for people: ``203°``, to ten degrees (``200°``) where it is not certain, or ``variable``."""
+        if self.from_deg is None:
+            return "variable"
+        step = 1 if self.certain else 10
+        return f"{round(self.from_deg / step) * step % 360:03d}°"
+
+    def __str__(self) -> str:
+        """``8 (5 to 11) m/s from 200°``; ``8 (5 to 11) m/s, variable direction``; ``7.5 m/s from 203°``; ``calm``."""
+        if max(self.speed_mps, self.p90_mps or 0.0) < CALM_MPS:
+            return "calm"
+        if self.from_deg is None:
+            return f"{self.range_text} m/s, variable direction"
+        return f"{self.range_text} m/s from {self.direction_text}"
+
+
+@dataclass(frozen=True, slots=True)
+class LegSegment:
+    """One segment of a leg.
+
+    Attributes
+    ----------
+    head : str
+        Station that it leads to.
+    distance_m, bearing_deg : float
+        Its length and initial bearing.
+    wind : Wind
+        Forecast for the time and height at which it is flown.
+    tailwind_mps, crosswind_mps : float
+        Mean components of the forecast along it (tailwind positive) and across it (from the left positive).
+    """
+
+    head: str
+    distance_m: float
+    bearing_deg: float
+    wind: Wind
+    tailwind_mps: float
+    crosswind_mps: float
+
+
+@dataclass(frozen=True, slots=True)
+class DroneService:
+    """One flight of the drone (Definition 1): function and qualities, on the typical course.
+
+    Attributes
+    ----------
+    id : str
+        Unique within its composition.
+    origin, destination : str
+        Station ids.
+    via : tuple of str
+        Stations overflown, in order.
+    depart, arrive : datetime
+        Take-off and touch-down, UTC.
+    distance_m : float
+        Along the segments.
+    bearing_deg : float
+        Initial bearing of the first segment, from true north.
+    ground_speed_mps : float
+        Planned mean ground speed of the cruise, to be commanded.
+    energy_j : float
+        Taken from the battery, climb and descent included.
+    soc_depart, soc_arrive : float
+        State of charge, 0 to 1.
+    p_reserve : float or None
+        Probability that the landing keeps the reserve; None is unknown.
+    p_hold, p_hold_room : float or None
+        Probabilities that the drone, ready to leave, holds on the ground before the flight: for the wind, and for room at
+        the station where it lands; None is unknown.
+    wind : Wind
+        Forecast for the time and height at which the leg is flown.
+    tailwind_mps, crosswind_mps : float
+        Mean components of the forecast along (tailwind positive) and across (from the left positive) the course; of a leg
+        that bends the mean over its segments, by time.
+    segments : tuple of LegSegment
+        In order; empty is unknown.
+    course_wind : Wind or None
+        The wind of the typical course itself, averaged as a vector over the flight: times, ground speed and charge are
+        those in it. None is unknown.
+    diverts : tuple of str
+        Stations that stay in reach along the flight, nearest first.
+    """
+
+    id: str
+    origin: str
+    destination: str
+    depart: datetime
+    arrive: datetime
+    distance_m: float
+    bearing_deg: float
+    ground_speed_mps: float
+    energy_j: float
+    soc_depart: float
+    soc_arrive: float
+    wind: Wind
+    tailwind_mps: float
+    crosswind_mps: float
+    via: tuple[str, ...] = ()
+    p_reserve: float | None = None
+    p_hold: float | None = None
+    diverts: tuple[str, ...] = ()
+    p_hold_room: float | None = None
+    segments: tuple[LegSegment, ...] = ()
+    course_wind: Wind | None = None
+
+    @property
+    def flight_time_s(self) -> float:
+        """From take-off to touch-down, climb and descent included."""
+        return (self.arrive - self.depart).total_seconds()
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A stay at a station between two services, on the typical course.
+
+    Attributes
+    ----------
+    station : str
+        Station id.
+    arrive : datetime
+        Touch-down, UTC.
+    wait_s : float
+        Wait for a free pad.
+    recharge_s : float
+        Time on the pad while charging.
+    hold_s, hold_room_s : float
+        Further stay, charged; the part of it that is for room at the next station. The rest is for the wind.
+    soc_from, soc_to : float
+        State of charge on arrival and on leaving.
+    p_pad_free : float or None
+        Probability that a pad is free on arrival; None is unknown.
+    """
+
+    station: str
+    arrive: datetime
+    wait_s: float
+    recharge_s: float
+    hold_s: float
+    soc_from: float
+    soc_to: float
+    p_pad_free: float | None = None
+    hold_room_s: float = 0.0
+
+    @property
+    def leave(self) -> datetime:
+        """When the drone takes off again."""
+        return self.arrive + timedelta(seconds=self.wait_s + self.recharge_s + self.hold_s)
+
+
+@dataclass(frozen=True, slots=True)
+class ArrivalDistribution:
+    """When the package arrives, over the forecast (None: unknown), and how sure each figure is.
+
+    Attributes
+    ----------
+    mean, p50, p95 : datetime or None
+        Mean arrival, and when half and 95 % of the deliveries have arrived.
+    delivery_mean, delivery_p50, delivery_p95 : Figure or None
+        The same as delivery times, s, and how sure they are; None where nothing was sampled.
+    runs : int or None
+        Simulated deliveries behind them.
+    """
+
+    mean: datetime | None
+    p50: datetime | None
+    p95: datetime | None
+    delivery_mean: Figure | None = None
+    delivery_p50: Figure | None = None
+    delivery_p95: Figure | None = None
+    runs: int | None = None
+
+
+def _figures(value: object, where: str) -> Iterator[tuple[str, float]]:
+    """Every float of a value and of what it holds, with where it stands."""
+    if isinstance(value, float):
+        yield where.lstrip("."), value
+    elif isinstance(value, Mapping):
+        for key, one in value.items():
+            yield from _figures(one, f"{where}.{key}")
+    elif isinstance(value, tuple):
+        for number, one in enumerate(value, start=1):
+            yield from _figures(one, f"{where}[{number}]")
+    elif is_dataclass(value) and not isinstance(value, type):
+        for part in fields(value):
+            yield from _figures(getattr(value, part.name), f"{where}.{part.name}")
+
+
+@dataclass(frozen=True, slots=True)
+class Composition:
+    """The chain of services and stops that carries one package (Definition 2).
+
+    Attributes
+    ----------
+    id : str
+        Unique.
+    planner : str
+        Which planner made it.
+    drone : str
+        Drone id; the same drone flies every service.
+    drone_parameters : mapping
+        The drone's figures as the planner used them, with units in their names.
+    payload_kg : float
+        Mass of the package.
+    airspeed_mps : float
+        Airspeed planned with.
+    max_ground_speed_mps : float
+        Ground speed no leg exceeds.
+    cruise_height_m : float
+        Above the ground of the stations.
+    climb_rate_mps, descent_rate_mps : float
+        Vertical speeds planned with.
+    reserve_soc : float
+        No landing below it.
+    depart : datetime
+        Departure requested, UTC.
+    origin, destination : str
+        Station ids.
+    stations : mapping of str to Place
+        Every place the plan names.
+    services : tuple of DroneService
+        In flying order.
+    stops : tuple of Stop
+        In order; a stop at the origin comes first where the drone charges or holds before its first flight.
+    arrival : ArrivalDistribution
+        Over the forecast.
+    planning_time_s : float
+        Wall time of the planner, set-up excluded.
+    success_probability, on_time_probability : float or None
+        That every landing keeps the reserve, and that the package arrives by the deadline; None is unknown.
+    success, on_time : Figure or None
+        How sure these are; None where nothing was sampled.
+    """
+
+    id: str
+    planner: str
+    drone: str
+    payload_kg: float
+    airspeed_mps: float
+    max_ground_speed_mps: float
+    cruise_height_m: float
+    climb_rate_mps: float
+    descent_rate_mps: float
+    reserve_soc: float
+    depart: datetime
+    origin: str
+    destination: str
+    stations: Mapping[str, Place]
+    services: tuple[DroneService, ...]
+    stops: tuple[Stop, ...]
+    arrival: ArrivalDistribution
+    planning_time_s: float
+    seed: int | None = None
+    drone_parameters: Mapping[str, float | str | None] = field(default_factory=dict)
+    scenario_path: str | None = None
+    scenario_sha256: str | None = None
+    on_time_probability: float | None = None
+    success_probability: float | None = None
+    notes: tuple[str, ...] = ()
+    success: Figure | None = None
+    on_time: Figure | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse an answer with a figure that is no number, whoever made it."""
+        for where, value in _figures(self, ""):
+            if not math.isfinite(value):
+                raise AuditError(self.planner, None, where, value, "a finite figure")
+
+    @property
+    def arrive(self) -> datetime:
+        """Touch-down at the destination on the typical course."""
+        return self.services[-1].arrive if self.services else self.depart
+
+    @property
+    def flight_time_s(self) -> float:
+        """Sum over the services."""
+        return sum(service.flight_time_s for service in self.services)
+
+    @property
+    def wait_time_s(self) -> float:
+        """Waiting for pads and holding, over the stops."""
+        return sum(stop.wait_s + stop.hold_s for stop in self.stops)
+
+    @property
+    def recharge_time_s(self) -> float:
+        """Time on pads while charging, over the stops."""
+        return sum(stop.recharge_s for stop in self.stops)
+
+    @property
+    def delivery_time_s(self) -> float:
+        """Flight + waiting + recharge (Definition 3), equal to arrival minus departure."""
+        return self.flight_time_s + self.wait_time_s + self.recharge_time_s
+
+    @property
+    def distance_m(self) -> float:
+        """Sum over the services."""
+        return sum(service.distance_m for service in self.services)
+
+    @property
+    def energy_j(self) -> float:
+        """Sum over the services."""
+        return sum(service.energy_j for service in self.services)
+
+    @property
+    def min_soc(self) -> float:
+        """Lowest state of charge at any landing."""
+        return min((service.soc_arrive for service in self.services), default=1.0)
+
+    @property
+    def route(self) -> tuple[str, ...]:
+        """Every station touched or overflown, in order."""
+        path = [self.origin]
+        for service in self.services:
+            path += [*service.via, service.destination]
+        return tuple(path)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the legs, each with the stop that follows it, as a pandas DataFrame."""
+        return views.frame(views.leg_rows(self), "leg")
+
+    def _repr_html_(self) -> str:
+        return views.html_table(str(self), views.leg_rows(self))
+
+    def __repr__(self) -> str:
+        return f"Composition({self})"
+
+    def __str__(self) -> str:
+        return (
+            f"{self.planner}: {' > '.join(self.route)} in {self.delivery_time_s / 60:.1f} min from {iso(self.depart)}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Where a delivery stands (Definition 4, with what decides feasibility added).
+
+    Attributes
+    ----------
+    time : datetime
+        UTC.
+    station : str or None
+        Station the drone stands at; None when it is in flight.
+    position : tuple of float or None
+        (lat, lon) in degrees when in flight.
+    soc : float
+        State of charge, 0 to 1.
+    busy_pads : mapping of str to int
+        Busy pads seen at stations now; absent is unknown.
+    visited : frozenset of str
+        Stations the delivery has landed at before.
+    """
+
+    time: datetime
+    station: str | None = None
+    position: tuple[float, float] | None = None
+    soc: float = 1.0
+    busy_pads: Mapping[str, int] = field(default_factory=dict)
+    visited: frozenset[str] = frozenset()

@@ -1,0 +1,57 @@
+"""What a plane's airspeed sensor and heading mean: a factor on the one, an offset of the other.
+
+An uncalibrated pitot tube is a few per cent off (ArduPilot's ARSPD_RATIO), and a compass, or a fuselage that flies askew, a
+few degrees; at 20 m/s each of them makes a wind of 1 to 3 m/s that is not there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from skyway.models.base.errors import Fault, InputError
+
+FLIGHT_TO_FLIGHT_FACTOR, FLIGHT_TO_FLIGHT_HEADING_RAD = 0.03, math.radians(3.0)
+"""How far sensor and heading of one aircraft may differ between flights: the probe's place in the flow, the compass beside its load."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirspeedModel:
+    """From sensors to the velocity through the air.
+
+    Attributes
+    ----------
+    factor : float
+        True airspeed is what the sensor says times this.
+    heading_offset_rad : float
+        The vehicle moves through the air where its heading points plus this, clockwise.
+    sigma_mps : float
+        Standard deviation of the airspeed.
+    slip_sigma_rad : float
+        Standard deviation of the heading and of side slip.
+    factor_sigma, heading_sigma_rad : float
+        Standard deviation of the factor (relative) and of the offset themselves, the same through a flight.
+    """
+
+    factor: float = 1.0
+    heading_offset_rad: float = 0.0
+    sigma_mps: float = 0.7
+    slip_sigma_rad: float = math.radians(5.0)
+    factor_sigma: float = 0.0
+    heading_sigma_rad: float = 0.0
+
+    def another_flight(self) -> AirspeedModel:
+        """Return the same sensor, as sure as it is for another flight of the same aircraft."""
+        return replace(
+            self,
+            factor_sigma=math.hypot(self.factor_sigma, FLIGHT_TO_FLIGHT_FACTOR),
+            heading_sigma_rad=math.hypot(self.heading_sigma_rad, FLIGHT_TO_FLIGHT_HEADING_RAD),
+        )
+
+    def __post_init__(self) -> None:
+        if not (0.2 <= self.factor <= 5.0 and abs(self.heading_offset_rad) <= math.pi):
+            value = (self.factor, self.heading_offset_rad)
+            raise InputError(Fault("is no airspeed calibration", field="airspeed", value=value))
+        if not (self.sigma_mps > 0.0 and self.slip_sigma_rad > 0.0):
+            value = (self.sigma_mps, self.slip_sigma_rad)
+            raise InputError(Fault("must be above 0", field="airspeed sigma", value=value))

@@ -1,0 +1,139 @@
+"""How a multirotor leans against the air: from attitude to air velocity.
+
+A rotor craft that moves through the air with velocity v is held back by ``d = c1 v + c2 |v| v`` (metres per second squared).
+What the tilted thrust gives beyond the acceleration seen is that drag, so attitude and ground velocity tell the wind.
+Linear drag is that of the rotors (induced and blade drag), quadratic that of the body.
+
+Source: R. Mahony, V. Kumar, P. Corke, "Multirotor Aerial Vehicles", IEEE RAM 19(3), 2012 (rotor drag); J. Gonzalez-Rocha
+et al., "Sensing wind from quadrotor motion", JGCD 42(4), 2019 (wind from tilt).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.units import GRAVITY_MPS2
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+FLIGHT_TO_FLIGHT_RELATIVE, FLIGHT_TO_FLIGHT_BIAS_MPS2 = 0.10, 0.10
+"""How far drag and level of one aircraft differ between flights (load, propellers, how level it stood when it was armed): four
+flights of one Matrice 100 gave 5 to 12 % and 0.06 to 0.12 m/s2."""
+FLIGHT_TO_FLIGHT_MANOEUVRE = 0.03
+"""So much of an acceleration another flight's drag may take for drag: between hover and cruise it is not quite what it is in either, and attitude
+and velocity are not of quite the same instant. In five logged flights (Matrice 100, a quadrotor) the drag seen scatters by 0.18 m/s2 in
+steady flight and by 0.25 to 0.35 at 2 m/s2, of which the scatter that calibration finds has a part already."""
+SLOWEST_MPS = 0.5
+"""Slopes of the drag are those of at least so much airspeed: purely quadratic drag has none at rest."""
+MAX_TILT_RAD = math.radians(60.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DragModel:
+    """Drag of one kind of multirotor.
+
+    Attributes
+    ----------
+    linear_per_s : float
+        c1.
+    quadratic_per_m : float
+        c2.
+    bias_forward_mps2, bias_right_mps2 : float
+        What the tilt shows in still air: the autopilot's level is not quite level.
+    sigma_mps2 : float
+        Standard deviation of the drag seen, averaged over `period_s`.
+    period_s : float
+        Time over which telemetry is averaged to one measurement.
+    relative_sigma : float
+        Relative standard deviation of the coefficients themselves, from this flight to another of the same aircraft.
+    bias_sigma_mps2 : float
+        Standard deviation of each bias, likewise.
+    manoeuvre_share : float
+        What is added to `sigma_mps2` (squares) while the vehicle accelerates: this share of the acceleration.
+    """
+
+    linear_per_s: float = 0.30
+    quadratic_per_m: float = 0.0
+    bias_forward_mps2: float = 0.0
+    bias_right_mps2: float = 0.0
+    sigma_mps2: float = 0.20
+    period_s: float = 1.0
+    relative_sigma: float = 0.0
+    bias_sigma_mps2: float = 0.0
+    manoeuvre_share: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.linear_per_s >= 0.0 and self.quadratic_per_m >= 0.0):
+            raise InputError(
+                Fault("drag must not be negative", field="drag", value=(self.linear_per_s, self.quadratic_per_m))
+            )
+        if not self.linear_per_s + self.quadratic_per_m > 0.0:
+            raise InputError(Fault("a drag of 0 tells no wind", field="drag"))
+
+    def another_flight(self) -> DragModel:
+        """Return the same drag, as sure as it is for another flight of the same aircraft."""
+        return replace(
+            self,
+            relative_sigma=min(math.hypot(self.relative_sigma, FLIGHT_TO_FLIGHT_RELATIVE), 1.0),
+            bias_sigma_mps2=math.hypot(self.bias_sigma_mps2, FLIGHT_TO_FLIGHT_BIAS_MPS2),
+            manoeuvre_share=min(math.hypot(self.manoeuvre_share, FLIGHT_TO_FLIGHT_MANOEUVRE), 1.0),
+        )
+
+    def drag(self, air_velocity: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Drag, m/s2, of velocities through the air, shape (n, 2)."""
+        speed = np.hypot(air_velocity[:, 0], air_velocity[:, 1])[:, None]
+        return np.asarray(air_velocity * (self.linear_per_s + self.quadratic_per_m * speed))
+
+    def air_velocity(self, drag: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Velocity through the air, shape (n, 2), that gives a drag in m/s2, shape (n, 2)."""
+        size = np.hypot(drag[:, 0], drag[:, 1])
+        c1, c2 = self.linear_per_s, self.quadratic_per_m
+        # of the two forms of the root, this one needs no division by c2 and no difference of like numbers
+        speed = 2.0 * size / (c1 + np.sqrt(c1 * c1 + 4.0 * c2 * size) + 1e-12)
+        return np.asarray(drag / (c1 + c2 * speed + 1e-12)[:, None])
+
+    def slope(self, air_velocity: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How much air velocity a little drag stands for at these air velocities, s, shape (n, 2, 2): less along the flow than across it."""
+        speed = np.hypot(air_velocity[:, 0], air_velocity[:, 1])
+        unit = air_velocity / np.maximum(speed, 1e-9)[:, None]
+        slow = np.maximum(speed, SLOWEST_MPS)
+        across = 1.0 / (self.linear_per_s + self.quadratic_per_m * slow)
+        along = 1.0 / (self.linear_per_s + 2.0 * self.quadratic_per_m * slow)
+        flow = unit[:, :, None] * unit[:, None, :]
+        return np.asarray(across[:, None, None] * np.eye(2) + (along - across)[:, None, None] * flow)
+
+    def noise(self, air_velocity: NDArray[np.float64], acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Covariance of what is new in each wind measured at these air velocities and accelerations, shape (n, 3): nn, ne, ee.
+
+        What is the same in all of them, an error of the coefficients or of the bias, is not in it (`models.wind.estimation.systematic`).
+        """
+        slope = self.slope(air_velocity)
+        variance = self.sigma_mps2**2 + self.manoeuvre_share**2 * (acceleration**2).sum(axis=1)
+        total = variance[:, None, None] * (slope @ slope)
+        return np.asarray(total[:, (0, 0, 1), (0, 1, 1)])
+
+
+def thrust_acceleration(
+    roll_rad: NDArray[np.float64],
+    pitch_rad: NDArray[np.float64],
+    yaw_rad: NDArray[np.float64],
+    up_mps2: NDArray[np.float64] | float = 0.0,
+) -> NDArray[np.float64]:
+    """Horizontal acceleration (north, east) that a tilted thrust gives while it holds the vehicle up, shape (n, 2).
+
+    NaN where the vehicle is tilted by more than 60 degrees: nothing is held up then.
+    """
+    cos_roll, sin_roll = np.cos(roll_rad), np.sin(roll_rad)
+    cos_pitch, sin_pitch = np.cos(pitch_rad), np.sin(pitch_rad)
+    cos_yaw, sin_yaw = np.cos(yaw_rad), np.sin(yaw_rad)
+    up = cos_roll * cos_pitch
+    held = np.where(up > math.cos(MAX_TILT_RAD), (GRAVITY_MPS2 + up_mps2) / np.maximum(up, 0.1), np.nan)
+    north = -(cos_roll * sin_pitch * cos_yaw + sin_roll * sin_yaw) * held
+    east = -(cos_roll * sin_pitch * sin_yaw - sin_roll * cos_yaw) * held
+    return np.stack([north, east], axis=1)

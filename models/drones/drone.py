@@ -1,0 +1,104 @@
+"""Drones: what they lift, how long they fly, how fast they charge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from skyway.models.base.units import J_PER_WH, S_PER_H, S_PER_MIN
+from skyway.models.drones.charging import ChargingCurve
+from skyway.models.drones.energy import EnduranceEnergy, EnergyModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drone:
+    """A model of drone that a provider operates.
+
+    Attributes
+    ----------
+    id, name, provider : str
+        Unique id, what people call it, who operates it.
+    mass_kg : float
+        With batteries, without package.
+    max_payload_kg : float
+        Heaviest package.
+    battery_j : float
+        Nameplate energy of all batteries.
+    endurance_empty_s, endurance_full_s : float
+        Endurance without package and with the heaviest.
+    max_airspeed_mps, max_ground_speed_mps : float
+        Fastest the airframe flies through the air, and over the ground: multirotor autopilots hold ground speed and
+        accept at most 20 m/s.
+    wind_limit_mps : float
+        Strongest wind it may fly in, at flying height.
+    recharge_full_s : float
+        0 to 100 % on a pad.
+    price_per_km : float or None
+        Price, in any one currency; only compared.
+    energy : EnergyModel or None
+        Power in flight; None is the `endurance` model of the figures above.
+    """
+
+    id: str
+    name: str
+    provider: str
+    mass_kg: float
+    max_payload_kg: float
+    battery_j: float
+    endurance_empty_s: float
+    endurance_full_s: float
+    max_airspeed_mps: float
+    wind_limit_mps: float
+    recharge_full_s: float
+    max_ground_speed_mps: float = 20.0
+    price_per_km: float | None = None
+    energy: EnergyModel | None = field(default=None)
+
+    @cached_property
+    def energy_model(self) -> EnergyModel:
+        """The model in force."""
+        return self.energy or EnduranceEnergy(
+            self.battery_j,
+            self.mass_kg,
+            self.mass_kg + self.max_payload_kg,
+            self.endurance_empty_s,
+            self.endurance_full_s,
+        )
+
+    @property
+    def flight_range_m(self) -> float:
+        """Range in still air with the heaviest package at full airspeed (81 km/h x 24 min = 32.4 km for the M200 V2)."""
+        return self.endurance_full_s * self.max_airspeed_mps
+
+    @property
+    def recharge_rate_w(self) -> float:
+        """Mean power of a full recharge: what the skyline compares."""
+        return self.battery_j / self.recharge_full_s
+
+    @property
+    def cruise_airspeed_mps(self) -> float:
+        """Airspeed planned with unless the request says otherwise."""
+        return min(self.max_airspeed_mps, self.max_ground_speed_mps)
+
+    def charging_curve(self, pad_power_w: float | None = None) -> ChargingCurve:
+        """Charging on a pad, limited by the pad's power where that is known."""
+        if pad_power_w is None:
+            return ChargingCurve(self.recharge_full_s)
+        return ChargingCurve(self.recharge_full_s, pad_power_w / self.battery_j)
+
+
+M200_V2 = Drone(
+    id="m200-v2",
+    name="DJI Matrice 200 V2",
+    provider="skyway",
+    mass_kg=4.69,
+    max_payload_kg=1.45,
+    battery_j=2 * 7.660 * 22.8 * J_PER_WH,
+    endurance_empty_s=38 * S_PER_MIN,
+    endurance_full_s=24 * S_PER_MIN,
+    max_airspeed_mps=22.5,
+    max_ground_speed_mps=20.0,
+    wind_limit_mps=12.0,
+    recharge_full_s=2.24 * S_PER_H,
+)
+"""The paper's drone (table 1) with two TB55 batteries; figures of the maker and of the paper."""

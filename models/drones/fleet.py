@@ -1,0 +1,111 @@
+"""Fleets of drones, as TOML (``schema = "skyway.fleet/1"``)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.fields import Table, read_toml
+from skyway.models.base.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
+from skyway.models.drones.drone import M200_V2, Drone
+from skyway.models.drones.energy import M100_COEFFICIENTS, PHASES, EnergyModel, MomentumEnergy, Phase
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SCHEMA = "skyway.fleet/1"
+MAX_DRONES = 1000
+BUILT_IN = {M200_V2.id: M200_V2}
+"""Drones that a fleet may start from with ``base``, and the fleet where none is given."""
+
+
+def read_fleet(path: Path) -> tuple[Drone, ...]:
+    """Read a fleet.
+
+    Raises
+    ------
+    InputError
+        With every fault in the file.
+    """
+    faults: list[Fault] = []
+    top = Table(read_toml(path), str(path), "", faults)
+    top.text("schema", SCHEMA, choices=(SCHEMA,))
+    tables = top.tables("drone")
+    top.finish()
+    drones = [_drone(table) for table in tables[:MAX_DRONES]]
+    if len(tables) > MAX_DRONES:
+        top.fault("drone", f"more than {MAX_DRONES} drones", len(tables))
+    if not tables and not faults:
+        top.fault("drone", "the fleet is empty", remedy="add a [[drone]] table")
+    seen: set[str] = set()
+    for table, drone in zip(tables, drones, strict=False):
+        if drone.id and drone.id in seen:
+            table.fault("id", "two drones have the same id", drone.id)
+        seen.add(drone.id)
+    if faults:
+        raise InputError(faults)
+    return tuple(drones)
+
+
+def _drone(table: Table) -> Drone:
+    base_id = table.text("base", "none", choices=("none", *BUILT_IN))
+    base = BUILT_IN.get(base_id)
+
+    def number(key: str, attribute: str, low: float, high: float, unit: float = 1.0) -> float:
+        of_base = None if base is None else getattr(base, attribute) / unit
+        return unit * table.number(key, of_base, low=low, high=high)
+
+    mass = number("mass_kg", "mass_kg", 0.05, 1000)
+    payload = number("max_payload_kg", "max_payload_kg", 0, 1000)
+    battery = number("battery_wh", "battery_j", 1, 1e6, J_PER_WH)
+    empty = number("endurance_empty_min", "endurance_empty_s", 1, 1e5, S_PER_MIN)
+    full = number("endurance_full_min", "endurance_full_s", 1, 1e5, S_PER_MIN)
+    airspeed = number("max_airspeed_mps", "max_airspeed_mps", 1, 150)
+    ground = table.number("max_ground_speed_mps", base.max_ground_speed_mps if base else 20.0, low=1, high=150)
+    limit = number("wind_limit_mps", "wind_limit_mps", 1, 60)
+    recharge = number("recharge_full_h", "recharge_full_s", 0.01, 100, S_PER_H)
+    price = table.number("price_per_km", low=0, high=1e6) if "price_per_km" in table else None
+    if full > empty:
+        table.fault("endurance_full_min", "is longer than endurance_empty_min", full / S_PER_MIN)
+    energy = _energy(table, mass)
+    drone = Drone(
+        id=table.text("id"),
+        name=table.text("name", base.name if base else None),
+        provider=table.text("provider", base.provider if base else None),
+        mass_kg=mass,
+        max_payload_kg=payload,
+        battery_j=battery,
+        endurance_empty_s=empty,
+        endurance_full_s=full,
+        max_airspeed_mps=airspeed,
+        max_ground_speed_mps=ground,
+        wind_limit_mps=limit,
+        recharge_full_s=recharge,
+        price_per_km=price,
+        energy=energy,
+    )
+    table.finish()
+    return drone
+
+
+def _energy(table: Table, mass_kg: float) -> EnergyModel | None:
+    kind = table.text("energy_model", "endurance", choices=("endurance", "momentum"))
+    if kind == "endurance":
+        if "momentum" in table:
+            table.table("momentum")
+            table.fault("momentum", "is not used", None, 'energy_model = "momentum" uses it')
+        return None
+    values = table.table("momentum")
+    coefficients: dict[Phase, tuple[float, float]] = {}
+    density = values.number("air_density_kg_m3", AIR_DENSITY_KG_M3, low=0.3, high=2.0)
+    for phase in PHASES:
+        slope, offset = M100_COEFFICIENTS[phase]
+        part = values.table(phase)
+        b1, b0 = part.number("b1", slope, above=0, high=1e5), part.number("b0", offset, low=-1e5, high=1e5)
+        part.finish()
+        coefficients[phase] = (b1, b0)
+        power = MomentumEnergy(coefficients, density).power_w(mass_kg, phase)
+        if power <= 0.0:
+            part.fault("b0", f"makes the power of the empty drone {power:.0f} W", b0, "it must stay above 0 W")
+    values.finish()
+    return MomentumEnergy(coefficients, density)

@@ -1,0 +1,239 @@
+"""What a vehicle tells about itself, the same whether it comes live, or from any log.
+
+A `TelemetrySample` is one look at one vehicle. A `TelemetryTrack` is many of them as columns, which is what the
+filter and the calibrations compute with; both have the same fields, so that nothing downstream can tell a live
+flight from a replay.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TelemetrySample:
+    """One look at one vehicle; NaN stands for what is not known, or not known any more.
+
+    Attributes
+    ----------
+    time_s : float
+        POSIX seconds (UTC); seconds since the log began where `TimeBase.absolute` is false.
+    system : int
+        MAVLink system id; 1 where a log has none.
+    lat_deg, lon_deg : float
+        WGS-84.
+    alt_msl_m, height_m : float
+        Above mean sea level; above the take-off site (home).
+    vel_north_mps, vel_east_mps, vel_down_mps : float
+        Velocity over the ground.
+    roll_rad, pitch_rad, yaw_rad : float
+        Body (forward, right, down) in north-east-down; pitch is positive nose up, yaw clockwise from true north.
+    airspeed_mps : float
+        True airspeed of a sensor, as far as it can be told: bridges without a sensor repeat the ground speed.
+    wind_north_mps, wind_east_mps : float
+        The autopilot's own estimate, where the air moves TOWARDS; NaN while it is not alive (exactly 0).
+    throttle : float
+        0 to 1.
+    soc : float
+        State of charge, 0 to 1 of nameplate.
+    voltage_v, current_a, power_w : float
+        Of the main battery; current and power are positive when it is discharged. Power is their product where both are
+        known, else what the log says.
+    armed, landed : float
+        1 yes, 0 no.
+    fixed_wing : float
+        1 where the vehicle says that it hangs on wings (a plane, a VTOL in forward flight), 0 where on the rotors of a
+        multirotor; `NEITHER` where on something else (a VTOL in transition, a helicopter, wheels, a hull).
+    mission_item : float
+        Item that is flown to, as the vehicle counts.
+    mode : float
+        The autopilot's custom mode number.
+    mission_reached : float
+        Item reached last, as the vehicle counts.
+    link_loss : float
+        Share of its latest packets that did not arrive, 0 to 1; NaN in logs.
+    gps_ok, ekf_ok : float
+        1 where the vehicle trusts its receiver, and its own estimate of position and velocity, 0 where it does not
+        (`link.logs.common.trust`).
+    airspeed_ok : float
+        1 where the airspeed is that of a sensor which the vehicle has and believes.
+    """
+
+    time_s: float
+    system: int = 1
+    lat_deg: float = math.nan
+    lon_deg: float = math.nan
+    alt_msl_m: float = math.nan
+    height_m: float = math.nan
+    vel_north_mps: float = math.nan
+    vel_east_mps: float = math.nan
+    vel_down_mps: float = math.nan
+    roll_rad: float = math.nan
+    pitch_rad: float = math.nan
+    yaw_rad: float = math.nan
+    airspeed_mps: float = math.nan
+    wind_north_mps: float = math.nan
+    wind_east_mps: float = math.nan
+    throttle: float = math.nan
+    soc: float = math.nan
+    voltage_v: float = math.nan
+    current_a: float = math.nan
+    power_w: float = math.nan
+    armed: float = math.nan
+    landed: float = math.nan
+    fixed_wing: float = math.nan
+    mission_item: float = math.nan
+    mode: float = math.nan
+    mission_reached: float = math.nan
+    link_loss: float = math.nan
+    gps_ok: float = math.nan
+    ekf_ok: float = math.nan
+    airspeed_ok: float = math.nan
+
+    @property
+    def ground_speed_mps(self) -> float:
+        """Speed over the ground, m/s; NaN where it is not known."""
+        return math.hypot(self.vel_north_mps, self.vel_east_mps)
+
+
+QUANTITIES: tuple[str, ...] = tuple(
+    item.name for item in fields(TelemetrySample) if item.name not in ("time_s", "system")
+)
+"""Fields that a vehicle reports."""
+COLUMN = {name: number for number, name in enumerate(QUANTITIES)}
+"""Column of each quantity in a track."""
+NEITHER = 0.5
+"""`TelemetrySample.fixed_wing` of what hangs on neither wings nor the rotors of a multirotor."""
+_LIMITS = {
+    "lat_deg": (-90.0, 90.0),
+    "lon_deg": (-180.0, 180.0),
+    "alt_msl_m": (-1000.0, 100_000.0),
+    "height_m": (-20_000.0, 100_000.0),
+    **dict.fromkeys(("vel_north_mps", "vel_east_mps", "vel_down_mps"), (-500.0, 500.0)),
+    **dict.fromkeys(("roll_rad", "pitch_rad", "yaw_rad"), (-7.0, 7.0)),
+    "airspeed_mps": (0.0, 500.0),
+    **dict.fromkeys(("wind_north_mps", "wind_east_mps"), (-100.0, 100.0)),
+    "voltage_v": (0.0, 5000.0),
+    "current_a": (-5000.0, 5000.0),
+    "power_w": (-1e6, 1e6),
+}
+_LOWEST, _HIGHEST = (
+    np.array([_LIMITS.get(name, (-1e12, 1e12))[end] for name in QUANTITIES], dtype=np.float64) for end in (0, 1)
+)
+
+
+def believable(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rows of telemetry, NaN instead of what no aircraft does: damage, or a sensor that never was there.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., quantities)
+        In the order of `QUANTITIES`.
+    """
+    return np.where((values >= _LOWEST) & (values <= _HIGHEST), values, np.nan)  # false for NaN
+
+
+@dataclass(frozen=True, slots=True)
+class TimeBase:
+    """Where the times of a stream come from, and what is doubtful about them.
+
+    Attributes
+    ----------
+    source : str
+        Whose clock, in words.
+    absolute : bool
+        Whether times are POSIX seconds; otherwise they count from the log's own zero.
+    doubts : tuple of str
+        Each one sentence for a person.
+    """
+
+    source: str
+    absolute: bool = True
+    doubts: tuple[str, ...] = field(default=())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TelemetryTrack:
+    """Samples of one vehicle as columns.
+
+    Attributes
+    ----------
+    system : int
+        Whose.
+    time_s : ndarray, shape (samples,)
+        Never decreasing.
+    values : ndarray, shape (samples, quantities)
+        In the order of `QUANTITIES`; NaN is unknown.
+    """
+
+    system: int
+    time_s: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        if self.values.shape != (len(self.time_s), len(QUANTITIES)):
+            raise InputError("the columns of a telemetry track do not fit together")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __getitem__(self, quantity: str) -> NDArray[np.float64]:
+        """Return one quantity, shape (samples,)."""
+        return self.values[:, COLUMN[quantity]]
+
+    def part(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> TelemetryTrack:
+        """Return some of the samples."""
+        return TelemetryTrack(self.system, self.time_s[chosen], self.values[chosen])
+
+    def between(self, from_s: float, to_s: float) -> TelemetryTrack:
+        """Return the samples with ``from_s <= time < to_s``."""
+        first, last = np.searchsorted(self.time_s, (from_s, to_s))
+        return self.part(slice(int(first), int(last)))
+
+    def samples(self) -> Iterator[TelemetrySample]:
+        """Return the samples one by one, as a live link gives them."""
+        for time_s, row in zip(self.time_s.tolist(), self.values.tolist(), strict=True):
+            yield TelemetrySample(time_s=time_s, system=self.system, **dict(zip(QUANTITIES, row, strict=True)))
+
+    @classmethod
+    def of_samples(cls, samples: Iterable[TelemetrySample]) -> TelemetryTrack:
+        """Collect the samples of one vehicle."""
+        kept = list(samples)
+        if len({sample.system for sample in kept}) > 1:
+            raise InputError("a track holds one vehicle; split the samples by system first")
+        values = np.array([[getattr(sample, name) for name in QUANTITIES] for sample in kept], dtype=np.float64)
+        times = np.array([sample.time_s for sample in kept], dtype=np.float64)
+        return cls(kept[0].system if kept else 1, times, values.reshape(len(kept), len(QUANTITIES)))
+
+    @classmethod
+    def of_columns(
+        cls, system: int, time_s: NDArray[np.float64], columns: Mapping[str, NDArray[np.float64]]
+    ) -> TelemetryTrack:
+        """Make a track of the columns that are known."""
+        values = np.full((len(time_s), len(QUANTITIES)), np.nan)
+        for name, column in columns.items():
+            values[:, COLUMN[name]] = column
+        return cls(system, np.asarray(time_s, dtype=np.float64), values)
+
+    @classmethod
+    def joined(cls, tracks: Iterable[TelemetryTrack]) -> TelemetryTrack:
+        """Return the tracks of one vehicle, one after the other."""
+        parts = list(tracks)
+        if not parts:
+            return cls(1, np.empty(0), np.empty((0, len(QUANTITIES))))
+        return cls(
+            parts[0].system,
+            np.concatenate([part.time_s for part in parts]),
+            np.concatenate([part.values for part in parts]),
+        )

@@ -1,0 +1,160 @@
+"""Flights through wind that changes: which rules they follow, and the arrays their kernels read.
+
+A flight is a take-off, a climb, one or more segments and a descent to a landing. Wind is constant within a time slot
+and a flight integrates across slot boundaries; using only the slot of departure would let a later departure arrive
+earlier. A flight is flyable when none of its segments is over the limits (`models.wind.triangle.ground_speed` above 0) in any
+slot that the flight touches; otherwise the drone holds on the ground. With both rules arrival never gets earlier by
+leaving later (FIFO).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.models.drones.drone import Drone
+    from skyway.models.network.network import Network
+    from skyway.models.wind.forecast import WindEnsemble
+
+
+@dataclass(frozen=True, slots=True)
+class FlightRules:
+    """How every flight is flown.
+
+    Attributes
+    ----------
+    cruise_height_m : float
+        Above the ground of the station below; between stations the height changes linearly.
+    climb_rate_mps, descent_rate_mps : float
+        Vertical speeds of take-off and landing.
+    wind_profile_exponent : float
+        Of the power law that carries wind to cruise height.
+    """
+
+    cruise_height_m: float = 60.0
+    climb_rate_mps: float = 5.0
+    descent_rate_mps: float = 3.0
+    wind_profile_exponent: float = 0.2
+
+    @property
+    def climb_s(self) -> float:
+        """Time from take-off to cruise height."""
+        return self.cruise_height_m / self.climb_rate_mps
+
+    @property
+    def descent_s(self) -> float:
+        """Time from cruise height to touch-down."""
+        return self.cruise_height_m / self.descent_rate_mps
+
+
+class SegmentWind(NamedTuple):
+    """Segments and the wind over them, as arrays for compiled kernels.
+
+    Attributes
+    ----------
+    start_s, slot_s : float
+        POSIX seconds of the first slot and length of a slot; the last slot holds on for ever.
+    north, east : ndarray, shape (members, slots, sites)
+        Wind at cruise height, m/s, where the air moves TOWARDS.
+    weight : ndarray, shape (segments, sites)
+        Inverse-distance weights of the sites at each segment's midpoint.
+    cos_bearing, sin_bearing, distance_m : ndarray, shape (segments,)
+        Of the segments.
+    airspeed_mps, wind_limit_mps, max_ground_speed_mps : float
+        Of the drone on this delivery.
+    climb_s, descent_s : float
+        Spent at the start and the end of each flight.
+    """
+
+    start_s: float
+    slot_s: float
+    north: NDArray[np.float64]
+    east: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    cos_bearing: NDArray[np.float64]
+    sin_bearing: NDArray[np.float64]
+    distance_m: NDArray[np.float64]
+    airspeed_mps: float
+    wind_limit_mps: float
+    max_ground_speed_mps: float
+    climb_s: float
+    descent_s: float
+
+
+def air_over(
+    network: Network,
+    ensemble: WindEnsemble,
+    drone: Drone,
+    rules: FlightRules,
+    *,
+    airspeed_mps: float | None = None,
+) -> SegmentWind:
+    """Lay the ensemble's wind, carried to cruise height, over the segments of a network.
+
+    Parameters
+    ----------
+    network, ensemble, drone, rules
+        What is flown where, in which wind, by what, and how.
+    airspeed_mps : float, optional
+        Planned airspeed; the drone's cruise airspeed by default.
+
+    Raises
+    ------
+    InputError
+        A speed, height or length that is not finite and above 0: kernels would never end, or read beyond their arrays.
+    """
+    airspeed_mps = drone.cruise_airspeed_mps if airspeed_mps is None else airspeed_mps
+    _check_flown(network, drone, rules, airspeed_mps)
+    wind = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
+    bearing = np.radians(network.bearing_deg)
+    return SegmentWind(
+        start_s=float(wind.start_s),
+        slot_s=float(wind.slot_s),
+        north=np.ascontiguousarray(wind.north),
+        east=np.ascontiguousarray(wind.east),
+        weight=network.site_weights(wind.site_lat, wind.site_lon),
+        cos_bearing=np.cos(bearing),
+        sin_bearing=np.sin(bearing),
+        distance_m=np.ascontiguousarray(network.distance_m),
+        airspeed_mps=float(airspeed_mps),
+        wind_limit_mps=float(drone.wind_limit_mps),
+        max_ground_speed_mps=float(drone.max_ground_speed_mps),
+        climb_s=rules.climb_s,
+        descent_s=rules.descent_s,
+    )
+
+
+def _check_flown(network: Network, drone: Drone, rules: FlightRules, airspeed_mps: float) -> None:
+    """Refuse what no flight can be worked out with."""
+    above_0 = {
+        f"{drone.id}.airspeed_mps": airspeed_mps,
+        f"{drone.id}.max_airspeed_mps": drone.max_airspeed_mps,
+        f"{drone.id}.battery_j": drone.battery_j,
+        f"{drone.id}.recharge_full_s": drone.recharge_full_s,
+        f"{drone.id}.wind_limit_mps": drone.wind_limit_mps,
+        f"{drone.id}.max_ground_speed_mps": drone.max_ground_speed_mps,
+        "rules.cruise_height_m": rules.cruise_height_m,
+        "rules.climb_rate_mps": rules.climb_rate_mps,
+        "rules.descent_rate_mps": rules.descent_rate_mps,
+    }
+    remedy = "finite and above 0"
+    faults = [
+        Fault("out of range", field=name, value=value, remedy=remedy)
+        for name, value in above_0.items()
+        if not 0.0 < value < math.inf
+    ]
+    if not math.isfinite(rules.wind_profile_exponent):
+        value = rules.wind_profile_exponent
+        faults.append(Fault("out of range", field="rules.wind_profile_exponent", value=value, remedy="a number"))
+    if not (np.isfinite(network.distance_m).all() and (network.distance_m > 0.0).all()):
+        faults.append(Fault("out of range", field="network.distance_m", remedy=remedy))
+    if faults:
+        raise InputError(faults)

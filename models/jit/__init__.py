@@ -1,0 +1,1 @@
+"""Compiled kernels: numba, its cache, and the library of a wheel."""

@@ -1,0 +1,138 @@
+"""Kernels that were compiled when the package was built: called without numba, and without compiling anything.
+
+A wheel of skyway holds one shared library, ``_kernels``, made from the kernels of this source by ``build_kernels.py``
+(numba's ahead-of-time compiler), and ``kernels.json``, the list of what is in it: for each kernel the types of arguments
+that it was compiled for. A checkout has the list, but no library; there numba compiles each kernel when it is called.
+
+Types are written as JSON: ``"float64"``, ``["array", "float64", 2, "C", true]`` (element, dimensions, layout, writeable),
+``["tuple", …]``, and ``["named", "module:Class", …]`` for named tuples.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache, cached_property, update_wrapper
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
+
+import numpy as np
+
+from skyway.models.base.errors import SkywayError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import ModuleType
+
+LIST = Path(__file__).with_name("kernels.json")
+"""Kernels and the argument types that each is compiled for."""
+
+_LIBRARY = f"{__package__}._kernels"
+_SCALARS = {float: "float64", int: "int64", bool: "bool", type(None): "none"}
+
+Kind: TypeAlias = "str | tuple[Any, ...]"
+"""Type of one argument, as in the list, with tuples for its lists."""
+
+
+class KernelError(SkywayError):
+    """A kernel was asked for with arguments that it was not compiled for, and there is no compiler."""
+
+
+@cache
+def library() -> ModuleType | None:
+    """Return the library of compiled kernels; None in a checkout, which has none."""
+    return import_module(_LIBRARY) if find_spec(_LIBRARY) else None
+
+
+@cache
+def listed() -> dict[str, list[tuple[Kind, ...]]]:
+    """Return the argument types that each kernel, ``module.function``, is compiled for."""
+    return {
+        name: [cast("tuple[Kind, ...]", _frozen(kinds)) for kinds in all_kinds] for name, all_kinds in _read().items()
+    }
+
+
+def _read() -> dict[str, list[list[Any]]]:
+    return cast("dict[str, list[list[Any]]]", json.loads(LIST.read_text(encoding="utf-8")))
+
+
+def _frozen(kind: Any) -> Any:
+    return tuple(_frozen(part) for part in kind) if isinstance(kind, list) else kind
+
+
+def symbol(name: str, number: int) -> str:
+    """Return the name in the library of a kernel compiled for its ``number``-th list of argument types."""
+    return f"{name.replace('.', '_')}_{number}"
+
+
+def kind_of(value: Any) -> Kind:
+    """Return the type of an argument, as numba would type it."""
+    cls: Any = type(value)
+    if cls is np.ndarray:
+        flags = value.flags
+        layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
+        return ("array", value.dtype.name, value.ndim, layout, flags.writeable)
+    if isinstance(value, tuple):
+        return (*_head(cls), *map(kind_of, value))
+    if isinstance(value, np.generic):
+        return value.dtype.name
+    return _SCALARS.get(cls) or f"{cls.__module__}:{cls.__qualname__}"
+
+
+def _look(value: Any) -> Any:
+    """Return what decides the type of an argument, found ten times faster than the type itself."""
+    cls = type(value)
+    if cls is np.ndarray:
+        return (value.dtype.char, value.ndim, value.flags.num)
+    return (cls, *map(_look, value)) if isinstance(value, tuple) else cls
+
+
+@cache
+def _head(cls: Any) -> tuple[str, ...]:
+    return ("tuple",) if cls is tuple else ("named", f"{cls.__module__}:{cls.__qualname__}")
+
+
+class LibraryKernel:
+    """A kernel of the library, for every list of argument types that it was compiled for.
+
+    Parameters
+    ----------
+    function : callable
+        Its source, for its name and documentation.
+    compile_it : callable
+        Compiles the source where its arguments are of other types; raises ImportError where numba is not installed.
+    """
+
+    def __init__(self, function: Callable[..., Any], compile_it: Callable[[], Callable[..., Any]]) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        self._name = f"{function.__module__}.{function.__qualname__}"
+        self._compile_it = compile_it
+        self._by_look: dict[Any, Callable[..., Any]] = {}
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run the machine code for these arguments."""
+        look = tuple(map(_look, arguments))
+        kernel = self._by_look.get(look)
+        if kernel is None:
+            kernel = self._by_look[look] = self._for(tuple(map(kind_of, arguments)))
+        return kernel(*arguments)
+
+    @cached_property
+    def compiled(self) -> Callable[..., Any]:
+        """The same kernel for any types of arguments, compiled when it is called; raises ImportError without numba."""
+        return self._compile_it()
+
+    def _for(self, kinds: tuple[Kind, ...]) -> Callable[..., Any]:
+        """Return the machine code for these types of arguments; compiled now where the library has none."""
+        compiled_for = listed().get(self._name, [])
+        if kinds in compiled_for:
+            return cast("Callable[..., Any]", getattr(library(), symbol(self._name, compiled_for.index(kinds))))
+        try:
+            return self.compiled
+        except ImportError as error:
+            raise KernelError(
+                f"kernel {self._name} was not compiled for arguments ({', '.join(map(str, kinds))}); "
+                "install the compiler: pip install 'skyway-planner[jit]'"
+            ) from error

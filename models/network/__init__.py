@@ -1,0 +1,1 @@
+"""Stations and segments, their files, and no-fly zones."""

@@ -1,0 +1,355 @@
+"""The skyway network: stations, delivery targets and the segments between them."""
+
+from __future__ import annotations
+
+import difflib
+from collections import Counter
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base import geodesy, views
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.wind.ensemble import WindEnsemble
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import networkx as nx
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from skyway.models.network.zones import NoFlyZones
+
+
+SHORTEST_M = 1.0
+"""A shorter segment counts as this long, so that every flight has a speed and a course."""
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """A node of the network.
+
+    Attributes
+    ----------
+    id, name : str
+        Unique id, what people call it.
+    lat, lon : float
+        Degrees, WGS-84.
+    elevation_m : float or None
+        Ground above mean sea level; None is unknown.
+    pads : int
+        Recharging pads; 0 is a delivery target.
+    holding_spots : int
+        Drones that may stand beside the pads while they wait.
+    recharge_power_w : float or None
+        Most that one pad delivers; None limits nothing.
+    """
+
+    id: str
+    name: str
+    lat: float
+    lon: float
+    elevation_m: float | None = None
+    pads: int = 5
+    holding_spots: int = 4
+    recharge_power_w: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionRule:
+    """How segments are made where none are given.
+
+    Attributes
+    ----------
+    kind : str
+        ``max-length``, ``nearest`` or ``gabriel`` (see `models.network.builders`).
+    max_length_m : float
+        No segment is longer.
+    nearest : int
+        Neighbours of each station, for ``nearest``.
+    """
+
+    kind: str = "max-length"
+    max_length_m: float = 10_000.0
+    nearest: int = 6
+
+
+@dataclass(frozen=True)
+class Network:
+    """Stations and directed segments, as objects and as arrays.
+
+    Segments are sorted by their start, so that those leaving node ``i`` are ``first[i] : first[i + 1]``.
+
+    Attributes
+    ----------
+    stations : tuple of Station
+        Node ``i`` is ``stations[i]``.
+    tail, head : ndarray of int, shape (segments,)
+        Start and end node of each segment.
+    distance_m, bearing_deg : ndarray, shape (segments,)
+        Geodesic length (at least `SHORTEST_M`) and initial bearing from tail to head.
+    rule : ConnectionRule or None
+        The rule the segments were made by; None where they were given.
+    zones : NoFlyZones or None
+        Polygons that no segment crosses.
+    """
+
+    stations: tuple[Station, ...]
+    tail: NDArray[np.int64]
+    head: NDArray[np.int64]
+    distance_m: NDArray[np.float64]
+    bearing_deg: NDArray[np.float64]
+    rule: ConnectionRule | None = None
+    zones: NoFlyZones | None = None
+
+    @classmethod
+    def from_pairs(
+        cls,
+        stations: Sequence[Station],
+        pairs: NDArray[np.int64],
+        *,
+        rule: ConnectionRule | None = None,
+        zones: NoFlyZones | None = None,
+    ) -> Network:
+        """Build from directed index pairs, shape (segments, 2); pairs whose segment crosses a zone are left out.
+
+        Raises
+        ------
+        InputError
+            Unknown ends, segments from a station to itself, or stations with the same id.
+        """
+        stations = tuple(stations)
+        pairs = np.unique(np.asarray(pairs, dtype=np.int64).reshape(-1, 2), axis=0)
+        unknown = ((pairs < 0) | (pairs >= len(stations))).any(axis=1)
+        loops = np.unique(pairs[~unknown & (pairs[:, 0] == pairs[:, 1]), 0])
+        faults = _repeated_ids(stations)
+        faults += [Fault("names no node", field="segment", value=pair) for pair in pairs[unknown].tolist()]
+        loop = "a segment leads from a station to itself"
+        faults += [Fault(loop, field="segment", value=stations[node].id) for node in loops.tolist()]
+        if faults:
+            raise InputError(faults)
+        lat = np.array([s.lat for s in stations])
+        lon = np.array([s.lon for s in stations])
+        if zones is not None and len(pairs):
+            ends = (lat[pairs[:, 0]], lon[pairs[:, 0]], lat[pairs[:, 1]], lon[pairs[:, 1]])
+            pairs = pairs[~zones.crossed_by(*ends)]
+        tail, head = pairs[:, 0].copy(), pairs[:, 1].copy()
+        distance, bearing = geodesy.inverse(lat[tail], lon[tail], lat[head], lon[head])
+        return cls(stations, tail, head, np.maximum(distance, SHORTEST_M), bearing, rule, zones)
+
+    def __len__(self) -> int:
+        return len(self.stations)
+
+    def __repr__(self) -> str:
+        return f"Network({views.counted(len(self), 'station')}, {views.counted(len(self.tail), 'segment')})"
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the stations as a pandas DataFrame."""
+        return views.frame(views.station_rows(self), "id")
+
+    def _repr_html_(self) -> str:
+        return views.html_table(repr(self), views.station_rows(self))
+
+    @cached_property
+    def lat(self) -> NDArray[np.float64]:
+        """Latitudes, degrees, shape (nodes,)."""
+        return np.array([station.lat for station in self.stations], dtype=np.float64)
+
+    @cached_property
+    def lon(self) -> NDArray[np.float64]:
+        """Longitudes, degrees, shape (nodes,)."""
+        return np.array([station.lon for station in self.stations], dtype=np.float64)
+
+    @cached_property
+    def pads(self) -> NDArray[np.int64]:
+        """Pads of each station, shape (nodes,)."""
+        return np.array([station.pads for station in self.stations], dtype=np.int64)
+
+    @cached_property
+    def first(self) -> NDArray[np.int64]:
+        """Index of the first segment leaving each node, shape (nodes + 1,)."""
+        return np.searchsorted(self.tail, np.arange(len(self.stations) + 1)).astype(np.int64)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Node of each station id."""
+        return {station.id: number for number, station in enumerate(self.stations)}
+
+    @cached_property
+    def midpoints(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(lat, lon) half-way along each segment, degrees, shape (segments,) each."""
+        return geodesy.midpoint(self.lat[self.tail], self.lon[self.tail], self.bearing_deg, self.distance_m)
+
+    def site_weights(self, site_lat: NDArray[np.float64], site_lon: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Weights of wind sites half-way along each segment, shape (segments, sites), worked out once for these sites.
+
+        See `models.wind.ensemble.WindEnsemble.idw_weights`.
+        """
+        sites = np.array((site_lat, site_lon), dtype=np.float64)
+        found = self._site_weights.get(sites.tobytes())
+        if found is None:
+            found = np.ascontiguousarray(WindEnsemble.idw_weights(*self.midpoints, *sites))
+            self._site_weights[sites.tobytes()] = found
+        return found
+
+    @cached_property
+    def _site_weights(self) -> dict[bytes, NDArray[np.float64]]:
+        return {}
+
+    @cached_property
+    def graph(self) -> nx.DiGraph:
+        """The same as a networkx graph: station ids with their attributes, edges with distance and bearing."""
+        import networkx as nx  # imported late: 90 ms
+
+        graph = nx.DiGraph()
+        for station in self.stations:
+            graph.add_node(
+                station.id,
+                name=station.name,
+                lat=station.lat,
+                lon=station.lon,
+                elevation_m=station.elevation_m,
+                pads=station.pads,
+            )
+        ids = [station.id for station in self.stations]
+        for tail, head, distance, bearing in zip(
+            self.tail.tolist(),
+            self.head.tolist(),
+            self.distance_m.tolist(),
+            self.bearing_deg.tolist(),
+            strict=True,
+        ):
+            graph.add_edge(ids[tail], ids[head], distance_m=distance, bearing_deg=bearing)
+        return graph
+
+    def parts(self) -> list[tuple[str, ...]]:
+        """Weakly connected parts, largest first, as station ids."""
+        parent = np.arange(len(self.stations))
+
+        def root(node: int) -> int:
+            while parent[node] != node:
+                parent[node] = parent[parent[node]]
+                node = int(parent[node])
+            return node
+
+        for tail, head in zip(self.tail.tolist(), self.head.tolist(), strict=True):
+            parent[root(tail)] = root(head)
+        groups: dict[int, list[str]] = {}
+        for number, station in enumerate(self.stations):
+            groups.setdefault(root(number), []).append(station.id)
+        return sorted((tuple(group) for group in groups.values()), key=len, reverse=True)
+
+    def find(self, text: str) -> int:
+        """Node of a station by id, else by an unambiguous part of its id or name, capitals ignored.
+
+        Raises
+        ------
+        InputError
+            Nothing matches (with the nearest names), or several do.
+        """
+        if text in self.index:
+            return self.index[text]
+        wanted = text.strip().casefold()
+        exact = [i for i, s in enumerate(self.stations) if wanted in (s.id.casefold(), s.name.casefold())]
+        if len(exact) == 1:
+            return exact[0]
+        hits = [
+            i
+            for i, s in enumerate(self.stations)
+            if wanted and (wanted in s.name.casefold() or wanted in s.id.casefold())
+        ]
+        if len(hits) == 1:
+            return hits[0]
+        if hits:
+            names = ", ".join(self.stations[i].id for i in hits[:6]) + (", …" if len(hits) > 6 else "")
+            raise InputError(
+                Fault("fits several stations", field="station", value=text, remedy=f"choose one of {names}")
+            )
+        raise InputError(Fault("no such station", field="station", value=text, remedy=self._suggest(wanted)))
+
+    def _suggest(self, wanted: str) -> str:
+        names = {s.id.casefold(): s.id for s in self.stations}
+        for station in self.stations:
+            for word in (station.name, *station.name.split()):
+                names.setdefault(word.casefold(), station.id)
+        close = difflib.get_close_matches(wanted, names, n=6, cutoff=0.5)
+        ids = list(dict.fromkeys(names[name] for name in close))[:3]
+        if ids:
+            return "did you mean " + " or ".join(ids) + "?"
+        return "skyway network lists the stations"
+
+    def with_target(self, lat: float, lon: float, *, id: str = "target") -> Network:  # noqa: A002
+        """Add a delivery target without pads, joined to the stations by the network's rule; it is the last node.
+
+        Where segments were given rather than made by a rule, the target is joined to every station within the
+        length of the longest given segment.
+
+        Raises
+        ------
+        InputError
+            The position is out of range or inside a no-fly zone.
+        """
+        faults = geodesy.coordinate_faults(lat, lon)
+        if faults:
+            raise InputError(faults)
+        zone = None if self.zones is None else self.zones.contains(lat, lon)
+        if zone is not None:
+            raise InputError(Fault(f"lies in the no-fly zone {zone}", field="target", value=f"{lat},{lon}"))
+        unique_id = id
+        while unique_id in self.index:
+            unique_id += "-new"
+        target = Station(unique_id, f"delivery target {lat:.5f},{lon:.5f}", lat, lon, None, 0, 0)
+        near = self._near(lat, lon)
+        node = np.full(len(near), len(self.stations))
+        pairs = np.concatenate((np.column_stack((near, node)), np.column_stack((node, near))))
+        star = Network.from_pairs((*self.stations, target), pairs, zones=self.zones)
+        tail = np.concatenate((self.tail, star.tail))
+        head = np.concatenate((self.head, star.head))
+        order = np.lexsort((head, tail))
+        joined = Network(
+            stations=star.stations,
+            tail=tail[order],
+            head=head[order],
+            distance_m=np.concatenate((self.distance_m, star.distance_m))[order],
+            bearing_deg=np.concatenate((self.bearing_deg, star.bearing_deg))[order],
+            rule=self.rule,
+            zones=self.zones,
+        )
+        for key, weights in self._site_weights.items():  # what is known of the old segments need not be found again
+            sites = np.frombuffer(key).reshape(2, -1)
+            joined._site_weights[key] = np.concatenate((weights, star.site_weights(*sites)))[order]
+        return joined
+
+    def _near(self, lat: float, lon: float) -> NDArray[np.int64]:
+        """Stations that the network's rule joins to a position."""
+        limit = float(self.distance_m.max(initial=0.0)) if self.rule is None else self.rule.max_length_m
+        near = np.flatnonzero(geodesy.coarse_distance_m(lat, lon, self.lat, self.lon) <= 1.01 * limit)
+        north, east = geodesy.local_offsets_m(self.lat[near], self.lon[near], lat, lon)
+        reach = np.hypot(north, east)
+        order = np.argsort(reach, kind="stable")
+        order = order[reach[order] <= limit]
+        if self.rule is not None and self.rule.kind == "nearest":
+            order = order[: self.rule.nearest]
+        if self.rule is not None and self.rule.kind == "gabriel":
+            order = order[_free_circles(np.column_stack((north, east))[order])]
+        return np.sort(near[order])
+
+    def with_pads(self, pads: int) -> Network:
+        """Return the same network with that many pads at every station that has any."""
+        stations = tuple(replace(s, pads=pads) if s.pads else s for s in self.stations)
+        return replace(self, stations=stations)
+
+
+def _free_circles(offset: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell for which offsets, shape (points, 2), the circle from the origin to there holds no other point."""
+    limit = (1.0 + 1e-9) * (offset**2).sum(axis=1)
+    return np.array([not (offset @ point > limit).any() for point in offset], dtype=bool)
+
+
+def _repeated_ids(stations: tuple[Station, ...]) -> list[Fault]:
+    counts = Counter(station.id for station in stations)
+    problem = "two stations have the same id"
+    return [Fault(problem, field="id", value=name) for name, count in counts.items() if count > 1]

@@ -1,0 +1,141 @@
+"""Networks from what a Python program holds: stations, a table of them, a networkx graph, a GeoDataFrame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.geodesy import coordinate_faults
+from skyway.models.network.builders import build_network
+from skyway.models.network.network import ConnectionRule, Network, Station
+
+if TYPE_CHECKING:
+    from skyway.models.network.zones import NoFlyZones
+
+_LATITUDE = ("lat", "latitude", "y")
+_LONGITUDE = ("lon", "lng", "longitude", "x")
+"""Names under which a table or graph may have a position; y and x are those of OSMnx."""
+_WHOLE = ("pads", "holding_spots")
+_REAL = ("elevation_m", "recharge_power_w")
+WGS84 = "EPSG:4326"
+
+
+def network_of(
+    source: Any,
+    *,
+    segments: Iterable[tuple[str, str]] | ConnectionRule | None = None,
+    zones: NoFlyZones | None = None,
+) -> Network:
+    """Build a network.
+
+    Parameters
+    ----------
+    source : Network, sequence of Station or of mappings, DataFrame, GeoDataFrame or networkx graph
+        Stations. Tables and graphs name them by ``id`` (or their index, or the node), place them by ``lat`` and
+        ``lon`` (or ``y`` and ``x``, or the point of the geometry), and may have ``name``, ``pads``,
+        ``holding_spots``, ``elevation_m`` and ``recharge_power_w``.
+    segments : pairs of station ids, ConnectionRule or None
+        Directed segments, or the rule that makes them. None: the edges of a graph (both ways where it is undirected),
+        else the default rule.
+    zones : NoFlyZones or None
+        Segments that cross them are left out.
+
+    Raises
+    ------
+    InputError
+        With every fault in every station.
+    """
+    if isinstance(source, Network):
+        return source
+    if hasattr(source, "nodes") and hasattr(source, "edges"):
+        rows = [{"id": node, **attributes} for node, attributes in source.nodes(data=True)]
+        if segments is None:
+            segments = [(str(tail), str(head)) for tail, head, *_ in source.edges]
+            segments += [] if source.is_directed() else [(head, tail) for tail, head in segments]
+    else:
+        rows = _rows(source)
+    stations = _stations(rows)
+    if segments is None or isinstance(segments, ConnectionRule):
+        return build_network(stations, segments or ConnectionRule(), zones=zones)
+    return Network.from_pairs(stations, _pairs(stations, segments), zones=zones)
+
+
+def _rows(source: Any) -> list[Any]:
+    """Return one mapping (or Station) for each station of a table or sequence."""
+    if hasattr(source, "to_crs"):
+        points = source.geometry if source.crs is None else source.to_crs(WGS84).geometry
+        if set(points.geom_type) - {"Point"}:
+            raise InputError(
+                Fault("stations are points", field="geometry", value=", ".join(sorted(set(points.geom_type))))
+            )
+        columns = source.drop(columns=source.geometry.name)
+        positions = [{"lat": point.y, "lon": point.x} for point in points]
+        return [row | place for row, place in zip(_table_rows(columns), positions, strict=True)]
+    if hasattr(source, "to_dict") and hasattr(source, "columns"):
+        return _table_rows(source)
+    if isinstance(source, Iterable) and not isinstance(source, str | bytes | Mapping):
+        return list(source)
+    kinds = "stations, a DataFrame, a GeoDataFrame or a networkx graph"
+    raise InputError(Fault("is no network", field="stations", value=type(source).__name__, remedy=f"give {kinds}"))
+
+
+def _table_rows(table: Any) -> list[dict[str, Any]]:
+    return [{"id": index, **row} for index, row in zip(table.index, table.to_dict("records"), strict=True)]
+
+
+def _stations(rows: Iterable[Any]) -> list[Station]:
+    faults: list[Fault] = []
+    stations = [row if isinstance(row, Station) else _station(row, faults) for row in rows]
+    for station in stations:
+        faults += coordinate_faults(station.lat, station.lon) if math.isfinite(station.lat + station.lon) else []
+    if faults:
+        raise InputError(faults)
+    return stations
+
+
+def _station(row: Any, faults: list[Fault]) -> Station:
+    """Read one station; what is wrong joins the faults."""
+    if not isinstance(row, Mapping):
+        faults.append(
+            Fault("is no station", field="stations", value=row, remedy="a Station, or a mapping with id, lat, lon")
+        )
+        return Station("", "", math.nan, math.nan)
+    given = {key: value for key, value in row.items() if not _missing(value)}
+    identity = str(given.get("id", ""))
+    if not identity:
+        faults.append(Fault("a station has no id", field="id", value=dict(row)))
+
+    def number(names: tuple[str, ...], *, whole: bool = False) -> Any:
+        value: Any = next((given[name] for name in names if name in given), "missing")
+        try:
+            read = float(value)
+        except (TypeError, ValueError, OverflowError):
+            faults.append(Fault(f"station {identity}: is no number", field=names[0], value=value))
+            return math.nan
+        if whole and not (read >= 0.0 and read.is_integer()):
+            faults.append(Fault(f"station {identity}: must be a whole number, 0 or more", field=names[0], value=value))
+            return 0
+        return int(read) if whole else read
+
+    more = {key: number((key,), whole=key in _WHOLE) for key in (*_WHOLE, *_REAL) if key in given}
+    return Station(identity, str(given.get("name", identity)), number(_LATITUDE), number(_LONGITUDE), **more)
+
+
+def _missing(value: Any) -> bool:
+    return value is None or (isinstance(value, float | np.floating) and math.isnan(value))
+
+
+def _pairs(stations: list[Station], segments: Iterable[tuple[str, str]]) -> Any:
+    index = {station.id: number for number, station in enumerate(stations)}
+    pairs, faults = [], []
+    for tail, head in segments:
+        strangers = [end for end in (tail, head) if str(end) not in index]
+        faults += [Fault("names no station", field="segments", value=end) for end in strangers]
+        pairs.append((index.get(str(tail), 0), index.get(str(head), 0)))
+    if faults:
+        raise InputError(faults)
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)

@@ -1,0 +1,1 @@
+"""Queues at charging pads: other drones, transient M/M/c, sampled queues."""

@@ -1,0 +1,184 @@
+"""The pad service: what a station tells of its pads, and how a drone asks to be charged.
+
+There is no MAVLink message for pads, so this is skyway's own: a protocol in Python, and the same as JSON lines over
+TCP. One line is one request or one answer:
+
+    {"op": "status", "station": "bellevue"}
+    {"op": "charge", "station": "bellevue", "drone": "1", "to_soc": 0.8}
+    {"op": "release", "station": "bellevue", "drone": "1"}
+
+Each answer is ``{"ok": true, "station": {...}, "drone": {...} or null}`` or ``{"ok": false, "error": "..."}``.
+A drone is named by its MAVLink system id in decimal. States of charge are fractions, instants POSIX seconds.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol
+
+import msgspec
+
+from skyway.models.base.errors import LinkError
+
+MAX_LINE_BYTES = 4096
+"""A longer line is no request."""
+
+DroneState = Literal["absent", "waiting", "charging", "done"]
+
+
+class PadServiceError(LinkError):
+    """The pad service refused a request or failed; the message says what to do."""
+
+
+class DroneOnPad(msgspec.Struct, frozen=True, kw_only=True):
+    """Our drone at a station.
+
+    Attributes
+    ----------
+    drone : str
+        Its name.
+    state : str
+        ``absent``; ``waiting`` for a pad on a holding spot; ``charging``; ``done``: charged, still on the pad.
+    soc : float or None
+        State of charge as the pad measures it; None where it is not on a pad.
+    to_soc : float or None
+        Where charging ends.
+    place_in_line : int
+        Drones that get a pad before this one.
+    pad_free_s : float or None
+        When it will get a pad, as far as that is known: POSIX seconds.
+    done_s : float or None
+        When it will be charged: POSIX seconds.
+    """
+
+    drone: str
+    state: DroneState
+    soc: float | None = None
+    to_soc: float | None = None
+    place_in_line: int = 0
+    pad_free_s: float | None = None
+    done_s: float | None = None
+
+
+class StationStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """The pads of one station at an instant.
+
+    Attributes
+    ----------
+    station : str
+        Id.
+    posix_s : float
+        The instant.
+    pads, busy : int
+        How many there are, and on how many a drone stands.
+    remaining_s : tuple of float
+        Seconds until busy pads become free, ascending, where that is known.
+    waiting : int
+        Drones in the line.
+    holding_spots, holding_free : int
+        Spots beside the pads, and how many of them are free.
+    drones : tuple of DroneOnPad
+        Drones that asked to be charged here.
+    """
+
+    station: str
+    posix_s: float
+    pads: int
+    busy: int
+    remaining_s: tuple[float, ...]
+    waiting: int
+    holding_spots: int
+    holding_free: int
+    drones: tuple[DroneOnPad, ...] = ()
+
+
+class PadService(Protocol):
+    """What a station offers; every method may raise `PadServiceError`."""
+
+    def status(self, station: str) -> StationStatus:
+        """Return the pads of a station now."""
+        ...
+
+    def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
+        """Ask for a pad and charging to a state of charge; asking again changes the state of charge asked for."""
+        ...
+
+    def release(self, station: str, drone: str) -> DroneOnPad:
+        """Give the pad, or the place in the line, back."""
+        ...
+
+
+class PadRequest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One request on the wire.
+
+    Attributes
+    ----------
+    op : str
+        ``status``, ``charge`` or ``release``.
+    station, drone : str
+        Which ones.
+    to_soc : float
+        For ``charge``, 0-1.
+    """
+
+    op: Literal["status", "charge", "release"]
+    station: str
+    drone: str = ""
+    to_soc: float = 1.0
+
+
+class PadAnswer(msgspec.Struct, frozen=True, kw_only=True):
+    """One answer on the wire.
+
+    Attributes
+    ----------
+    ok : bool
+        Whether it was done.
+    error : str or None
+        Why not.
+    station : StationStatus or None
+        After the request.
+    drone : DroneOnPad or None
+        The drone of a ``charge`` or ``release``.
+    """
+
+    ok: bool
+    error: str | None = None
+    station: StationStatus | None = None
+    drone: DroneOnPad | None = None
+
+
+_REQUEST = msgspec.json.Decoder(PadRequest)
+_ANSWER = msgspec.json.Decoder(PadAnswer)
+
+
+def encode(message: PadRequest | PadAnswer) -> bytes:
+    """Return the line of a request or answer, with its end."""
+    return msgspec.json.encode(message) + b"\n"
+
+
+def decode_request(line: bytes) -> PadRequest:
+    """Read a request.
+
+    Raises
+    ------
+    PadServiceError
+        The line is no request.
+    """
+    try:
+        return _REQUEST.decode(line)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise PadServiceError(f"not a request of the pad service: {error}") from None
+
+
+def decode_answer(line: bytes) -> PadAnswer:
+    """Read an answer.
+
+    Raises
+    ------
+    PadServiceError
+        The line is no answer.
+    """
+    try:
+        return _ANSWER.decode(line)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise PadServiceError(f"not an answer of the pad service: {error}") from None

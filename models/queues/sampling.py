@@ -1,0 +1,476 @@
+"""One sampled realisation of the other drones at a station, for a whole horizon.
+
+Given the others, our drone joins the same line and is served first come, first served: when it arrives after
+the first k of them it gets the pad that is free after k assignments. A path keeps these times for every k, so
+that any time of arrival finds its answer and nobody overtakes. (Independent draws per arrival would let a
+later arrival start earlier.) The others are what `models.queues.transient` computes with: Poisson arrivals, a charging
+drone leaves at a rate 1 / mean charging time, both by the hour. They do not notice our drone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.units import S_PER_H
+from skyway.models.jit.compiled import compiled, compiled_lean
+from skyway.models.queues.transient import TAIL_H, PadQueue, present_at
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from skyway.models.queues.load import PadLoad
+
+    Floats: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class QueuePath:
+    """What a drone of ours meets at one station, whenever it arrives.
+
+    Attributes
+    ----------
+    arrival_s : ndarray, shape (k,)
+        When the others arrive, POSIX seconds, ascending.
+    pad_s : ndarray, shape (k + 1,)
+        Earliest time a pad is free for a drone behind the first 0, 1, … of them; nondecreasing, -inf is
+        always.
+    land_s : ndarray, shape (k + 1,)
+        Earliest time it can touch down, on a pad or a holding spot; nondecreasing and never after `pad_s`.
+    delay_s : ndarray, shape (k + 1,)
+        It gets no pad sooner than this long after its own arrival, in the interval before the first, between the
+        first and the second of them, …; 0 by default. With it a path tells of waits that are expected, not sampled.
+        The pad's time must still be nondecreasing in the arrival.
+    present : int
+        Others on the pads and in line when the path begins.
+    left_s : ndarray, shape (departures,)
+        When others leave after that, ascending.
+    """
+
+    arrival_s: NDArray[np.float64]
+    pad_s: NDArray[np.float64]
+    land_s: NDArray[np.float64]
+    delay_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
+    present: int = 0
+    left_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        if self.delay_s.shape != self.pad_s.shape:
+            object.__setattr__(self, "delay_s", np.broadcast_to(self.delay_s, self.pad_s.shape))
+
+    def pad_time(self, arrival_s: ArrayLike) -> NDArray[np.float64]:
+        """When our drone gets a pad if it arrives at POSIX seconds `arrival_s`; nondecreasing in it.
+
+        An arrival at the very time of another drone's stands behind it. Before the start of the path the
+        answer is that of a drone behind all who are there at the start.
+        """
+        arrival, interval = self._at(arrival_s)
+        return np.maximum(arrival + self.delay_s[interval], self.pad_s[interval])
+
+    def land_time(self, arrival_s: ArrayLike) -> NDArray[np.float64]:
+        """When it can touch down if it arrives at POSIX seconds `arrival_s`; never after `pad_time`."""
+        arrival, interval = self._at(arrival_s)
+        return np.maximum(arrival, self.land_s[interval])
+
+    def latest_arrival(self, land_by_s: float) -> float:
+        """Latest arrival with which it touches down by a time; -inf where nobody does who arrives from now on."""
+        served = int(np.searchsorted(self.land_s, land_by_s, side="right"))
+        if served == 0:
+            return -math.inf
+        return min(land_by_s, float(self.arrival_s[served - 1])) if served <= len(self.arrival_s) else land_by_s
+
+    def present_at(self, time_s: float) -> int:
+        """Others on the pads and in line at a time, as one sees who looks."""
+        came = int(np.searchsorted(self.arrival_s, time_s, side="right"))
+        return self.present + came - int(np.searchsorted(self.left_s, time_s, side="right"))
+
+    def _at(self, arrival_s: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        arrival = np.asarray(arrival_s, dtype=np.float64)
+        return arrival, np.searchsorted(self.arrival_s, arrival, side="right")
+
+
+def no_queue() -> QueuePath:
+    """Return a path on which a pad is always free, as at a delivery target, where nobody recharges."""
+    return QueuePath(np.empty(0), np.array([-math.inf]), np.array([-math.inf]))
+
+
+def expected_path(start_s: float, step_s: float, wait_s: ArrayLike) -> QueuePath:
+    """Make the path of a drone that waits as long as is expected at its arrival.
+
+    Parameters
+    ----------
+    start_s, step_s : float
+        The grid, POSIX seconds and seconds.
+    wait_s : array_like, shape (times,)
+        Expected waits of arrivals at `start_s`, `start_s` + `step_s`, …
+
+    Returns
+    -------
+    QueuePath
+        Within a step the wait is the mean of its two ends, before the grid and after it that of its first and last
+        time. Where that would let a later arrival have its pad earlier, it gets it with the last one before it.
+        Landing needs no wait.
+
+    Raises
+    ------
+    InputError
+        The grid has no times or no length, or a wait is negative or not a number.
+    """
+    wait = np.asarray(wait_s, dtype=np.float64)
+    if wait.ndim != 1:
+        raise InputError(Fault("waits are one for each time", field="wait_s", value=wait.shape))
+    return expected_paths(start_s, step_s, wait[None])[0]
+
+
+def expected_paths(start_s: float, step_s: float, wait_s: NDArray[np.float64]) -> list[QueuePath]:
+    """Make the paths of drones that wait as long as is expected at several stations; see `expected_path`.
+
+    Parameters
+    ----------
+    start_s, step_s : float
+        The grid, POSIX seconds and seconds.
+    wait_s : ndarray, shape (stations, times)
+        Expected waits.
+
+    Raises
+    ------
+    InputError
+        As `expected_path`.
+    """
+    stations, times = wait_s.shape
+    if not times or not (step_s > 0.0 and math.isfinite(step_s)):
+        raise InputError(Fault("a grid has at least one time, and steps of some length", field="step_s", value=step_s))
+    if not np.all((wait_s >= 0.0) & np.isfinite(wait_s)):
+        raise InputError(Fault("not all waits are seconds from 0 up", field="wait_s"))
+    arrival = np.asarray(start_s + step_s * np.arange(times), dtype=np.float64)
+    delay = np.empty((stations, times + 1))
+    delay[:, 0], delay[:, 1:-1], delay[:, -1] = wait_s[:, 0], 0.5 * (wait_s[:, 1:] + wait_s[:, :-1]), wait_s[:, -1]
+    pad = np.full(delay.shape, -math.inf)
+    pad[:, 1:] = np.maximum.accumulate(arrival + delay[:, :-1], axis=1)
+    always = np.full(times + 1, -math.inf)
+    return [QueuePath(arrival, pad[number], always, delay[number]) for number in range(stations)]
+
+
+def sample_path(
+    pads: int,
+    holding_spots: int,
+    arrivals_per_s: ArrayLike,
+    mean_charging_s: ArrayLike,
+    *,
+    first_s: float,
+    start_s: float,
+    hours: float,
+    rng: np.random.Generator | int,
+    busy: int | None = None,
+    remaining_s: Sequence[float] | None = None,
+) -> QueuePath:
+    """Sample the other drones at one station from `start_s` over a horizon; nobody arrives after it.
+
+    Parameters
+    ----------
+    pads : int
+        0 gives `no_queue`.
+    holding_spots : int
+        Drones that may stand beside the pads; with 0 a drone lands only on a free pad.
+    arrivals_per_s, mean_charging_s : array_like, shape (hours of rates,)
+        Rates hour after hour; after the last hour its rates go on.
+    first_s : float
+        When the first hour of the rates begins, POSIX seconds.
+    start_s, hours : float
+        The horizon, POSIX seconds and hours.
+    rng : Generator or int
+        Source of randomness, or a seed.
+    busy : int or None
+        Drones present at `start_s`, those beyond the pads in the line. None: nobody looked, so the station
+        is empty at `first_s` and lives through the hours until `start_s` (unless `remaining_s` tells who is
+        there).
+    remaining_s : sequence of float, optional
+        Seconds after `start_s` until busy pads become free, used as they are; busy pads without one get a
+        sampled time.
+
+    Returns
+    -------
+    QueuePath
+
+    Raises
+    ------
+    InputError
+        Rates or numbers out of range, or more remaining times than busy pads.
+    """
+    if pads == 0:
+        return no_queue()
+    arrivals = np.ascontiguousarray(arrivals_per_s, dtype=np.float64)
+    charging = np.ascontiguousarray(mean_charging_s, dtype=np.float64)
+    known = np.array([] if remaining_s is None else remaining_s, dtype=np.float64)
+    if busy is None and remaining_s is not None:
+        busy = len(known)
+    PadQueue(pads, start_s, first_s, arrivals, charging, busy)  # says what is wrong with them
+    _check(holding_spots, hours, known, min(busy or 0, pads))
+    generator = rng if isinstance(rng, np.random.Generator) else np.random.default_rng(rng)
+    times = (first_s, start_s, start_s + hours * S_PER_H)
+    present = -1 if busy is None else busy
+    return _path(generator, pads, holding_spots, (arrivals, 1.0 / charging), times, present, known)
+
+
+def sample_paths(
+    load: PadLoad,
+    pads: ArrayLike,
+    holding_spots: ArrayLike,
+    stations: Sequence[int],
+    start_s: float,
+    hours: float,
+    seed: int | Sequence[int],
+    busy: Mapping[int, int] | None = None,
+    remaining_s: Mapping[int, Sequence[float]] | None = None,
+) -> dict[int, QueuePath]:
+    """Sample one path for each of several stations.
+
+    Each station draws from a stream of its own, made from the seed and its index, so that it gets the same
+    path whichever other stations are asked for. Where the pads were not seen, the path begins with a number of drones
+    drawn as `models.queues.transient.settled` says.
+
+    Parameters
+    ----------
+    load : PadLoad
+        Other drones.
+    pads, holding_spots : array_like of int, shape (nodes,)
+        Of each station.
+    stations : sequence of int
+        Which nodes.
+    start_s, hours : float
+        The horizon, POSIX seconds and hours.
+    seed : int or sequence of int
+        For example (seed, member).
+    busy : mapping of int to int, optional
+        Drones present at `start_s`, by node.
+    remaining_s : mapping of int to sequence of float, optional
+        Known times until pads become free, by node.
+
+    Returns
+    -------
+    dict of int to QueuePath
+        By node.
+
+    Raises
+    ------
+    InputError
+        As `sample_path`.
+    """
+    return sample_sets(load, pads, holding_spots, stations, start_s, hours, [seed], busy, remaining_s)[0]
+
+
+def sample_sets(
+    load: PadLoad,
+    pads: ArrayLike,
+    holding_spots: ArrayLike,
+    stations: Sequence[int],
+    start_s: float,
+    hours: float,
+    seeds: Sequence[int | Sequence[int]],
+    busy: Mapping[int, int] | None = None,
+    remaining_s: Mapping[int, Sequence[float]] | None = None,
+) -> list[dict[int, QueuePath]]:
+    """Sample a set of paths for each of several seeds: what `sample_paths` gives for each, in less time."""
+    seen, times = busy or {}, remaining_s or {}
+    counts = np.broadcast_to(np.asarray(pads, dtype=np.int64), (len(load),))
+    spots = np.broadcast_to(np.asarray(holding_spots, dtype=np.int64), (len(load),))
+    first_s = math.floor(start_s / S_PER_H) * S_PER_H
+    ends = (first_s, start_s, start_s + hours * S_PER_H)
+    _check(0, hours, np.empty(0), 0)
+    result: list[dict[int, QueuePath]] = [{} for _ in seeds]
+    for station in stations:
+        arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
+        pads_here, spots_here = int(counts[station]), int(spots[station])
+        told = station in seen or station in times or pads_here <= 0 or spots_here < 0
+        if not told:
+            share, services = present_at(load, station, pads_here, start_s), 1.0 / charging
+        for found, seed in zip(result, seeds, strict=True):
+            rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
+            if told:
+                found[station] = sample_path(
+                    pads_here,
+                    spots_here,
+                    arrivals,
+                    charging,
+                    first_s=first_s,
+                    start_s=start_s,
+                    hours=hours,
+                    rng=rng,
+                    busy=seen.get(station),
+                    remaining_s=times.get(station),
+                )
+                continue
+            present = int(np.searchsorted(share, rng.random() * share[-1], side="right"))
+            found[station] = _path(rng, pads_here, spots_here, (arrivals, services), ends, present, np.empty(0))
+    return result
+
+
+def pack(
+    paths: Sequence[QueuePath],
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Lay paths end to end for kernels.
+
+    Returns
+    -------
+    offset : ndarray of int, shape (paths + 1,)
+        Entries of path i are ``offset[i] : offset[i + 1]``, at least one.
+    arrival_s, pad_s, land_s, delay_s : ndarray, shape (entries,)
+        An entry's times hold for our arrivals from its `arrival_s` (-inf in the first entry of a path)
+        until before the next one's.
+    """
+    offset = np.zeros(len(paths) + 1, dtype=np.int64)
+    np.cumsum([len(path.pad_s) for path in paths], out=offset[1:])
+    arrival, pad, land, delay = (np.empty(offset[-1]) for _ in range(4))
+    for i, path in enumerate(paths):
+        low, high = offset[i], offset[i + 1]
+        arrival[low] = -math.inf
+        arrival[low + 1 : high] = path.arrival_s
+        pad[low:high] = path.pad_s
+        land[low:high] = path.land_s
+        delay[low:high] = path.delay_s
+    return offset, arrival, pad, land, delay
+
+
+def _check(holding_spots: int, hours: float, remaining_s: NDArray[np.float64], busy_pads: int) -> None:
+    faults = []
+    if holding_spots < 0:
+        faults.append(Fault("a negative number of holding spots", field="holding_spots", value=holding_spots))
+    if not (math.isfinite(hours) and hours > 0.0):
+        faults.append(Fault("a horizon has a length", field="hours", value=hours))
+    if not np.all((remaining_s >= 0.0) & np.isfinite(remaining_s)):
+        faults.append(Fault("not all remaining times are seconds from 0 up", field="remaining_s"))
+    if len(remaining_s) > busy_pads:
+        problem = f"more remaining times than the {busy_pads} busy pads"
+        faults.append(Fault(problem, field="remaining_s", value=len(remaining_s)))
+    if faults:
+        raise InputError(faults)
+
+
+def _path(
+    rng: np.random.Generator,
+    pads: int,
+    spots: int,
+    rates: tuple[NDArray[np.float64], NDArray[np.float64]],
+    times: tuple[float, float, float],
+    present: int,
+    known: NDArray[np.float64],
+) -> QueuePath:
+    first_s, _, end_s = times
+    expected = max(present, 0) + float(rates[0].max()) * (end_s - first_s)
+    draws = rng.standard_exponential(pads + 2 * (16 + int(1.2 * expected)))
+    while True:
+        came, pad_s, land_s, at_start, later, enough = _lived(draws, pads, spots, rates, times, present, known)
+        if enough:
+            return QueuePath(came, pad_s, land_s, present=at_start, left_s=later)
+        draws = np.concatenate((draws, rng.standard_exponential(len(draws))))
+
+
+@compiled_lean
+def _after(t: float, amount: float, rates: Floats, first_s: float) -> float:
+    """Find when a rate, constant within hours, has added up to an amount since `t`; inf if it never does."""
+    last = len(rates) - 1
+    slot = min(max(int((t - first_s) / 3600.0), 0), last)
+    while slot < last:
+        ends = first_s + (slot + 1) * 3600.0
+        inside = rates[slot] * (ends - t)
+        if inside >= amount and rates[slot] > 0.0:
+            break
+        amount -= max(inside, 0.0)
+        t = max(t, ends)
+        slot += 1
+    if rates[slot] <= 0.0:
+        return np.inf
+    done: float = t + amount / rates[slot]
+    return done
+
+
+@compiled
+def _lived(
+    draws: Floats,
+    pads: int,
+    spots: int,
+    rates: tuple[Floats, Floats],
+    times: tuple[float, float, float],
+    present: int,
+    known: Floats,
+) -> tuple[Floats, Floats, Floats, int, Floats, bool]:
+    """Serve those who are there at first and all who arrive until the end, first come, first served.
+
+    Takes finite deviates from 0 up, hourly rates from 0 up that hold from before the start to the end, and as many known times as pads are busy at
+    most; `_check` and `PadLoad` see to it.
+
+    Parameters
+    ----------
+    draws : ndarray
+        Standard exponential deviates, used in order.
+    pads, spots, known
+        Of `sample_path`; `known` are its remaining times.
+    rates : (arrivals_per_s, services_per_s)
+        By the hour.
+    times : (first_s, start_s, end_s)
+        Of the rates and of the horizon, POSIX seconds.
+    present : int
+        Others at the start; negative: nobody, at `first_s`.
+
+    Returns
+    -------
+    arrival_s, pad_s, land_s, present, left_s
+        Of a `QueuePath`.
+    enough : bool
+        Whether there were as many draws as it took; without them the others say nothing.
+    """
+    arrivals, services = rates
+    first_s, start_s, end_s = times
+    size = len(draws)
+    came, began, ready, left = np.empty(size), np.empty(size), np.empty(size + 1), np.empty(size + pads)
+    free = np.full(pads, -np.inf)
+    now, waiting, used = first_s, 0, 0
+    if present >= 0:
+        now, waiting = start_s, max(present - pads, 0)
+        free[: len(known)] = start_s + known
+        for pad in range(len(known), min(present, pads)):
+            free[pad] = _after(start_s, draws[used], services, first_s)
+            used += 1
+    at_start, gone, later = 0, waiting, 0
+    if present >= 0:
+        for pad in range(pads):
+            if free[pad] > start_s:
+                left[later] = free[pad]
+                later += 1
+        at_start = later
+    count = 0
+    while True:
+        earliest = np.argmin(free)
+        ready[count] = free[earliest]
+        if used + 2 > size:
+            return came, ready, began, 0, left, False
+        if count >= waiting:
+            now = _after(now, draws[used], arrivals, first_s)
+            used += 1
+            if now > end_s:
+                break
+            if now <= start_s:
+                gone = count + 1
+        came[count], began[count] = now, max(now, free[earliest])
+        free[earliest] = _after(began[count], draws[used], services, first_s)
+        used += 1
+        if free[earliest] > start_s:
+            left[later] = free[earliest]
+            later += 1
+            if gone > count:
+                at_start += 1
+        count += 1
+    pad_s = ready[gone : count + 1].copy()
+    land_s = pad_s.copy()
+    # It may stand on a holding spot once the drone that is `spots` places ahead in the line has its pad.
+    for k in range(len(land_s)):
+        before = gone + k - spots
+        if spots > 0:
+            land_s[k] = min(land_s[k], began[before]) if before >= 0 else -np.inf
+    return came[gone:count].copy(), pad_s, land_s, at_start, np.sort(left[:later]), True

@@ -1,0 +1,547 @@
+"""Waiting for a pad: the transient M/M/c queue of a station.
+
+Drones wait in one line without limit and are served first come, first served. Other drones arrive as a
+Poisson process and leave a pad at a rate 1 / mean charging time each; both rates are constant within an
+hour. The number of drones present is then a birth-death chain, whose probabilities follow from its state now
+by uniformization (Grassmann 1977; Stewart, *Numerical Solution of Markov Chains*, 1994, section 8.2): a
+Poisson-weighted sum of powers of a stochastic matrix, in which nothing is subtracted and mass is kept.
+
+The line has no limit: its upper end is cut where it no longer matters, under a budget which is set so that
+the mass lost over a whole run is below `LOST_MASS`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.units import S_PER_H
+from skyway.models.queues.load import MAX_CHARGING_S, MIN_CHARGING_S
+from skyway.models.queues.transient_kernels import (
+    MAX_JUMPS,
+    MAX_STATES,
+    expected_waits,
+    time_for,
+    transient_distributions,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from skyway.models.queues.load import PadLoad
+
+    Floats: TypeAlias = NDArray[np.float64]
+
+LOST_MASS = 1e-9
+"""Probability that a whole run may lose by cutting the line."""
+WARM_UP_H = 168
+"""Hours lived through from an empty station where nobody has seen the pads and the load of the week is too high for a
+long run."""
+SETTLED = 0.98
+"""Mean utilisation of the week from which on there is no long run to begin with, or it is too far away."""
+FORGOTTEN = 7.0
+"""Else a station that nobody has seen begins with the long run of the week's mean load and lives through so many of its
+relaxation times under the load of the hours: exp(-7) of the difference is left. A relaxation time is
+1 / (sqrt(pads) - sqrt(offered load))^2 charging times, but no less than one."""
+MIN_SETTLING_H, MAX_SETTLING_H = 12, 672
+_NOBODY = 1e-12  # probability of still more drones, where the long run is cut off
+TAIL_H = 24
+"""Hours after a horizon whose charging times still matter to those who wait at its end."""
+STEP_S = 600.0
+
+
+class Transient(NamedTuple):
+    """How many drones are at a station over time.
+
+    Attributes
+    ----------
+    times_s : ndarray, shape (times,)
+        Seconds since the beginning of the first slot.
+    distribution : ndarray, shape (times, states)
+        Probability of 0, 1, 2, … drones on the pads and in the line.
+    lost_mass : float
+        What is missing from the sum of the last row, below `LOST_MASS`.
+    """
+
+    times_s: NDArray[np.float64]
+    distribution: NDArray[np.float64]
+    lost_mass: float
+
+
+def erlang_c(pads: int, offered_load: float) -> float:
+    """Probability that an arrival must wait, in the long run (Erlang's C formula).
+
+    Parameters
+    ----------
+    pads : int
+        At least 1.
+    offered_load : float
+        Arrival rate times mean charging time, from 0 up; from `pads` on everybody waits.
+
+    Raises
+    ------
+    InputError
+        Fewer than one pad, or a negative load.
+    """
+    _check_pads(pads)
+    _check_offered(offered_load)
+    if offered_load >= pads:
+        return 1.0
+    blocked = 1.0  # Erlang's B formula by its recursion, which never overflows
+    for servers in range(1, pads + 1):
+        blocked = offered_load * blocked / (servers + offered_load * blocked)
+    return blocked / (1.0 - offered_load / pads * (1.0 - blocked))
+
+
+def stationary(pads: int, offered_load: float, states: int) -> NDArray[np.float64]:
+    """Long-run probabilities of the first states of the unlimited queue.
+
+    Parameters
+    ----------
+    pads : int
+        At least 1.
+    offered_load : float
+        Arrival rate times mean charging time, below `pads`.
+    states : int
+        How many; what the rest has is missing from the sum.
+
+    Returns
+    -------
+    ndarray, shape (states,)
+
+    Raises
+    ------
+    InputError
+        Fewer than one pad, a negative load, or one that the pads cannot serve: then there is no long run.
+    """
+    waits = erlang_c(pads, offered_load)
+    if offered_load >= pads:
+        raise InputError(Fault(f"{pads} pads never catch up with it", field="offered_load", value=offered_load))
+    ratio = offered_load / pads
+    number = np.arange(states)
+    tail = waits * (1.0 - ratio) * ratio ** np.maximum(number - pads, 0.0)
+    if offered_load == 0.0:
+        return np.where(number == 0, 1.0, 0.0)
+    factorials = np.array([math.lgamma(n + 1.0) for n in range(pads)])
+    log_weight = np.arange(pads) * math.log(offered_load) - factorials
+    weight = np.exp(log_weight - log_weight.max())
+    head = (1.0 - waits) * weight / weight.sum()
+    result = tail.copy()
+    result[: min(pads, states)] = head[:states]
+    return result
+
+
+def transient(
+    pads: int,
+    arrivals_per_s: ArrayLike,
+    mean_charging_s: ArrayLike,
+    initial: int | ArrayLike,
+    slot_s: float = S_PER_H,
+    step_s: float = STEP_S,
+) -> Transient:
+    """Probabilities of the number of drones present, from a known state or distribution.
+
+    Parameters
+    ----------
+    pads : int
+        At least 1.
+    arrivals_per_s, mean_charging_s : array_like, shape (slots,)
+        Rates, constant within a slot.
+    initial : int or array_like, shape (any,)
+        Drones present at the beginning, those above `pads` in the line, or the probabilities of 0, 1, 2, …
+        drones.
+    slot_s, step_s : float
+        Length of a slot, and distance of the answers (not tied to the slots), seconds.
+
+    Returns
+    -------
+    Transient
+        From 0 to the end of the last slot at least.
+
+    Raises
+    ------
+    InputError
+        Rates out of range, an initial state that is none, or a line that grows beyond `MAX_STATES`.
+    """
+    arrivals, charging = _rates(arrivals_per_s, mean_charging_s)
+    points = math.ceil(len(arrivals) * slot_s / step_s - 1e-9) + 1
+    times = np.arange(points, dtype=np.float64) * step_s
+    start = _initial(initial)
+    _check_pads(pads)
+    return _run(pads, (arrivals, charging), slot_s, start, 0.0, times)
+
+
+@dataclass(frozen=True, eq=False)
+class PadQueue:
+    """The queue of one station, as far as it is known at an instant.
+
+    Attributes
+    ----------
+    pads : int
+        At least 1.
+    start_s : float
+        The instant, POSIX seconds.
+    first_s : float
+        When the first hour of the rates begins, POSIX seconds.
+    arrivals_per_s, mean_charging_s : ndarray, shape (hours,)
+        Rates of other drones, hour after hour; after the last hour its rates go on.
+    busy : int or None
+        Drones seen at `start_s`: that many pads are busy, nobody is in the line unless it exceeds the pads.
+        None: nobody looked, so the station begins as `unseen` at `first_s` and lives through the hours until
+        `start_s`.
+    unseen : ndarray, shape (any,)
+        Probabilities of 0, 1, 2, … drones at `first_s` where nobody looked; an empty station by default.
+    """
+
+    pads: int
+    start_s: float
+    first_s: float
+    arrivals_per_s: NDArray[np.float64]
+    mean_charging_s: NDArray[np.float64]
+    busy: int | None = None
+    unseen: NDArray[np.float64] = field(default_factory=lambda: np.ones(1), repr=False)
+
+    def __post_init__(self) -> None:
+        _check_pads(self.pads)
+        arrivals, charging = _rates(self.arrivals_per_s, self.mean_charging_s)
+        object.__setattr__(self, "arrivals_per_s", arrivals)
+        object.__setattr__(self, "mean_charging_s", charging)
+        if self.busy is not None and self.busy < 0:
+            raise InputError(Fault("a negative number of busy pads", field="busy", value=self.busy))
+        if self.first_s > self.start_s:
+            raise InputError(Fault("the rates begin after the start", field="first_s", value=self.first_s))
+
+    def distribution(self, times_s: ArrayLike) -> Transient:
+        """Compute the probabilities of the number of drones present.
+
+        Parameters
+        ----------
+        times_s : array_like, shape (times,)
+            Instants from `start_s` on, POSIX seconds, ascending.
+
+        Raises
+        ------
+        InputError
+            Instants before the start or not in order, or a line that grows beyond `MAX_STATES`.
+        """
+        times = np.asarray(times_s, dtype=np.float64) - self.first_s
+        if not len(times) or times[0] < self.start_s - self.first_s or np.any(np.diff(times) < 0.0):
+            raise InputError(Fault("not instants from the start on, in order", field="times_s"))
+        begin = 0.0 if self.busy is None else self.start_s - self.first_s
+        rates, initial = (self.arrivals_per_s, self.mean_charging_s), self.unseen if self.busy is None else self.busy
+        return _run(self.pads, rates, S_PER_H, _initial(initial), begin, times)
+
+    def forecast(self, hours: float, step_s: float = STEP_S) -> WaitForecast:
+        """Forecast the waits over a horizon from `start_s` on, at points `step_s` apart."""
+        grid = self.start_s + step_s * np.arange(math.ceil(hours * S_PER_H / step_s) + 1, dtype=np.float64)
+        states = self.distribution(grid)
+        times = grid - self.first_s
+        wait = expected_waits(states.distribution, self.pads, 1.0 / self.mean_charging_s, S_PER_H, times)
+        # Exact values never let a later arrival start earlier; this removes what rounding and cutting leave.
+        wait = np.maximum.accumulate(times + wait) - times
+        free = np.minimum(states.distribution[:, : self.pads].sum(axis=1), 1.0)
+        return WaitForecast(self.start_s, step_s, np.maximum(wait, 0.0), free, states.lost_mass, self)
+
+
+@dataclass(frozen=True, eq=False)
+class WaitForecast:
+    """Waiting for a pad at one station, by the time of arrival.
+
+    Between the points of the grid everything is linear, before and after it constant, so that t + E[W](t)
+    never decreases: who arrives later is not expected to start earlier.
+
+    Attributes
+    ----------
+    start_s, step_s : float
+        First point of the grid, POSIX seconds, and the distance of the points, seconds.
+    wait_s : ndarray, shape (times,)
+        Expected wait of a drone that arrives at each point, seconds.
+    p_free : ndarray, shape (times,)
+        Probability that it finds a free pad.
+    lost_mass : float
+        Probability that the computation lost, below `LOST_MASS`.
+    queue : PadQueue or None
+        What it was computed from; None is a station without pads, a delivery target: nobody recharges
+        there, so nobody waits.
+    """
+
+    start_s: float
+    step_s: float
+    wait_s: NDArray[np.float64]
+    p_free: NDArray[np.float64]
+    lost_mass: float = 0.0
+    queue: PadQueue | None = field(default=None, repr=False)
+
+    @classmethod
+    def no_queue(cls, start_s: float, hours: float, step_s: float = STEP_S) -> WaitForecast:
+        """Nobody ever waits: a delivery target, where nobody recharges."""
+        points = math.ceil(hours * S_PER_H / step_s) + 1
+        return cls(start_s, step_s, np.zeros(points), np.ones(points))
+
+    def expected_wait_s(self, t: float) -> float:
+        """Mean wait of a drone that arrives at POSIX seconds `t`, seconds."""
+        return self._at(self.wait_s, t)
+
+    def p_pad_free(self, t: float) -> float:
+        """Probability that a drone that arrives at POSIX seconds `t` finds a free pad."""
+        return self._at(self.p_free, t)
+
+    def wait_quantile_s(self, t: float, q: float) -> float:
+        """Wait that a drone arriving at POSIX seconds `t` exceeds with probability 1 - q, seconds.
+
+        About a millisecond, more on the first call.
+
+        Raises
+        ------
+        InputError
+            `q` is not inside 0 to 1.
+        """
+        if not 0.0 < q < 1.0:
+            raise InputError(Fault("a quantile lies between 0 and 1", field="q", value=q))
+        last = len(self.wait_s) - 1
+        x = min(max((t - self.start_s) / self.step_s, 0.0), float(last))
+        i = min(int(x), max(last - 1, 0))
+        low = self._quantile_at(i, q)
+        return low if x == i else low + (x - i) * (self._quantile_at(i + 1, q) - low)
+
+    @cached_property
+    def distribution(self) -> NDArray[np.float64]:
+        """Probabilities of 0, 1, 2, … drones, shape (times, states); computed when first asked for."""
+        if self.queue is None:
+            return np.ones((len(self.wait_s), 1))
+        return self.queue.distribution(self.start_s + self.step_s * np.arange(len(self.wait_s))).distribution
+
+    def _at(self, values: NDArray[np.float64], t: float) -> float:
+        x = (t - self.start_s) / self.step_s
+        i = int(x)
+        if x <= 0.0:
+            return float(values.item(0))
+        if i >= values.size - 1:
+            return float(values.item(-1))
+        low = values.item(i)
+        return float(low + (x - i) * (values.item(i + 1) - low))
+
+    def _quantile_at(self, point: int, q: float) -> float:
+        queue = self.queue
+        if queue is None:
+            return 0.0
+        ahead = self.distribution[point, queue.pads :]  # [k]: k + 1 pads must become free first
+        if 1.0 - ahead.sum() >= q:
+            return 0.0
+        from scipy.optimize import brentq  # imported late: only quantiles need it
+        from scipy.special import gammaincc
+
+        order = np.arange(1.0, len(ahead) + 1.0)
+
+        def too_long(departures: float) -> float:
+            return float(ahead @ gammaincc(order, departures)) - (1.0 - q)
+
+        upper = len(ahead) + 10.0
+        while too_long(upper) > 0.0:
+            upper *= 2.0
+        departures = brentq(too_long, 0.0, upper, xtol=1e-6)
+        offset = self.start_s + point * self.step_s - queue.first_s
+        return float(time_for(departures, queue.pads, 1.0 / queue.mean_charging_s, S_PER_H, offset))
+
+
+def forecast_waits(
+    load: PadLoad,
+    pads: ArrayLike,
+    stations: Sequence[int],
+    start_s: float,
+    hours: float,
+    busy: Mapping[int, int] | None = None,
+    *,
+    step_s: float = STEP_S,
+) -> dict[int, WaitForecast]:
+    """Forecast the waits at several stations; those with the same load, pads and start share one forecast.
+
+    The start state matters: at utilisation 0.9 for some 76 charging times. Where the pads were not seen, it is what a
+    load that repeats every week leads to (see `settled`).
+
+    Parameters
+    ----------
+    load : PadLoad
+        Other drones.
+    pads : array_like of int, shape (nodes,)
+        Pads of each station; where 0, nobody waits.
+    stations : sequence of int
+        Which nodes.
+    start_s : float
+        POSIX seconds.
+    hours : float
+        Horizon.
+    busy : mapping of int to int, optional
+        Drones seen at `start_s` by node (see `PadQueue`); stations left out were not seen.
+    step_s : float
+        Distance of the points of the grid, seconds.
+
+    Returns
+    -------
+    dict of int to WaitForecast
+        By node.
+
+    Raises
+    ------
+    InputError
+        A negative number of pads or busy pads, or a line that grows beyond `MAX_STATES`.
+    """
+    seen = busy or {}
+    counts = np.broadcast_to(np.asarray(pads, dtype=np.int64), (len(load),))
+    shared: dict[tuple[int, int | None, bytes, bytes], WaitForecast] = {}
+    result = {}
+    for station in stations:
+        count, known = int(counts[station]), seen.get(station)
+        if count == 0:
+            key: tuple[int, int | None, bytes, bytes] = (0, None, b"", b"")
+        else:
+            rows = (load.arrivals_per_s[station], load.mean_charging_s[station])
+            key = (count, known, rows[0].tobytes(), rows[1].tobytes())
+        if key not in shared:
+            shared[key] = (
+                WaitForecast.no_queue(start_s, hours, step_s)
+                if count == 0
+                else station_queue(load, station, count, start_s, hours, known).forecast(hours, step_s)
+            )
+        result[station] = shared[key]
+    return result
+
+
+def station_queue(
+    load: PadLoad, station: int, pads: int, start_s: float, hours: float, busy: int | None = None
+) -> PadQueue:
+    """Take the queue of one station from a load.
+
+    The rates are those of the horizon and `TAIL_H` hours after it; where `busy` is None, the pads were not seen.
+    """
+    first_s = math.floor(start_s / S_PER_H) * S_PER_H
+    arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
+    if busy is not None:
+        return PadQueue(pads, start_s, first_s, arrivals, charging, busy)
+    return PadQueue(pads, start_s, first_s, arrivals, charging, unseen=settled(load, station, pads, first_s))
+
+
+def settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[np.float64]:
+    """Probabilities of 0, 1, 2, … drones at a station that nobody has seen, at the beginning of an hour of UTC.
+
+    They are worked out once for each hour, load and number of pads. The station begins with the long run of the week's
+    mean load and lives through the load of the hours before, until it has forgotten that (`FORGOTTEN`). With more load
+    in the mean than `SETTLED`, it begins empty, `WARM_UP_H` before: such a line grows from week to week.
+
+    Source of the relaxation time: E. A. van Doorn, "Conditions for exponential ergodicity and bounds for the decay
+    parameter of a birth-death process", Advances in Applied Probability 17 (1985).
+
+    Returns
+    -------
+    ndarray, shape (states,)
+        Read-only.
+    """
+    return _kept(("settled", first_s), load, station, pads, lambda: _settled(load, station, pads, first_s))
+
+
+def present_at(load: PadLoad, station: int, pads: int, start_s: float) -> NDArray[np.float64]:
+    """Probabilities of no more than 0, 1, 2, … drones at a station that nobody has seen, at any time; see `settled`."""
+
+    def found() -> NDArray[np.float64]:
+        queue = station_queue(load, station, pads, start_s, 1)
+        return np.cumsum(queue.distribution([start_s]).distribution[0])
+
+    return _kept(("present", start_s), load, station, pads, found)
+
+
+_KEPT: dict[tuple[bytes, str, int, tuple[str, float]], NDArray[np.float64]] = {}
+_MAX_KEPT = 50_000  # half a kilobyte each
+
+
+def _kept(
+    what: tuple[str, float], load: PadLoad, station: int, pads: int, work_out: Callable[[], NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Keep what was worked out for a time, a load and a number of pads."""
+    rates = load.arrivals_per_s[station].tobytes() + load.mean_charging_s[station].tobytes()
+    key = (hashlib.blake2b(rates, digest_size=16).digest(), load.timezone, pads, what)
+    found = _KEPT.get(key)
+    if found is None:
+        if len(_KEPT) >= _MAX_KEPT:
+            _KEPT.clear()
+        found = work_out()
+        found.flags.writeable = False
+        _KEPT[key] = found
+    return found
+
+
+def _settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[np.float64]:
+    arrivals, charging = load.arrivals_per_s[station], load.mean_charging_s[station]
+    offered = float(np.mean(arrivals * charging))
+    begin, warm_up = np.ones(1), WARM_UP_H
+    if offered < SETTLED * pads:
+        relaxation_s = float(charging.max()) / min((math.sqrt(pads) - math.sqrt(offered)) ** 2, 1.0)
+        warm_up = min(max(math.ceil(FORGOTTEN * relaxation_s / S_PER_H), MIN_SETTLING_H), MAX_SETTLING_H)
+        ratio = max(offered / pads, 1e-3)
+        begin = stationary(pads, offered, pads + math.ceil(math.log(_NOBODY) / math.log(ratio)) + 1)
+        begin /= begin.sum()
+    rates = load.hourly(station, first_s - warm_up * S_PER_H, warm_up)
+    found = _run(pads, _rates(*rates), S_PER_H, begin, 0.0, np.array([warm_up * S_PER_H])).distribution[0]
+    return np.asarray(found[: np.flatnonzero(found)[-1] + 1] / found.sum())
+
+
+def _check_pads(pads: int) -> None:
+    if pads < 1:
+        raise InputError(Fault("a queue needs at least one pad", field="pads", value=pads))
+
+
+def _check_offered(offered_load: float) -> None:
+    if not (math.isfinite(offered_load) and offered_load >= 0.0):
+        raise InputError(Fault("not a number from 0 up", field="offered_load", value=offered_load))
+
+
+def _rates(arrivals_per_s: ArrayLike, mean_charging_s: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    arrivals = np.ascontiguousarray(arrivals_per_s, dtype=np.float64)
+    charging = np.ascontiguousarray(mean_charging_s, dtype=np.float64)
+    if arrivals.ndim != 1 or arrivals.shape != charging.shape or not len(arrivals):
+        shapes = f"{arrivals.shape} and {charging.shape}"
+        raise InputError(Fault("rates need one value per slot", field="rates", value=shapes))
+    if not np.all((arrivals >= 0.0) & np.isfinite(arrivals)):
+        raise InputError(Fault("not all rates are numbers from 0 up", field="arrivals_per_s"))
+    if not np.all((charging >= MIN_CHARGING_S) & (charging <= MAX_CHARGING_S)):
+        raise InputError(Fault("not all times lie between a second and a week", field="mean_charging_s"))
+    return arrivals, charging
+
+
+def _initial(initial: int | ArrayLike) -> NDArray[np.float64]:
+    if isinstance(initial, (int, np.integer)):
+        if not 0 <= initial < MAX_STATES:
+            raise InputError(Fault("not a number of drones", field="initial", value=initial))
+        start = np.zeros(int(initial) + 1)
+        start[-1] = 1.0
+        return start
+    start = np.array(initial, dtype=np.float64)
+    if start.ndim != 1 or not len(start) or not np.all(start >= 0.0) or abs(start.sum() - 1.0) > LOST_MASS:
+        raise InputError(Fault("not a distribution over numbers of drones", field="initial"))
+    return start
+
+
+def _run(
+    pads: int,
+    rates: tuple[NDArray[np.float64], NDArray[np.float64]],
+    slot_s: float,
+    initial: NDArray[np.float64],
+    begin_s: float,
+    times_s: NDArray[np.float64],
+) -> Transient:
+    arrivals, charging = rates
+    jumps = (arrivals.max() + pads / charging.min()) * (times_s[-1] - begin_s)
+    steps = jumps / MAX_JUMPS + len(times_s) + (times_s[-1] - begin_s) / slot_s + 2.0
+    cut = 0.5 * LOST_MASS / steps
+    distribution, lost = transient_distributions(initial, pads, arrivals, 1.0 / charging, slot_s, begin_s, times_s, cut)
+    if lost < 0.0:
+        remedy = "check the arrivals and the charging times"
+        raise InputError(Fault(f"the line grows beyond {MAX_STATES} drones", field="load", remedy=remedy))
+    return Transient(times_s, distribution, float(lost))

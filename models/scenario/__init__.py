@@ -1,0 +1,1 @@
+"""A region to deliver in: scenario, its folder and its checks."""

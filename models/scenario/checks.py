@@ -1,0 +1,117 @@
+"""What is suspicious of a scenario as a whole: parts that are each well formed, but do not fit together."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base import geodesy
+from skyway.models.base.errors import Fault
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.models.network.network import Network, Station
+    from skyway.models.network.zones import NoFlyZones
+    from skyway.models.wind.history import WindSite
+
+LOST_M = 1_000_000.0
+"""Whatever is farther than this from all it belongs to, but near it with lat and lon swapped, has them swapped."""
+WIND_FAR_M = 300_000.0
+"""Wind measured farther away than this says little of the wind at a station."""
+_SWAPPED = "lat and lon look swapped"
+
+
+def position_faults(stations: Sequence[Station], sites: Sequence[WindSite], file: str, toml: str) -> list[Fault]:
+    """Find stations and wind sites that lie in another part of the world unless their lat and lon are exchanged.
+
+    Stations are compared with the wind sites and with the middle of all stations; a wind site with the stations.
+    """
+    here = _positions(stations)
+    there = _positions(sites)
+    lost = _swapped(here, there)
+    if len(sites) and lost.all():
+        remedy = "compare them with lat and lon of [[wind.sites]]"
+        return [Fault(f"{_SWAPPED} in all stations", file, None, "lat", _at(here[0]), remedy)]
+    lost |= _swapped(here, np.median(here, axis=0, keepdims=True))
+    found = np.flatnonzero(lost).tolist()
+    faults = [Fault(_SWAPPED, file, None, f"station {stations[i].id}", _at(here[i])) for i in found]
+    wrong = np.flatnonzero(_swapped(there, here[~lost])).tolist()
+    return faults + [Fault(_SWAPPED, toml, None, f"wind.sites[{i}].lat", _at(there[i])) for i in wrong]
+
+
+def zone_faults(stations: Sequence[Station], zones: NoFlyZones, stations_file: str, zones_file: str) -> list[Fault]:
+    """Find stations inside a zone, and zones with longitude and latitude exchanged."""
+    here = _positions(stations)
+    inside = zones.holding(here[:, 0], here[:, 1])
+    faults = [
+        Fault(f"lies in the no-fly zone {name}", stations_file, None, f"station {stations[i].id}")
+        for i, name in sorted(inside.items())
+    ]
+    middle = np.array([(p.centroid.y, p.centroid.x) for p in zones.polygons]).reshape(-1, 2)
+    wrong = _swapped(middle, np.median(here, axis=0, keepdims=True))
+    remedy = "GeoJSON has longitude first, then latitude"
+    faults += [Fault(_SWAPPED, zones_file, None, zones.names[i], _at(middle[i]), remedy) for i in np.flatnonzero(wrong)]
+    return faults
+
+
+def fit_warnings(network: Network, sites: Sequence[WindSite]) -> list[str]:
+    """Say what a person should know: outlying stations, distant wind, stations at one place, separate parts."""
+    here = _positions(network.stations)
+    ids = [station.id for station in network.stations]
+    warnings = []
+    far = _nearest_m(here, np.median(here, axis=0, keepdims=True))
+    warnings += [f"station {ids[i]} lies {far[i] / 1000:.0f} km from the others" for i in np.flatnonzero(far > LOST_M)]
+    if len(sites):
+        wind = _nearest_m(here, _positions(sites))
+        distant = np.flatnonzero(wind > WIND_FAR_M)
+        if len(distant):
+            worst = int(np.argmax(wind))
+            farthest = f"station {ids[worst]}, {wind[worst] / 1000:.0f} km"
+            warnings.append(f"{len(distant)} stations lie more than 300 km from every wind site (farthest: {farthest})")
+    places = Counter((station.lat, station.lon) for station in network.stations)
+    shared = [station.id for station in network.stations if places[station.lat, station.lon] > 1]
+    if shared:
+        warnings.append(f"stations that stand at the same place, no segment joins them: {_listed(shared)}")
+    parts = network.parts()
+    if len(ids) > 1 and not len(network.tail):
+        warnings.append("no segment joins any stations: is network.max_length_m long enough, in metres?")
+    elif len(parts) > 1:
+        apart = _listed([part[0] for part in parts[1:]])
+        warnings.append(f"the network falls into {len(parts)} parts that no segment joins (apart: {apart})")
+    return warnings
+
+
+def _positions(places: Sequence[Station] | Sequence[WindSite]) -> NDArray[np.float64]:
+    """(lat, lon) of each, shape (places, 2)."""
+    return np.array([(place.lat, place.lon) for place in places], dtype=np.float64).reshape(-1, 2)
+
+
+def _swapped(here: NDArray[np.float64], reference: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which positions are far from every reference, but near one with lat and lon exchanged."""
+    if not len(reference) or not len(here):
+        return np.zeros(len(here), dtype=bool)
+    possible = np.abs(here[:, 1]) <= 90.0
+    swapped = np.where(possible[:, None], here[:, ::-1], here)
+    far, near = _nearest_m(here, reference), _nearest_m(swapped, reference)
+    return np.asarray((far > LOST_M) & possible & (near < LOST_M))
+
+
+def _nearest_m(here: NDArray[np.float64], reference: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance of each position to the nearest reference, shape (positions,)."""
+    nearest = np.full(len(here), np.inf)
+    for lat, lon in reference:
+        nearest = np.minimum(nearest, geodesy.inverse(lat, lon, here[:, 0], here[:, 1])[0])
+    return nearest
+
+
+def _at(position: NDArray[np.float64]) -> str:
+    return f"{position[0]:g},{position[1]:g}"
+
+
+def _listed(names: list[str], most: int = 4) -> str:
+    return ", ".join(names[:most]) + (", …" if len(names) > most else "")

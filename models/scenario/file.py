@@ -1,0 +1,277 @@
+"""Scenarios as an operator writes them: a folder with ``scenario.toml`` and the files it names.
+
+Every part is read even when another is wrong, so that all faults are reported at once.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.fields import Table, read_toml
+from skyway.models.base.units import SPEED_UNITS_MPS
+from skyway.models.drones.drone import M200_V2, Drone
+from skyway.models.drones.fleet import read_fleet
+from skyway.models.flight.rules import FlightRules
+from skyway.models.network.builders import RULES, build_network
+from skyway.models.network.files import STATION_FIELDS, read_segments, read_stations
+from skyway.models.network.network import ConnectionRule, Network
+from skyway.models.network.zones import read_zones
+from skyway.models.queues.load import PadLoad
+from skyway.models.queues.load_files import read_load, read_occupancy
+from skyway.models.scenario.checks import fit_warnings, position_faults, zone_faults
+from skyway.models.scenario.scenario import Scenario
+from skyway.models.wind.columns import WindColumns
+from skyway.models.wind.forecast_file import read_forecast_table
+from skyway.models.wind.history import WindSite, read_history
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from os import PathLike
+
+    from skyway.models.network.network import Station
+
+SCHEMA = "skyway.scenario/1"
+FILE = "scenario.toml"
+MAX_BYTES = 64 * 1024 * 1024
+"""Of any part: more is refused before it is read."""
+
+T = TypeVar("T")
+
+
+def read_scenario(path: str | PathLike[str]) -> Scenario:
+    """Read the scenario in a folder (or named by its ``scenario.toml``).
+
+    Raises
+    ------
+    InputError
+        With every fault in every file.
+    """
+    remedy = "skyway scenario init DIR writes one to start from"
+    path = Path(path)
+    try:
+        file = path / FILE if path.is_dir() or path.suffix != ".toml" else path
+        if not file.is_file():
+            problem = f"the folder holds no {FILE}" if path.is_dir() else "is no folder with a scenario"
+            problem = problem if path.exists() else "no such folder"
+            raise InputError(Fault(problem, str(path), remedy=remedy))
+    except OSError as error:
+        raise InputError(Fault(f"cannot be read: {error.strerror}", str(path), remedy=remedy)) from None
+    return _Reader(file).read()
+
+
+class _Reader:
+    """Reads one scenario, collecting faults, warnings and the digest of its files."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self.folder = file.parent
+        self.faults: list[Fault] = []
+        self.warnings: list[str] = []
+        self.stations: tuple[Station, ...] = ()
+        self.stations_file = ""
+        self.digest = hashlib.sha256()
+        self.top = Table(read_toml(file), str(file), "", self.faults)
+        self._add_to_digest(file)
+
+    def read(self) -> Scenario:
+        self.top.text("schema", SCHEMA, choices=(SCHEMA,))
+        name = self.top.text("name", self.folder.name or "scenario")
+        timezone = self._timezone()
+        network = self._network(self.top.table("network"))
+        drones = self._drones(self.top.table("drones"))
+        rules = self._rules(self.top.table("flight"))
+        wind = self._wind(self.top.table("wind"))
+        if self.stations:
+            self.faults += position_faults(self.stations, wind["wind_sites"], self.stations_file, str(self.file))
+        load = self._load(self.top.table("load"), network, timezone)
+        self.top.finish()
+        if self.faults or network is None:
+            raise InputError(self.faults)
+        self.warnings += fit_warnings(network, wind["wind_sites"])
+        return Scenario(
+            name=name,
+            network=network,
+            drones=drones,
+            rules=rules,
+            load=load if load is not None else PadLoad.none(len(network), timezone),
+            timezone=timezone,
+            **wind,
+            path=str(self.file),
+            sha256=self.digest.hexdigest(),
+            warnings=tuple(self.warnings),
+        )
+
+    def _timezone(self) -> str:
+        name = self.top.text("timezone", "UTC")
+        try:
+            ZoneInfo(name)
+        except (ZoneInfoNotFoundError, ValueError, OSError):
+            self.top.fault("timezone", "is no time zone", name, "an IANA name such as Europe/Berlin")
+            return "UTC"
+        return name
+
+    def _network(self, table: Table) -> Network | None:
+        stations_file = self._path(table, "stations", required=True)
+        segments_file = self._path(table, "segments")
+        zones_file = self._path(table, "zones")
+        rule = ConnectionRule(
+            kind=table.text("rule", "max-length", choices=RULES),
+            max_length_m=table.number("max_length_m", 10_000.0, above=0, high=2e7),
+            nearest=table.whole("nearest", 6, low=1, high=1000),
+        )
+        columns_table = table.table("columns")
+        columns = {field: name for field in STATION_FIELDS if (name := columns_table.text(field, ""))}
+        columns_table.finish()
+        pads = table.whole("pads", 5, low=0, high=10_000)
+        spots = table.whole("holding_spots", 4, low=0, high=10_000)
+        table.finish()
+        stations = self._try(lambda f: read_stations(f, columns=columns, pads=pads, holding_spots=spots), stations_file)
+        zones = self._try(read_zones, zones_file)
+        if stations is None:
+            return None
+        if zones is not None:
+            self.faults += zone_faults(stations, zones, str(stations_file), str(zones_file))
+        self.stations, self.stations_file = stations, str(stations_file)
+        if segments_file is None:
+            return self._try(lambda _: build_network(stations, rule, zones=zones), self.file)
+        pairs = self._try(lambda f: read_segments(f, stations), segments_file)
+        if pairs is None:
+            return None
+        network = Network.from_pairs(stations, np.array(pairs, dtype=np.int64).reshape(-1, 2), zones=zones)
+        removed = len(set(pairs)) - len(network.tail)
+        if removed:
+            self.warnings.append(f"{removed} given segments cross a no-fly zone and are left out")
+        return network
+
+    def _drones(self, table: Table) -> tuple[Drone, ...]:
+        file = self._path(table, "fleet")
+        table.finish()
+        return self._try(read_fleet, file) or (M200_V2,)
+
+    def _rules(self, table: Table) -> FlightRules:
+        default = FlightRules()
+        rules = FlightRules(
+            cruise_height_m=table.number("cruise_height_m", default.cruise_height_m, low=5, high=1000),
+            climb_rate_mps=table.number("climb_rate_mps", default.climb_rate_mps, low=0.1, high=30),
+            descent_rate_mps=table.number("descent_rate_mps", default.descent_rate_mps, low=0.1, high=30),
+            wind_profile_exponent=table.number("wind_profile_exponent", default.wind_profile_exponent, low=0, high=1),
+        )
+        table.finish()
+        return rules
+
+    def _wind(self, table: Table) -> dict[str, Any]:
+        ensemble = table.table("ensemble")
+        season_days = ensemble.whole("season_days", 30, low=0, high=183)
+        ensemble.finish()
+        file = self._path(table, "history")
+        forecast_file = self._path(table, "forecast")
+        sites, sound = self._sites(table)
+        measured_at = table.number("measured_at_m", 10.0, above=0, high=1000)
+        fields: dict[str, Any] = {
+            "time": table.text("time", "time"),
+            "site": table.text("site") if "site" in table else None,
+            "speed": table.text("speed", "speed_mps"),
+            "from_": table.text("from", "from_deg"),
+            "speed_unit": table.text("speed_unit", "m/s", choices=tuple(SPEED_UNITS_MPS)),
+            "time_zone": table.text("time_zone") if "time_zone" in table else None,
+            "missing": table.texts("missing", ("", "NA", "NaN")),
+            "calm": table.text("calm", "speed-0", choices=("direction-0", "speed-0")),
+            "variable": table.texts("variable", ("VRB",)),
+            "time_format": table.text("time_format") if "time_format" in table else None,
+            "default_site": sites[0].id if len(sites) == 1 else None,
+        }
+        table.finish()
+        columns = self._try(lambda _: WindColumns(**fields), self.file)
+        parts: dict[str, Any] = {
+            "season_days": season_days,
+            "wind_sites": sites,
+            "measured_at_m": measured_at,
+            "forecast_file": forecast_file,
+            "history": None,
+        }
+        if sound and not sites and (file is not None or forecast_file is not None):
+            table.fault("sites", "is missing", remedy="say where the wind was measured: [[wind.sites]] id, lat, lon")
+        if sound and sites:  # the forecast is read when it is used, but a wrong one is said now
+            self._try(lambda f: read_forecast_table(f, [site.id for site in sites]), forecast_file)
+        if sound and sites and file is not None and columns is not None:
+            history = self._try(lambda f: read_history(f, columns, sites, measured_at), file)
+            self.warnings += history.warnings if history is not None else ()
+            parts["history"] = history
+        return parts
+
+    def _sites(self, table: Table) -> tuple[tuple[WindSite, ...], bool]:
+        """Read the places of the wind record, and whether all are sound."""
+        before = len(self.faults)
+        sites = []
+        for part in table.tables("sites"):
+            lat, lon = part.number("lat", low=-90, high=90), part.number("lon", low=-180, high=180)
+            sites.append(WindSite(part.text("id"), lat, lon))
+            part.finish()
+        sound = len(self.faults) == before
+        return tuple(sites) if sound else (), sound
+
+    def _load(self, table: Table, network: Network | None, timezone: str) -> PadLoad | None:
+        file = self._path(table, "file")
+        occupancy = self._path(table, "occupancy")
+        mean_charging_min = table.number("mean_charging_min", 60.0, above=0, high=10_000)
+        table.finish()
+        if file is not None and occupancy is not None:
+            table.fault("occupancy", "file and occupancy are both given", remedy="keep one of them")
+        if network is None:
+            return None
+        ids, pads = [station.id for station in network.stations], network.pads
+        if file is not None:
+            found = self._try(lambda f: read_load(f, ids, timezone, pads=pads), file)
+        elif occupancy is not None:
+            found = self._try(lambda f: read_occupancy(f, ids, timezone, pads, mean_charging_min), occupancy)
+        else:
+            self.warnings.append("no [load]: the pads are taken to be free of other drones")
+            return None
+        if found is None:
+            return None
+        load, warnings = found
+        self.warnings += warnings
+        return load
+
+    def _path(self, table: Table, key: str, *, required: bool = False) -> Path | None:
+        if not required and key not in table:
+            return None
+        text = table.text(key)
+        if not text:
+            return None
+        path = self.folder / text
+        try:
+            if path.is_dir():
+                table.fault(key, "is a folder, not a file", text)
+            elif not path.is_file():
+                table.fault(key, "no such file", text)
+            elif path.stat().st_size > MAX_BYTES:
+                problem = f"is larger than {MAX_BYTES / 1e6:.0f} MB"
+                table.fault(key, problem, text, "cut it to the part that is needed")
+            else:
+                self._add_to_digest(path)
+                return path
+        except OSError as error:
+            table.fault(key, f"cannot be read: {error.strerror}", text)
+        return None
+
+    def _add_to_digest(self, path: Path) -> None:
+        with path.open("rb") as stream:
+            self.digest.update(hashlib.file_digest(stream, "sha256").digest())
+
+    def _try(self, read: Callable[[Path], T], path: Path | None) -> T | None:
+        """Read a part; its faults join the others."""
+        if path is None:
+            return None
+        try:
+            return read(path)
+        except InputError as error:
+            self.faults += [fault if fault.file else replace(fault, file=str(path)) for fault in error.faults]
+            return None

@@ -1,0 +1,122 @@
+"""A scenario: everything a planner knows of a region before it gets a request."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+from skyway.models.base import views
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.units import utc
+from skyway.models.wind.forecast import analogue_ensemble, read_forecast, truth_series
+
+if TYPE_CHECKING:
+    from datetime import date, datetime
+    from pathlib import Path
+
+    from skyway.models.drones.drone import Drone
+    from skyway.models.flight.rules import FlightRules
+    from skyway.models.network.network import Network
+    from skyway.models.queues.load import PadLoad
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.models.wind.history import WindHistory, WindSite
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Network, fleet, flight rules, wind record and pad load of a region.
+
+    Attributes
+    ----------
+    name : str
+        What people call it.
+    network : Network
+        Stations and segments.
+    drones : tuple of Drone
+        The fleet.
+    rules : FlightRules
+        How every flight is flown.
+    load : PadLoad
+        Other drones at the stations, in the order of the network's stations.
+    history : WindHistory or None
+        Wind record that ensembles are drawn from.
+    wind_sites : tuple of WindSite
+        Where the wind is measured or forecast.
+    measured_at_m : float
+        Height of those winds above ground.
+    forecast_file : Path or None
+        Forecast that is used instead of analogue days.
+    timezone : str
+        IANA name of local time.
+    season_days : int
+        Days of the record within this many days of the departure's date are analogues.
+    path, sha256 : str or None
+        Where it was read from, and the digest of all its files.
+    warnings : tuple of str
+        What a person should know of the input.
+    """
+
+    name: str
+    network: Network
+    drones: tuple[Drone, ...]
+    rules: FlightRules
+    load: PadLoad
+    history: WindHistory | None = None
+    wind_sites: tuple[WindSite, ...] = ()
+    measured_at_m: float = 10.0
+    forecast_file: Path | None = None
+    timezone: str = "UTC"
+    season_days: int = 30
+    path: str | None = None
+    sha256: str | None = None
+    warnings: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        if self.history is not None:
+            wind = "wind record of " + views.counted(len(self.wind_sites), "site")
+        else:
+            wind = "forecast file" if self.forecast_file is not None else "no wind record"
+        parts = [
+            views.counted(len(self.network), "station"),
+            views.counted(len(self.network.tail), "segment"),
+            views.counted(len(self.drones), "drone"),
+            wind,
+        ]
+        return f"Scenario({self.name}: {', '.join(parts)})"
+
+    def _repr_html_(self) -> str:
+        return views.html_table(repr(self), views.station_rows(self.network))
+
+    def drone(self, identity: str) -> Drone:
+        """Return a drone of the fleet by id, or raise an `InputError` that names the fleet."""
+        for drone in self.drones:
+            if drone.id == identity:
+                return drone
+        fleet = ", ".join(drone.id for drone in self.drones)
+        raise InputError(Fault("no such drone", field="drone", value=identity, remedy=f"the fleet has {fleet}"))
+
+    def forecast(self, depart: datetime, hours: int, *, truth: date | None = None) -> WindEnsemble:
+        """Ensemble for a departure: the scenario's forecast file, else analogue days of its record.
+
+        The days about `truth` (a local date) are left out.
+        """
+        if self.forecast_file is not None:
+            return read_forecast(self.forecast_file, self.wind_sites, depart, hours, self.measured_at_m)
+        exclude = () if truth is None else (truth,)
+        local = utc(depart).astimezone(ZoneInfo(self.timezone))
+        return analogue_ensemble(self._record(), local, hours, season_days=self.season_days, exclude=exclude)
+
+    def truth(self, day: date, depart: datetime, hours: int) -> WindEnsemble:
+        """Lay what the record measured from that local date on onto the departure, as an ensemble of one."""
+        return truth_series(self._record(), day, utc(depart).astimezone(ZoneInfo(self.timezone)), hours)
+
+    def with_target(self, lat: float, lon: float) -> Scenario:
+        """Add a delivery target without pads to the network."""
+        return replace(self, network=self.network.with_target(lat, lon), load=self.load.extended(1))
+
+    def _record(self) -> WindHistory:
+        if self.history is None:
+            remedy = "give [wind] history in scenario.toml, or --wind 8@270, or --forecast FILE"
+            raise InputError(Fault("the scenario has no wind record", self.path, field="wind.history", remedy=remedy))
+        return self.history

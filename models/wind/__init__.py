@@ -1,0 +1,1 @@
+"""Wind: the triangle, records, forecasts."""

@@ -1,0 +1,185 @@
+"""An ensemble of possible courses of the wind, each for all sites and times together.
+
+A member is a whole course, so that wind that is strong now stays strong for as long as it does in nature, and
+at all sites at once. What it says of one slot and place is told by `models.wind.marginal`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base import geodesy, views
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.units import iso
+from skyway.models.wind.triangle import height_factor
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+def evenly(count: int, most: int) -> NDArray[np.int64]:
+    """Return at most so many of the numbers below `count`, evenly chosen, ascending."""
+    return np.arange(count) if count <= most else (np.arange(most) * 2 + 1) * count // (2 * most)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WindEnsemble:
+    """Possible courses of the wind and how probable each is.
+
+    Attributes
+    ----------
+    site_lat, site_lon : ndarray, shape (sites,)
+        Degrees, WGS-84.
+    start_s, slot_s : float
+        POSIX seconds at which slot 0 begins, and the length of a slot. The wind is constant within a slot;
+        the last one holds on.
+    north, east : ndarray, shape (members, slots, sites)
+        m/s TOWARDS, never NaN.
+    probability : ndarray, shape (members,)
+        Sums to 1.
+    labels : tuple of str
+        Name of each member, such as ``2013-07-04``.
+    height_m : float
+        Height above ground that the wind is for.
+
+    Raises
+    ------
+    InputError
+        Arrays of other shapes, values that are not finite, probabilities that do not sum to 1.
+    """
+
+    site_lat: NDArray[np.float64]
+    site_lon: NDArray[np.float64]
+    start_s: float
+    slot_s: float
+    north: NDArray[np.float64]
+    east: NDArray[np.float64]
+    probability: NDArray[np.float64]
+    labels: tuple[str, ...]
+    height_m: float
+
+    def __repr__(self) -> str:
+        members, slots, sites = self.north.shape
+        begin = iso(datetime.fromtimestamp(self.start_s, UTC))
+        hours = slots * self.slot_s / 3600.0
+        counts = f"{views.counted(members, 'member')}, {views.counted(sites, 'site')}"
+        return f"WindEnsemble({counts}, {hours:g} h from {begin}, at {self.height_m:g} m)"
+
+    def __post_init__(self) -> None:
+        shape = (len(self.labels), self.north.shape[1], len(self.site_lat))
+        if self.north.shape != shape or self.east.shape != shape or self.probability.shape != shape[:1]:
+            raise InputError("the arrays of a wind ensemble do not fit together")
+        if not (np.isfinite(self.north).all() and np.isfinite(self.east).all() and self.north.size):
+            raise InputError("a wind ensemble must be complete and finite")
+        if not (np.all(self.probability >= 0.0) and math.isclose(self.probability.sum(), 1.0, rel_tol=1e-9)):
+            raise InputError("the probabilities of a wind ensemble must sum to 1")
+        for name, value, fits in (
+            ("start_s", self.start_s, math.isfinite(self.start_s)),
+            ("slot_s", self.slot_s, 0.0 < self.slot_s < math.inf),
+            ("height_m", self.height_m, 0.0 < self.height_m < math.inf),
+        ):
+            if not fits:
+                raise InputError(Fault("no time, length of time or height of a wind ensemble", field=name, value=value))
+        if not (np.isfinite(self.site_lat).all() and np.isfinite(self.site_lon).all() and len(self.site_lat)):
+            raise InputError("the sites of a wind ensemble must have places")
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    @property
+    def slots(self) -> int:
+        """Number of slots."""
+        return int(self.north.shape[1])
+
+    def slot_at(self, posix_s: float) -> int:
+        """Slot that holds an instant; the first and the last hold on."""
+        return min(max(math.floor((posix_s - self.start_s) / self.slot_s), 0), self.slots - 1)
+
+    def at_height(self, height_m: float, exponent: float) -> WindEnsemble:
+        """Return the wind at another height above ground, by the power law of `models.wind.triangle.height_factor`."""
+        factor = height_factor(height_m, self.height_m, exponent)
+        return replace(self, north=self.north * factor, east=self.east * factor, height_m=height_m)
+
+    def member(self, number: int) -> WindEnsemble:
+        """Return one member alone, certain."""
+        return self._chosen(np.array([range(len(self))[number]]))
+
+    def mean(self) -> WindEnsemble:
+        """Return the mean wind vector of all members as one certain member; it is calmer than any of them."""
+        north, east = (np.einsum("m,mts->ts", self.probability, values)[None] for values in (self.north, self.east))
+        return replace(self, north=north, east=east, probability=np.ones(1), labels=("mean",))
+
+    def weighted(self, weights: ArrayLike) -> WindEnsemble:
+        """Return the members with probabilities times `weights`, shape (members,), scaled to sum to 1.
+
+        Raises
+        ------
+        InputError
+            A weight is negative or not finite, or no member is left.
+        """
+        product = self.probability * np.asarray(weights, dtype=np.float64)
+        total = float(product.sum())
+        if product.shape != self.probability.shape or not np.all(product >= 0.0) or not 0.0 < total < math.inf:
+            raise InputError("the weights of a wind ensemble must be 0 or more and leave a member")
+        return replace(self, probability=product / total)
+
+    def thinned(self, most: int) -> WindEnsemble:
+        """Return at most that many members, evenly chosen in their order, their probabilities scaled to 1."""
+        if most < 1:
+            raise InputError(Fault("an ensemble needs a member", field="members", value=most))
+        return self if len(self) <= most else self._chosen(evenly(len(self), most))
+
+    def _chosen(self, members: NDArray[np.int64]) -> WindEnsemble:
+        probability = self.probability[members]
+        total = probability.sum()
+        even = np.full(len(members), 1.0 / len(members))
+        return replace(
+            self,
+            north=self.north[members],
+            east=self.east[members],
+            probability=probability / total if total > 0.0 else even,
+            labels=tuple(self.labels[number] for number in members),
+        )
+
+    @staticmethod
+    def idw_weights(lat: ArrayLike, lon: ArrayLike, site_lat: ArrayLike, site_lon: ArrayLike) -> NDArray[np.float64]:
+        """Weights of the sites at points, by the inverse square of the distance.
+
+        Parameters
+        ----------
+        lat, lon : array_like, shape (points,)
+            Degrees.
+        site_lat, site_lon : array_like, shape (sites,)
+            Degrees.
+
+        Returns
+        -------
+        ndarray, shape (points, sites)
+            Rows sum to 1; within a millimetre of a site it alone counts.
+
+        Notes
+        -----
+        Source: D. Shepard, "A two-dimensional interpolation function for irregularly-spaced data", 1968.
+        """
+        points = (np.atleast_1d(np.asarray(values, dtype=np.float64))[:, None] for values in (lat, lon))
+        places = (np.asarray(values, dtype=np.float64)[None, :] for values in (site_lat, site_lon))
+        distance, _ = geodesy.inverse(*points, *places)
+        nearest = distance.min(axis=1, keepdims=True)
+        ratio = np.maximum(nearest, 1e-3) / np.maximum(distance, 1e-3)
+        weights = np.where(nearest <= 1e-3, distance == nearest, ratio**2)
+        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+
+    def wind_at(self, lat: float, lon: float, slot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Wind of every member at a place in a slot: (north, east), shape (members,) each."""
+        weights = self.idw_weights(lat, lon, self.site_lat, self.site_lon)[0]
+        return self.north[:, slot] @ weights, self.east[:, slot] @ weights
+
+    def at_points(self, lat: ArrayLike, lon: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Wind at many places: (north, east), shape (members, slots, points) each."""
+        weights = self.idw_weights(lat, lon, self.site_lat, self.site_lon).T
+        return self.north @ weights, self.east @ weights

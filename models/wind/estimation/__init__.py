@@ -1,0 +1,1 @@
+"""Wind estimated from what vehicles tell."""

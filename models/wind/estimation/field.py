@@ -1,0 +1,164 @@
+"""One regional wind out of what several drones, or one drone at several times, have measured.
+
+What was measured differs from the forecast by a residual that is alike nearby and for a while: its correlation falls as
+``exp(-distance / length) exp(-time / tau)``. The best linear estimate from all measurements at once (kriging) says
+the residual anywhere, and how uncertain it is there.
+
+Source: N. Cressie, "Statistics for Spatial Data" (1993), section 3.2 (simple kriging).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base import geodesy
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.wind.estimation.filter import WindEstimate
+from skyway.models.wind.triangle import height_factor
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+MIN_PROFILE_M = 5.0
+"""Below this height the power law means nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class WindObservation:
+    """A wind that a filter found, averaged over a slot of time.
+
+    Attributes
+    ----------
+    time_s : float
+        POSIX seconds, middle of the slot.
+    lat_deg, lon_deg : float
+        Where, in the mean.
+    north_mps, east_mps : float
+        TOWARDS, at the height of the forecast it is compared with (see `at_height`).
+    variance : float
+        Of one component, m2/s2.
+    height_m : float
+        Above ground, where it was measured; NaN where that is not known.
+    """
+
+    time_s: float
+    lat_deg: float
+    lon_deg: float
+    north_mps: float
+    east_mps: float
+    variance: float
+    height_m: float = math.nan
+
+    def at_height(self, height_m: float, profile_exponent: float) -> WindObservation:
+        """Return what this means at another height, by the power law; the same where its own is not known."""
+        if math.isnan(self.height_m):
+            return self
+        factor = height_factor(height_m, max(self.height_m, MIN_PROFILE_M), profile_exponent)
+        return replace(
+            self,
+            north_mps=self.north_mps * factor,
+            east_mps=self.east_mps * factor,
+            variance=self.variance * factor**2,
+            height_m=height_m,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResidualModel:
+    """How the wind differs from a forecast.
+
+    Attributes
+    ----------
+    sigma_mps : float
+        Standard deviation of one component.
+    tau_s : float
+        Correlation time.
+    length_m : float
+        Correlation length.
+    """
+
+    sigma_mps: float = 2.5
+    tau_s: float = 6 * 3600.0
+    length_m: float = 40_000.0
+
+    def __post_init__(self) -> None:
+        faults = [
+            Fault("must be above 0", field=name, value=getattr(self, name))
+            for name in ("sigma_mps", "tau_s", "length_m")
+            if not 0.0 < getattr(self, name) < np.inf
+        ]
+        if faults:
+            raise InputError(faults)
+
+    def covariance(
+        self,
+        first: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+        second: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+    ) -> NDArray[np.float64]:
+        """Covariance between (time, lat, lon) of n and of m points, shape (n, m), m2/s2."""
+        distance, _ = geodesy.inverse(first[1][:, None], first[2][:, None], second[1][None], second[2][None])
+        lag = np.abs(first[0][:, None] - second[0][None])
+        return np.asarray(self.sigma_mps**2 * np.exp(-distance / self.length_m - lag / self.tau_s))
+
+
+def places(
+    observations: Sequence[WindObservation],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """(time, lat, lon) of observations, shape (n,) each."""
+    table = np.array([(one.time_s, one.lat_deg, one.lon_deg) for one in observations], dtype=np.float64).reshape(-1, 3)
+    return table[:, 0], table[:, 1], table[:, 2]
+
+
+def check_observations(observations: Sequence[WindObservation]) -> None:
+    """Raise `InputError` for observations that are not finite or have no positive variance."""
+    for one in observations:
+        numbers = (one.time_s, one.lat_deg, one.lon_deg, one.north_mps, one.east_mps, one.variance)
+        if not np.isfinite(numbers).all() or one.variance <= 0.0:
+            raise InputError(Fault("is no wind observation", field="observation", value=one))
+
+
+class WindField:
+    """The wind of a region.
+
+    Parameters
+    ----------
+    observations : sequence of WindObservation
+        Of any drones; one slot of one drone each, so that correlated samples are not counted again and again.
+    forecast : ndarray, shape (n, 2)
+        (north, east) of the forecast where and when each was measured.
+    residual : ResidualModel
+        How the wind differs from the forecast.
+    """
+
+    def __init__(
+        self,
+        observations: Sequence[WindObservation],
+        forecast: NDArray[np.float64],
+        residual: ResidualModel | None = None,
+    ) -> None:
+        check_observations(observations)
+        self.residual = residual or ResidualModel()
+        self._places = places(observations)
+        measured = np.array([(one.north_mps, one.east_mps) for one in observations], dtype=np.float64).reshape(-1, 2)
+        noise = np.array([one.variance for one in observations], dtype=np.float64)
+        inner = self.residual.covariance(self._places, self._places) + np.diag(noise)
+        self._inverse = np.linalg.inv(inner) if len(noise) else np.empty((0, 0))
+        self._weighted = self._inverse @ (measured - np.asarray(forecast, dtype=np.float64).reshape(-1, 2))
+
+    def at(self, time_s: float, lat_deg: float, lon_deg: float, forecast: tuple[float, float]) -> WindEstimate:
+        """Wind at a place and time whose forecast (north, east) is given."""
+        point = np.array([time_s]), np.array([lat_deg]), np.array([lon_deg])
+        reach = self.residual.covariance(point, self._places)
+        north, east = (reach @ self._weighted)[0]
+        variance = self.residual.sigma_mps**2 - float((reach @ self._inverse @ reach.T)[0, 0])
+        variance = max(variance, 1e-6)
+        source = "measured" if len(self._places[0]) else "forecast"
+        return WindEstimate(
+            time_s, forecast[0] + float(north), forecast[1] + float(east), variance, 0.0, variance, source
+        )

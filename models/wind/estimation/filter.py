@@ -1,0 +1,461 @@
+"""The wind that a drone feels, estimated as it flies.
+
+The wind is a slow one, which wanders about the forecast, and gusts about that, whose size goes with its speed; both are
+Ornstein-Uhlenbeck processes (north, east). Over a step of any length these have an exact solution, so that irregular telemetry
+needs no small steps. Measurements are winds with a covariance, however they were come by (`models.wind.estimation.measurement`).
+The estimate is the wind as it blows now, gust included; `WindFilter.steady` is the slow part, which lasts.
+
+Sources: R. E. Kalman (1960); Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and
+Navigation" (2001), sections 5.4 (consistency: NEES, NIS) and 2.9 (gating).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.wind.estimation import systematic
+from skyway.models.wind.estimation.health import HEALTH_CORRELATION, HEALTH_WINDOW, ConsistencyMonitor
+from skyway.models.wind.estimation.systematic import Dependence
+from skyway.models.wind.triangle import speed_from
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike, NDArray
+
+GATE_99 = 9.21034037197618
+"""99 % quantile of chi-squared with 2 degrees of freedom: -2 ln 0.01."""
+STATES = 4 + systematic.COUNT
+"""Slow wind (north, east), gust (north, east), and the systematic errors of the measurements."""
+WIND = np.concatenate([np.eye(2), np.eye(2), np.zeros((2, systematic.COUNT))], axis=1)
+"""The wind of a state: slow part and gust, shape (2, STATES)."""
+HELD_AFTER_S = 30.0
+"""An estimate to which nothing was measured for so long is called held."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WindFilterSettings:
+    """How the wind wanders, and when a measurement is not believed.
+
+    Attributes
+    ----------
+    tau_s : float
+        Time constant with which the wind returns to the forecast.
+    sigma_mps : float
+        Standard deviation of the slow wind about the forecast, each component.
+    gust_tau_s : float
+        Time constant of gusts, as a drone meets them: their length (some 200 m at 60 m height) over its airspeed.
+    gust_intensity, gust_floor_mps : float
+        Standard deviation of gusts, each component, as averages over a second show them (some 7 % less than they are):
+        a share of the speed of the slow wind, and at least so much.
+    gate : float
+        A measurement whose normalised innovation squared is above this is not used.
+    patience_s, patience_count : float, int
+        Rejected for so long and so many times in a row, the measurements are right and the filter is wrong: its covariance is
+        widened by the mean innovation, and it follows.
+    """
+
+    tau_s: float = 600.0
+    sigma_mps: float = 2.5
+    gust_tau_s: float = 12.0
+    gust_intensity: float = 0.13
+    gust_floor_mps: float = 0.15
+    gate: float = GATE_99
+    patience_s: float = 3.0
+    patience_count: int = 5
+
+    def __post_init__(self) -> None:
+        faults = [
+            Fault("must be above 0", field=name, value=getattr(self, name))
+            for name in ("tau_s", "sigma_mps", "gust_tau_s", "gate")
+            if not 0.0 < getattr(self, name) < math.inf
+        ]
+        faults += [
+            Fault("must be 0 or more", field=name, value=getattr(self, name))
+            for name in ("gust_intensity", "gust_floor_mps")
+            if not 0.0 <= getattr(self, name) < math.inf
+        ]
+        if self.patience_s < 0.0 or self.patience_count < 1:
+            faults.append(Fault("out of range", field="patience", value=(self.patience_s, self.patience_count)))
+        if faults:
+            raise InputError(faults)
+
+
+@dataclass(frozen=True, slots=True)
+class WindEstimate:
+    """What the filter believes.
+
+    Attributes
+    ----------
+    time_s : float
+        POSIX seconds.
+    north_mps, east_mps : float
+        TOWARDS.
+    var_north, cov_north_east, var_east : float
+        Covariance, m2/s2.
+    source : str
+        ``measured`` in the air, ``held`` where nothing was measured for `HELD_AFTER_S` (landed, say), ``forecast`` before
+        the first measurement, ``inconsistent`` where the innovations are larger than the filter believes they are, so that
+        the numbers are not to be used.
+    """
+
+    time_s: float
+    north_mps: float
+    east_mps: float
+    var_north: float
+    cov_north_east: float
+    var_east: float
+    source: str = "measured"
+
+    @property
+    def speed_mps(self) -> float:
+        """Speed of the wind."""
+        return math.hypot(self.north_mps, self.east_mps)
+
+    @property
+    def from_deg(self) -> float:
+        """Where it blows FROM, [0, 360)."""
+        return float(speed_from(self.north_mps, self.east_mps)[1])
+
+    @property
+    def sigma_mps(self) -> float:
+        """Standard deviation of one component, the two taken together."""
+        return math.sqrt(0.5 * (self.var_north + self.var_east))
+
+
+class WindFilter:
+    """A Kalman filter of the wind, fed one measurement at a time.
+
+    Parameters
+    ----------
+    start_s : float
+        POSIX seconds.
+    north_mps, east_mps : float
+        Forecast at the start, TOWARDS.
+    settings : WindFilterSettings
+        How the wind wanders.
+    systematic_sigma : array_like, shape (systematic.COUNT,), optional
+        Standard deviation of each error that stays the same through the flight (`models.wind.estimation.systematic`); by default
+        the measurements have none.
+
+    Attributes
+    ----------
+    health : ConsistencyMonitor
+        Whether the innovations are as large as the filter believes they are.
+    last_nis : float
+        Normalised innovation squared of the last measurement, before the gate.
+    """
+
+    def __init__(
+        self,
+        start_s: float,
+        north_mps: float,
+        east_mps: float,
+        settings: WindFilterSettings | None = None,
+        systematic_sigma: ArrayLike | None = None,
+    ) -> None:
+        from filterpy.kalman import KalmanFilter
+
+        self.settings = settings or WindFilterSettings()
+        self.time_s = start_s
+        self.health = ConsistencyMonitor(HEALTH_WINDOW, HEALTH_CORRELATION)
+        self.last_nis = math.nan
+        self._forecast = (north_mps, east_mps)
+        self._last_used_s: float | None = None
+        self._scaled_by = (-1, -1)
+        self._rejected: list[tuple[float, NDArray[np.float64]]] = []
+        sigma = (
+            np.zeros(systematic.COUNT) if systematic_sigma is None else np.asarray(systematic_sigma, dtype=np.float64)
+        )
+        self._systematic_variance = sigma**2
+        self._filter: Any = KalmanFilter(dim_x=STATES, dim_z=2, dim_u=STATES)
+        self._filter.x = np.zeros((STATES, 1))
+        self._filter.x[:2, 0] = north_mps, east_mps
+        self._filter.P = np.diag(self._variances())
+        self._filter.H = WIND
+
+    def predict(self, time_s: float, forecast: tuple[float, float] | None = None) -> WindEstimate:
+        """Let time pass, under the forecast for that time where it is given; time that goes backwards stands still."""
+        self.advance(time_s, forecast)
+        return self.estimate
+
+    def advance(self, time_s: float, forecast: tuple[float, float] | None = None) -> None:
+        """Do what `predict` does without an answer."""
+        self._forecast = forecast or self._forecast
+        step_s = max(time_s - self.time_s, 0.0)
+        taus = (self.settings.tau_s, self.settings.gust_tau_s, systematic.TAU_S)
+        keep = np.repeat([math.exp(-step_s / tau_s) for tau_s in taus], (2, 2, systematic.COUNT))
+        noise = np.diag((1.0 - keep**2) * self._variances())
+        target = np.zeros((STATES, 1))
+        target[:2, 0] = self._scale() @ self._forecast
+        self._filter.predict(u=target, B=np.diag(1.0 - keep), F=np.diag(keep), Q=noise)
+        self.time_s = max(time_s, self.time_s)
+
+    def _variances(self) -> NDArray[np.float64]:
+        """Stationary variances of the slow wind, of the gusts that go with it, and of systematic errors, shape (STATES,)."""
+        given = self.settings
+        speed = math.hypot(float(self._filter.x[0, 0]), float(self._filter.x[1, 0]))
+        gust = max(given.gust_intensity * speed, given.gust_floor_mps)
+        wind = [given.sigma_mps**2, given.sigma_mps**2, gust**2, gust**2]
+        return np.concatenate([wind, self._systematic_variance])
+
+    def update(
+        self, wind: tuple[float, float], noise: ArrayLike, depends: Dependence | None = None, row: int = 0
+    ) -> bool:
+        """Take a measurement for the present time.
+
+        Parameters
+        ----------
+        wind : (float, float)
+            (north, east) TOWARDS, m/s; not finite is no measurement.
+        noise : array_like, shape (2, 2) or scalar
+            Covariance of what is new in it, m2/s2.
+        depends, row : Dependence, int, optional
+            How it depends on the systematic errors: that row of `depends`; by default it does not.
+
+        Returns
+        -------
+        bool
+            Whether it was used.
+        """
+        measured = np.array([[wind[0]], [wind[1]]])
+        covariance = np.asarray(noise, dtype=np.float64)
+        if not (np.isfinite(measured).all() and np.isfinite(covariance).all()):
+            return False
+        covariance = np.eye(2) * covariance if covariance.ndim == 0 else covariance
+        seen = WIND.copy()
+        if depends is not None:
+            seen[:, 4:] = depends.sensitivity[row]
+        innovation = measured - seen @ self._filter.x
+        spread = seen @ self._filter.P @ seen.T + covariance
+        nis = (innovation.T @ np.linalg.solve(spread, innovation)).item()
+        self.health.add(nis)
+        self.last_nis = nis
+        if nis > self.settings.gate:
+            if not self._persuaded(innovation):
+                return False
+            self.health.restart()
+        self._rejected.clear()
+        self._filter.update(measured, R=covariance, H=seen)
+        self._last_used_s = self.time_s
+        if depends is not None and depends.scale[row] >= 0:
+            self._scaled_by = int(depends.scale[row]), int(depends.turn[row])
+        return True
+
+    def _scale(self) -> NDArray[np.float64]:
+        """Return the matrix k R(o) by which the sensor that was used last scales and turns the wind, shape (2, 2)."""
+        scale, turn = self._scaled_by
+        errors = self._filter.x[4:, 0]
+        size = max(1.0 + float(errors[scale]), systematic.MIN_SCALE) if scale >= 0 else 1.0
+        angle = float(errors[turn]) if turn >= 0 else 0.0
+        return size * np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+
+    def widen(self, variance: ArrayLike) -> None:
+        """Believe less in the slow wind: something was found that its measurements so far do not explain.
+
+        Parameters
+        ----------
+        variance : array_like, shape (2, 2)
+            What is added to its covariance, m2/s2.
+        """
+        self._filter.P[:2, :2] += np.asarray(variance, dtype=np.float64)
+
+    def _persuaded(self, innovation: NDArray[np.float64]) -> bool:
+        """Count a rejection; after too many of them in a row widen the covariance of the slow wind."""
+        self._rejected.append((self.time_s, innovation))
+        enough = len(self._rejected) >= self.settings.patience_count
+        if not enough or self.time_s - self._rejected[0][0] < self.settings.patience_s:
+            return False
+        mean = np.mean([one for _, one in self._rejected], axis=0)
+        self._filter.P[:2, :2] += mean @ mean.T
+        return True
+
+    @property
+    def estimate(self) -> WindEstimate:
+        """The wind now, gust included."""
+        return self._estimate(WIND)
+
+    @property
+    def steady(self) -> WindEstimate:
+        """The slow part of the wind, which lasts when the gust is over."""
+        return self._estimate(np.eye(2, STATES))
+
+    def _estimate(self, seen: NDArray[np.float64]) -> WindEstimate:
+        """Tell the wind R(-o) s / k of a part s of the state, by the derivative of which the covariance follows."""
+        scale, turn = self._scaled_by
+        unscale = np.linalg.inv(self._scale())
+        north, east = (unscale @ seen @ self._filter.x)[:, 0].tolist()
+        slope = unscale @ seen
+        if scale >= 0:
+            slope[:, 4 + scale] -= np.array([north, east]) * math.hypot(*unscale[:, 0].tolist())
+        if turn >= 0:
+            slope[:, 4 + turn] -= np.array([-east, north])
+        (var_north, covariance), (_, var_east) = (slope @ self._filter.P @ slope.T).tolist()
+        source = "forecast"
+        if self._last_used_s is not None:
+            source = "measured" if self.time_s - self._last_used_s <= HELD_AFTER_S else "held"
+            if self.health.verdict == "overconfident":
+                source = "inconsistent"
+        return WindEstimate(self.time_s, north, east, var_north, covariance, var_east, source)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilteredWind:
+    """The filter's course over a log.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (n,)
+    wind : ndarray, shape (n, 2)
+        (north, east) TOWARDS, m/s.
+    covariance : ndarray, shape (n, 3)
+        North-north, north-east, east-east, m2/s2.
+    nis : ndarray, shape (n,)
+        Before the gate; NaN where nothing was measured.
+    accepted : ndarray of bool, shape (n,)
+    forecast : ndarray, shape (n, 2)
+        What it was told to expect, (north, east), m/s.
+    trusted : ndarray of bool, shape (n,)
+        Where the filter's own health did not call the estimate inconsistent.
+    """
+
+    time_s: NDArray[np.float64]
+    wind: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    nis: NDArray[np.float64]
+    accepted: NDArray[np.bool_]
+    forecast: NDArray[np.float64]
+    trusted: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @classmethod
+    def empty(cls, count: int) -> FilteredWind:
+        """Return a course of `count` steps to be filled."""
+        unknown = np.full(count, np.nan)
+        pairs = np.full((count, 2), np.nan)
+        triples, no = np.full((count, 3), np.nan), np.zeros(count, dtype=np.bool_)
+        return cls(unknown, pairs, triples, unknown.copy(), no, pairs.copy(), np.ones(count, dtype=np.bool_))
+
+    @classmethod
+    def joined(cls, parts: Iterable[FilteredWind]) -> FilteredWind:
+        """Return courses one after the other."""
+        kept = list(parts) or [cls.empty(0)]
+        return cls(*(np.concatenate([getattr(part, item.name) for part in kept]) for item in fields(cls)))
+
+    def part(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> FilteredWind:
+        """Return some of the steps."""
+        return FilteredWind(*(getattr(self, item.name)[chosen] for item in fields(self)))
+
+    def put(self, row: int, now: WindEstimate, forecast: tuple[float, float]) -> None:
+        """Fill in the time, wind, covariance and forecast of a step."""
+        self.forecast[row] = forecast
+        self.time_s[row] = now.time_s
+        self.wind[row] = now.north_mps, now.east_mps
+        self.covariance[row] = now.var_north, now.cov_north_east, now.var_east
+        self.trusted[row] = now.source != "inconsistent"
+
+    @property
+    def sigma_mps(self) -> NDArray[np.float64]:
+        """Standard deviation of one component, shape (n,)."""
+        return np.asarray(np.sqrt(0.5 * (self.covariance[:, 0] + self.covariance[:, 2])))
+
+    def nees(self, truth: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Normalised estimation error squared against the true wind, shape (n,): 2 in the mean where all is right."""
+        miss_n, miss_e = (self.wind - truth).T
+        nn, ne, ee = self.covariance.T
+        return np.asarray((ee * miss_n**2 - 2.0 * ne * miss_n * miss_e + nn * miss_e**2) / (nn * ee - ne * ne))
+
+
+def filter_log(
+    time_s: NDArray[np.float64],
+    wind: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    forecast: NDArray[np.float64],
+    settings: WindFilterSettings | None = None,
+    depends: Dependence | None = None,
+    systematic_sigma: NDArray[np.float64] | None = None,
+) -> FilteredWind:
+    """Run the filter over a whole log at once; the same answer as `WindFilter`, thousands of times faster.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        In order.
+    wind, noise : ndarray, shapes (n, 2), (n, 3)
+        Measurements (NaN: none) and their covariances (north-north, north-east, east-east).
+    forecast : ndarray, shape (2,) or (n, 2)
+        What the wind reverts to.
+    depends, systematic_sigma : Dependence, ndarray of shape (systematic.COUNT,), optional
+        How the measurements depend on systematic errors, and how large these may be; by default there are none.
+
+    Raises
+    ------
+    InputError
+        Arrays that do not fit each other, times that are not finite and in order, a forecast that is not finite.
+    """
+    from skyway.models.wind.estimation.filter_kernels import run_filter
+
+    given = settings or WindFilterSettings()
+    count = len(time_s)
+    _check_log(time_s, wind, noise, forecast)
+    result = FilteredWind.empty(count)
+    result.time_s[:] = time_s
+    result.forecast[:] = forecast
+    sigma = np.zeros(0) if systematic_sigma is None else np.asarray(systematic_sigma, dtype=np.float64)
+    if not (np.isfinite(sigma).all() and (sigma >= 0.0).all()):
+        raise InputError(Fault("must be finite and 0 or more", field="systematic_sigma", value=sigma))
+    depends = Dependence.none(count, len(sigma)) if depends is None or not len(sigma) else depends
+    if len(depends.sensitivity) != count or depends.sensitivity.shape[2] < len(sigma):
+        raise InputError(Fault("does not fit the log", field="depends", value=depends.sensitivity.shape))
+    run_filter(
+        result.time_s,
+        np.ascontiguousarray(wind, dtype=np.float64),
+        np.ascontiguousarray(noise, dtype=np.float64),
+        result.forecast,
+        np.ascontiguousarray(depends.sensitivity[:, :, : len(sigma)]),
+        depends.scale,
+        depends.turn,
+        sigma,
+        (
+            given.tau_s,
+            given.sigma_mps,
+            given.gust_tau_s,
+            given.gust_intensity,
+            given.gust_floor_mps,
+            given.gate,
+            given.patience_s,
+            given.patience_count,
+        ),
+        result.wind,
+        result.covariance,
+        result.nis,
+        result.accepted,
+    )
+    return result
+
+
+def _check_log(
+    time_s: NDArray[np.float64], wind: NDArray[np.float64], noise: NDArray[np.float64], forecast: NDArray[np.float64]
+) -> None:
+    """Refuse what the filter would read beyond, or could never come back from."""
+    count = len(time_s)
+    faults = [
+        Fault("has another shape", field=name, value=np.shape(values), remedy=f"({count}, {width})")
+        for name, values, width in (("wind", wind, 2), ("noise", noise, 3))
+        if np.shape(values) != (count, width)
+    ]
+    if np.shape(forecast) not in ((2,), (count, 2)) or not np.isfinite(forecast).all():
+        faults.append(
+            Fault("is no forecast", field="forecast", value=np.shape(forecast), remedy="finite, shape (2,) or (n, 2)")
+        )
+    if np.ndim(time_s) != 1 or not np.isfinite(time_s).all() or (np.diff(time_s) < 0.0).any():
+        faults.append(Fault("is not finite and in order", field="time_s"))
+    if faults:
+        raise InputError(faults)

@@ -1,0 +1,229 @@
+"""The wind filter's recursion over a whole log: the same arithmetic as `models.wind.estimation.filter`, compiled."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.jit.compiled import compiled
+from skyway.models.wind.estimation.systematic import MIN_SCALE, TAU_S
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+REJECTED, FIRST_S, SUM_N, SUM_E = range(4)
+"""Places in the memory of rejections: how many in a row, time of the first, sum of their innovations."""
+SLOW, GUST, SYSTEMATIC = 0, 2, 4
+"""Places in the state: the slow wind (north, east), the gust about it, and the systematic errors of the measurements."""
+
+
+@compiled
+def _predict(
+    x: NDArray[np.float64],
+    p: NDArray[np.float64],
+    target: tuple[float, float],
+    keep: NDArray[np.float64],
+    variance: NDArray[np.float64],
+) -> None:
+    """Let each state return to its mean by the share that is not kept: x <- m + k (x - m), P <- K P K + (1 - K^2) V."""
+    for row in range(len(x)):
+        mean = target[row] if row < GUST else 0.0
+        x[row] = mean + keep[row] * (x[row] - mean)
+        for column in range(len(x)):
+            p[row, column] *= keep[row] * keep[column]
+        p[row, row] += (1.0 - keep[row] * keep[row]) * variance[row]
+
+
+@compiled
+def _see(
+    p: NDArray[np.float64],
+    sensitivity: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    seen: NDArray[np.float64],
+    total: NDArray[np.float64],
+) -> None:
+    """Fill in P H' and S = H P H' + R of a measurement with H = [I I sensitivity]; S as north-north, north-east, east-east."""
+    for row in range(len(p)):
+        for part in range(2):
+            seen[row, part] = p[row, part] + p[row, GUST + part]
+            for error in range(sensitivity.shape[1]):
+                seen[row, part] += p[row, SYSTEMATIC + error] * sensitivity[part, error]
+    total[0] = seen[0, 0] + seen[2, 0] + noise[0]
+    total[1] = seen[0, 1] + seen[2, 1] + noise[1]
+    total[2] = seen[1, 1] + seen[3, 1] + noise[2]
+    for error in range(sensitivity.shape[1]):
+        total[0] += sensitivity[0, error] * seen[SYSTEMATIC + error, 0]
+        total[1] += sensitivity[0, error] * seen[SYSTEMATIC + error, 1]
+        total[2] += sensitivity[1, error] * seen[SYSTEMATIC + error, 1]
+
+
+@compiled
+def _persuaded(
+    memory: NDArray[np.float64],
+    p: NDArray[np.float64],
+    miss: NDArray[np.float64],
+    time_s: float,
+    patience_s: float,
+    patience_count: int,
+) -> bool:
+    """Count a rejection; after too many of them in a row widen the covariance of the slow wind."""
+    if memory[REJECTED] == 0.0:
+        memory[FIRST_S], memory[SUM_N], memory[SUM_E] = time_s, 0.0, 0.0
+    memory[REJECTED] += 1.0
+    memory[SUM_N] += miss[0]
+    memory[SUM_E] += miss[1]
+    if memory[REJECTED] < patience_count or time_s - memory[FIRST_S] < patience_s:
+        return False
+    mean_n, mean_e = memory[SUM_N] / memory[REJECTED], memory[SUM_E] / memory[REJECTED]
+    p[0, 0] += mean_n * mean_n
+    p[0, 1] += mean_n * mean_e
+    p[1, 0] += mean_n * mean_e
+    p[1, 1] += mean_e * mean_e
+    return True
+
+
+@compiled
+def _scaling(x: NDArray[np.float64], scale: int, turn: int) -> tuple[float, float]:
+    """Return k cos o and k sin o of the sensor in use: by k R(o) it scales and turns the wind."""
+    size = max(1.0 + x[SYSTEMATIC + scale], MIN_SCALE) if scale >= 0 else 1.0
+    angle = x[SYSTEMATIC + turn] if turn >= 0 else 0.0
+    return size * math.cos(angle), size * math.sin(angle)
+
+
+@compiled
+def _tell(
+    x: NDArray[np.float64],
+    p: NDArray[np.float64],
+    scale: int,
+    turn: int,
+    estimate: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+) -> None:
+    """Fill in the wind w = R(-o) s / k and its covariance G P G', G the derivative of w by the state."""
+    cosine, sine = _scaling(x, scale, turn)
+    square = cosine * cosine + sine * sine
+    s_north, s_east = x[0] + x[GUST], x[1] + x[GUST + 1]
+    north, east = (cosine * s_north + sine * s_east) / square, (cosine * s_east - sine * s_north) / square
+    slope = np.zeros((2, len(x)))
+    for first in (0, GUST):
+        slope[0, first], slope[0, first + 1] = cosine / square, sine / square
+        slope[1, first], slope[1, first + 1] = -sine / square, cosine / square
+    if scale >= 0:
+        size = math.sqrt(square)
+        slope[0, SYSTEMATIC + scale] -= north / size
+        slope[1, SYSTEMATIC + scale] -= east / size
+    if turn >= 0:
+        slope[0, SYSTEMATIC + turn] += east
+        slope[1, SYSTEMATIC + turn] -= north
+    estimate[0], estimate[1] = north, east
+    covariance[:] = 0.0
+    for row in range(len(x)):
+        for column in range(len(x)):
+            covariance[0] += slope[0, row] * p[row, column] * slope[0, column]
+            covariance[1] += slope[0, row] * p[row, column] * slope[1, column]
+            covariance[2] += slope[1, row] * p[row, column] * slope[1, column]
+
+
+@compiled
+def _update(
+    x: NDArray[np.float64],
+    p: NDArray[np.float64],
+    miss: NDArray[np.float64],
+    seen: NDArray[np.float64],
+    total: NDArray[np.float64],
+) -> None:
+    """Take a measurement: with the gain K = P H' S^-1, x <- x + K innovation, P <- P - K (P H')'."""
+    det = total[0] * total[2] - total[1] * total[1]
+    for row in range(len(x)):
+        north = (seen[row, 0] * total[2] - seen[row, 1] * total[1]) / det
+        east = (seen[row, 1] * total[0] - seen[row, 0] * total[1]) / det
+        x[row] += north * miss[0] + east * miss[1]
+        for column in range(len(x)):
+            p[row, column] -= north * seen[column, 0] + east * seen[column, 1]
+
+
+@compiled
+def run_filter(
+    time_s: NDArray[np.float64],
+    wind: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    forecast: NDArray[np.float64],
+    sensitivity: NDArray[np.float64],
+    scale: NDArray[np.int64],
+    turn: NDArray[np.int64],
+    systematic_sigma: NDArray[np.float64],
+    settings: tuple[float, float, float, float, float, float, float, int],
+    estimate: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    nis: NDArray[np.float64],
+    accepted: NDArray[np.bool_],
+) -> None:
+    """Run the filter over measurements in the order of time.
+
+    Takes arrays of these shapes, finite ascending times and a finite forecast; `models.wind.estimation.filter.filter_log` checks them.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+    wind : ndarray, shape (n, 2)
+        Measured, m/s (north, east) TOWARDS; NaN predicts only.
+    noise : ndarray, shape (n, 3)
+        Covariance of each: north-north, north-east, east-east, m2/s2.
+    forecast : ndarray, shape (n, 2)
+        What the wind reverts to.
+    sensitivity : ndarray, shape (n, 2, k)
+        How each measurement depends on k systematic errors; see `models.wind.estimation.systematic`.
+    scale, turn : ndarray of int, shape (n,)
+        The error that scales, and the one that turns, the air velocity behind each measurement; -1 is none. The state holds the
+        wind scaled and turned likewise.
+    systematic_sigma : ndarray, shape (k,)
+        Standard deviation of each of these.
+    settings : tuple
+        tau_s, sigma_mps, gust_tau_s, gust_intensity, gust_floor_mps, gate, patience_s, patience_count of
+        `models.wind.estimation.filter.WindFilterSettings`.
+    estimate, covariance, nis, accepted : ndarray
+        Filled with the posterior (n, 2), its covariance (n, 3), the normalised innovation squared before the gate (n,)
+        and whether the measurement was used (n,).
+    """
+    tau_s, sigma_mps, gust_tau_s, intensity, floor_mps, gate, patience_s, patience_count = settings
+    errors = len(systematic_sigma)
+    states = SYSTEMATIC + errors
+    x, p, memory = np.zeros(states), np.zeros((states, states)), np.zeros(4)
+    keep, variance = np.empty(states), np.empty(states)
+    miss, total, seen = np.empty(2), np.empty(3), np.empty((states, 2))
+    scaled, turned = -1, -1
+    for error in range(errors):
+        variance[SYSTEMATIC + error] = systematic_sigma[error] ** 2
+    for row in range(len(time_s)):
+        if row == 0:
+            x[:GUST] = forecast[0]
+        gust_mps = max(intensity * math.hypot(x[0], x[1]), floor_mps)
+        variance[:GUST], variance[GUST:SYSTEMATIC] = sigma_mps**2, gust_mps**2
+        step_s = max(time_s[row] - time_s[row - 1], 0.0) if row else math.inf
+        keep[:GUST], keep[GUST:SYSTEMATIC] = math.exp(-step_s / tau_s), math.exp(-step_s / gust_tau_s)
+        keep[SYSTEMATIC:] = math.exp(-step_s / TAU_S)
+        cosine, sine = _scaling(x, scaled, turned)
+        north, east = forecast[row]
+        _predict(x, p, (cosine * north - sine * east, sine * north + cosine * east), keep, variance)
+        for part in range(2):
+            miss[part] = wind[row, part] - x[part] - x[GUST + part]
+            for error in range(errors):
+                miss[part] -= sensitivity[row, part, error] * x[SYSTEMATIC + error]
+        _see(p, sensitivity[row], noise[row], seen, total)
+        value = total[2] * miss[0] * miss[0] - 2.0 * total[1] * miss[0] * miss[1] + total[0] * miss[1] * miss[1]
+        value /= total[0] * total[2] - total[1] * total[1]
+        nis[row] = value
+        use = value <= gate
+        if value > gate:
+            use = _persuaded(memory, p, miss, time_s[row], patience_s, patience_count)
+            _see(p, sensitivity[row], noise[row], seen, total)
+        accepted[row] = use
+        if use:
+            memory[REJECTED] = 0.0
+            _update(x, p, miss, seen, total)
+            if scale[row] >= 0 and errors > 0:
+                scaled, turned = scale[row], turn[row]
+        _tell(x, p, scaled, turned, estimate[row], covariance[row])

@@ -1,0 +1,153 @@
+"""A forecast brought up to date with what drones have measured, without counting anything twice.
+
+Each member of the ensemble is taken to be the truth but for a residual of known size, correlation time and length
+(`models.wind.estimation.field.ResidualModel`). The likelihood of all observations under that weights the member; the residual that
+is then expected at a horizon h, which falls as ``exp(-h / tau)``, shifts it. Observations are averages over slots: at
+10 Hz neighbouring samples say the same, and counting them all would leave one member with all the weight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.wind.estimation.field import ResidualModel, WindObservation, check_observations, places
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.models.wind.estimation.filter import WindEstimate
+
+SLOT_S = 600.0
+"""Observations are averaged over so long."""
+REPRESENTATION_MPS = 0.7
+"""How far the mean of a slot along a track is from the wind that the forecast means."""
+MAX_SLOTS = 20_000
+
+
+class SlotAverages:
+    """Averages a filter's course over slots as it goes, so that no correlated estimate counts as a new observation.
+
+    Parameters
+    ----------
+    slot_s : float
+        Length of a slot; slots begin at whole multiples of it.
+    represent_mps : float
+        Added to the filter's own uncertainty, which an average over correlated estimates does not reduce.
+    """
+
+    def __init__(self, slot_s: float = SLOT_S, represent_mps: float = REPRESENTATION_MPS) -> None:
+        self.slot_s = slot_s
+        self.represent_mps = represent_mps
+        self._sums: dict[int, list[float]] = {}
+
+    def add(self, now: WindEstimate, lat_deg: float, lon_deg: float, height_m: float = math.nan) -> None:
+        """Take an estimate that something was measured for; without a place it is left out."""
+        if not (math.isfinite(lat_deg) and math.isfinite(lon_deg)):
+            return
+        sums = self._sums.setdefault(math.floor(now.time_s / self.slot_s), [0.0] * 8)
+        variance = 0.5 * (now.var_north + now.var_east)
+        values = (1.0, now.time_s, lat_deg, lon_deg, now.north_mps, now.east_mps, variance, height_m)
+        for place, value in enumerate(values):
+            sums[place] += value
+
+    def observations(self) -> tuple[WindObservation, ...]:
+        """One observation for each slot in which something was measured, the one under way included."""
+        found = []
+        for count, *totals in (self._sums[slot] for slot in sorted(self._sums)):
+            time_s, lat, lon, north, east, variance, height_m = (total / count for total in totals)
+            found.append(WindObservation(time_s, lat, lon, north, east, variance + self.represent_mps**2, height_m))
+        return tuple(found)
+
+
+def refined(ensemble: WindEnsemble, slot_s: float) -> WindEnsemble:
+    """Return the same wind in slots at most so long, for updates whose effect fades within a slot."""
+    parts = max(1, math.ceil(ensemble.slot_s / slot_s - 1e-9))
+    if parts * ensemble.slots > MAX_SLOTS:
+        raise InputError(Fault("too fine", field="slot_s", value=slot_s))
+    return replace(
+        ensemble,
+        slot_s=ensemble.slot_s / parts,
+        north=np.repeat(ensemble.north, parts, axis=1),
+        east=np.repeat(ensemble.east, parts, axis=1),
+    )
+
+
+def update_forecast(
+    ensemble: WindEnsemble,
+    observations: Sequence[WindObservation],
+    residual: ResidualModel | None = None,
+    *,
+    slot_s: float = SLOT_S,
+) -> WindEnsemble:
+    """Weight and shift the members of a forecast by what was measured.
+
+    Parameters
+    ----------
+    ensemble : WindEnsemble
+        At the height of the observations (`WindEnsemble.at_height`).
+    observations : sequence of WindObservation
+        Averages over slots, of any drones.
+    residual : ResidualModel
+        How the truth differs from the right member.
+    slot_s : float
+        The updated forecast has slots at most so long.
+
+    Returns
+    -------
+    WindEnsemble
+        Same members and sites; without observations, the same ensemble.
+    """
+    if not observations:
+        return ensemble
+    check_observations(observations)
+    model = residual or ResidualModel()
+    where = places(observations)
+    misses = _misses(ensemble, observations)
+    noise = np.array([one.variance for one in observations])
+    inverse = np.linalg.inv(model.covariance(where, where) + np.diag(noise))
+    pressed = np.einsum("kl,mlc->mkc", inverse, misses)
+    cost = 0.5 * np.einsum("mkc,mkc->m", misses, pressed)
+    likelihood = np.exp(cost.min() - cost)
+    fine = refined(ensemble, slot_s)
+    begin, latest = fine.start_s + np.arange(fine.slots) * fine.slot_s, float(where[0].max())
+    middle = np.where(begin <= latest, np.minimum(begin + fine.slot_s / 2.0, latest), begin + fine.slot_s / 2.0)
+    shift = np.empty((len(fine), fine.slots, len(fine.site_lat), 2))
+    for site, (lat, lon) in enumerate(zip(fine.site_lat, fine.site_lon, strict=True)):
+        points = middle, np.full(fine.slots, lat), np.full(fine.slots, lon)
+        shift[:, :, site] = np.einsum("tk,mkc->mtc", model.covariance(points, where), pressed)
+    moved = replace(fine, north=fine.north + shift[..., 0], east=fine.east + shift[..., 1])
+    return moved.weighted(likelihood) if float((moved.probability * likelihood).sum()) > 0.0 else moved
+
+
+def _misses(ensemble: WindEnsemble, observations: Sequence[WindObservation]) -> NDArray[np.float64]:
+    """Observations minus members, (members, observations, 2)."""
+    found = np.empty((len(ensemble), len(observations), 2))
+    for number, one in enumerate(observations):
+        north, east = ensemble.wind_at(one.lat_deg, one.lon_deg, ensemble.slot_at(one.time_s))
+        found[:, number, 0] = one.north_mps - north
+        found[:, number, 1] = one.east_mps - east
+    return found
+
+
+def crps(values: ArrayLike, probability: ArrayLike, truth: float) -> float:
+    """Continuous ranked probability score of a weighted ensemble of numbers; smaller is better, in their unit.
+
+    The mean distance to the truth minus half the mean distance between members: for one member it is the absolute error.
+
+    Source: T. Gneiting, A. Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007), eq. 21.
+    """
+    members = np.asarray(values, dtype=np.float64)
+    weight = np.asarray(probability, dtype=np.float64)
+    order = np.argsort(members)
+    members, weight = members[order], weight[order]
+    below = np.cumsum(weight) - weight
+    spread = 2.0 * float((weight * members * (2.0 * below + weight - 1.0)).sum())
+    return float((weight * np.abs(members - truth)).sum()) - 0.5 * spread

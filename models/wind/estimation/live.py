@@ -1,0 +1,309 @@
+"""The wind that a drone feels, straight from its telemetry: the one class that a live flight and a replay use.
+
+Feed samples, read the estimate; when the forecast is to be brought up to date, hand over the observations::
+
+    wind = LiveWind(drag=read_drag(path), forecast=forecast_of(ensemble), settings=settings_for(ensemble))
+    for sample in telemetry:                      # models.telemetry.TelemetrySample, live or replayed
+        if (now := wind.hear(sample)) is not None:  # about once a second
+            now.north_mps, now.east_mps, now.sigma_mps, now.source
+    updated = update_forecast(ensemble, wind.observations())  # models.forecast_update
+
+Several drones: one `LiveWind` each, and the observations of all of them in one list. The ensemble and the observations
+have to be for the same height (`WindEnsemble.at_height`). Nothing here knows the future: an estimate is made of what was heard
+before it, and is at most one period old.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from copy import deepcopy
+from functools import lru_cache
+from operator import attrgetter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.drones.drag import DragModel
+from skyway.models.drones.telemetry import QUANTITIES, TelemetryTrack
+from skyway.models.wind.estimation.blocks import BlockMaker, Blocks
+from skyway.models.wind.estimation.drag_monitor import DragCheck, check_drag
+from skyway.models.wind.estimation.field import MIN_PROFILE_M
+from skyway.models.wind.estimation.filter import FilteredWind, WindEstimate, WindFilter, WindFilterSettings
+from skyway.models.wind.estimation.forecast_update import SlotAverages
+from skyway.models.wind.estimation.health import HEALTH_WINDOW
+from skyway.models.wind.estimation.measurement import (
+    MAX_WIND_MPS,
+    PLAIN_SENSOR,
+    MeanWind,
+    measurements,
+    tilt_air_velocity,
+)
+from skyway.models.wind.estimation.systematic import dependence, prior_sigma
+from skyway.models.wind.triangle import height_factor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from skyway.models.drones.airspeed import AirspeedModel
+    from skyway.models.drones.telemetry import TelemetrySample
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.models.wind.estimation.field import WindObservation
+    from skyway.models.wind.estimation.measurement import Measurements
+    from skyway.models.wind.estimation.systematic import Dependence
+
+    Forecast = Callable[[float, float, float, float], tuple[float, float]]
+
+_TOLD = attrgetter(*QUANTITIES)
+NOMINAL_DRAG = DragModel(linear_per_s=0.17, relative_sigma=0.5, bias_sigma_mps2=0.15)
+"""Where no drag is known: about the middle of the multirotors that were measured (0.1 to 0.3 per second at 10 m/s), so that the true air
+velocity is half to twice the one that it gives, and a level that is off by about 1 degree."""
+NO_FORECAST = WindFilterSettings(tau_s=1800.0, sigma_mps=5.0)
+"""How the wind is taken where nothing is forecast: anything up to a gale, slowly changing."""
+DRAG_WINDOW = 300
+"""Blocks of flight that the drag is checked with."""
+
+
+def forecast_of(ensemble: WindEnsemble, profile_exponent: float | None = None) -> Forecast:
+    """Return the mean of a forecast as a function of (POSIX seconds, latitude, longitude, height): (north, east), m/s.
+
+    Parameters
+    ----------
+    ensemble : WindEnsemble
+        The forecast. Where a place is not known (NaN), its first site stands for it.
+    profile_exponent : float, optional
+        Of the power law that carries the wind to the vehicle's height above the take-off site, never below
+        `MIN_PROFILE_M`; by default the forecast is taken to be for the height that is flown.
+    """
+
+    @lru_cache(maxsize=256)
+    def at(slot: int, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        north, east = ensemble.wind_at(lat_deg, lon_deg, slot)
+        return float(ensemble.probability @ north), float(ensemble.probability @ east)
+
+    def wind(time_s: float, lat_deg: float, lon_deg: float, height_m: float) -> tuple[float, float]:
+        known = math.isfinite(lat_deg) and math.isfinite(lon_deg)
+        lat, lon = (lat_deg, lon_deg) if known else (float(ensemble.site_lat[0]), float(ensemble.site_lon[0]))
+        north, east = at(ensemble.slot_at(time_s), round(lat, 3), round(lon, 3))
+        if profile_exponent is None or not math.isfinite(height_m):
+            return north, east
+        factor = height_factor(max(height_m, MIN_PROFILE_M), ensemble.height_m, profile_exponent)
+        return north * factor, east * factor
+
+    return wind
+
+
+def settings_for(ensemble: WindEnsemble) -> WindFilterSettings:
+    """Return settings whose wind strays from the forecast as far as its members do, at least 1 m/s."""
+    weight = ensemble.probability[:, None, None]
+    spread = sum(
+        float((weight * (values - (weight * values).sum(axis=0)) ** 2).sum(axis=0).mean())
+        for values in (ensemble.north, ensemble.east)
+    )
+    return WindFilterSettings(sigma_mps=max(math.sqrt(0.5 * spread), 1.0))
+
+
+class LiveWind:
+    """The wind of one vehicle, estimated as its telemetry comes.
+
+    Parameters
+    ----------
+    drag : DragModel or None
+        Of this drone (`models.drones.drag_file.read_drag`); `NOMINAL_DRAG` where it is not known, None where tilt tells nothing.
+    airspeed : AirspeedModel
+        Of a plane; by default as the sensor says.
+    forecast : callable, optional
+        (POSIX seconds, latitude, longitude, height above take-off, m) to the (north, east) that is expected, m/s; by default
+        nothing is.
+    settings : WindFilterSettings, optional
+        How the wind strays from the forecast.
+    period_s : float
+        Of the averages, each of which gives an estimate.
+
+    Attributes
+    ----------
+    filter : WindFilter or None
+        None before the first average.
+    expected : (float, float)
+        The newest forecast it was told, (north, east), m/s.
+    measured : Counter of str
+        Measurements of each kind: ``tilt``, ``airspeed``, ``autopilot``, ``limit``.
+    rejected : int
+        Measurements that the gate did not let pass.
+    autopilot_doubt : ndarray, shape (2, 2)
+        Added to the covariance of what the autopilot says of the wind.
+    """
+
+    def __init__(
+        self,
+        *,
+        drag: DragModel | None = NOMINAL_DRAG,
+        airspeed: AirspeedModel = PLAIN_SENSOR,
+        forecast: Forecast | None = None,
+        settings: WindFilterSettings | None = None,
+        period_s: float = 1.0,
+    ) -> None:
+        self.drag = drag
+        self.airspeed = airspeed
+        self.settings = settings or (NO_FORECAST if forecast is None else WindFilterSettings())
+        self.filter: WindFilter | None = None
+        self.expected = (math.nan, math.nan)
+        self.measured: Counter[str] = Counter()
+        self.rejected = 0
+        self._forecast = forecast or (lambda *_: (0.0, 0.0))
+        self._period_s = period_s
+        self._maker = BlockMaker(period_s)
+        self._waiting: list[tuple[float, ...]] = []
+        self._heard_s = -math.inf
+        self._flying = False
+        self._taken_s = {"autopilot": -math.inf, "airspeed": -math.inf}
+        self._mean_wind = MeanWind()
+        self._flown: deque[tuple[float, ...]] = deque(maxlen=DRAG_WINDOW)
+        self._slots = SlotAverages()
+        self._pending: deque[tuple[WindEstimate, tuple[float, ...]]] = deque()
+        self.autopilot_doubt = np.zeros((2, 2))
+
+    @property
+    def estimate(self) -> WindEstimate | None:
+        """Newest estimate; None before the first."""
+        return None if self.filter is None else self.filter.estimate
+
+    def hear(self, sample: TelemetrySample) -> WindEstimate | None:
+        """Take a sample; returns an estimate where it ends a period. One that is older than the last is left out."""
+        if not sample.time_s >= self._heard_s:
+            return None
+        period = math.floor(sample.time_s / self._period_s)
+        over = bool(self._waiting) and period != math.floor(self._heard_s / self._period_s)
+        self._heard_s = sample.time_s
+        self._waiting.append((sample.time_s, *_TOLD(sample)))
+        if not over:
+            return None
+        table = np.array(self._waiting)
+        self._waiting.clear()
+        return self.estimate if len(self.feed(TelemetryTrack(sample.system, table[:, 0], table[:, 1:]))) else None
+
+    def measure(
+        self,
+        wind: tuple[float, float],
+        noise: NDArray[np.float64],
+        place: tuple[float, float, float],
+        doubt: NDArray[np.float64],
+        same_error: float = 1.0,
+    ) -> bool:
+        """Take a measurement of the wind that is made elsewhere, for now; returns whether it was used.
+
+        Parameters
+        ----------
+        wind, noise
+            (north, east) TOWARDS, m/s, and its covariance.
+        place : (latitude, longitude, height)
+            Where it was measured.
+        doubt : ndarray, shape (2, 2)
+            How unsure this makes what was believed of the wind by the autopilot's word, m2/s2.
+        same_error : float
+            So many of the autopilot's further reports count as one.
+        """
+        if self.filter is None:
+            return False
+        if self.measured["autopilot"] and not self.autopilot_doubt.any():
+            self.filter.widen(doubt)
+        self.autopilot_doubt = same_error * doubt
+        used = self.filter.update(wind, noise)
+        self.measured["limit"] += 1
+        self.rejected += not used
+        if used:
+            self._pending.append((self.filter.estimate, place))
+        return used
+
+    def feed(self, track: TelemetryTrack) -> FilteredWind:
+        """Take many samples, not older than those before; returns the filter's course over the periods that are over."""
+        return self._follow(self._maker.feed(track))
+
+    def close(self) -> FilteredWind:
+        """Take the last period, which no later sample ends."""
+        return self._follow(self._maker.flush())
+
+    def observations(self) -> tuple[WindObservation, ...]:
+        """Averages over slots of all that was measured, each counting once, for `models.wind.estimation.forecast_update.update_forecast`.
+
+        What the filter's health has called inconsistent, and the measurements that it was judged by, are left out.
+        """
+        slots = deepcopy(self._slots)
+        for now, place in self._pending:
+            slots.add(now, *place)
+        return slots.observations()
+
+    @property
+    def stuck(self) -> tuple[str, ...]:
+        """Sensors that have not changed in flight for too long and are not believed: ``the attitude``, ``the velocity``."""
+        return self._maker.stuck if self._flying else ()
+
+    def check_drag(self) -> DragCheck:
+        """Say whether the drag in use fits the last minutes."""
+        table = np.array(self._flown).reshape(-1, 4)
+        return check_drag(table[:, :2], table[:, 2:])
+
+    def _follow(self, air: Blocks) -> FilteredWind:
+        """Let the filter live through blocks."""
+        course = FilteredWind.empty(len(air))
+        self._flying = bool(air.flying[-1]) if len(air) else self._flying
+        found = measurements(
+            air,
+            self.drag,
+            self.airspeed,
+            autopilot_s=self._taken_s["autopilot"],
+            airspeed_s=self._taken_s["airspeed"],
+            mean=self._mean_wind,
+        )
+        self.measured.update(found.source.tolist())
+        depends = dependence(found, self.drag)
+        for source in self._taken_s:
+            times = found.time_s[found.source == source]
+            self._taken_s[source] = float(times[-1]) if len(times) else self._taken_s[source]
+        if self.drag is not None:
+            seen = air.flying & ~air.winged & np.isfinite(air.drag).all(axis=1)
+            pairs = np.concatenate([air.velocity, tilt_air_velocity(air, self.drag)], axis=1)
+            self._flown.extend(map(tuple, pairs[seen][-DRAG_WINDOW:].tolist()))
+        begins = np.searchsorted(found.time_s, air.time_s, side="left")
+        ends = np.searchsorted(found.time_s, air.time_s, side="right")
+        for row, (time_s, place) in enumerate(zip(air.time_s.tolist(), air.place.tolist(), strict=True)):
+            self.expected = self._forecast(time_s, *place)
+            if self.filter is None:
+                sigma = prior_sigma(self.drag, self.airspeed)
+                self.filter = WindFilter(time_s, *self.expected, self.settings, sigma)
+            self.filter.advance(time_s, self.expected)
+            for number in range(begins[row], ends[row]):
+                used = self._take(found, number, depends)
+                self.rejected += not used
+                course.accepted[row] |= used
+                course.nis[row] = self.filter.last_nis
+            now = self.filter.estimate
+            course.put(row, now, self.expected)
+            self._keep(now, place, accepted=bool(course.accepted[row]))
+        return course
+
+    def _keep(self, now: WindEstimate, place: tuple[float, ...], *, accepted: bool) -> None:
+        """Keep an estimate for the averages, once no window of innovations that it lies in can be found inconsistent."""
+        if now.source == "inconsistent":
+            self._pending.clear()
+        elif accepted:
+            self._pending.append((now, place))
+            if len(self._pending) > HEALTH_WINDOW:
+                settled, where = self._pending.popleft()
+                self._slots.add(settled, *where)
+
+    def _take(self, found: Measurements, number: int, depends: Dependence) -> bool:
+        """Give the filter one measurement."""
+        nn, ne, ee = found.noise[number].tolist()
+        north, east = found.wind[number].tolist()
+        if self.filter is None:
+            return False
+        if math.hypot(north, east) > MAX_WIND_MPS[str(found.source[number])]:
+            self.filter.health.restart()
+            return False
+        noise = np.array([[nn, ne], [ne, ee]])
+        if found.source[number] == "autopilot":
+            noise = noise + self.autopilot_doubt
+        return self.filter.update((north, east), noise, depends, number)

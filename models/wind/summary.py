@@ -1,0 +1,182 @@
+"""The wind of a forecast in a few figures, as a pilot reads it: the same figures and words wherever a wind is shown.
+
+A forecast is an ensemble: many winds may blow on a leg, at the time and height at which it is flown. They are summarised
+by their mean speed, the speeds that 10 and 90 % of them do not exceed, and the direction that most of them come from.
+The length of the mean vector is not a speed that anybody meets: winds from all sides cancel in it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.base.weighted import weighted_quantile
+from skyway.models.composition.composition import CALM_MPS, Wind
+from skyway.models.wind.triangle import height_factor, speed_from, vector
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.models.wind.ensemble import WindEnsemble
+
+LOW, HIGH = 0.1, 0.9
+"""Quantiles of the speed that are told beside its mean."""
+SECTOR_DEG = 90.0
+"""Width of the sector within which winds count as blowing from one direction."""
+PREVAILS = 0.5
+"""A direction prevails where more than this share of the winds comes from one sector; below, the direction is variable."""
+
+
+class Passage(NamedTuple):
+    """Where and when a wind is met: a segment, at its middle, or a place.
+
+    Attributes
+    ----------
+    lat_deg, lon_deg : float
+        WGS-84.
+    begin_s, end_s : float
+        POSIX seconds; the same twice is an instant.
+    """
+
+    lat_deg: float
+    lon_deg: float
+    begin_s: float
+    end_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class WindSummary:
+    """The winds that may be met.
+
+    Attributes
+    ----------
+    mean_mps, p10_mps, p90_mps : float
+        Mean speed, and the speeds that 10 and 90 % of the winds do not exceed.
+    from_deg : float or None
+        Prevailing direction that the wind blows FROM: the mean direction of the winds in the sector of 90 degrees that
+        holds most of them. None: variable, no sector holds more than half of them.
+    sector_share : float
+        Share of the winds in that sector.
+    north_mps, east_mps : float
+        Mean vector TOWARDS; for components along and across a course, see `components`.
+    """
+
+    mean_mps: float
+    p10_mps: float
+    p90_mps: float
+    from_deg: float | None
+    sector_share: float
+    north_mps: float
+    east_mps: float
+
+    def as_data(self) -> dict[str, float | None]:
+        """What `summary_from` makes the same words of again: mean speed, p10, p90, direction."""
+        return {
+            "mean_mps": self.mean_mps, "p10_mps": self.p10_mps, "p90_mps": self.p90_mps, "from_deg": self.from_deg,
+            "sector_share": self.sector_share,
+        }  # fmt: skip
+
+    def components(self, course_deg: float) -> tuple[float, float]:
+        """Mean wind along a course (tailwind positive) and across it (from its left positive), m/s."""
+        angle = np.radians(course_deg)
+        cos, sin = float(np.cos(angle)), float(np.sin(angle))
+        return self.north_mps * cos + self.east_mps * sin, self.east_mps * cos - self.north_mps * sin
+
+    @property
+    def wind(self) -> Wind:
+        """The same as a plan and its file have it."""
+        return Wind(self.mean_mps, self.from_deg, self.p10_mps, self.p90_mps)
+
+    def __str__(self) -> str:
+        """``8 (5 to 11) m/s from 200°``; see `models.composition.composition.Wind`."""
+        return str(self.wind)
+
+
+def summary_from(data: Mapping[str, float | None]) -> WindSummary | None:
+    """Return the summary of what `WindSummary.as_data` told; None where its speeds are unknown. The mean vector is not kept."""
+    speeds = [data.get(name) for name in ("mean_mps", "p10_mps", "p90_mps")]
+    mean, low, high = (math.nan if speed is None else speed for speed in speeds)
+    if not math.isfinite(mean + low + high):
+        return None
+    return WindSummary(mean, low, high, data.get("from_deg"), data.get("sector_share") or 0.0, math.nan, math.nan)
+
+
+def summarise_wind(
+    ensemble: WindEnsemble, passages: Sequence[Passage], height_m: float, profile_exponent: float
+) -> WindSummary:
+    """Summarise the winds of an ensemble that may be met on a way.
+
+    Parameters
+    ----------
+    ensemble : WindEnsemble
+        At any height; of one member: that wind.
+    passages : sequence of Passage
+        Each counts with its duration; instants count equally.
+    height_m, profile_exponent : float
+        Height above ground that is flown, and how the wind grows with height (`models.wind.triangle.height_factor`).
+    """
+    factor = height_factor(height_m, ensemble.height_m, profile_exponent)
+    lat, lon = [one.lat_deg for one in passages], [one.lon_deg for one in passages]
+    places = ensemble.idw_weights(lat, lon, ensemble.site_lat, ensemble.site_lon)
+    total = sum(one.end_s - one.begin_s for one in passages)
+    north, east, weight = [], [], []
+    for one, place in zip(passages, places, strict=True):
+        for slot, seconds in _slots(ensemble, one):
+            share = seconds / total if total > 0.0 else 1.0 / len(passages)
+            north.append(ensemble.north[:, slot] @ place)
+            east.append(ensemble.east[:, slot] @ place)
+            weight.append(share * ensemble.probability)
+    return summary_of(factor * np.concatenate(north), factor * np.concatenate(east), np.concatenate(weight))
+
+
+def summary_of(
+    north_mps: NDArray[np.float64], east_mps: NDArray[np.float64], weight: NDArray[np.float64]
+) -> WindSummary:
+    """Summarise winds TOWARDS (north, east), each of a weight, shape (winds,) each; the weights need not sum to 1."""
+    weight = weight / weight.sum()
+    speed, direction = speed_from(north_mps, east_mps)
+    from_deg, share = _prevailing(direction, np.where(speed < CALM_MPS, 0.0, weight))
+    return WindSummary(
+        mean_mps=float(weight @ speed),
+        p10_mps=weighted_quantile(speed, weight, LOW),
+        p90_mps=weighted_quantile(speed, weight, HIGH),
+        from_deg=from_deg if share > PREVAILS else None,
+        sector_share=share,
+        north_mps=float(weight @ north_mps),
+        east_mps=float(weight @ east_mps),
+    )
+
+
+def _slots(ensemble: WindEnsemble, passage: Passage) -> list[tuple[int, float]]:
+    """Slots of the wind that a passage falls into, with the seconds in each."""
+    first, last = ensemble.slot_at(passage.begin_s), ensemble.slot_at(passage.end_s)
+    edges = ensemble.start_s + ensemble.slot_s * np.arange(first + 1, last + 1)
+    marks = np.concatenate(([passage.begin_s], edges, [passage.end_s]))
+    return list(zip(range(first, last + 1), np.diff(marks).tolist(), strict=True))
+
+
+def _prevailing(direction_deg: NDArray[np.float64], weight: NDArray[np.float64]) -> tuple[float, float]:
+    """Mean direction of the winds in the sector that holds most of them, and the share of all winds in it.
+
+    A sector that holds most begins at one of the winds: going round in their order, its end never goes back.
+    """
+    total = float(weight.sum())
+    if total <= 0.0:
+        return 0.0, 0.0
+    order = np.argsort(direction_deg, kind="stable")
+    angle, mass = direction_deg[order], weight[order]
+    around, twice = np.concatenate((angle, angle + 360.0)), np.concatenate((mass, mass))
+    below = np.concatenate(([0.0], np.cumsum(twice)))
+    end = np.searchsorted(around, angle + SECTOR_DEG + 1e-9, side="right")
+    end = np.minimum(end, np.arange(len(angle)) + len(angle))
+    held = below[end] - below[: len(angle)]
+    first = int(np.argmax(held > held.max() - 1e-12))
+    inside = slice(first, int(end[first]))
+    north, east = vector(twice[inside], around[inside])
+    _, middle = speed_from(north.sum(), east.sum())
+    return float(middle), min(float(held[first]), 1.0)

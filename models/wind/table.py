@@ -1,0 +1,242 @@
+"""Tables of wind as they are downloaded: CSV read column by column, with every fault told at once.
+
+A column is read through its distinct texts (a record of 26,000 hours has some 40 different speeds), which is
+fast and still lets each faulty line be named.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from dataclasses import dataclass
+from itertools import islice
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.base import files
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from datetime import datetime
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+MAX_BYTES = 64_000_000
+MAX_ROWS = 5_000_000
+_CHUNK_ROWS = 5_000
+_KNOWN_TEXTS = 100_000
+LISTED_FAULTS = 20
+HOPELESS_FAULTS = 100_000
+FIRST_YEAR, LAST_YEAR = 1800, 2200
+
+
+class Problem(NamedTuple):
+    """Why a text is not the value it should be."""
+
+    text: str
+    remedy: str
+
+
+class FaultCollector:
+    """Faults of one file: the first twenty are told, the rest counted.
+
+    Attributes
+    ----------
+    file : str
+        Named in every fault.
+    """
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self._found: list[Fault] = []
+        self._unlisted = 0
+
+    def add(self, problem: str, remedy: str, *, line: int | None, field: str | None, value: object) -> None:
+        """Note a fault; beyond a few times twenty only their number is kept."""
+        if len(self._found) < 10 * LISTED_FAULTS:
+            self._found.append(Fault(problem, self.file, line, field, value, remedy))
+        else:
+            self._unlisted += 1
+
+    def count(self, more: int) -> None:
+        """Note that many more faults without telling them."""
+        self._unlisted += more
+
+    def raise_if_hopeless(self) -> None:
+        """Raise what was found so far, if it is so much that the rest of the file need not be read."""
+        if len(self._found) + self._unlisted > HOPELESS_FAULTS:
+            self.raise_if_any(after=" in the lines read so far")
+
+    def raise_if_any(self, *, after: str = "") -> None:
+        """Raise what was found, in the order of the lines; `after` follows the number of those not told."""
+        if not self._found:
+            return
+        found = sorted(self._found, key=lambda fault: fault.line or 0)
+        more = len(found) + self._unlisted - LISTED_FAULTS
+        if more > 0:
+            found = [*found[:LISTED_FAULTS], Fault(f"and {more:,} more faults{after}", self.file)]
+        raise InputError(found)
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Some rows of a table, by column.
+
+    Attributes
+    ----------
+    lines : list of int
+        Line of each row, counted from 1.
+    columns : dict
+        Texts of each column asked for, by its name, stripped of nothing.
+    """
+
+    lines: list[int]
+    columns: dict[str, tuple[str, ...]]
+
+    def decode(
+        self,
+        name: str,
+        parse: Callable[[str], float | Problem],
+        faults: FaultCollector,
+        *,
+        each_text_once: bool = False,
+        known: dict[str, float] | None = None,
+    ) -> NDArray[np.float64]:
+        """Read a column of numbers, shape (rows,); a fault is noted and NaN stands for it.
+
+        Texts in `known` are not read again; those without a fault join them.
+        """
+        texts = self.columns[name]
+        values: dict[str, float] = {} if known is None else known
+        if len(values) > _KNOWN_TEXTS:
+            values.clear()
+        problems: dict[str, Problem] = {}
+        for text in set(texts).difference(values):
+            value = parse(text.strip())
+            if isinstance(value, Problem):
+                problems[text] = value
+            else:
+                values[text] = value
+        if problems:
+            values = {**values, **dict.fromkeys(problems, math.nan)}
+            rows = [row for row, text in enumerate(texts) if text in problems]
+            if each_text_once:
+                rows = sorted({texts[row]: row for row in reversed(rows)}.values())
+            for row in rows[:LISTED_FAULTS]:
+                problem, remedy = problems[texts[row]]
+                faults.add(problem, remedy, line=self.lines[row], field=name, value=texts[row])
+            faults.count(max(0, len(rows) - LISTED_FAULTS))
+        return np.fromiter(map(values.__getitem__, texts), np.float64, len(texts))
+
+
+def read_table(
+    path: Path, required: Sequence[str], faults: FaultCollector, *, optional: Sequence[str] = ()
+) -> Iterator[Chunk]:
+    """Yield a CSV file in chunks of rows, with the columns asked for; faults of its shape are collected.
+
+    Raises
+    ------
+    InputError
+        Above 64 MB or 5 million rows, empty, without rows, or without a required column.
+    """
+    reader = csv.reader(io.StringIO(_text(path), newline=""))
+    try:
+        header = next((row for row in reader if any(cell.strip() for cell in row)), None)
+        places = _places(header, required, optional, faults)
+        count = 0
+        while True:
+            lines: list[int] = []
+            rows: list[list[str]] = []
+            for row in islice(reader, _CHUNK_ROWS):
+                lines.append(reader.line_num)
+                rows.append(row)
+            if not rows:
+                break
+            if set(map(len, rows)) != {len(header or ())}:
+                lines, rows = _whole(lines, rows, len(header or ()), faults)
+            count += len(rows)
+            if rows:
+                columns = list(zip(*rows, strict=True))
+                yield Chunk(lines, {name: columns[place] for name, place in places.items()})
+            faults.raise_if_hopeless()
+    except csv.Error as error:
+        raise InputError(Fault(f"is not CSV: {error}", faults.file, reader.line_num)) from None
+    if not count:
+        faults.raise_if_any()
+        raise InputError(Fault("has a header but no rows", faults.file))
+
+
+def _whole(
+    lines: list[int], rows: list[list[str]], width: int, faults: FaultCollector
+) -> tuple[list[int], list[list[str]]]:
+    """Leave out rows of another width; but for empty ones they are faults."""
+    kept = [number for number, row in enumerate(rows) if len(row) == width]
+    for line, row in zip(lines, rows, strict=True):
+        if row and len(row) != width:
+            problem = f"has {len(row)} cells where the header has {width}"
+            faults.add(problem, "one cell for each column", line=line, field=None, value=None)
+    return [lines[number] for number in kept], [rows[number] for number in kept]
+
+
+def _text(path: Path) -> str:
+    try:
+        too_large = path.stat().st_size > MAX_BYTES
+    except (OSError, ValueError):
+        too_large = False  # files.read_text says what is wrong
+    if too_large:
+        remedy = "cut it to the part that is needed"
+        raise InputError(Fault(f"is larger than {MAX_BYTES / 1e6:.0f} MB", str(path), remedy=remedy))
+    text = files.read_text(path, max_bytes=MAX_BYTES)
+    if text.count("\n") > MAX_ROWS + 1:
+        remedy = "cut it to the part that is needed"
+        raise InputError(Fault(f"has more than {MAX_ROWS:,} rows", str(path), remedy=remedy))
+    return text
+
+
+def _places(
+    header: list[str] | None, required: Sequence[str], optional: Sequence[str], faults: FaultCollector
+) -> dict[str, int]:
+    if header is None:
+        raise InputError(Fault("is empty", faults.file, remedy="a header line and a row for each hour"))
+    names = [cell.strip() for cell in header]
+    has = "the file has the columns " + ", ".join(names)
+    if len(names) == 1 and re.search(r"[;\t]", names[0]):
+        has = "the columns must be separated by commas"
+    for name in required:
+        if name not in names:
+            faults.add("no such column", has, line=1, field=name, value=None)
+    for name in (*required, *optional):
+        if names.count(name) > 1:
+            faults.add("the column appears twice", "name it once", line=1, field=name, value=None)
+    faults.raise_if_any()
+    return {name: names.index(name) for name in (*required, *optional) if name in names}
+
+
+def check_year(stamp: datetime) -> Problem | None:
+    """Return what is wrong with a time that no record of wind can have."""
+    if FIRST_YEAR <= stamp.year <= LAST_YEAR:
+        return None
+    return Problem("the time is out of range", f"a year from {FIRST_YEAR} to {LAST_YEAR}")
+
+
+def parse_number(text: str) -> float | Problem:
+    """Read a finite decimal number."""
+    try:
+        value = float(text) if "_" not in text else math.nan
+    except ValueError:
+        hint = "write the decimals after a point" if re.fullmatch(r"[-+]?\d+,\d+", text) else "a number"
+        return Problem("not a number", f"{hint}, or list the text under missing")
+    return value if math.isfinite(value) else Problem("not a finite number", "list the text under missing")
+
+
+def parse_direction(text: str) -> float | Problem:
+    """Read a direction in degrees, 0 to 360."""
+    value = parse_number(text)
+    if isinstance(value, float) and not 0.0 <= value <= 360.0:
+        return Problem("direction out of range", "degrees from 0 to 360, or list the text under variable")
+    return value

@@ -1,0 +1,1 @@
+"""The planners of the paper and the shortest way."""

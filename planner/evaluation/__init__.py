@@ -1,0 +1,1 @@
+"""Plans and policies flown in sampled realizations, with intervals on every figure."""

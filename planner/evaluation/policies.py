@@ -1,0 +1,123 @@
+"""Policies: what decides anew while a delivery is under way, and what it knows when it does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+from skyway.models.base.errors import InfeasibleError
+from skyway.models.base.units import from_posix
+from skyway.models.composition.composition import State
+from skyway.planner.plan import plan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.online.departure import Departure
+    from skyway.planner.problem.request import Request
+    from skyway.planner.schedule.itinerary import Itinerary, Leg
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What a policy knows when it decides: a drone that has just landed, or is about to leave its origin.
+
+    Attributes
+    ----------
+    node, station
+        Where it stands.
+    time_s, soc : float
+        POSIX seconds and charge at the landing.
+    visited : tuple of str
+        Stations landed at before, in order.
+    wind : tuple of ndarray, shape (sites,)
+        (north, east) m/s TOWARDS measured at the sites in this hour, at the height of measurement.
+    busy : dict of str to int
+        Others on the pads and in line at each station, as the pad services tell; where it stands, those before it.
+    energy : float
+        Energy that its flights have taken as a multiple of the model's; NaN before the first has shown it.
+    behind : int
+        Others that came where it stands after it.
+    """
+
+    node: int
+    station: str
+    time_s: float
+    soc: float
+    visited: tuple[str, ...]
+    wind: tuple[NDArray[np.float64], NDArray[np.float64]]
+    busy: dict[str, int]
+    energy: float
+    behind: int = 0
+
+    def state(self) -> State:
+        """The same as the state that a request starts from."""
+        soc = min(max(self.soc, 0.0), 1.0)
+        visited = frozenset(self.visited)
+        return State(from_posix(self.time_s), self.station, None, soc, busy_pads=self.busy, visited=visited)
+
+
+class Policy(Protocol):
+    """Decides at every stop, knowing what is known there; must not look into the truth."""
+
+    def decide(self, standing: Standing) -> Leg | None:
+        """The next flight and the stay before it, or None where there is no way on."""
+
+
+@runtime_checkable
+class Adaptive(Protocol):
+    """Decides at every stop, again with every new wind while it stands there, and over stations on the way."""
+
+    def leave(self, standing: Standing) -> Departure | None:
+        """How to go on from a stop, or None where there is no way on."""
+
+    def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
+        """Segments to go on with over a station with pads; none: land there.
+
+        Time and charge are set back by a climb, as if it took off there.
+        """
+
+
+@dataclass(frozen=True)
+class OpenLoop:
+    """A fixed itinerary as a policy."""
+
+    itinerary: Itinerary
+
+    def decide(self, standing: Standing) -> Leg | None:
+        """The hop that the itinerary has at this stop."""
+        number = len(standing.visited)
+        return self.itinerary[number] if number < len(self.itinerary) else None
+
+
+@dataclass(frozen=True)
+class Rolling:
+    """Plans anew at every stop with a planner by name, and flies the first hop of each plan.
+
+    Attributes
+    ----------
+    scenario, request
+        As at the departure; the drone is named.
+    planner : str
+        See `planner.plan`.
+    forecast : callable
+        The forecast of a moment: held out, perhaps weighted by the wind measured until then.
+    """
+
+    scenario: Scenario
+    request: Request
+    planner: str
+    forecast: Callable[[Standing], WindEnsemble]
+
+    def decide(self, standing: Standing) -> Leg | None:
+        """The first hop of the plan from here."""
+        request = replace(self.request, state=standing.state())
+        try:
+            return plan(self.scenario, request, planner=self.planner, forecast=self.forecast(standing)).itinerary[0]
+        except InfeasibleError:
+            return None

@@ -1,0 +1,251 @@
+"""Sampled truths: what deliveries are evaluated in, the same for all planners.
+
+A truth is the wind of a day of the record that the planner's forecast did not contain, gusts about it, a set of queues,
+and the error of one vehicle's energy model. Run `r` of a day is the same truth whoever flies in it: gusts, queues and
+errors depend on the seed, the day and the run alone (common random numbers).
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+import numpy as np
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.units import utc
+from skyway.models.wind.forecast import WindEnsemble, analogue_ensemble
+from skyway.planner.problem.error_model import USUAL_ERRORS, Errors
+from skyway.planner.problem.problem import HORIZON_H, Problem
+from skyway.planner.schedule.gust_kernels import Disturbance
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from datetime import date
+
+    from numpy.typing import NDArray
+
+    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.problem.request import Request
+
+MAX_QUEUES = 500
+"""Sets of queues that are sampled at most; with more runs, runs on different days share a set."""
+MAX_KEPT = 20_000
+"""Sampled queue paths, of a few kilobytes each, that are kept at a time."""
+_QUEUES, _VEHICLE = 0x51, 0x56  # words of seeds, so that streams are apart
+
+
+@dataclass(frozen=True, eq=False)
+class Realizations:
+    """Sampled truths of one request; make them with `sample_realizations`.
+
+    Attributes
+    ----------
+    scenario, request
+        Whose.
+    days : tuple of date
+        Days of the record, local dates.
+    wind : WindEnsemble
+        Their winds, one member a day.
+    day : ndarray of int, shape (runs,)
+        Index into `days` of each run.
+    queue : ndarray of int, shape (runs,)
+        Set of queues of each run.
+    queue_seed : int
+        Set q is what a request with the seed ``queue_seed + q`` would sample first.
+    energy : ndarray, shape (runs,)
+        Multiple of the energy that flights take.
+    gust_key : ndarray of uint64, shape (runs,)
+        Of each run's gusts.
+    errors : Errors
+        As asked for.
+    """
+
+    scenario: Scenario
+    request: Request
+    days: tuple[date, ...]
+    wind: WindEnsemble
+    day: NDArray[np.int64]
+    queue: NDArray[np.int64]
+    queue_seed: int
+    energy: NDArray[np.float64]
+    gust_key: NDArray[np.uint64]
+    errors: Errors
+    _met: dict[tuple[int, int], QueuePath] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        runs, days = len(self.day), len(self.days)
+        faults = [
+            Fault("must have one value for each run", field=name, value=np.shape(values), remedy=f"({runs},)")
+            for name, values in (("queue", self.queue), ("energy", self.energy), ("gust_key", self.gust_key))
+            if np.shape(values) != (runs,)
+        ]
+        if len(self.wind.probability) != days:
+            faults.append(Fault("must have a member for each day", field="wind", value=len(self.wind.probability)))
+        if runs and not (self.day.min() >= 0 and self.day.max() < days):
+            faults.append(Fault("names no day", field="day", remedy=f"0 to {days - 1}"))
+        if not faults and runs and self.queue.min() < 0:
+            faults.append(Fault("names no set of queues", field="queue", remedy="0 or more"))
+        if faults:
+            raise InputError(faults)
+
+    def __len__(self) -> int:
+        return len(self.day)
+
+    @property
+    def block(self) -> NDArray[np.int64]:
+        """Ordinal of the day of each run, shape (runs,): runs that share it are not independent."""
+        return np.array([day.toordinal() for day in self.days])[self.day]
+
+    def problem(self, drone: str) -> Problem:
+        """The request in the winds of all days, for one drone of the fleet."""
+        return Problem(self.scenario, self.request, self.scenario.drone(drone), self.wind)
+
+    def disturbance(self, runs: NDArray[np.int64] | slice = slice(None)) -> Disturbance:
+        """What kernels need to know of some runs."""
+        return Disturbance(
+            self.queue[runs], self.energy[runs], self.gust_key[runs], self.errors.gust_sd, self.errors.gust_time_s
+        )
+
+    def queues(self, problem: Problem, nodes: Sequence[int], queue: int) -> dict[int, QueuePath]:
+        """One set of queues at some nodes; kept, since all who fly in these truths meet the same ones."""
+        missing = [node for node in dict.fromkeys(nodes) if (queue, node) not in self._met]
+        if missing:
+            if len(self._met) > MAX_KEPT:
+                self._met.clear()
+                missing = list(dict.fromkeys(nodes))
+            found = self.seeded(problem, queue).queue_paths(missing, 0)
+            self._met.update({(queue, node): path for node, path in found.items()})
+        return {node: self._met[queue, node] for node in nodes}
+
+    def seeded(self, problem: Problem, queue: int) -> Problem:
+        """The problem with the seed of a set of queues, as a clairvoyant planner would be given it."""
+        twin = copy.copy(problem)
+        twin.request = replace(problem.request, seed=self.queue_seed + queue)
+        return twin
+
+    def told(self, run: int) -> tuple[Request, WindEnsemble]:
+        """What to tell a clairvoyant planner of one run: request (with the seed of its queues) and hourly wind."""
+        request = replace(self.request, seed=self.queue_seed + int(self.queue[run]))
+        return request, self.wind.member(int(self.day[run]))
+
+
+def sample_realizations(
+    scenario: Scenario,
+    request: Request,
+    days: Sequence[date],
+    *,
+    runs: int,
+    errors: Errors = USUAL_ERRORS,
+    seed: int = 0,
+) -> Realizations:
+    """Sample truths of a request.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With a wind record.
+    request : Request
+        Its departure decides the hour from which the winds of the days are taken.
+    days : sequence of date
+        Local dates of the record; leave them out of the forecast (`held_out_forecast`).
+    runs : int
+        How many, spread evenly over the days.
+    errors : Errors
+        Gusts and errors of energy.
+    seed : int
+        Of everything sampled; independent of the request's own seed, which planners sample with.
+
+    Raises
+    ------
+    InputError
+        No day, no run, or a day that the record does not hold.
+    """
+    if not days or runs < len(days):
+        remedy = "at least one run of each day"
+        raise InputError(Fault("too few", field="runs" if days else "days", value=runs, remedy=remedy))
+    winds = [scenario.truth(day, request.state.time, HORIZON_H) for day in days]
+    day = np.arange(runs) % len(days)
+    replicate = np.arange(runs) // len(days)
+    first = min(days).toordinal()
+    energy, key = _vehicles(days, day, errors, seed)
+    queue = np.arange(runs) % MAX_QUEUES if len(days) > 1 else replicate
+    stream = np.random.SeedSequence((seed, first, _QUEUES))
+    return Realizations(
+        scenario=scenario,
+        request=request,
+        days=tuple(days),
+        wind=_joined(winds),
+        day=day,
+        queue=queue % MAX_QUEUES,
+        queue_seed=int(stream.generate_state(1, np.uint64)[0] >> np.uint64(2)),
+        energy=energy,
+        gust_key=key,
+        errors=errors,
+    )
+
+
+def _vehicles(
+    days: Sequence[date], day: NDArray[np.int64], errors: Errors, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
+    """Multiple of energy and key of gusts of each run, from a stream of each day: more runs begin with the same ones."""
+    energy, key = np.empty(len(day)), np.empty(len(day), dtype=np.uint64)
+    for number, date_ in enumerate(days):
+        rng = np.random.default_rng((seed, date_.toordinal(), _VEHICLE))
+        mine = day == number
+        table = rng.integers(0, 2**64, (int(mine.sum()), 2), dtype=np.uint64)
+        energy[mine] = 1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0)
+        key[mine] = table[:, 1]
+    return energy, key
+
+
+def _joined(winds: Sequence[WindEnsemble]) -> WindEnsemble:
+    """Several ensembles of one as one ensemble, equally probable."""
+    return replace(
+        winds[0],
+        north=np.concatenate([wind.north for wind in winds]),
+        east=np.concatenate([wind.east for wind in winds]),
+        probability=np.full(len(winds), 1.0 / len(winds)),
+        labels=tuple(label for wind in winds for label in wind.labels),
+    )
+
+
+def held_out_forecast(scenario: Scenario, request: Request, days: Sequence[date]) -> WindEnsemble:
+    """Forecast of a request that contains none of some days, nor days whose series overlap theirs.
+
+    Raises
+    ------
+    InputError
+        The scenario has no record, or no day of the season is left.
+    """
+    if scenario.history is None:
+        remedy = "give [wind] history in scenario.toml"
+        raise InputError(Fault("the scenario has no wind record to hold days out of", scenario.path, remedy=remedy))
+    local = utc(request.state.time).astimezone(ZoneInfo(scenario.timezone))
+    return analogue_ensemble(scenario.history, local, HORIZON_H, season_days=scenario.season_days, exclude=days)
+
+
+def season_days(scenario: Scenario, request: Request, count: int, *, seed: int = 0) -> tuple[date, ...]:
+    """Days of the request's season drawn to be held out, at least the planning horizon apart; fewer where no more fit."""
+    from datetime import date as date_
+
+    labels = held_out_forecast(scenario, request, ()).labels
+    rng = np.random.default_rng((seed, _VEHICLE))
+    apart = -(-HORIZON_H // 24)
+    chosen: list[date_] = []
+    for label in rng.permutation(np.array(labels)).tolist():
+        day = date_.fromisoformat(label)
+        if len(chosen) < count and all(abs((day - other).days) >= apart for other in chosen):
+            chosen.append(day)
+    return tuple(sorted(chosen))
+
+
+def check_held_out(realizations: Realizations, forecast: WindEnsemble) -> None:
+    """Raise an `InputError` where a forecast contains a day that the truths are of."""
+    known = {day.isoformat() for day in realizations.days} & set(forecast.labels)
+    if known:
+        remedy = "forecast with held_out_forecast, or name the day as --truth"
+        raise InputError(Fault("the forecast contains the truth", field="days", value=min(known), remedy=remedy))

@@ -1,0 +1,366 @@
+"""Arrival functions of flights: for each take-off time, the earliest touch-down at every station.
+
+Between take-off and landing a drone may overfly stations. For take-offs within one time slot the earliest arrival over
+all walks is a continuous, never-decreasing, piecewise-linear function of the take-off time; it is found for all
+stations at once by label correction on whole functions (profile search; Dean, "Shortest paths in FIFO time-dependent
+networks", 2004). The rule that no segment of a flight may be over the limits in any slot the flight touches
+(`models.flight.rules`) is met by one search for each last slot, on the segments that are open in all slots up to it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.flight.kernels import NEVER
+from skyway.models.jit.compiled import compiled
+from skyway.planner.problem.flight_table import table_slot, table_slot_end
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.planner.problem.flight_table import FlightTable
+
+_EPS_S = 1e-7
+_EARLY_S = 1e-4  # a flight that must be down before a slot begins is down this much earlier
+_POINTS = 16  # points of a function at first; grows as needed
+
+
+@compiled
+def _cruise(table: FlightTable, segment: int, time_s: float, last_slot: int) -> float:
+    """Leave a segment entered at a time; the wind of `last_slot` is held on after it."""
+    left = table.distance_m[segment]
+    now = time_s
+    slot = min(table_slot(table, now), last_slot)
+    while True:
+        speed = table.speed_mps[slot, segment]
+        if speed <= 0.0:
+            return NEVER
+        end = table_slot_end(table, slot) if slot < last_slot else NEVER
+        if now + left / speed <= end:
+            return now + left / speed
+        left -= speed * (end - now)
+        now = end
+        slot += 1
+
+
+@compiled
+def _entered(table: FlightTable, segment: int, slot: int, since_s: float) -> float:
+    """When a segment was entered that is left as a slot ends; -inf where that was before `since_s`."""
+    left = table.distance_m[segment]
+    now = table_slot_end(table, slot)
+    while now > since_s:
+        speed = table.speed_mps[slot, segment]
+        if speed <= 0.0:
+            break
+        begin = table_slot_end(table, slot - 1) if slot > 0 else -NEVER
+        if now - left / speed >= begin:
+            return now - left / speed
+        left -= speed * (now - begin)
+        now = begin
+        slot -= 1
+    return -NEVER
+
+
+@compiled
+def _link(
+    table: FlightTable, segment: int, last_slot: int, t: NDArray[np.float64], a: NDArray[np.float64], n: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Append a segment to an arrival function of n points.
+
+    A segment's own arrival function bends where it is entered at the boundary of two slots, and where it is left at one:
+    that boundary, however many lie before it on the way, is pulled back through the segment.
+    """
+    entering = table_slot(
+        table, a[0]
+    )  # the next boundaries to be met on entering and on leaving, by the slots they end
+    leaving = entering
+    out_t = np.empty(n + 2 * max(last_slot - entering, 0))
+    out_a = np.empty(len(out_t))
+    enter = table_slot_end(table, entering) if entering < last_slot else NEVER
+    leave = _entered(table, segment, leaving, a[0]) if leaving < last_slot else NEVER
+    size = 0
+    for k in range(n):
+        out_t[size], out_a[size] = t[k], _cruise(table, segment, a[k], last_slot)
+        size += 1
+        while k < n - 1:
+            x = min(enter, leave)
+            if x >= a[k + 1]:
+                break
+            if a[k] + _EPS_S < x < a[k + 1] - _EPS_S:
+                where = t[k] + (x - a[k]) / (a[k + 1] - a[k]) * (t[k + 1] - t[k])
+                if out_t[size - 1] < where < t[k + 1]:
+                    out_t[size], out_a[size] = where, _cruise(table, segment, x, last_slot)
+                    size += 1
+            if enter <= leave:
+                entering += 1
+                enter = table_slot_end(table, entering) if entering < last_slot else NEVER
+            else:
+                leaving += 1
+                leave = _entered(table, segment, leaving, a[0]) if leaving < last_slot else NEVER
+    return out_t, out_a, size
+
+
+@compiled
+def _at(t: NDArray[np.float64], a: NDArray[np.float64], n: int, x: float) -> float:
+    """Value of a function of n points at x within its domain."""
+    low, high = 0, n - 1
+    if x <= t[0]:
+        return a[0]
+    if x >= t[high]:
+        return a[high]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if t[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    if t[high] <= t[low]:
+        return a[high]
+    return a[low] + (a[high] - a[low]) * (x - t[low]) / (t[high] - t[low])
+
+
+@compiled
+def _lower(
+    t0: NDArray[np.float64],
+    a0: NDArray[np.float64],
+    n0: int,
+    t1: NDArray[np.float64],
+    a1: NDArray[np.float64],
+    n1: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int, bool]:
+    """Lower envelope of two functions on the same domain; the flag tells whether the second is anywhere lower."""
+    better = False
+    for k in range(n1):
+        if a1[k] < _at(t0, a0, n0, t1[k]) - _EPS_S:
+            better = True
+            break
+    if not better:
+        for k in range(n0):
+            if _at(t1, a1, n1, t0[k]) < a0[k] - _EPS_S:
+                better = True
+                break
+    if not better:
+        return t0, a0, n0, False
+    xs = np.sort(np.concatenate((t0[:n0], t1[:n1])))
+    out_t = np.empty(2 * len(xs))
+    out_a = np.empty(2 * len(xs))
+    size = 0
+    for k in range(len(xs)):
+        x = xs[k]
+        u, v = _at(t0, a0, n0, x), _at(t1, a1, n1, x)
+        if k > 0:
+            w = xs[k - 1]
+            p, q = _at(t0, a0, n0, w), _at(t1, a1, n1, w)
+            if (p - q) * (u - v) < 0.0 and x > w:
+                part = (p - q) / ((p - q) - (u - v))
+                where = w + part * (x - w)
+                if out_t[size - 1] + _EPS_S < where < x - _EPS_S:
+                    out_t[size], out_a[size] = where, p + part * (u - p)
+                    size += 1
+        if size > 0 and x <= out_t[size - 1] + _EPS_S and k < len(xs) - 1:
+            continue
+        out_t[size], out_a[size] = x, min(u, v)
+        size += 1
+    return out_t, out_a, _straighten(out_t, out_a, size), True
+
+
+@compiled
+def _straighten(t: NDArray[np.float64], a: NDArray[np.float64], n: int) -> int:
+    """Drop, in place, points that lie on the line through their neighbours; returns how many are left."""
+    size = min(n, 1)
+    for k in range(1, n):
+        if k < n - 1 and t[k + 1] > t[size - 1]:
+            part = (t[k] - t[size - 1]) / (t[k + 1] - t[size - 1])
+            if abs(a[size - 1] + part * (a[k + 1] - a[size - 1]) - a[k]) < _EPS_S:
+                continue
+        t[size], a[size] = t[k], a[k]
+        size += 1
+    return size
+
+
+@compiled
+def _slot_begin(table: FlightTable, slot: int) -> float:
+    """Beginning of a slot; the first one also holds some time before it: a drone in flight begins a climb earlier."""
+    if slot > 0:
+        return table.start_s + slot * table.slot_s
+    return table.start_s - max(table.slot_s, 2.0 * table.climb_s)
+
+
+@compiled
+def _search(
+    table: FlightTable,
+    source: int,
+    slots: tuple[int, int],
+    limit_s: float,
+    useful: NDArray[np.bool_],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Arrival over every node (before descent) for take-offs in slot ``slots[0]``, on segments open up to ``slots[1]``."""
+    s0, s1 = slots
+    nodes = len(table.first) - 1
+    t = np.empty((nodes, _POINTS))
+    a = np.empty((nodes, _POINTS))
+    n = np.zeros(nodes, dtype=np.int64)
+    begin = _slot_begin(table, s0)
+    end = table.start_s + (s0 + 1) * table.slot_s
+    t[source, 0], t[source, 1] = begin, end
+    a[source, 0], a[source, 1] = begin + table.climb_s, end + table.climb_s
+    n[source] = 2
+    queue = np.empty(nodes + 1, dtype=np.int64)
+    queued = np.zeros(nodes, dtype=np.bool_)
+    queue[0], queued[source] = source, True
+    read, write = 0, 1
+    while read != write:
+        node = queue[read]
+        read = (read + 1) % (nodes + 1)
+        queued[node] = False
+        for segment in range(table.first[node], table.first[node + 1]):
+            other = table.head[segment]
+            if not useful[other]:
+                continue
+            closed = False
+            for slot in range(s0, s1 + 1):
+                closed = closed or table.speed_mps[slot, segment] <= 0.0
+            if closed or other == source:
+                continue
+            lt, la, ln = _link(table, segment, s1, t[node], a[node], n[node])
+            shortest = NEVER
+            for k in range(ln):
+                shortest = min(shortest, la[k] - lt[k])
+            if shortest + table.descent_s > limit_s:
+                continue
+            if n[other] > 0:
+                lt, la, ln, better = _lower(t[other], a[other], n[other], lt, la, ln)
+                if not better:
+                    continue
+            if ln > t.shape[1]:
+                wider_t, wider_a = np.empty((nodes, 2 * ln)), np.empty((nodes, 2 * ln))
+                wider_t[:, : t.shape[1]], wider_a[:, : a.shape[1]] = t, a
+                t, a = wider_t, wider_a
+            t[other, :ln], a[other, :ln], n[other] = lt[:ln], la[:ln], ln
+            if not queued[other]:
+                queue[write] = other
+                write = (write + 1) % (nodes + 1)
+                queued[other] = True
+    return t, a, n
+
+
+@compiled
+def arrival_functions(
+    table: FlightTable,
+    source: int,
+    slot: int,
+    limit_s: float,
+    useful: NDArray[np.bool_],
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Earliest touch-down at every node for take-offs at `source` within one slot.
+
+    Takes a node and a slot of the table, and flags for all nodes; speeds finite and 0 or more (`kernel_inputs.check_speeds`).
+
+    Parameters
+    ----------
+    table : FlightTable
+        Segments and ground speeds.
+    source, slot : int
+        Take-off node and slot.
+    limit_s : float
+        Longest flight the battery allows.
+    useful : ndarray of bool, shape (nodes,)
+        Stations worth flying to or over; the others are left out.
+
+    Returns
+    -------
+    offset : ndarray, shape (nodes + 1,)
+        Pieces of node j are ``offset[j] : offset[j + 1]``.
+    pieces : ndarray, shape (pieces, 4)
+        (t0, a0, t1, a1): take-off and touch-down, linear between; sorted, gaps are not flyable.
+    """
+    nodes = len(table.first) - 1
+    slots = len(table.speed_mps)
+    reach = min(slot + int(math.ceil(limit_s / table.slot_s)), slots - 1)
+    pieces = [np.empty((0, 4))]
+    owner = [np.empty(0, dtype=np.int64)]
+    taken = np.full(nodes, _slot_begin(table, slot))  # up to here earlier last slots have answered
+    for last in range(slot, reach + 1):
+        if last < reach:
+            same = True
+            for segment in range(len(table.head)):
+                if table.speed_mps[last + 1, segment] <= 0.0 and table.speed_mps[last, segment] > 0.0:
+                    same = False
+                    break
+            if same:
+                continue  # the next last slot has the same segments and reaches farther
+        t, a, n = _search(table, source, (slot, last), limit_s, useful)
+        bound = NEVER if last == slots - 1 else table.start_s + (last + 1) * table.slot_s - _EARLY_S
+        for node in range(nodes):
+            if node == source or n[node] == 0:
+                continue
+            found = np.empty((n[node], 4))
+            size = 0
+            for k in range(n[node] - 1):
+                t0, a0 = t[node, k], a[node, k] + table.descent_s
+                t1, a1 = t[node, k + 1], a[node, k + 1] + table.descent_s
+                if t1 <= taken[node] or t1 <= t0 or a0 > bound:
+                    continue
+                slope = (a1 - a0) / (t1 - t0)
+                if t0 < taken[node]:
+                    t0, a0 = taken[node], a0 + slope * (taken[node] - t0)
+                if a1 > bound:
+                    t1, a1 = t1 - (a1 - bound) / slope, bound
+                if t1 > t0 and a0 <= bound:
+                    found[size, 0], found[size, 1], found[size, 2], found[size, 3] = t0, a0, t1, a1
+                    size += 1
+            if size > 0:
+                taken[node] = found[size - 1, 2]
+                pieces.append(found[:size])
+                owner.append(np.full(size, node))
+    return _pack(nodes, pieces, owner)
+
+
+@compiled
+def flights_from(
+    table: FlightTable, source: int, slots: tuple[int, int], limit_s: float, useful: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Give the arrival functions for take-offs from the first to the last of some slots; see `arrival_functions`.
+
+    Takes what `arrival_functions` takes, for slots in order; where the last is before the first there are no flights.
+    """
+    nodes = len(table.first) - 1
+    total = np.zeros(nodes + 1, dtype=np.int64)
+    found = [arrival_functions(table, source, slots[0], limit_s, useful)]
+    for slot in range(slots[0] + 1, slots[1] + 1):
+        found.append(arrival_functions(table, source, slot, limit_s, useful))  # noqa: PERF401  compiled
+    if len(found) == 1:
+        return found[0]
+    for offset, _ in found:
+        total += offset
+    out = np.empty((total[-1], 4))
+    place = total[:-1].copy()
+    for offset, pieces in found:
+        for node in range(nodes):
+            for k in range(offset[node], offset[node + 1]):
+                out[place[node]] = pieces[k]
+                place[node] += 1
+    return total, out
+
+
+@compiled
+def _pack(
+    nodes: int, pieces: list[NDArray[np.float64]], owner: list[NDArray[np.int64]]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Sort pieces by node, keeping their order."""
+    offset = np.zeros(nodes + 1, dtype=np.int64)
+    for block in owner:
+        for node in block:
+            offset[node + 1] += 1
+    offset = np.cumsum(offset)
+    place = offset[:-1].copy()
+    out = np.empty((offset[-1], 4))
+    for number in range(len(pieces)):
+        for k in range(len(pieces[number])):
+            node = owner[number][k]
+            out[place[node]] = pieces[number][k]
+            place[node] += 1
+    return offset, out

@@ -1,0 +1,274 @@
+"""Label setting for one deadline: from stay to stay, guided by what a relaxation says is needed.
+
+Labels are stays (`planner.exact.stop_labels`): at one station, the charge the drone can leave with as a function of time. One that
+another label of the same station covers (its charge is nowhere higher at any time) is dropped: whatever the drone does
+from it, from the other one it can do at the same time with no less charge, and arriving earlier or with more charge is
+never worse, for flights and queues are first in, first out and the drone may always stay. One that nowhere has the charge
+that the guide asks for is dropped, too: nothing that follows it is on time.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+import time
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.planner.exact.flight_functions import flights_from
+from skyway.planner.exact.relaxation import run_backward
+from skyway.planner.exact.relaxation_kernels import slack
+from skyway.planner.exact.stop_label_kernels import stop_labels_after
+from skyway.planner.exact.stop_labels import StopLabel, come_by_s, only_at
+from skyway.planner.problem.flight_table import table_slot
+from skyway.planner.schedule.profile_kernels import covers, upper_profile
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.planner.exact.relaxation import Forward, Guide
+    from skyway.planner.exact.stop_labels import StopLabels
+
+GAIN_S = 1e-6
+"""Compositions that are not better by this much are not looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Label:
+    """A stay, where it comes from, and what it has to spare in the eyes of a guide."""
+
+    stop_label: StopLabel
+    parent: Label | None
+    guide: Guide
+    slack_s: float
+
+    def chain(self) -> list[StopLabel]:
+        """Stays from the origin to here."""
+        label: Label | None = self
+        stop_labels: list[StopLabel] = []
+        while label is not None:
+            stop_labels.append(label.stop_label)
+            label = label.parent
+        return stop_labels[::-1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Envelope:
+    """The best of all settled stays of a station, at each time."""
+
+    z: NDArray[np.float64]
+    h: NDArray[np.float64]
+    g: NDArray[np.float64]
+
+    def covers_parts(self, stop_label: StopLabel) -> bool:
+        """Tell whether neither the potential nor the landed charge of a stay is anywhere higher."""
+        if len(stop_label.z) and (not len(self.z) or not covers(self.z[:, :2], stop_label.z[:, :2], 0.0)):
+            return False
+        return bool(covers(self.h[:, :2], stop_label.h[:, :2], 0.0))
+
+
+def _upper(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Upper envelope of two profiles either of which may be empty."""
+    if not len(a) or not len(b):
+        return b if len(b) else a
+    return upper_profile(a, b)
+
+
+class Round:
+    """The search for the best composition that arrives by a deadline.
+
+    Parameters
+    ----------
+    stays : Stays
+        Its `best_s` is the deadline.
+    guide, forward
+        Of the relaxation, for this deadline.
+    needed : ndarray
+        See `planner.exact.escape.needed_at_destination`.
+    stop_at : float
+        Of `time.perf_counter`: with an answer, the search ends then.
+    answered : bool
+        There is an answer already.
+    most : float
+        Labels after which it ends all the same.
+    least_s : float
+        Nothing arrives earlier: what arrives then is the best.
+    end_at : float
+        Of `time.perf_counter`: the search ends then, with or without an answer.
+
+    Attributes
+    ----------
+    best : (list of Stay, float) or None
+        Stays and last take-off of the best composition found, which arrives at ``stays.best_s``.
+    looked_at : int
+        Labels continued.
+    complete : bool
+        Whether the search came to its end.
+    """
+
+    def __init__(
+        self,
+        stop_labels: StopLabels,
+        guide: Guide,
+        forward: Forward,
+        needed: NDArray[np.float64],
+        stop_at: float = math.inf,
+        *,
+        answered: bool = False,
+        most: float = math.inf,
+        least_s: float = -math.inf,
+        end_at: float = math.inf,
+    ) -> None:
+        self.stop_labels = stop_labels
+        self.guide = guide
+        self.forward = forward
+        self.needed = needed
+        self.stop_at = stop_at
+        self.answered = answered
+        self.most = most
+        self.least_s = least_s
+        self.end_at = end_at
+        self.complete = True
+        self.looked_at = 0
+        self.best: tuple[list[StopLabel], float] | None = None
+        self._settled: dict[int, _Envelope] = {}
+        self._flights: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
+        self._heap: list[tuple[float, int, Label]] = []
+        self._count = 0
+
+    def run(self) -> None:
+        """Search to the end."""
+        origin = self.stop_labels.origin()
+        label: Label | None = self._judged(Label(origin, None, self.guide, 0.0))
+        while label is not None:
+            after = self._expand(label)
+            if self.best is not None and self.stop_labels.best_s <= self.least_s + GAIN_S:
+                return
+            if self.looked_at >= self.most or self._late():
+                self.complete = False
+                return
+            # Until there is an answer the best continuation is followed at once.
+            label = after if self.best is None and after is not None else self._next()
+
+    def _late(self) -> bool:
+        answered = self.answered or self.best is not None
+        return time.perf_counter() > (min(self.stop_at, self.end_at) if answered else self.end_at)
+
+    def _next(self) -> Label | None:
+        while self._heap:
+            label = self._judged(heapq.heappop(self._heap)[2])
+            if label is not None:
+                return label
+        return None
+
+    def _judged(self, label: Label) -> Label | None:
+        """The label as the latest guide sees it; None where it cannot be on time."""
+        stop_label, guide = label.stop_label, self.guide
+        subnetwork = self.stop_labels.subnetwork
+        first, last = guide.window[stop_label.node].tolist()
+        spare = float(
+            slack(
+                stop_label.g,
+                stop_label.node,
+                guide.cells,
+                subnetwork.table.climb_s,
+                (first, last),
+                guide.leave,
+                *stop_label.curve,
+            )
+        )
+        return Label(stop_label, label.parent, guide, spare) if spare >= 0.0 else None
+
+    def _settle(self, stop_label: StopLabel) -> bool:
+        """Add a stay to what is known of its station; false where that covers it already."""
+        known = self._settled.get(stop_label.node)
+        if known is None:
+            self._settled[stop_label.node] = _Envelope(stop_label.z, stop_label.h, stop_label.g)
+            return True
+        # Potential and landed charge are cheap to compare and settle most; the charge to leave with decides.
+        if known.covers_parts(stop_label) or covers(known.g, stop_label.g, 0.0):
+            return False
+        self._settled[stop_label.node] = _Envelope(
+            _upper(known.z, stop_label.z), upper_profile(known.h, stop_label.h), upper_profile(known.g, stop_label.g)
+        )
+        return True
+
+    def _flights_from(self, node: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Arrival functions from a station over all slots in which it is left on time."""
+        if node not in self._flights:
+            guide, table = self.guide, self.stop_labels.table
+            off = guide.cells.over_s - table.climb_s + guide.cells.step_s * (guide.window[node] + np.array([0, 1]))
+            last = min(float(off[1]), self.stop_labels.subnetwork.horizon_s)
+            slots = int(table_slot(table, float(off[0]))), int(table_slot(table, last))
+            useful = guide.used
+            self._flights[node] = flights_from(table, node, slots, self.stop_labels.longest_s, useful)
+        return self._flights[node]
+
+    def _expand(self, label: Label) -> Label | None:
+        """Continue a label; returns the best of what follows, still to be looked at."""
+        stop_label, stop_labels = label.stop_label, self.stop_labels
+        if not self._settle(stop_label):
+            return None
+        self.looked_at += 1
+        subnetwork, guide = stop_labels.subnetwork, self.guide
+        offset, pieces = self._flights_from(stop_label.node)
+        if stop_labels.leaves_at_once(stop_label):
+            offset, pieces = _at_once(offset, pieces, stop_label.begin_s)
+        d = subnetwork.destination
+        arrive, leave = stop_labels.arrive(stop_label, pieces[offset[d] : offset[d + 1]])
+        if arrive < stop_labels.best_s - GAIN_S:
+            self._keep(label.chain(), arrive, leave)
+            guide = self.guide
+        wanted = subnetwork.has_pads & (guide.window[:, 1] >= guide.window[:, 0])
+        wanted[[d, stop_label.node]] = False
+        found = stop_labels_after(
+            stop_label.g,
+            np.flatnonzero(wanted),
+            offset,
+            pieces,
+            subnetwork.grounds,
+            stop_labels.costs,
+            stop_labels.best_s,
+            guide.cells,
+            subnetwork.table.climb_s,
+            guide.window,
+            guide.leave,
+        )
+        best: Label | None = None
+        for node, spare, z, h, g in found:
+            after = StopLabel(node, z, h, stop_labels.curve(node))
+            after.__dict__["g"] = g
+            following = Label(after, label, guide, spare)
+            if self.best is None and (best is None or spare > best.slack_s):
+                best, following = following, best
+            if following is not None:
+                self._count += 1
+                heapq.heappush(self._heap, (-following.slack_s, self._count, following))
+        return best
+
+    def _keep(self, chain: list[StopLabel], arrive_s: float, leave_s: float) -> None:
+        stop_labels = self.stop_labels
+        self.best = (chain, leave_s)
+        gained = stop_labels.best_s - arrive_s
+        stop_labels.best_s = arrive_s
+        if gained > self.guide.cells.step_s:
+            self.guide = run_backward(
+                stop_labels.subnetwork,
+                stop_labels.costs,
+                self.forward,
+                self.needed,
+                come_by_s(stop_labels.problem, stop_labels.queues, arrive_s),
+            )
+
+
+def _at_once(
+    offset: NDArray[np.int64], pieces: NDArray[np.float64], take_off_s: float
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Narrow the arrival functions to all nodes to one take-off."""
+    found = [only_at(pieces[low:high], take_off_s) for low, high in pairwise(offset.tolist())]
+    new = np.zeros(len(offset), dtype=np.int64)
+    np.cumsum([len(block) for block in found], out=new[1:])
+    return new, np.concatenate(found)

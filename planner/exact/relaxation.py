@@ -1,0 +1,199 @@
+"""What no composition can beat, worked out on a grid of times: the guide of the exact search.
+
+Time is cut into cells of some seconds, and everything in a cell is taken at its best: a drone that is over a node at any
+time in a cell is as good as one there at its beginning that leaves at its end. On this grid two passes cost little: one
+forward in time finds the most charge that the drone can have at each node in each cell, and with it the earliest
+arrival; one backward from a deadline finds the least charge with which it can still be on time. Both know of wind hour
+by hour, overflight, queues, reserve, the charging curve and a full battery; both forget that a segment must be open in
+all slots its flight touches. Whatever lies outside either of them cannot be part
+of a composition that arrives by the deadline.
+
+Gains by rounding must not feed themselves: charging for the whole of a cell and flying on within it gains nothing while a
+cell is shorter than the charging that a take-off and landing ask for (`longest_cell_s`), or than the shortest segment takes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.planner.exact.relaxation_kernels import (
+    Cells,
+    Pass,
+    backward_pass,
+    forward_pass,
+    in_time,
+    least_times,
+    queue_cells,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.planner.exact.stop_label_kernels import Costs
+    from skyway.planner.exact.subnetwork import Subnetwork
+
+_LOOSE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """How the delivery begins: see `planner.exact.relaxation_kernels.forward_pass`."""
+
+    time_s: float
+    soc: float
+    pad_s: float
+    at_once: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Forward:
+    """What can be had: most charge over nodes and on leaving them, shape (cells, nodes), and the earliest arrival.
+
+    `least_s` is the least cruise time from each node to the destination.
+    """
+
+    cells: Cells
+    over: NDArray[np.float64]
+    leave: NDArray[np.float64]
+    arrive_s: float
+    least_s: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Guide:
+    """What a composition that arrives by a deadline needs.
+
+    Attributes
+    ----------
+    cells : Cells
+        The grid.
+    leave : ndarray, shape (cells, nodes)
+        Least charge to leave each node with; infinite where there is no way.
+    over : ndarray of bool, shape (cells, nodes)
+        Where the drone can be over a node on such a way.
+    window : ndarray of int, shape (nodes, 2)
+        First and last cell in which it can leave each node; the last is before the first where it cannot.
+    """
+
+    cells: Cells
+    leave: NDArray[np.float64]
+    over: NDArray[np.bool_]
+    window: NDArray[np.int64]
+
+    @cached_property
+    def used(self) -> NDArray[np.bool_]:
+        """Which nodes such a way can lead over at all, shape (nodes,)."""
+        return np.asarray(self.over.any(axis=0))
+
+
+def longest_cell_s(subnetwork: Subnetwork, costs: Costs) -> float:
+    """Longest cell in which rounding cannot feed itself."""
+    stop = (costs.soc_per_s * costs.landing_s + costs.soc_fixed) / costs.rate_per_s
+    speed = subnetwork.table.speed_mps.max(axis=0)
+    with np.errstate(divide="ignore"):
+        shortest = float(np.min(subnetwork.table.distance_m / speed, initial=math.inf))
+    return max(0.95 * stop, 0.95 * shortest, 0.5)
+
+
+def cells_for(subnetwork: Subnetwork, start: Start, step_s: float, until_s: float) -> Cells:
+    """Grid from the start to a deadline; its cells do not straddle slots, of which each has a whole number."""
+    table = subnetwork.table
+    step = table.slot_s / math.ceil(table.slot_s / step_s)
+    over = start.time_s + table.climb_s
+    begin = table.start_s + math.floor((over - table.start_s) / step + 1e-9) * step
+    return Cells(begin, step, max(int((until_s - begin) / step) + 1, 1))
+
+
+def needed_in(cells: Cells, descent_s: float, needed: NDArray[np.float64], until_s: float) -> NDArray[np.float64]:
+    """Least charge on touch-down at the destination in each cell; infinite in those after the deadline."""
+    begin = cells.over_s + descent_s + cells.step_s * np.arange(cells.length + 1)
+    low = np.interp(begin, needed[:, 0], needed[:, 1])
+    least: NDArray[np.float64] = np.minimum(low[:-1], low[1:])
+    where = np.searchsorted(begin, needed[:, 0], side="right") - 1
+    for cell in (where, np.searchsorted(begin, needed[:, 0], side="left") - 1):  # at a jump between cells, in both
+        inside = (cell >= 0) & (cell < cells.length)
+        np.minimum.at(least, cell[inside], needed[inside, 1])
+    least[begin[:-1] > until_s] = np.inf
+    return least
+
+
+def _pass(
+    subnetwork: Subnetwork,
+    costs: Costs,
+    cells: Cells,
+    needed: NDArray[np.float64],
+    allowed: NDArray[np.bool_],
+    ratio: int,
+) -> Pass:
+    table = subnetwork.table
+    pad, spot = queue_cells(subnetwork.grounds, cells, table.descent_s, len(subnetwork.nodes))
+    return Pass(
+        table,
+        subnetwork.grounds,
+        costs,
+        cells,
+        pad,
+        spot,
+        subnetwork.has_pads,
+        subnetwork.destination,
+        needed,
+        allowed,
+        ratio,
+    )
+
+
+def run_forward(
+    subnetwork: Subnetwork,
+    costs: Costs,
+    start: Start,
+    cells: Cells,
+    needed: NDArray[np.float64],
+    deadline_s: float,
+    *,
+    after: float,
+    allowed: tuple[NDArray[np.bool_], int] | None = None,
+) -> Forward:
+    """Find what can be had by a deadline; `after` is how far to go on after the first arrival, as a share."""
+    table = subnetwork.table
+    mask, ratio = allowed if allowed is not None else (np.empty((0, 0), dtype=np.bool_), 1)
+    least_s = least_times(table, subnetwork.destination)
+    over, leave, found, last = forward_pass(
+        _pass(subnetwork, costs, cells, needed_in(cells, table.descent_s, needed, deadline_s), mask, ratio),
+        (subnetwork.origin, start.soc, start.time_s, start.pad_s, start.at_once),
+        (least_s, deadline_s),
+        after,
+    )
+    arrive = cells.over_s + found * cells.step_s + table.descent_s if found < cells.length else math.inf
+    kept = cells._replace(length=last + 1)
+    return Forward(kept, over[: last + 1], leave[: last + 1], arrive, least_s)
+
+
+def run_backward(
+    subnetwork: Subnetwork, costs: Costs, forward: Forward, needed: NDArray[np.float64], deadline_s: float
+) -> Guide:
+    """Find what is needed to arrive by a deadline, where the forward pass on the same grid has been."""
+    table = subnetwork.table
+    cells = forward.cells
+    allowed = in_time(forward.over, cells, table.descent_s, costs, forward.least_s, deadline_s)
+    least_charge = needed_in(cells, table.descent_s, needed, deadline_s)
+    over, leave = backward_pass(_pass(subnetwork, costs, cells, least_charge, allowed, 1))
+    can_leave = (forward.leave >= leave - _LOOSE) & (leave < np.inf)
+    any_cell = can_leave.any(axis=0)
+    first = np.argmax(can_leave, axis=0)
+    last = cells.length - 1 - np.argmax(can_leave[::-1], axis=0)
+    window = np.column_stack((np.where(any_cell, first, 0), np.where(any_cell, last, -1)))
+    return Guide(cells, leave, (forward.over >= over - _LOOSE) & (over < np.inf), window)
+
+
+def only_nodes(guide: Guide, forward: Forward, keep: NDArray[np.bool_]) -> tuple[Guide, Forward]:
+    """Return the same for some of the nodes, as in `planner.exact.subnetwork.narrowed`."""
+    one = Guide(guide.cells, guide.leave[:, keep], np.ascontiguousarray(guide.over[:, keep]), guide.window[keep])
+    other = Forward(
+        forward.cells, forward.over[:, keep], forward.leave[:, keep], forward.arrive_s, forward.least_s[keep]
+    )
+    return one, other

@@ -1,0 +1,246 @@
+"""Compiled continuation of a stay: to every station worth flying to, in one call."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.jit.compiled import compiled
+from skyway.planner.exact.relaxation_kernels import Cells, slack
+from skyway.planner.schedule.profile_kernels import departure_profile, fly_profile, stop_profile
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+class Grounds(NamedTuple):
+    """What kernels know of the stations.
+
+    Attributes
+    ----------
+    queue_offset, arrival_s, pad_s, land_s, delay_s
+        Queue paths of all nodes, packed by `models.queues.sampling.pack`.
+    curve_of : ndarray of int, shape (nodes,)
+        Kind of pad.
+    curve_s, curve_soc : ndarray, shape (kinds, points)
+        Charging curves, padded by repeating the last point; `curve_points` says how many there are.
+    """
+
+    queue_offset: NDArray[np.int64]
+    arrival_s: NDArray[np.float64]
+    pad_s: NDArray[np.float64]
+    land_s: NDArray[np.float64]
+    delay_s: NDArray[np.float64]
+    curve_of: NDArray[np.int64]
+    curve_s: NDArray[np.float64]
+    curve_soc: NDArray[np.float64]
+    curve_points: NDArray[np.int64]
+
+
+class Costs(NamedTuple):
+    """Of flights and of charging: see `planner.problem.problem.Problem` and `stop_label_bound`."""
+
+    soc_per_s: float
+    soc_fixed: float
+    margin_soc_per_s: float
+    reserve: float
+    rate_per_s: float
+    landing_s: float
+
+
+@compiled
+def in_order(flights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Leave out take-offs of an arrival function after which another one is down no later.
+
+    Where a segment opens with a slot, the way round it that was begun just before may arrive later than the straight way
+    begun just after. Whoever waits for that has more charge, too.
+    """
+    last = len(flights) - 1
+    k = 0
+    while k < last and flights[k, 3] <= flights[k + 1, 1]:
+        k += 1
+    if k >= last:
+        return flights
+    out = np.empty_like(flights)
+    size = len(out)
+    earliest = math.inf
+    for i in range(last, -1, -1):
+        t0, a0, t1, a1 = flights[i]
+        if a0 >= earliest:
+            continue
+        if a1 > earliest:
+            t1, a1 = t0 + (earliest - a0) / (a1 - a0) * (t1 - t0), earliest
+        size -= 1
+        out[size, 0], out[size, 1], out[size, 2], out[size, 3] = t0, a0, t1, a1
+        earliest = a0
+    return out[size:]
+
+
+@compiled
+def land_at(
+    g: NDArray[np.float64], flights: NDArray[np.float64], node: int, grounds: Grounds, costs: Costs, best_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Fly from a stay to a station and put the drone on its pads: profiles z and h there, empty where it cannot.
+
+    Takes a profile and pieces in order of time, and a node with pads.
+    """
+    needed = np.array([[g[0, 0], costs.reserve]])
+    flown, size = fly_profile(
+        g, in_order(flights), costs.soc_per_s, costs.soc_fixed, costs.margin_soc_per_s, needed, best_s
+    )
+    if size == 0:
+        return np.empty((0, 3)), np.empty((0, 3))
+    low, high = grounds.queue_offset[node], grounds.queue_offset[node + 1]
+    kind = grounds.curve_of[node]
+    last = grounds.curve_points[kind]
+    return stop_profile(
+        flown,
+        size,
+        costs.soc_per_s,
+        costs.margin_soc_per_s,
+        costs.reserve,
+        grounds.arrival_s[low + 1 : high],
+        grounds.pad_s[low:high],
+        grounds.land_s[low:high],
+        grounds.delay_s[low:high],
+        grounds.curve_s[kind, :last],
+        grounds.curve_soc[kind, :last],
+    )
+
+
+@compiled
+def land_everywhere(
+    g: NDArray[np.float64],
+    targets: NDArray[np.int64],
+    piece_offset: NDArray[np.int64],
+    pieces: NDArray[np.float64],
+    grounds: Grounds,
+    costs: Costs,
+    least_s: NDArray[np.float64],
+    best_s: float,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Fly from a stay to each target and put the drone on its pads.
+
+    Takes profiles and pieces in order of time, and nodes with pads.
+
+    Parameters
+    ----------
+    g : ndarray, shape (points, 2)
+        Charge the drone can leave with, by time.
+    targets : ndarray of int, shape (targets,)
+        Nodes with pads.
+    piece_offset, pieces : ndarray
+        Arrival functions: pieces of target i are ``pieces[piece_offset[i] : piece_offset[i + 1]]``.
+    grounds, costs
+        Stations and costs.
+    least_s : ndarray, shape (nodes,)
+        Lower bound of the flight time to the destination.
+    best_s : float
+        Arrivals from here on do not matter.
+
+    Returns
+    -------
+    kept : ndarray of int, shape (kept,)
+        Targets reached whose bound is below `best_s`.
+    bound_s : ndarray, shape (kept,)
+        Their bounds, see `stop_label_bound`.
+    offset : ndarray of int, shape (2 * kept + 1,)
+        Points 2 i of z and 2 i + 1 of h are ``points[offset[k] : offset[k + 1]]``.
+    points : ndarray, shape (points, 3)
+        Profiles z and h of each kept target in turn.
+    """
+    kept = np.empty(len(targets), dtype=np.int64)
+    bounds = np.empty(len(targets))
+    offset = np.zeros(2 * len(targets) + 1, dtype=np.int64)
+    points = np.empty((16 * len(targets) + 64, 3))
+    count = 0
+    for i in range(len(targets)):
+        node = targets[i]
+        z, h = land_at(g, pieces[piece_offset[i] : piece_offset[i + 1]], node, grounds, costs, best_s)
+        if len(h) == 0:
+            continue
+        bound = stop_label_bound(z, h, least_s[node], costs)
+        if bound >= best_s:
+            continue
+        begin = offset[2 * count]
+        end = begin + len(z) + len(h)
+        if end > len(points):
+            grown = np.empty((2 * end, 3))
+            grown[:begin] = points[:begin]
+            points = grown
+        points[begin : begin + len(z)] = z
+        points[begin + len(z) : end] = h
+        offset[2 * count + 1], offset[2 * count + 2] = begin + len(z), end
+        kept[count], bounds[count] = node, bound
+        count += 1
+    return kept[:count], bounds[:count], offset[: 2 * count + 1], points[: offset[2 * count]]
+
+
+@compiled
+def stop_label_bound(z: NDArray[np.float64], h: NDArray[np.float64], least_s: float, costs: Costs) -> float:
+    """Earliest arrival at the destination that any continuation of a stay can have.
+
+    Let L be the least flight time from here at the best wind of any slot that is left, c the charge a second of flight
+    takes, r the greatest rate of charging, and z the greatest charging potential. No arrival is earlier than (a) the
+    stay's beginning plus L, nor than (b) reserve / r + L (1 + c / r) - z: potential is lost by L c / r to energy and by
+    L to time in flight, waiting never gains any, and to land at T with the reserve, T + z must be at least reserve / r.
+    """
+    flight = least_s + costs.landing_s
+    potential = h[-1, 1] / costs.rate_per_s - h[0, 0]
+    if len(z) > 0:
+        potential = max(potential, z[-1, 1])
+    taken = flight * costs.soc_per_s + min(costs.soc_fixed, 0.0)
+    by_charge = costs.reserve / costs.rate_per_s + flight + taken / costs.rate_per_s - potential
+    return max(h[0, 0] + flight, by_charge)
+
+
+@compiled
+def stop_labels_after(
+    g: NDArray[np.float64],
+    targets: NDArray[np.int64],
+    piece_offset: NDArray[np.int64],
+    pieces: NDArray[np.float64],
+    grounds: Grounds,
+    costs: Costs,
+    best_s: float,
+    cells: Cells,
+    climb_s: float,
+    window: NDArray[np.int64],
+    least_leave: NDArray[np.float64],
+) -> list[tuple[int, float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
+    """Fly from a stay to each target and keep what can still be on time.
+
+    Takes what `land_everywhere` takes, with a window and a row of `least_leave` for each node and cell.
+
+    Parameters
+    ----------
+    g, targets, grounds, costs, best_s
+        As for `land_everywhere`.
+    piece_offset, pieces : ndarray
+        Arrival functions: those of node j are ``pieces[piece_offset[j] : piece_offset[j + 1]]``.
+    cells, climb_s, window, least_leave
+        See `planner.exact.relaxation.Guide`.
+
+    Returns
+    -------
+    list of (node, slack, z, h, g)
+        See `planner.exact.relaxation_kernels.slack`.
+    """
+    found = [(0, 0.0, np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 2)))]
+    for node in targets:
+        flights = pieces[piece_offset[node] : piece_offset[node + 1]]
+        if len(flights) == 0:
+            continue
+        z, h = land_at(g, flights, node, grounds, costs, best_s)
+        if len(h) == 0:
+            continue
+        kind = grounds.curve_of[node]
+        last = grounds.curve_points[kind]
+        curve_s, curve_soc = grounds.curve_s[kind, :last], grounds.curve_soc[kind, :last]
+        off = departure_profile(z, h, curve_s, curve_soc)
+        spare = slack(off, node, cells, climb_s, (window[node, 0], window[node, 1]), least_leave, curve_s, curve_soc)
+        if spare >= 0.0:
+            found.append((node, spare, z, h, off))
+    return found[1:]

@@ -1,0 +1,204 @@
+"""The part of a network that a search has to look at, as arrays for its kernels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.jit.compiled import compiled
+from skyway.models.queues.sampling import no_queue, pack
+from skyway.planner.exact.stop_label_kernels import Grounds
+from skyway.planner.problem.flight_table import FlightTable
+from skyway.planner.problem.mean_value import ExpectedQueues
+from skyway.planner.problem.speeds import TrueSpeeds
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from skyway.models.network.network import Network
+    from skyway.models.queues.sampling import QueuePath
+    from skyway.planner.problem.problem import Problem
+    from skyway.planner.problem.speeds import Speeds
+
+
+@dataclass(frozen=True, eq=False)
+class Subnetwork:
+    """Some nodes of a network with the segments between them, numbered anew, over some slots.
+
+    Attributes
+    ----------
+    nodes, segments : ndarray of int
+        Their numbers in the network of the problem.
+    table : FlightTable
+        Segments and ground speeds.
+    grounds : Grounds
+        Queues and charging curves.
+    has_pads : ndarray of bool, shape (nodes,)
+        Where a drone can land on its way.
+    place_m : ndarray, shape (nodes, 3)
+        Where the nodes are, for `places`.
+    origin, destination : int
+        Of the delivery, in the numbers of this terrain.
+    horizon_s : float
+        No drone takes off after this.
+    """
+
+    nodes: NDArray[np.int64]
+    segments: NDArray[np.int64]
+    table: FlightTable
+    grounds: Grounds
+    has_pads: NDArray[np.bool_]
+    place_m: NDArray[np.float64]
+    origin: int
+    destination: int
+    horizon_s: float
+
+
+def places(network: Network) -> NDArray[np.float64]:
+    """Return nodes in space, metres from the Earth's centre, shape (nodes, 3): no way is shorter than a straight line."""
+    lat, lon = np.radians(network.lat), np.radians(network.lon)
+    square = 0.00669437999014  # of the eccentricity of the WGS-84 ellipsoid
+    normal = 6_378_137.0 / np.sqrt(1.0 - square * np.sin(lat) ** 2)
+    x, y = normal * np.cos(lat) * np.cos(lon), normal * np.cos(lat) * np.sin(lon)
+    return np.column_stack((x, y, (1.0 - square) * normal * np.sin(lat)))
+
+
+@compiled
+def _cut(
+    first: NDArray[np.int64], head: NDArray[np.int64], nodes: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """First, head and old number of the segments between some nodes.
+
+    Takes nodes in ascending order, each once.
+    """
+    local = np.full(len(first) - 1, -1, dtype=np.int64)
+    most = 0
+    for number in range(len(nodes)):
+        local[nodes[number]] = number
+        most += first[nodes[number] + 1] - first[nodes[number]]
+    new_first = np.zeros(len(nodes) + 1, dtype=np.int64)
+    new_head = np.empty(most, dtype=np.int64)
+    old = np.empty(most, dtype=np.int64)
+    count = 0
+    for number in range(len(nodes)):
+        for segment in range(first[nodes[number]], first[nodes[number] + 1]):
+            other = local[head[segment]]
+            if other >= 0:
+                new_head[count], old[count] = other, segment
+                count += 1
+        new_first[number + 1] = count
+    return new_first, new_head[:count].copy(), old[:count].copy()
+
+
+def subnetwork(
+    problem: Problem,
+    queues: Mapping[int, QueuePath],
+    speeds: Speeds,
+    place_m: NDArray[np.float64],
+    nodes: NDArray[np.int64],
+    slots: tuple[int, int],
+) -> Subnetwork:
+    """Lay out some nodes over slots from the first to the last given.
+
+    Parameters
+    ----------
+    problem, queues
+        The delivery; `queues` by node.
+    speeds : Speeds
+        Ground speeds.
+    place_m : ndarray, shape (all nodes, 3)
+        Of `places`.
+    nodes : ndarray of int
+        Ascending, with origin and destination.
+    slots : (first, last)
+        Times outside use the nearest one.
+    """
+    air, network = problem.air, problem.network
+    first, head, segments = _cut(network.first, network.head, nodes)
+    table = FlightTable(
+        air.start_s + slots[0] * air.slot_s,
+        air.slot_s,
+        air.climb_s,
+        air.descent_s,
+        first,
+        head,
+        air.distance_m[segments],
+        np.ascontiguousarray(speeds.over(*slots, segments), dtype=np.float64),
+    )
+    return Subnetwork(
+        nodes,
+        segments,
+        table,
+        _grounds(problem, queues, nodes, air.start_s + air.slot_s * (slots[1] + 1)),
+        network.pads[nodes] > 0,
+        place_m[nodes],
+        int(np.searchsorted(nodes, problem.origin)),
+        int(np.searchsorted(nodes, problem.destination)),
+        air.start_s + air.slot_s * speeds.slots - 1.0,
+    )
+
+
+def whole_subnetwork(problem: Problem, queues: Mapping[int, QueuePath]) -> Subnetwork:
+    """Lay out all nodes and slots of the true wind."""
+    network, speeds = problem.network, TrueSpeeds(problem.air)
+    return subnetwork(problem, queues, speeds, places(network), np.arange(len(network)), (0, speeds.slots - 1))
+
+
+def narrowed(all_of_it: Subnetwork, keep: NDArray[np.bool_]) -> Subnetwork:
+    """Cut a terrain down to some of its nodes, origin and destination among them."""
+    nodes = np.flatnonzero(keep)
+    old = all_of_it.table
+    first, head, segments = _cut(old.first, old.head, nodes)
+    table = old._replace(
+        first=first,
+        head=head,
+        distance_m=old.distance_m[segments],
+        speed_mps=np.ascontiguousarray(old.speed_mps[:, segments]),
+    )
+    return replace(
+        all_of_it,
+        nodes=all_of_it.nodes[nodes],
+        segments=all_of_it.segments[segments],
+        table=table,
+        grounds=_narrowed_grounds(all_of_it.grounds, nodes),
+        has_pads=all_of_it.has_pads[nodes],
+        place_m=all_of_it.place_m[nodes],
+        origin=int(np.searchsorted(nodes, all_of_it.origin)),
+        destination=int(np.searchsorted(nodes, all_of_it.destination)),
+    )
+
+
+def _narrowed_grounds(grounds: Grounds, nodes: NDArray[np.int64]) -> Grounds:
+    begin, end = grounds.queue_offset[nodes], grounds.queue_offset[nodes + 1]
+    offset = np.zeros(len(nodes) + 1, dtype=np.int64)
+    np.cumsum(end - begin, out=offset[1:])
+    entries = np.repeat(begin - offset[:-1], end - begin) + np.arange(offset[-1])
+    return grounds._replace(
+        queue_offset=offset,
+        arrival_s=grounds.arrival_s[entries],
+        pad_s=grounds.pad_s[entries],
+        land_s=grounds.land_s[entries],
+        delay_s=grounds.delay_s[entries],
+        curve_of=grounds.curve_of[nodes],
+    )
+
+
+def _grounds(problem: Problem, queues: Mapping[int, QueuePath], nodes: NDArray[np.int64], until_s: float) -> Grounds:
+    wanted = nodes.tolist()
+    if isinstance(queues, ExpectedQueues):
+        paths = queues.at(wanted, until_s)
+    else:
+        paths = [queues.get(node) or no_queue() for node in wanted]
+    most = max(len(time) for time, _ in problem.curves)
+    times, levels = zip(*problem.curves, strict=True)
+    return Grounds(
+        *pack(paths),
+        curve_of=problem.curve_of[nodes],
+        curve_s=np.array([np.pad(time, (0, most - len(time)), mode="edge") for time in times]),
+        curve_soc=np.array([np.pad(soc, (0, most - len(soc)), mode="edge") for soc in levels]),
+        curve_points=np.array([len(time) for time in times], dtype=np.int64),
+    )

@@ -1,0 +1,1 @@
+"""Lower bounds of what is left to fly, over a forecast."""

@@ -1,0 +1,409 @@
+"""Compiled expectations over the forecast: how long a flight takes, and what charge it needs.
+
+A flight that ends in the slot of its departure takes as long whenever in the slot it leaves, and one that the wind holds
+leaves with a later slot. So both are worked out once for each segment and slot, and only flights across the end of a slot
+are flown in every member each time.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from skyway.models.flight.kernels import NEVER, SLOT_EDGE_S, leg, slot_end, slot_of
+from skyway.models.jit.compiled import compiled, compiled_lean
+from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from skyway.models.flight.rules import SegmentWind
+
+KNOWN, MEAN, LONGEST, CHARGE, P_HOLD = range(5)
+"""Columns of a table of `Ways`: 1 where the row is filled; mean time of the members that can fly at once (where none can:
+the mean touch-down, POSIX seconds); the longest such time (0 where none can); charge taken in all but a share epsilon of
+the members; probability that the wind holds it."""
+
+
+class Need(NamedTuple):
+    """What decides whether a flight can be made.
+
+    Attributes
+    ----------
+    soc_per_s, soc_fixed : float
+        Cost of a flight with the package.
+    empty_per_s, empty_fixed : float
+        Cost of a flight without it.
+    epsilon : float
+        Share of the members that may need more.
+    destination : int
+        Node where the package is left.
+    escapes : ndarray of int
+        Segments of the flight on from a destination without pads; empty where none is needed.
+    needs_escape : bool
+        Whether one is needed.
+    """
+
+    soc_per_s: float
+    soc_fixed: float
+    empty_per_s: float
+    empty_fixed: float
+    epsilon: float
+    destination: int
+    escapes: NDArray[np.int64]
+    needs_escape: bool
+
+
+class Ways(NamedTuple):
+    """Flights that can be made, one for each segment of `air`, and what is known of them already.
+
+    Attributes
+    ----------
+    air : Air
+        Segments and wind.
+    north, east : ndarray, shape (slots, sites, members)
+        The wind again, in the order in which all members are looked at together.
+    probability : ndarray, shape (members,)
+        Of the members.
+    table : ndarray, shape (slots, segments, 5)
+        See the column names of this module; with no slots, nothing is kept.
+    lower_s : ndarray, shape (slots, segments)
+        The mean time is not below this, whenever in the slot a flight leaves; 0 where it is not worked out yet.
+    calm : ndarray of bool, shape (slots,)
+        Whether some member can fly at once over every segment, whenever in the slot it leaves; then the mean time is not
+        above that at `slowest_mps`, if that is at most two slots.
+    slowest_mps : float
+        Least ground speed in wind that may be flown in.
+    fresh : ndarray, shape (5,)
+        Working space: a row that is not kept.
+    rows : ndarray, shape (rows, members)
+        Working space: wind north and east, ground speed, metres left, take-off, touch-down, least and greatest speed.
+    """
+
+    air: SegmentWind
+    north: NDArray[np.float64]
+    east: NDArray[np.float64]
+    probability: NDArray[np.float64]
+    table: NDArray[np.float64]
+    lower_s: NDArray[np.float64]
+    calm: NDArray[np.bool_]
+    slowest_mps: float
+    fresh: NDArray[np.float64]
+    rows: NDArray[np.float64]
+
+
+WORKING_ROWS = 8
+"""Rows of working space."""
+_NORTH, _EAST, _SPEED, _LEFT, _OFF, _DOWN, _SLOWEST, _FASTEST = range(WORKING_ROWS)
+_SLOTS_AHEAD = 4  # in which a flight is looked for bounds of its time
+_FLYING = -math.inf  # touch-down of a flight that is under way
+NOWHERE = -1
+"""Node of a flight whose end does not matter."""
+
+
+@compiled
+def escape_cost(air: SegmentWind, member: int, need: Need, time_s: float) -> float:
+    """Least charge that takes the empty drone from the destination to a station; infinite where none is in reach.
+
+    Takes a member of the air and a finite time; no escapes cost infinitely much.
+    """
+    best = NEVER
+    for segment in need.escapes:
+        off, down = leg(air, member, segment, time_s)
+        if down < NEVER:
+            best = min(best, need.empty_fixed + need.empty_per_s * (down - off))
+    return best
+
+
+@compiled_lean
+def _speeds(ways: Ways, slot: int, segment: int, out: NDArray[np.float64]) -> None:
+    """Ground speeds of a segment in a slot in every member; the same as `segment_speed`, all together."""
+    air = ways.air
+    north, east = ways.rows[_NORTH], ways.rows[_EAST]
+    north[:] = 0.0
+    east[:] = 0.0
+    for site in range(air.weight.shape[1]):
+        weight = air.weight[segment, site]
+        site_north, site_east = ways.north[slot, site], ways.east[slot, site]
+        for member in range(len(out)):
+            north[member] += weight * site_north[member]
+            east[member] += weight * site_east[member]
+    cos, sin = air.cos_bearing[segment], air.sin_bearing[segment]
+    square_airspeed = air.airspeed_mps * air.airspeed_mps
+    square_limit = air.wind_limit_mps * air.wind_limit_mps
+    for member in range(len(out)):
+        along = north[member] * cos + east[member] * sin
+        across = east[member] * cos - north[member] * sin
+        square = square_airspeed - across * across
+        speed = along + math.sqrt(max(square, 0.0))
+        wind = north[member] * north[member] + east[member] * east[member]
+        flyable = (square > 0.0) & (wind <= square_limit) & (speed >= MIN_GROUND_SPEED_MPS)
+        out[member] = min(speed, air.max_ground_speed_mps) if flyable else 0.0
+
+
+@compiled_lean
+def _fly_at_once(ways: Ways, segment: int, time_s: float) -> None:
+    """Fly in every member from `time_s` on, slot by slot; the row of touch-downs is never where the wind holds a flight.
+
+    The same as the first attempt of `leg`, in all members together.
+    """
+    air = ways.air
+    speed, left, down = ways.rows[_SPEED], ways.rows[_LEFT], ways.rows[_DOWN]
+    over, descent = time_s + air.climb_s, air.descent_s
+    left[:] = air.distance_m[segment]
+    down[:] = _FLYING
+    slot = slot_of(air, time_s)
+    begin, end = time_s, slot_end(air, slot)
+    busy = True
+    while busy:
+        busy = False
+        _speeds(ways, slot, segment, speed)
+        climbs = over >= end - SLOT_EDGE_S
+        now = max(over, begin)
+        for member in range(len(down)):
+            pace = speed[member]
+            if down[member] == _FLYING:
+                if pace <= 0.0:
+                    down[member] = NEVER
+                elif climbs:
+                    busy = True
+                elif now + left[member] / pace <= end:
+                    down[member] = now + left[member] / pace + descent
+                    busy |= down[member] > end + SLOT_EDGE_S
+                else:
+                    left[member] -= pace * (end - now)
+                    busy = True
+            elif begin + SLOT_EDGE_S < down[member] < NEVER:  # it descends into this slot
+                if pace <= 0.0:
+                    down[member] = NEVER
+                else:
+                    busy |= down[member] > end + SLOT_EDGE_S
+        slot += 1
+        begin, end = end, slot_end(air, slot)
+
+
+@compiled_lean
+def _fill(ways: Ways, need: Need, slot: int, segment: int, row: NDArray[np.float64]) -> None:
+    """Fill a row of the table: what holds for every flight that ends in the slot in which it leaves, or is held."""
+    air, probability = ways.air, ways.probability
+    speeds = ways.rows[_SPEED]
+    _speeds(ways, slot, segment, speeds)
+    charge = ways.rows[_DOWN]
+    fixed, length = air.climb_s + air.descent_s, air.distance_m[segment]
+    mass = now_sum = longest = held_mass = held_sum = 0.0
+    later = slot_end(air, slot)
+    for member in range(len(probability)):
+        if speeds[member] > 0.0:
+            spent = fixed + length / speeds[member]
+            mass += probability[member]
+            now_sum += probability[member] * spent
+            longest = max(longest, spent)
+            charge[member] = need.soc_fixed + need.soc_per_s * spent
+            continue
+        charge[member] = NEVER
+        if later < NEVER:
+            off, down = leg(air, member, segment, later)
+            if down < NEVER:
+                held_mass += probability[member]
+                held_sum += probability[member] * down
+                charge[member] = need.soc_fixed + need.soc_per_s * (down - off)
+    flown = mass + held_mass
+    row[KNOWN], row[LONGEST] = 1.0, longest
+    if flown <= 0.0:
+        row[MEAN], row[CHARGE], row[P_HOLD] = NEVER, NEVER, 1.0
+        return
+    row[MEAN] = now_sum / mass if mass > 0.0 else held_sum / held_mass
+    row[CHARGE] = _quantile(charge, probability, flown * (1.0 - need.epsilon) - 1e-12)
+    row[P_HOLD] = 1.0 - mass / flown
+
+
+@compiled_lean
+def lower_time(ways: Ways, slot: int, segment: int) -> float:
+    """Lower bound of the mean time of a flight, whenever in the slot it leaves."""
+    if slot >= len(ways.lower_s):
+        return least_time(ways.air, segment)
+    if ways.lower_s[slot, segment] == 0.0:
+        ways.lower_s[slot, segment] = _lower(ways, slot, segment)
+    return ways.lower_s[slot, segment]
+
+
+@compiled_lean
+def _lower(ways: Ways, slot: int, segment: int) -> float:
+    """Work the bound out: the speeds of the slots that a flight may touch are at most each member's fastest.
+
+    A member is sure to fly at once if its slowest speed brings it down in the slots looked at. Other members may be among
+    those that do: they count where they lower the mean.
+    """
+    air, probability = ways.air, ways.probability
+    speed, slowest, fastest = ways.rows[_SPEED], ways.rows[_SLOWEST], ways.rows[_FASTEST]
+    fixed, length, least = air.climb_s + air.descent_s, air.distance_m[segment], least_time(air, segment)
+    begin = slot_end(air, slot)
+    span = NEVER if begin == NEVER else 0.0
+    ahead = 0
+    _speeds(ways, slot, segment, slowest)
+    for member in range(len(speed)):
+        fastest[member] = slowest[member]
+    while span < 2.0 * least and ahead < _SLOTS_AHEAD:
+        ahead += 1
+        _speeds(ways, slot + ahead, segment, speed)
+        for member in range(len(speed)):
+            slowest[member] = min(slowest[member], speed[member])
+            fastest[member] = max(fastest[member], speed[member]) if fastest[member] > 0.0 else 0.0
+        span = slot_end(air, slot + ahead) - begin
+    mass = total = 0.0
+    for member in range(len(speed)):
+        if slowest[member] > 0.0 and fixed + length / slowest[member] <= span:
+            mass += probability[member]
+            total += probability[member] * (fixed + length / fastest[member])
+            fastest[member] = 0.0
+    if mass == 0.0:
+        return least
+    changed = True
+    while changed:
+        changed = False
+        for member in range(len(speed)):
+            shortest = min(fixed + length / fastest[member], max(span, least)) if fastest[member] > 0.0 else NEVER
+            if shortest * mass < total:
+                mass += probability[member]
+                total += probability[member] * shortest
+                fastest[member] = 0.0
+                changed = True
+    return total / mass
+
+
+@compiled_lean
+def _look_up(ways: Ways, need: Need, slot: int, segment: int) -> None:
+    """Fill a row of the table, if it is not; where no table is kept, the fresh row."""
+    if slot >= len(ways.table):
+        _fill(ways, need, slot, segment, ways.fresh)
+    elif ways.table[slot, segment, KNOWN] == 0.0:
+        _fill(ways, need, slot, segment, ways.table[slot, segment])
+
+
+@compiled_lean
+def flight_lookahead(ways: Ways, need: Need, segment: int, node: int, time_s: float) -> tuple[float, float, float]:
+    """Expectation of a one-segment flight to `node` over the forecast.
+
+    Takes a segment that leads to the node, and a finite time.
+
+    Returns
+    -------
+    mean_s : float
+        Mean time from `time_s` to touch-down over the members that can fly at once; over those held by the wind when
+        none can; infinite when none ever can.
+    charge : float
+        SoC that the flight takes (with the escape from the destination) in all but a share epsilon of the members.
+    p_hold : float
+        Probability that the wind holds it.
+    """
+    slot = slot_of(ways.air, time_s)
+    escapes = node == need.destination and need.needs_escape
+    if not escapes:
+        _look_up(ways, need, slot, segment)
+        row = ways.table[slot, segment] if slot < len(ways.table) else ways.fresh
+        if row[LONGEST] == 0.0:
+            return row[MEAN] - time_s, row[CHARGE], row[P_HOLD]
+        if time_s + row[LONGEST] <= slot_end(ways.air, slot):
+            return row[MEAN], row[CHARGE], row[P_HOLD]
+    return _flown(ways, need, segment, node, time_s)
+
+
+@compiled_lean
+def _flown(ways: Ways, need: Need, segment: int, node: int, time_s: float) -> tuple[float, float, float]:
+    """Fly in every member: what `flight_lookahead` returns."""
+    air, probability = ways.air, ways.probability
+    escapes = node == need.destination and need.needs_escape
+    _fly_at_once(ways, segment, time_s)
+    off, down = ways.rows[_OFF], ways.rows[_DOWN]
+    for member in range(len(probability)):
+        off[member] = time_s
+        if down[member] == NEVER:
+            off[member], down[member] = leg(air, member, segment, time_s)
+    mean, flown, now = _mean(probability, time_s, off, down)
+    if flown <= 0.0:
+        return NEVER, NEVER, 1.0
+    charge = down
+    for member in range(len(probability)):
+        if down[member] < NEVER:
+            taken = need.soc_fixed + need.soc_per_s * (down[member] - off[member])
+            if escapes:
+                taken += escape_cost(air, member, need, down[member])
+            charge[member] = taken
+    return mean, _quantile(charge, probability, flown * (1.0 - need.epsilon) - 1e-12), 1.0 - now / flown
+
+
+@compiled_lean
+def _mean(
+    probability: NDArray[np.float64], time_s: float, off: NDArray[np.float64], down: NDArray[np.float64]
+) -> tuple[float, float, float]:
+    """Mean time to touch-down, and the probability that it is flown at all and that it is flown at once."""
+    now_mass = 0.0
+    now_sum = 0.0
+    held_mass = 0.0
+    held_sum = 0.0
+    for member in range(len(probability)):
+        if down[member] == NEVER:
+            continue
+        if off[member] <= time_s:
+            now_mass += probability[member]
+            now_sum += probability[member] * (down[member] - time_s)
+        else:
+            held_mass += probability[member]
+            held_sum += probability[member] * (down[member] - time_s)
+    if now_mass > 0.0:
+        return now_sum / now_mass, now_mass + held_mass, now_mass
+    return (held_sum / held_mass if held_mass > 0.0 else NEVER), held_mass, 0.0
+
+
+@compiled_lean
+def mean_flight(ways: Ways, need: Need, segment: int, time_s: float) -> float:
+    """Mean time to touch-down over the members that can fly at once; over all where none can."""
+    air, probability = ways.air, ways.probability
+    slot = slot_of(air, time_s)
+    end = slot_end(air, slot)
+    if time_s + least_time(air, segment) <= end:
+        _look_up(ways, need, slot, segment)
+        row = ways.table[slot, segment] if slot < len(ways.table) else ways.fresh
+        if row[LONGEST] == 0.0:
+            return row[MEAN] - time_s
+        if time_s + row[LONGEST] <= end:
+            return row[MEAN]
+    _fly_at_once(ways, segment, time_s)
+    down = ways.rows[_DOWN]
+    mass = total = 0.0
+    for member in range(len(probability)):
+        if down[member] < NEVER:
+            mass += probability[member]
+            total += probability[member] * (down[member] - time_s)
+    return total / mass if mass > 0.0 else _flown(ways, need, segment, NOWHERE, time_s)[0]
+
+
+@compiled_lean
+def least_time(air: SegmentWind, segment: int) -> float:
+    """Time of a flight that nothing beats, at the greatest ground speed."""
+    return air.climb_s + air.descent_s + air.distance_m[segment] / air.max_ground_speed_mps
+
+
+@compiled_lean
+def _quantile(values: NDArray[np.float64], probability: NDArray[np.float64], mass: float) -> float:
+    """Least value at or below which at least `mass` lies; infinite values carry none, and what is left out becomes infinite."""
+    greatest = -NEVER
+    total = 0.0
+    lightest = NEVER
+    for k in range(len(values)):
+        if values[k] < NEVER:
+            greatest = max(greatest, values[k])
+            total += probability[k]
+            lightest = min(lightest, probability[k])
+    if total - lightest < mass:  # the usual case: not even the lightest member can be left out
+        return greatest
+    while True:  # leave out the greatest as long as the others make up the mass
+        last = 0
+        for k in range(len(values)):
+            if values[k] < NEVER and (values[last] == NEVER or values[k] > values[last]):
+                last = k
+        total -= probability[last]
+        if total < mass:
+            return values[last]
+        values[last] = NEVER

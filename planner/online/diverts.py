@@ -1,0 +1,325 @@
+"""What a drone in the air can still reach: straight flights from any point, under every member of the forecast.
+
+A leg is flown only when for every point of it a station is known that could be landed at with a margin, other than the one
+that it is flown to. The wind is taken at the middle of each straight flight, at the time when the drone is there; flights
+are short against the slots of a forecast.
+"""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.base import geodesy
+from skyway.models.wind.triangle import ground_speed
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.models.drones.airspeed_load import AirspeedLoad
+    from skyway.models.drones.drone import Drone
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.online.energy_belief import EnergyBelief
+
+POINT_EVERY_M = 500.0
+"""Distance between the points of a leg at which diverts are looked for."""
+MIN_SPEED_MPS = 1.0
+MAX_DIVERTS = 16
+BESIDE_M = 1500.0
+"""Stations so near to a way are beside it."""
+Place = tuple[float, float]
+"""Latitude and longitude, degrees."""
+
+
+class Flown(NamedTuple):
+    """Flights in every member of the forecast, shape (members, n) each.
+
+    Attributes
+    ----------
+    time_s : ndarray
+        How long they take.
+    soc : ndarray
+        Charge that they take by the model, without the factor that is believed.
+    """
+
+    time_s: NDArray[np.float64]
+    soc: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class DivertCover:
+    """Divert stations of a leg.
+
+    Attributes
+    ----------
+    stations : tuple of str
+        Enough that every covered point of the leg has one; those that cover most come first.
+    gap_m : float or None
+        How far along the leg the first point lies that has none; None where all have one.
+    """
+
+    stations: tuple[str, ...]
+    gap_m: float | None
+
+
+class Reach:
+    """Flights of one drone from wherever it is.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Stations, no-fly zones, rules of flight.
+    forecast : WindEnsemble
+        At any height.
+    drone : Drone
+        Which flies.
+    payload_kg : float
+        What it carries.
+    belief : EnergyBelief
+        How its energy differs from the model's.
+    airspeed_mps : float, optional
+        Planned airspeed; the drone's cruise airspeed by default.
+    load : AirspeedLoad, optional
+        How its power changes with airspeed; by default it does not.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        forecast: WindEnsemble,
+        drone: Drone,
+        payload_kg: float,
+        belief: EnergyBelief,
+        *,
+        airspeed_mps: float | None = None,
+        load: AirspeedLoad | None = None,
+    ) -> None:
+        self.load = load
+        self.network, self.rules = scenario.network, scenario.rules
+        self.wind = forecast.at_height(self.rules.cruise_height_m, self.rules.wind_profile_exponent)
+        self.drone, self.belief = drone, belief
+        self.airspeed_mps = airspeed_mps if airspeed_mps is not None else drone.cruise_airspeed_mps
+        model, mass = drone.energy_model, drone.mass_kg + payload_kg
+        self.soc_per_s = model.power_w(mass, "cruise") / drone.battery_j
+        self.soc_climb = model.power_w(mass, "climb") / drone.battery_j * self.rules.climb_s
+        self.soc_descent = model.power_w(mass, "descent") / drone.battery_j * self.rules.descent_s
+        self.pads = np.flatnonzero(self.network.pads > 0)
+
+    def winds(
+        self, lat: NDArray[np.float64], lon: NDArray[np.float64], time_s: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Wind of every member at places and times: (north, east), shape (members, n) each.
+
+        `time_s` has shape (n,) or (members, n).
+        """
+        wind = self.wind
+        weight = wind.idw_weights(lat, lon, wind.site_lat, wind.site_lon)
+        slot = np.floor((np.broadcast_to(time_s, (len(wind), len(lat))) - wind.start_s) / wind.slot_s)
+        chosen = np.clip(np.where(np.isfinite(slot), slot, 0.0), 0, wind.slots - 1).astype(np.int64)
+        member = np.arange(len(wind))[:, None]
+        north = np.einsum("mns,ns->mn", wind.north[member, chosen], weight)
+        east = np.einsum("mns,ns->mn", wind.east[member, chosen], weight)
+        return north, east
+
+    def at_airspeed(self, airspeed_mps: float) -> Reach:
+        """Return the same at another planned airspeed."""
+        same = copy(self)
+        same.airspeed_mps = airspeed_mps
+        return same
+
+    def cruise(
+        self, start: tuple[NDArray[np.float64], NDArray[np.float64]], bearing: NDArray[np.float64],
+        length_m: NDArray[np.float64], time_s: NDArray[np.float64],
+    ) -> Flown:  # fmt: skip
+        """Fly straight at the planned airspeed, with at least 1 m/s over the ground; no climb, no descent.
+
+        Limits of the wind do not count: whoever is in the air has to fly on.
+        """
+        middle = geodesy.midpoint(*start, bearing, length_m)
+        north, east = self.winds(*middle, time_s)
+        angle = np.radians(bearing)
+        along = north * np.cos(angle) + east * np.sin(angle)
+        across = east * np.cos(angle) - north * np.sin(angle)
+        most = self.drone.max_ground_speed_mps
+        speed = np.maximum(ground_speed(self.airspeed_mps, along, across, math.inf, most), MIN_SPEED_MPS)
+        flight_s = length_m / speed
+        if self.load is None:
+            return Flown(flight_s, self.soc_per_s * flight_s)
+        # a drone that must not be faster over the ground flies slower through the air
+        airspeed = np.hypot(speed - along, across)
+        return Flown(flight_s, self.soc_per_s * self.load.factor(airspeed) * flight_s)
+
+    def to_stations(self, here: Place, time_s: float, nodes: NDArray[np.int64]) -> Flown:
+        """Fly from a point at cruise height to touch-down at stations."""
+        lat, lon = self.network.lat[nodes], self.network.lon[nodes]
+        length, bearing = geodesy.inverse(*here, lat, lon)
+        start = np.full(len(nodes), here[0]), np.full(len(nodes), here[1])
+        half = time_s + 0.5 * length / self.airspeed_mps
+        flown = self.cruise(start, bearing, length, half)
+        return Flown(flown.time_s + self.rules.descent_s, flown.soc + self.soc_descent)
+
+    def along(self, points: Sequence[Place], time_s: float) -> Flown:
+        """Fly along a way: to each of its points after the first, shape (members, points - 1); no climb, no descent."""
+        places = np.array(points)
+        length, bearing = geodesy.inverse(places[:-1, 0], places[:-1, 1], places[1:, 0], places[1:, 1])
+        start = places[:-1, 0], places[:-1, 1]
+        begins = time_s + np.concatenate(([0.0], np.cumsum(length)[:-1])) / self.airspeed_mps
+        for _ in range(2):
+            middle = begins + 0.5 * length / self.airspeed_mps
+            flown = self.cruise(start, bearing, length, middle)
+            spent = np.cumsum(flown.time_s, axis=1)
+            begins = time_s + spent - flown.time_s
+        return Flown(spent, np.cumsum(flown.soc, axis=1))
+
+    def to_the_end(self, way: Sequence[Place], time_s: float, *, climbs: bool = False) -> Flown:
+        """Fly a way to touch-down at its end, shape (members,): with a climb first where it begins on the ground."""
+        climb_s, climb_soc = (self.rules.climb_s, self.soc_climb) if climbs else (0.0, 0.0)
+        flown = self.along(way, time_s + climb_s)
+        return Flown(
+            flown.time_s[:, -1] + climb_s + self.rules.descent_s, flown.soc[:, -1] + climb_soc + self.soc_descent
+        )
+
+    def mean_load(self, way: Sequence[Place], time_s: float) -> float:
+        """Power over that of the model in the mean of a way's cruise."""
+        flown = self.along(way, time_s)
+        time_mean = float(self.expected(flown.time_s[:, -1]))
+        return float(self.expected(flown.soc[:, -1])) / (self.soc_per_s * time_mean) if time_mean > 0.0 else 1.0
+
+    def p_below(self, soc: float, cost: NDArray[np.float64], floor_soc: float) -> NDArray[np.float64]:
+        """Probability of landing below a charge, over members and energy, shape (n,); `cost` has shape (members, n)."""
+        from scipy.special import ndtr
+
+        spread = np.maximum(np.hypot(cost * self.belief.sigma, 0.005), 1e-9)
+        below = ndtr((cost * self.belief.factor - (soc - floor_soc)) / spread)
+        return np.asarray(np.einsum("m,m...->...", self.wind.probability, below))
+
+    def expected(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean over the members of something of shape (members, …)."""
+        return np.asarray(np.einsum("m,m...->...", self.wind.probability, values))
+
+    def clear(self, here: Place, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether the straight way to each station crosses no zone, shape (n,)."""
+        zones = self.network.zones
+        if zones is None:
+            return np.ones(len(nodes), dtype=bool)
+        lat, lon = self.network.lat[nodes], self.network.lon[nodes]
+        return ~zones.crossed_by(np.full(len(nodes), here[0]), np.full(len(nodes), here[1]), lat, lon)
+
+    # Legs
+
+    def where_flown(self, way: Sequence[Place], time_s: float) -> Reach:
+        """Return the same for those members alone in which the wind lets the drone leave for this way now.
+
+        In the others it waits on the ground; where it waits in all of them, all count.
+        """
+        places = np.array(way)
+        north, east = self.winds(places[:, 0], places[:, 1], np.full(len(places), time_s))
+        open_now = np.hypot(north, east).max(axis=1) <= self.drone.wind_limit_mps
+        if not float(self.wind.probability @ open_now) > 0.0:
+            return self
+        same = copy(self)
+        same.wind = self.wind.weighted(open_now.astype(np.float64))
+        return same
+
+    def way(self, origin: str | Place, via: Sequence[str], destination: str) -> list[Place]:
+        """Return the points of a leg: where it begins, stations overflown, its end."""
+        index, lat, lon = self.network.index, self.network.lat, self.network.lon
+        first = (float(lat[index[origin]]), float(lon[index[origin]])) if isinstance(origin, str) else origin
+        return [first, *((float(lat[index[s]]), float(lon[index[s]])) for s in (*via, destination))]
+
+    def cover(
+        self, way: Sequence[Place], time_s: float, soc: float, *, floor_soc: float, epsilon: float,
+        destination: str, not_at: frozenset[str] = frozenset(), climbs: bool = True,
+    ) -> DivertCover:  # fmt: skip
+        """Find divert stations for every point of a leg.
+
+        The destination itself counts, where it has pads, from the point on from which no other station is nearer in time.
+
+        Parameters
+        ----------
+        way : sequence of (lat, lon)
+            From `way`.
+        time_s, soc : float
+            At the take-off.
+        floor_soc, epsilon : float
+            A divert lands below this charge with no more than this probability.
+        destination : str
+            Where the leg ends.
+        not_at : frozenset of str
+            Stations that do not count: those known to be unusable.
+        """
+        points = _points(way)
+        places = [place for place, _ in points]
+        begins = time_s + (self.rules.climb_s if climbs else 0.0)
+        flown = self.along(places, begins)
+        spent, used = np.zeros((2, len(self.wind), len(points)))
+        spent[:, 1:] = flown.time_s
+        used[:, 1:] = flown.soc
+        used += self.soc_climb if climbs else 0.0
+        nodes = np.array([n for n in self.pads if self.network.stations[n].id not in not_at], dtype=np.int64)
+        ends_at = self.network.index[destination]
+        nodes = nodes[nodes != ends_at]
+        safe = np.zeros((len(points), len(nodes)), dtype=bool)
+        nearest = np.zeros(len(points), dtype=bool)
+        mean_s = self.expected(spent)
+        for row, place in enumerate(places):
+            if not len(nodes):
+                break
+            flight = self.to_stations(place, begins + float(mean_s[row]), nodes)
+            left_s = float(mean_s[-1] - mean_s[row]) + self.rules.descent_s
+            nearest[row] = self.network.pads[ends_at] > 0 and left_s <= float(self.expected(flight.time_s).min())
+            cost = used[:, row, None] + flight.soc
+            near = np.flatnonzero(self.p_below(soc, cost, floor_soc) <= epsilon)
+            near = near[np.argsort(self.expected(cost)[near])][:12]
+            safe[row, near[self.clear(place, nodes[near])]] = True
+        uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
+        gap = float(points[uncovered[0]][1]) if len(uncovered) else None
+        chosen = _fewest(safe)
+        chosen += [k for k in self._beside(places, nodes, safe) if k not in chosen][: MAX_DIVERTS - len(chosen)]
+        return DivertCover(tuple(self.network.stations[nodes[k]].id for k in chosen), gap)
+
+    def _beside(self, places: Sequence[Place], nodes: NDArray[np.int64], safe: NDArray[np.bool_]) -> list[int]:
+        """Return stations that lie beside a way and are safe from a part of it, the nearest first: a drone may recharge there."""
+        lat, lon = np.array(places).T
+        found = []
+        for k in np.flatnonzero(safe.any(axis=0)):
+            station = self.network.stations[nodes[k]]
+            north, east = geodesy.local_offsets_m(lat, lon, station.lat, station.lon)
+            off = float(np.hypot(north, east).min())
+            if off <= BESIDE_M:
+                found.append((off, int(k)))
+        return [k for _, k in sorted(found)]
+
+
+def _points(way: Sequence[Place]) -> list[tuple[Place, float]]:
+    """Points of a way not farther apart than `POINT_EVERY_M`, with the distance flown to each."""
+    found: list[tuple[Place, float]] = [(way[0], 0.0)]
+    flown = 0.0
+    for before, after in pairwise(way):
+        length = geodesy.distance_m(*before, *after)
+        parts = max(1, math.ceil(length / POINT_EVERY_M))
+        inner = geodesy.along(*before, *after, parts - 1)
+        found += [(point, flown + length * (k + 1) / parts) for k, point in enumerate(inner)]
+        flown += length
+        found.append((after, flown))
+    return found
+
+
+def _fewest(safe: NDArray[np.bool_]) -> list[int]:
+    """Return few columns that together cover every row that any column covers (greedily)."""
+    left = safe.any(axis=1)
+    chosen: list[int] = []
+    while left.any() and len(chosen) < MAX_DIVERTS:
+        gain = safe[left].sum(axis=0)
+        best = int(np.argmax(gain))
+        chosen.append(best)
+        left &= ~safe[:, best]
+    return chosen

@@ -1,0 +1,127 @@
+"""Plans beside each other from one place and time: the rest of the present one, with charges that fit what is known now."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.weighted import weighted_quantile
+from skyway.planner.schedule.itinerary import Leg, fly_expected, fly_sampled, stop_nodes
+from skyway.planner.schedule.outcome import outcome
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF
+
+if TYPE_CHECKING:
+    from skyway.models.composition.composition import Composition
+    from skyway.planner.problem.problem import Problem
+    from skyway.planner.schedule.itinerary import Itinerary
+    from skyway.planner.schedule.outcome import Outcome
+
+SAMPLES = 4
+"""Sampled queues that each member of the forecast is flown with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A plan from here, and what the forecast makes of it.
+
+    Attributes
+    ----------
+    itinerary : Itinerary
+        Its decisions.
+    outcome : Outcome
+        Flown through the forecast.
+    """
+
+    itinerary: Itinerary
+    outcome: Outcome
+
+    @property
+    def arrives(self) -> bool:
+        """Whether any course of the wind lets it arrive."""
+        return len(self.outcome.weight) > 0
+
+
+def best_charges(problem: Problem, itinerary: Itinerary, epsilon: float) -> Candidate | None:
+    """Fly an itinerary with its own charges, raised where they are too low, and with just enough; the better of the two.
+
+    Returns
+    -------
+    Candidate or None
+        None where even full charges do not do.
+    """
+    needed = needed_charges(problem, itinerary, epsilon)
+    if needed is None:
+        return None
+    raised = tuple(
+        replace(
+            leg, charge_to=need if leg.charge_to is None else max(need, leg.charge_to) if need is not None else None
+        )
+        for leg, need in zip(itinerary, needed, strict=True)
+    )
+    lean = tuple(replace(leg, charge_to=need) for leg, need in zip(itinerary, needed, strict=True))
+    found = [
+        Candidate(one, outcome(problem, *fly_sampled(problem, one, SAMPLES))) for one in dict.fromkeys((lean, raised))
+    ]
+    surest = max(one.outcome.p_success for one in found)
+    good = [one for one in found if one.outcome.p_success >= surest - epsilon]
+    return min(good, key=lambda one: one.outcome.mean_s)
+
+
+def needed_charges(problem: Problem, itinerary: Itinerary, epsilon: float) -> list[float | None] | None:
+    """Return the charge that each flight needs so that its landing keeps the reserve, None at stops without pads.
+
+    The whole answer is None where more than a full battery would be needed.
+    """
+    nodes = stop_nodes(problem, itinerary)
+    full = tuple(
+        Leg(leg.segments, 1.0 if problem.has_pads(node) else None, leg.not_before_s)
+        for leg, node in zip(itinerary, nodes, strict=True)
+    )
+    runs = fly_expected(problem, full)
+    flown = np.isfinite(runs[:, -1, SOC_LANDING])
+    if not flown.any():
+        return None
+    weight = problem.probability[flown]
+    spent = runs[flown, :, SOC_TAKE_OFF] - runs[flown, :, SOC_LANDING]
+    needed: list[float | None] = []
+    landing = problem.reserve
+    for number in reversed(range(len(itinerary))):
+        leaves = landing + weighted_quantile(spent[:, number], weight, 1.0 - epsilon)
+        pads = problem.has_pads(nodes[number])
+        if leaves > (1.0 if pads else problem.soc if number == 0 else 1.0) + 1e-9:
+            return None
+        needed.append(leaves if pads else None)
+        landing = problem.reserve if pads else leaves
+    return needed[::-1]
+
+
+def itinerary_of(problem: Problem, composition: Composition) -> Itinerary | None:
+    """Return the decisions of a composition that begins where the problem does; None where it does not fit."""
+    network = problem.network
+    stops = {stop.station: stop for stop in composition.stops}
+    legs: list[Leg] = []
+    where = network.stations[problem.origin].id
+    for service in composition.services:
+        if legs and service.origin != where:
+            return None
+        names = [where, *service.via, service.destination]
+        segments = [_segment(problem, a, b) for a, b in pairwise(names)]
+        if any(segment is None for segment in segments):
+            return None
+        stop = stops.get(service.origin)
+        charge = stop.soc_to if stop is not None and stop.recharge_s > 0.0 else None
+        legs.append(Leg(tuple(s for s in segments if s is not None), charge))
+        where = service.destination
+    return tuple(legs) or None
+
+
+def _segment(problem: Problem, tail: str, head: str) -> int | None:
+    network = problem.network
+    if tail not in network.index or head not in network.index:
+        return None
+    begin, end = network.first[network.index[tail]], network.first[network.index[tail] + 1]
+    hit = np.flatnonzero(network.head[begin:end] == network.index[head])
+    return int(begin + hit[0]) if len(hit) else None

@@ -1,0 +1,158 @@
+"""What a drone in the air can do instead: land where it was going to at another airspeed, or at another station inside its fence.
+
+Each option is told by when it lands, with which charge, how probably below the reserve, and when the delivery then arrives.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skyway.models.base import geodesy
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.planner.online.diverts import Flown, Place, Reach
+    from skyway.planner.online.onward import Onward
+
+EMPTY_SOC = 0.03
+"""Below this nothing is sure to fly."""
+AIRSPEED_SHARES = (0.8, 0.9, 1.1)
+SLOWEST_MPS = 8.0
+"""Airspeeds that are looked at besides the planned one."""
+NEVER_S = 48 * 3600.0
+"""A delivery of which no way is known that it arrives counts as one that takes so much longer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """One thing to do.
+
+    Attributes
+    ----------
+    station : str
+        Where it lands.
+    airspeed_mps : float
+        Planned on the way there.
+    lands_s, soc : float
+        Expected landing, POSIX seconds, and charge then.
+    p_reserve, p_half, p_empty : float
+        Probability of landing below the reserve, below half of it, and of a battery that is empty before.
+    distance_m : float
+        Way left.
+    arrival_s : float
+        Expected arrival of the delivery, POSIX seconds; NaN where it was not worked out.
+    """
+
+    station: str
+    airspeed_mps: float
+    lands_s: float
+    soc: float
+    p_reserve: float
+    p_half: float
+    p_empty: float
+    distance_m: float
+    arrival_s: float = math.nan
+
+    @property
+    def risk(self) -> tuple[float, float, float]:
+        """What is to be small where nothing keeps the reserve: an empty battery in the air before anything else."""
+        return round(self.p_empty, 2), round(self.p_half, 2), self.p_reserve
+
+    def as_data(self) -> dict[str, Any]:
+        """For the journal."""
+        return {
+            "station": self.station, "airspeed_mps": round(self.airspeed_mps, 1), "soc": round(self.soc, 3),
+            "p_below_reserve": round(self.p_reserve, 4), "p_empty": round(self.p_empty, 4),
+            "arrival_s": self.arrival_s,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Floors:
+    """Charges that landings are judged by: the reserve, and the share of it that a divert may use."""
+
+    reserve: float
+    half: float
+
+
+def going_on(
+    reach: Reach, way: Sequence[Place], station: str, time_s: float, soc: float, floors: Floors
+) -> tuple[Option, Flown]:
+    """Tell what becomes of flying on along a way."""
+    flown = reach.to_the_end(way, time_s)
+    cost = flown.soc[:, None]
+    length = sum(geodesy.distance_m(*a, *b) for a, b in pairwise(way))
+    option = Option(
+        station,
+        reach.airspeed_mps,
+        time_s + float(reach.expected(flown.time_s)),
+        soc - float(reach.expected(flown.soc)) * reach.belief.factor,
+        float(reach.p_below(soc, cost, floors.reserve)[0]),
+        float(reach.p_below(soc, cost, floors.half)[0]),
+        float(reach.p_below(soc, cost, EMPTY_SOC)[0]),
+        length,
+    )
+    return option, flown
+
+
+def other_airspeeds(
+    reach: Reach, way: Sequence[Place], station: str, time_s: float, soc: float, floors: Floors
+) -> list[Option]:
+    """Tell what becomes of flying on slower or faster, where it is known what that costs."""
+    if reach.load is None:
+        return []
+    speeds = (share * reach.airspeed_mps for share in AIRSPEED_SHARES)
+    fit = [speed for speed in speeds if SLOWEST_MPS <= speed <= reach.drone.max_airspeed_mps]
+    return [going_on(reach.at_airspeed(speed), way, station, time_s, soc, floors)[0] for speed in fit]
+
+
+def other_stations(
+    reach: Reach, here: Place, names: Sequence[str], time_s: float, soc: float, floors: Floors
+) -> list[Option]:
+    """Tell what becomes of flying straight to stations that no zone lies before."""
+    index = reach.network.index
+    nodes = np.array([index[name] for name in names], dtype=np.int64)
+    nodes = nodes[reach.clear(here, nodes)] if len(nodes) else nodes
+    if not len(nodes):
+        return []
+    flown = reach.to_stations(here, time_s, nodes)
+    times, costs = reach.expected(flown.time_s), reach.expected(flown.soc) * reach.belief.factor
+    low, lower, empty = (reach.p_below(soc, flown.soc, floor) for floor in (floors.reserve, floors.half, EMPTY_SOC))
+    length, _ = geodesy.inverse(*here, reach.network.lat[nodes], reach.network.lon[nodes])
+    return [
+        Option(
+            reach.network.stations[int(node)].id,
+            reach.airspeed_mps,
+            time_s + float(times[row]),
+            soc - float(costs[row]),
+            float(low[row]),
+            float(lower[row]),
+            float(empty[row]),
+            float(length[row]),
+        )
+        for row, node in enumerate(nodes)
+    ]
+
+
+def earliest_s(reach: Reach, option: Option, destination: str) -> float:
+    """No delivery by way of an option arrives before this: straight on from its landing at the greatest speed, charged already."""
+    if option.station == destination:
+        return option.lands_s
+    network = reach.network
+    a, b = network.index[option.station], network.index[destination]
+    length = geodesy.distance_m(
+        float(network.lat[a]), float(network.lon[a]), float(network.lat[b]), float(network.lon[b])
+    )
+    return option.lands_s + length / reach.drone.max_ground_speed_mps + reach.rules.climb_s + reach.rules.descent_s
+
+
+def arriving(option: Option, onward: Onward) -> float:
+    """Expected arrival of the delivery by way of an option, POSIX seconds."""
+    found = onward.arrival_s(option.station, option.lands_s, option.soc)
+    return found if math.isfinite(found) else option.lands_s + NEVER_S

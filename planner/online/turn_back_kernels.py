@@ -1,0 +1,259 @@
+"""Compiled: flights that may turn back, as long as one end can be reached for sure.
+
+Into a wind the way out is slow and the way back is fast, so that a drone can look how the gusts and the wind of the next hour turn
+out for most of the way. It flies on while some plan reaches one end with the reserve, in all but a share of what may come: on, back
+half a minute later, or on until the wind changes and then to either end. Without such a plan it makes for the end with the lesser risk.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.flight.kernels import NEVER, slot_end, slot_of
+from skyway.models.jit.compiled import compiled, compiled_lean
+from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
+from skyway.planner.robust.required_soc_kernels import capped, gust_mean, gust_mean_variance, wind_felt, wind_variance
+from skyway.planner.schedule.gust_kernels import GUST_STEP_S, gust_after, gust_at, gusty_speed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.models.flight.rules import SegmentWind
+    from skyway.planner.robust.required_soc_kernels import Known
+
+
+class TurnBack(NamedTuple):
+    """How a flight over one segment may turn back.
+
+    Attributes
+    ----------
+    back : int
+        The same segment the other way.
+    risk : float
+        Chance to land below the reserve with which it may go on.
+    deviations : float
+        Standard deviations of a mean gust that are exceeded with that chance.
+    reserve : float
+        To land with, SoC.
+    soc_per_s, soc_fixed : float
+        What a flight is believed to take, at most.
+    gust_sd, gust_time_s : float
+        Of gusts, see `planner.schedule.gust_kernels.Disturbance`.
+    later_out_mps, later_out_sd, later_back_mps, later_back_sd : ndarray, shape (members,)
+        Ground speeds either way once the wind has changed, and their standard deviations; see `later_speeds`.
+    likelihood : ndarray, shape (members,)
+        Probability of each.
+    """
+
+    back: int
+    risk: float
+    deviations: float
+    reserve: float
+    soc_per_s: float
+    soc_fixed: float
+    gust_sd: float
+    gust_time_s: float
+    later_out_mps: NDArray[np.float64]
+    later_out_sd: NDArray[np.float64]
+    later_back_mps: NDArray[np.float64]
+    later_back_sd: NDArray[np.float64]
+    likelihood: NDArray[np.float64]
+
+
+@compiled
+def later_speeds(
+    known: Known, slot: int, segment: int, flight_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Ground speed over a segment in a slot by each member, and its standard deviation, shape (members,); m/s.
+
+    By the mean of the gusts of a flight, and by what makes the wind less sure than the members say (see `Known`).
+
+    Takes a slot and a segment of the air of `known`, and any length of flight.
+    """
+    air = known.air
+    gust = gust_mean(known, flight_s)
+    unsure = wind_variance(known, air.slot_s)
+    mean, deviation = np.empty(len(air.north)), np.empty(len(air.north))
+    for member in range(len(mean)):
+        speed, with_wind, across_wind = wind_felt(air, member, slot, segment)
+        felt = math.hypot(with_wind, across_wind)
+        mean[member], deviation[member] = speed, math.sqrt(gust * gust * felt * felt + unsure)
+    return mean, deviation
+
+
+@compiled_lean
+def _later_risk(way_m: float, within_s: float, mean: float, deviation: float, most_mps: float) -> float:
+    """Chance that a way takes longer than it may at a speed that is normally distributed, but never above a limit."""
+    if way_m <= 0.0:
+        return 0.0 if within_s >= 0.0 else 1.0
+    if within_s <= 0.0:
+        return 1.0
+    least = way_m / within_s
+    if least > most_mps:
+        return 1.0
+    return 0.5 * math.erfc((mean - least) / max(deviation, 1e-6) * math.sqrt(0.5))
+
+
+@compiled_lean
+def _takes_s(
+    air: SegmentWind,
+    member: int,
+    slot: int,
+    segment: int,
+    left_m: float,
+    gust: tuple[float, float],
+    ahead_s: float,
+    deviations: float,
+    how: TurnBack,
+) -> float:
+    """How long the last metres of a segment take if the mean gust is some deviations against it, s.
+
+    They are begun in `ahead_s`. The gust of now, in standard deviations, fades as exp(-t / tau); the mean over a time
+    that begins with a known gust varies the less.
+    """
+    speed, with_wind, across_wind = wind_felt(air, member, slot, segment)
+    flight_s = left_m / max(speed, MIN_GROUND_SPEED_MPS)
+    x = how.gust_time_s / max(flight_s, 1.0)
+    stop_labels = x * (1.0 - math.exp(-1.0 / x)) * math.exp(-ahead_s / how.gust_time_s)
+    square = max(gust_mean_variance(x) - stop_labels * stop_labels, 0.0)
+    felt = how.gust_sd * math.hypot(with_wind, across_wind)
+    drift = how.gust_sd * stop_labels * (gust[0] * with_wind - gust[1] * across_wind)
+    slow = speed + drift - deviations * felt * math.sqrt(square)
+    slow = capped(slow, felt * math.sqrt(max(1.0 - square, 0.0)), air.max_ground_speed_mps)
+    return left_m / max(slow, MIN_GROUND_SPEED_MPS)
+
+
+@compiled_lean
+def out_or_back(
+    air: SegmentWind,
+    member: int,
+    segment: int,
+    depart_s: float,
+    charge: float,
+    energy: float,
+    key: np.uint64,
+    how: TurnBack,
+) -> tuple[float, bool]:
+    """Touch-down of a flight over a segment, or of its return: (POSIX seconds, whether it turned back).
+
+    Takes a segment of the air with a way back, and a finite take-off and charge.
+
+    Parameters
+    ----------
+    depart_s, charge : float
+        Take-off, POSIX seconds, and charge then.
+    energy : float
+        What the vehicle takes, as a multiple of what it is believed to take.
+    key : uint64
+        Of its gusts. It lands before the wind has changed twice.
+    """
+    phi = math.exp(-GUST_STEP_S / how.gust_time_s)
+    scale = math.sqrt(1.0 - phi * phi)
+    now = depart_s + air.climb_s
+    step = int(math.floor(now / GUST_STEP_S))
+    gust = gust_at(key, step, phi)
+    way, left = segment, air.distance_m[segment]
+    first = slot_of(air, depart_s)
+    while True:
+        slot = slot_of(air, now)
+        if way == segment:
+            taken = energy * (how.soc_fixed + how.soc_per_s * (now - depart_s))
+            until = now + (charge - taken - how.reserve) / how.soc_per_s - air.descent_s
+            change = slot_end(air, slot) if slot == first else NEVER
+            speed = gusty_speed(air, member, slot, segment, gust, how.gust_sd)
+            if left > speed * GUST_STEP_S and _turns(
+                air, member, slot, segment, (now, left, speed), gust, until, change, how
+            ):
+                left = air.distance_m[segment] - left
+                way = how.back
+        speed = gusty_speed(air, member, slot, way, gust, how.gust_sd)
+        next_s = (step + 1) * GUST_STEP_S
+        end = min(next_s, slot_end(air, slot))
+        if now + left / speed <= end:
+            return now + left / speed + air.descent_s, way != segment
+        left -= speed * (end - now)
+        now = end
+        if now >= next_s:
+            step += 1
+            gust = gust_after(gust, key, step, phi, scale)
+
+
+@compiled_lean
+def _turns(
+    air: SegmentWind,
+    member: int,
+    slot: int,
+    segment: int,
+    at: tuple[float, float, float],
+    gust: tuple[float, float],
+    until: float,
+    change: float,
+    how: TurnBack,
+) -> bool:
+    """Whether a flight turns now: no other plan reaches one end until a time, in all but a share of what may come, and back is surer.
+
+    Plans are to fly on; to turn half a minute later; and to fly on until the wind changes, and then to the end that is reached in the
+    new one. `at` is the time, the metres left and the ground speed; the wind changes at `change`. What comes before that is
+    flown in nearly the worst gusts.
+    """
+    now, left, speed = at
+    flown = air.distance_m[segment] - left
+    turn = now + GUST_STEP_S
+    further = flown + speed * GUST_STEP_S
+    out_s = _takes_s(air, member, slot, segment, left, gust, 0.0, how.deviations, how)
+    back_s = _takes_s(air, member, slot, how.back, further, gust, GUST_STEP_S, how.deviations, how)
+    here_s = _takes_s(air, member, slot, how.back, flown, gust, 0.0, how.deviations, how)
+    if now + out_s <= change and turn + back_s <= change:
+        return min(now + out_s, turn + back_s) > until and here_s < out_s
+    usual_s = _takes_s(air, member, slot, segment, left, gust, 0.0, 0.0, how)
+    far = min(flown + left * (change - now) / usual_s + speed * GUST_STEP_S, air.distance_m[segment])
+    later_out, out_from = _after(now, left, out_s, change)
+    later_back, back_from = _after(turn, further, back_s, change)
+    later_here, here_from = _after(now, flown, here_s, change)
+    most = air.max_ground_speed_mps
+    risk_out, risk_back, risk_then, risk_here = 0.0, 0.0, 0.0, 0.0
+    for m in range(len(how.likelihood)):
+        chance = how.likelihood[m]
+        out = _later_risk(later_out, until - out_from, how.later_out_mps[m], how.later_out_sd[m], most)
+        mean, deviation = how.later_back_mps[m], how.later_back_sd[m]
+        risk_out += chance * out
+        risk_back += chance * _later_risk(later_back, until - back_from, mean, deviation, most)
+        risk_here += chance * _later_risk(later_here, until - here_from, mean, deviation, most)
+        risk_then += chance * min(out, _later_risk(far, until - change, mean, deviation, most))
+    return min(risk_out, risk_back, risk_then) > how.risk and risk_here < risk_out
+
+
+@compiled_lean
+def _after(now: float, way_m: float, takes_s: float, change: float) -> tuple[float, float]:
+    """What is left of a way when the wind changes, m, and from when on: before that it would take so long as a whole."""
+    if now + takes_s <= change:
+        return 0.0, now + takes_s
+    return way_m * (1.0 - max(change - now, 0.0) / takes_s), max(change, now)
+
+
+@compiled
+def trials(
+    air: SegmentWind,
+    members: NDArray[np.int64],
+    segment: int,
+    depart_s: float,
+    charge: float,
+    energies: NDArray[np.float64],
+    keys: NDArray[np.uint64],
+    how: TurnBack,
+) -> tuple[float, float, float]:
+    """Of flights in many winds and gusts: share that gets there; mean time of those that turn back, and SoC they land with.
+
+    Takes members of the air, with an energy and a key for each.
+    """
+    away, back_s, soc = 0, 0.0, 0.0
+    for k in range(len(keys)):
+        down, turned = out_or_back(air, members[k], segment, depart_s, charge, energies[k], keys[k], how)
+        if turned:
+            away += 1
+            back_s += down - depart_s
+            soc += charge - energies[k] * (how.soc_fixed + how.soc_per_s * (down - depart_s))
+    return 1.0 - away / len(keys), back_s / max(away, 1), soc / max(away, 1)

@@ -1,0 +1,55 @@
+"""One world that stands for a forecast: what the robust planner composes a route in.
+
+Each segment is flown at the speed whose flight time is the mean of the members' that can fly it, each station has its
+expected wait, and a landing keeps, beyond the reserve, a margin for each second of flight. The mean of functions that
+are first in, first out is one again, so that the exact planner's proofs hold in this world as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from skyway.models.queues.sampling import QueuePath, expected_paths, no_queue
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from skyway.planner.problem.problem import Problem
+
+
+HOURS = 16.0
+"""How far ahead speeds are worked out; beyond, the last hour holds on."""
+
+
+class ExpectedQueues(Mapping[int, QueuePath]):
+    """Expected wait at every station as a queue path, worked out for those that a search asks for."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self._found: dict[int, QueuePath] = {}
+        self._until: dict[int, float] = {}
+
+    def __getitem__(self, node: int) -> QueuePath:
+        return self.at([node])[0]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(range(len(self)))
+
+    def __len__(self) -> int:
+        return len(self._problem.network)
+
+    def at(self, nodes: Iterable[int], until_s: float = math.inf) -> list[QueuePath]:
+        """Those of some nodes, for arrivals until some time; those behind it meet the last wait."""
+        wanted = list(nodes)
+        missing = [node for node in dict.fromkeys(wanted) if self._until.get(node, -math.inf) < until_s]
+        if missing:
+            waits, has_pads = self._problem.waits, self._problem.has_pads
+            padded = [node for node in missing if has_pads(node)]
+            points = waits.need(padded, until_s)
+            wait_s = waits.wait_s[padded, :points]
+            self._found |= zip(padded, expected_paths(waits.start_s, waits.step_s, wait_s), strict=True)
+            self._found |= {node: no_queue() for node in missing if not has_pads(node)}
+            self._until |= dict.fromkeys(missing, until_s)
+        return [self._found[node] for node in wanted]

@@ -1,0 +1,350 @@
+"""One drone's view of a request: the arrays that every planner works on."""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from difflib import get_close_matches
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base import geodesy
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.units import MPS_PER_KMH, S_PER_H
+from skyway.models.flight.rules import SegmentWind, air_over
+from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets
+from skyway.models.queues.transient import forecast_waits
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.models.drones.drone import Drone
+    from skyway.models.network.network import Network
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.problem.request import Request
+
+HORIZON_H = 48
+"""Hours of wind and queues that are looked at; a delivery takes less."""
+MIN_EPSILON = 1e-6
+"""Nobody is surer than that: neither gusts nor the number of arrivals at a station have a greatest value."""
+MIN_KMH = 30.0
+"""An airspeed that no drone flies may be in km/h from here on."""
+IN_FLIGHT = "in-flight"
+"""Id of the node that stands for a drone in the air."""
+
+
+class Problem:
+    """A scenario, a request, a drone and a wind ensemble, made ready for planning.
+
+    Attributes
+    ----------
+    network : Network
+        With the position of a drone in flight added as a node.
+    origin, destination : int
+        Nodes.
+    depart_s, soc : float
+        When the delivery starts (POSIX seconds), and with which charge. For a drone in flight both are set back by a
+        climb that it does not need any more.
+    ensemble, forecast : WindEnsemble
+        The wind that is planned with, and all of it where that is thinned (`thinned`).
+    in_flight : bool
+        The drone cannot wait, hold or charge at the origin.
+    air : Air
+        Segments and wind for kernels; ``probability``, shape (members,), goes with it.
+    soc_per_s, soc_fixed : float
+        A flight from take-off to touch-down of T seconds costs ``soc_fixed + soc_per_s * T``.
+    longest_flight_s : float
+        On a full battery, keeping the reserve.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        request: Request,
+        drone: Drone,
+        ensemble: WindEnsemble,
+        *,
+        waits: ExpectedWaits | None = None,
+    ) -> None:
+        self.scenario = scenario
+        self.request = request
+        self.drone = drone
+        self.ensemble = self.forecast = ensemble
+        self.rules = scenario.rules
+        self.reserve = request.reserve_soc
+        self.epsilon = max(request.epsilon, MIN_EPSILON)
+        state = request.state
+        _check_against(scenario, request, drone)
+        self.in_flight = state.position is not None
+        self.depart_s = state.time.timestamp()
+        self.soc = state.soc
+        self.network: Network = scenario.network
+        self.load = scenario.load
+        if state.position is not None:
+            self.network = self.network.with_target(*state.position, id=IN_FLIGHT)
+            self.load = self.load.extended(1)
+            self.origin = len(self.network) - 1
+        else:
+            self.origin = self._node(state.station or "", "state.station")
+        self.destination = self._node(request.destination, "destination")
+        self.air: SegmentWind = air_over(self.network, ensemble, drone, self.rules, airspeed_mps=request.airspeed_mps)
+        self.probability = ensemble.probability
+        self.soc_per_s, self.soc_fixed = self._flight_cost(request.payload_kg)
+        if not (0.0 < self.soc_per_s < math.inf and math.isfinite(self.soc_fixed)):
+            cost = self.soc_per_s, self.soc_fixed
+            remedy = "a battery above 0 J and a power above 0 W"
+            raise InputError(Fault("flies at no finite cost", field=f"drone {drone.id}", value=cost, remedy=remedy))
+        self.longest_flight_s = (1.0 - self.reserve - self.soc_fixed) / self.soc_per_s
+        if self.in_flight:
+            climb = drone.energy_model.power_w(drone.mass_kg + request.payload_kg, "climb") / drone.battery_j
+            self.depart_s -= self.rules.climb_s
+            self.soc += climb * self.rules.climb_s
+        if waits is not None:
+            self.__dict__["waits"] = waits  # they do not depend on the drone
+
+    def _node(self, identity: str, field: str) -> int:
+        if identity not in self.network.index:
+            raise InputError(Fault("no such station", field=field, value=identity))
+        return self.network.index[identity]
+
+    def _flight_cost(self, payload_kg: float) -> tuple[float, float]:
+        """SoC per second of flight, and what climb and descent cost beyond that rate."""
+        model, mass = self.drone.energy_model, self.drone.mass_kg + payload_kg
+        cruise = model.power_w(mass, "cruise")
+        extra = (model.power_w(mass, "climb") - cruise) * self.rules.climb_s
+        extra += (model.power_w(mass, "descent") - cruise) * self.rules.descent_s
+        return cruise / self.drone.battery_j, extra / self.drone.battery_j
+
+    def standing_at(self, node: int, time_s: float, soc: float, *, in_flight: bool = False) -> Problem:
+        """Return the same problem from another node, time and charge.
+
+        In flight it is over the node, with time and charge set back by a climb.
+        """
+        moved = copy(self)
+        moved.origin, moved.depart_s, moved.soc, moved.in_flight = node, time_s, soc, in_flight
+        return moved
+
+    @cached_property
+    def empty_cost(self) -> tuple[float, float]:
+        """`soc_per_s` and `soc_fixed` once the package is delivered."""
+        return self._flight_cost(0.0)
+
+    @cached_property
+    def curves(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Charging curve from empty (seconds, SoC) of each kind of pad in the network."""
+        powers = self._pad_powers
+        return [self.drone.charging_curve(power).piecewise() for power in dict.fromkeys(powers)]
+
+    @cached_property
+    def _pad_powers(self) -> list[float | None]:
+        return [station.recharge_power_w for station in self.network.stations]
+
+    @cached_property
+    def curve_of(self) -> NDArray[np.int64]:
+        """Index into `curves` of each station, shape (nodes,)."""
+        kinds = {power: number for number, power in enumerate(dict.fromkeys(self._pad_powers))}
+        return np.array([kinds[power] for power in self._pad_powers], dtype=np.int64)
+
+    def curve(self, node: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Charging curve of a station."""
+        return self.curves[int(self.curve_of[node])]
+
+    def charge_time_s(self, node: int, soc_from: float, soc_to: float) -> float:
+        """Time on a pad of the station from one charge to a higher one; 0 where none is needed."""
+        if soc_to <= soc_from:
+            return 0.0
+        time, soc = self.curve(node)
+        return float(np.interp(min(soc_to, 1.0), soc, time) - np.interp(max(soc_from, 0.0), soc, time))
+
+    def has_pads(self, node: int) -> bool:
+        """Tell whether a drone can recharge there."""
+        return self.network.stations[node].pads > 0
+
+    @cached_property
+    def busy(self) -> dict[int, int]:
+        """Busy pads seen now, by node."""
+        seen = self.request.state.busy_pads
+        return {self.network.index[key]: count for key, count in seen.items() if key in self.network.index}
+
+    @cached_property
+    def _spots(self) -> NDArray[np.int64]:
+        return np.array([station.holding_spots for station in self.network.stations], dtype=np.int64)
+
+    @cached_property
+    def _paths(self) -> dict[tuple[int, int], dict[int, QueuePath]]:
+        """Sampled queues so far, by seed, sample and node."""
+        return {}
+
+    @cached_property
+    def waits(self) -> ExpectedWaits:
+        """Expected waits, computed for a station when it is first asked for."""
+        return ExpectedWaits(self)
+
+    def queue_paths(self, nodes: Iterable[int], sample: int) -> dict[int, QueuePath]:
+        """One sampled realisation of the other drones at each of some stations."""
+        return self.queue_sets(nodes, [sample])[0]
+
+    def queue_sets(self, nodes: Iterable[int], samples: Sequence[int]) -> list[dict[int, QueuePath]]:
+        """Several sampled realisations of the other drones at each of some stations."""
+        wanted = list(dict.fromkeys(nodes))
+        kept = [self._paths.setdefault((self.request.seed, sample), {}) for sample in samples]
+        missing = [node for node in wanted if any(node not in paths for paths in kept)]
+        if missing:
+            with_pads = [node for node in missing if self.has_pads(node)]
+            lacking = [number for number, paths in enumerate(kept) if any(node not in paths for node in missing)]
+            seeds = [(self.request.seed, samples[number]) for number in lacking]
+            hours, pads = float(HORIZON_H), self.network.pads
+            found = sample_sets(self.load, pads, self._spots, with_pads, self.depart_s, hours, seeds, self.busy)
+            for number, paths in zip(lacking, found, strict=True):
+                kept[number].update({node: paths.get(node) or no_queue() for node in missing})
+        return [{node: paths[node] for node in wanted} for paths in kept]
+
+    @cached_property
+    def direct_air(self) -> SegmentWind:
+        """The wind over straight flights from every node to the destination, one "segment" per node."""
+        lat, lon = self.network.lat, self.network.lon
+        d = self.destination
+        distance, bearing = geodesy.inverse(lat, lon, lat[d], lon[d])
+        middle = geodesy.midpoint(lat, lon, bearing, distance)
+        wind = self.ensemble
+        weight = wind.idw_weights(*middle, wind.site_lat, wind.site_lon)
+        angle = np.radians(bearing)
+        return self.air._replace(
+            weight=np.ascontiguousarray(weight),
+            cos_bearing=np.cos(angle),
+            sin_bearing=np.sin(angle),
+            distance_m=distance,
+        )
+
+    @cached_property
+    def escapes(self) -> NDArray[np.int64]:
+        """Segments by which the drone leaves a destination without pads, towards stations that have some."""
+        d = self.destination
+        if self.has_pads(d) or not self.request.escape:
+            return np.empty(0, dtype=np.int64)
+        out = np.arange(self.network.first[d], self.network.first[d + 1])
+        return out[self.network.pads[self.network.head[out]] > 0]
+
+    @property
+    def needs_escape(self) -> bool:
+        """Whether the drone must be able to fly on from the destination."""
+        return self.request.escape and not self.has_pads(self.destination)
+
+    def with_free_pads(self) -> Problem:
+        """Return the same problem without expected waits, which take time to work out."""
+        free = copy(self)
+        free.__dict__["waits"] = ExpectedWaits.free(self)
+        return free
+
+    def thinned(self, members: int) -> Problem:
+        """Return the same problem with so many members of the forecast at most; what is known of the waits stays."""
+        if len(self.probability) <= members:
+            return self
+        return self._sharing_queues(self.drone, self.ensemble.thinned(members))
+
+    def for_drone(self, drone: Drone) -> Problem:
+        """Return the same request for another drone; what is known of waits and queues stays."""
+        return self._sharing_queues(drone, self.ensemble)
+
+    def _sharing_queues(self, drone: Drone, ensemble: WindEnsemble) -> Problem:
+        other = Problem(self.scenario, self.request, drone, ensemble, waits=self.waits)
+        other.__dict__["_paths"], other.forecast = self._paths, self.forecast
+        return other
+
+    def with_ensemble(self, ensemble: WindEnsemble) -> Problem:
+        """Return the same problem in another wind."""
+        return Problem(self.scenario, self.request, self.drone, ensemble)
+
+
+def _check_against(scenario: Scenario, request: Request, drone: Drone) -> None:
+    """Refuse what does not fit the drone or the network."""
+    faults = []
+    speed = request.airspeed_mps
+    if speed is not None and speed > drone.max_airspeed_mps + 1e-9:
+        problem = f"{drone.id} flies {drone.max_airspeed_mps:g} m/s at most"
+        meant = f"did you mean {speed * MPS_PER_KMH:.3g} m/s ({speed:g} km/h)?"
+        fits = speed * MPS_PER_KMH <= drone.max_airspeed_mps and speed >= MIN_KMH
+        remedy = meant if fits else f"up to {drone.max_airspeed_mps:g} m/s"
+        faults.append(Fault(problem, field="airspeed_mps", value=speed, remedy=remedy))
+    for key in request.state.busy_pads:
+        if key not in scenario.network.index:
+            close = get_close_matches(key, scenario.network.index, 1)
+            remedy = f"did you mean {close[0]!r}?" if close else "name stations by their id"
+            faults.append(Fault("no such station", field="state.busy_pads", value=key, remedy=remedy))
+    if faults:
+        raise InputError(faults)
+
+
+def check_apart(problem: Problem) -> None:
+    """Refuse a delivery that ends where it begins."""
+    if problem.origin == problem.destination:
+        value = problem.request.destination
+        raise InputError(Fault("start and destination are the same", field="destination", value=value))
+
+
+class ExpectedWaits:
+    """Expected wait and chance of a free pad at every station over the horizon.
+
+    Rows are filled when first asked for; kernels read the arrays.
+
+    Attributes
+    ----------
+    start_s, step_s : float
+        The grid of arrival times.
+    wait_s, p_free : ndarray, shape (nodes, times)
+        Linear between grid points. Only rows of nodes passed to `need` are filled.
+    known : ndarray of bool, shape (nodes,)
+        Which rows are filled to the end of the horizon.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._load, self._pads, self._busy = problem.load, problem.network.pads, problem.busy
+        self.start_s = problem.depart_s
+        self.step_s = 600.0
+        points = round(HORIZON_H * S_PER_H / self.step_s) + 1
+        self.wait_s = np.zeros((len(problem.network), points))
+        self.p_free = np.ones((len(problem.network), points))
+        self.known = np.zeros(len(problem.network), dtype=bool)
+        self._hours = np.zeros(len(problem.network), dtype=np.int64)
+
+    @classmethod
+    def free(cls, problem: Problem) -> ExpectedWaits:
+        """Nobody waits anywhere."""
+        waits = cls(problem)
+        waits.known[:], waits._hours[:] = True, HORIZON_H
+        return waits
+
+    def need(self, nodes: NDArray[np.int64] | list[int], until_s: float = math.inf) -> int:
+        """Fill the rows of some nodes for arrivals until some time; returns for how many points they hold.
+
+        Behind these points a row goes on with its last wait.
+        """
+        hours = math.ceil(min(max((until_s - self.start_s) / S_PER_H, 1.0), HORIZON_H))
+        points = round(hours * S_PER_H / self.step_s) + 1
+        wanted = np.unique(np.asarray(nodes, dtype=np.int64))
+        wanted = wanted[self._hours[wanted] < hours]
+        if not len(wanted):
+            return points
+        found = forecast_waits(
+            self._load, self._pads, wanted.tolist(), self.start_s, hours, self._busy, step_s=self.step_s
+        )
+        for node, forecast in found.items():
+            count = min(self.wait_s.shape[1], len(forecast.wait_s))
+            self.wait_s[node, :count] = forecast.wait_s[:count]
+            self.wait_s[node, count:] = forecast.wait_s[-1]
+            self.p_free[node, :count] = forecast.p_free[:count]
+            self.p_free[node, count:] = forecast.p_free[-1]
+        self.known[wanted], self._hours[wanted] = hours == HORIZON_H, hours
+        return points
+
+    def at(self, node: int, time_s: float) -> tuple[float, float]:
+        """(expected wait, P(pad free)) of an arrival."""
+        self.need([node])
+        x = (time_s - self.start_s) / self.step_s
+        grid = np.arange(self.wait_s.shape[1])
+        return float(np.interp(x, grid, self.wait_s[node])), float(np.interp(x, grid, self.p_free[node]))

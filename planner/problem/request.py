@@ -1,0 +1,144 @@
+"""What is asked of a planner."""
+
+from __future__ import annotations
+
+import operator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.ranges import MIN_PERCENT, divided, fraction_faults, range_faults
+from skyway.planner.problem.objective import Objective
+
+if TYPE_CHECKING:
+    from skyway.models.composition.composition import Recharge, State
+
+DEFAULT_RESERVE_SOC = 0.2
+DEFAULT_EPSILON = 1e-3
+RECHARGES = ("full", "enough")
+YEARS = (1900, 2200)
+"""Departures beyond these years are slips of the pen."""
+MAX_BUSY = 1000
+"""Drones at one station."""
+MAX_SEED = 2**64 - 1
+LATEST_DEADLINE_H = 48
+"""After the departure: as far as forecasts are looked at."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """One delivery, from where it stands now.
+
+    Attributes
+    ----------
+    state : State
+        Where the drone is, when, with which charge; see `models.composition.composition.State`.
+    destination : str
+        Station id.
+    payload_kg : float
+        Mass of the package.
+    drone : str or None
+        Drone id; None lets the planner choose from the skyline of the fleet.
+    airspeed_mps : float or None
+        Planned airspeed; None is the drone's cruise airspeed.
+    reserve_soc : float
+        No landing below it, except with probability `epsilon`.
+    epsilon : float
+        See `reserve_soc`.
+    recharge : ``full`` or ``enough``
+        Charge to 100 % at each stop, or what the next flight needs (planners that choose by themselves ignore it).
+    escape : bool
+        At a target without pads the drone must still reach a station at or above the reserve.
+    seed : int
+        Of everything that is sampled.
+    objective : Objective
+        Of the planner ``robust``; the others know the mean only. Text is read: ``"p95"``,
+        ``"on-time 2013-07-10T16:00-04:00"``.
+    """
+
+    state: State
+    destination: str
+    payload_kg: float
+    drone: str | None = None
+    airspeed_mps: float | None = None
+    reserve_soc: float = DEFAULT_RESERVE_SOC
+    epsilon: float = DEFAULT_EPSILON
+    recharge: Recharge = "enough"
+    escape: bool = True
+    seed: int = 0
+    objective: Objective = field(default_factory=Objective)
+
+    def __post_init__(self) -> None:
+        objective: object = self.objective
+        if isinstance(objective, str):
+            object.__setattr__(self, "objective", Objective.parse(objective))
+        faults = [*_check_state(self.state), *_check_objective(self)]
+        payload = "kilograms, 0 or more"
+        faults += range_faults(
+            "payload_kg", self.payload_kg, 0.0, 1000.0, payload, divided(self.payload_kg, 1000.0, 1000.0)
+        )
+        faults += fraction_faults(
+            "reserve_soc", self.reserve_soc, 0.95, "--reserve 0 to 95 percent", least=MIN_PERCENT / 100.0
+        )
+        faults += range_faults(
+            "epsilon", self.epsilon, 0.0, 0.5, "a probability from 0 to 0.5", divided(self.epsilon, 100.0, 0.5)
+        )
+        if self.airspeed_mps is not None:
+            meant = divided(self.airspeed_mps, 3.6, 150.0)
+            faults += range_faults("airspeed_mps", self.airspeed_mps, 1.0, 150.0, "metres per second, 1 to 150", meant)
+        if self.recharge not in RECHARGES:
+            lower = str(self.recharge).strip().lower()
+            remedy = f"did you mean {lower}?" if lower in RECHARGES else "full or enough"
+            faults.append(Fault("is not known", field="recharge", value=self.recharge, remedy=remedy))
+        if not _is_count(self.seed, MAX_SEED):
+            faults.append(Fault("out of range", field="seed", value=self.seed, remedy="a whole number, 0 or more"))
+        if faults:
+            raise InputError(faults)
+
+
+def _is_count(value: Any, most: int) -> bool:
+    """Whether it is a whole number of any kind, from 0 up."""
+    try:
+        return not isinstance(value, bool) and 0 <= operator.index(value) <= most
+    except TypeError:
+        return False
+
+
+def _check_state(state: State) -> list[Fault]:
+    faults = fraction_faults("state.soc", state.soc, 1.0, "--soc 0 to 100 percent")
+    if (state.station is None) == (state.position is None):
+        faults.append(Fault("either a station or a position must be given", field="state"))
+    if state.position is not None:
+        for name, value, most in zip(("lat", "lon"), state.position, (90.0, 180.0), strict=False):
+            faults += range_faults(f"state.position.{name}", value, -most, most, f"degrees, {-most:g} to {most:g}")
+    if state.time.tzinfo is None:
+        remedy = "give it a time zone: datetime(2013, 7, 10, 18, tzinfo=UTC)"
+        faults.append(
+            Fault("the time has no UTC offset", field="state.time", value=state.time.isoformat(), remedy=remedy)
+        )
+    elif not YEARS[0] <= state.time.year <= YEARS[1]:
+        remedy = f"a year from {YEARS[0]} to {YEARS[1]}"
+        faults.append(Fault("out of range", field="state.time", value=state.time.isoformat(), remedy=remedy))
+    for station, count in state.busy_pads.items():
+        if not _is_count(count, MAX_BUSY):
+            remedy = f"how many drones are there, a whole number from 0 to {MAX_BUSY}"
+            faults.append(Fault("out of range", field=f"state.busy_pads[{station!r}]", value=count, remedy=remedy))
+    return faults
+
+
+def _check_objective(request: Request) -> list[Fault]:
+    asked: object = request.objective
+    if not isinstance(asked, Objective):
+        remedy = "Objective('mean'), Objective('p95') or Objective('on-time', deadline)"
+        return [Fault("is no objective", field="objective", value=asked, remedy=remedy)]
+    deadline, time = asked.deadline, request.state.time
+    if deadline is None or time.tzinfo is None:
+        return []
+    value = deadline.isoformat()
+    if deadline.tzinfo is None:
+        return [Fault("the deadline has no UTC offset", field="objective", value=value, remedy="give it a time zone")]
+    if not 0.0 < (deadline - time).total_seconds() <= LATEST_DEADLINE_H * 3600.0:
+        what = "before the departure" if deadline <= time else f"more than {LATEST_DEADLINE_H} h after the departure"
+        remedy = f"the departure is at {time.isoformat()}"
+        return [Fault(f"the deadline is {what}", field="objective", value=value, remedy=remedy)]
+    return []

@@ -1,0 +1,49 @@
+"""Skyline of drones by block nested loop (Börzsönyi, Kossmann, Stocker: "The skyline operator", ICDE 2001)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.models.base.errors import PayloadError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.models.drones.drone import Drone
+
+
+def qualities(drone: Drone, *, with_price: bool) -> tuple[float, ...]:
+    """What drones are compared by, more is better: payload, range, airspeed, recharge rate, and minus the price."""
+    values = (drone.max_payload_kg, drone.flight_range_m, drone.max_airspeed_mps, drone.recharge_rate_w)
+    return (*values, -(drone.price_per_km or 0.0)) if with_price else values
+
+
+def dominates(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    """Tell whether qualities `a` are at least as good as `b` in everything and better in something."""
+    return a != b and all(x >= y for x, y in zip(a, b, strict=True))
+
+
+def skyline(drones: Sequence[Drone], payload_kg: float) -> list[Drone]:
+    """Drones that lift the package and are dominated by no other that does, in the order of the fleet.
+
+    The price is compared only where every one of them has one.
+
+    Raises
+    ------
+    PayloadError
+        No drone lifts the package.
+    """
+    able = [drone for drone in drones if drone.max_payload_kg >= payload_kg]
+    if not able:
+        most = max((drone.max_payload_kg for drone in drones), default=0.0)
+        grams = f"; {payload_kg:g} g are {payload_kg / 1000.0:g} kg" if payload_kg / 1000.0 <= most else ""
+        raise PayloadError(f"no drone lifts {payload_kg:g} kg: the fleet's heaviest payload is {most:g} kg{grams}")
+    with_price = all(drone.price_per_km is not None for drone in able)
+    values = [qualities(drone, with_price=with_price) for drone in able]
+    window: list[int] = []
+    for number, value in enumerate(values):
+        if any(dominates(values[other], value) for other in window):
+            continue
+        window = [other for other in window if not dominates(value, values[other])]
+        window.append(number)
+    return [able[number] for number in window]

@@ -1,0 +1,1 @@
+"""The robust planner: routes ranked in sampled worlds, charges decided at each stop."""

@@ -1,0 +1,245 @@
+"""Compiled: flying a route whose charges are decided at each stop, by what is known there.
+
+At a stop the drone leaves as soon as its charge is enough for the next flight in all but a share epsilon of what it must
+expect (`planner.robust.required_soc_kernels`), with the error of its energy model, which the first flight tells, and when there is
+likely room at the station where it goes (`planner.robust.free_capacity_kernels`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.flight.kernels import NEVER, next_opening, slot_end, slot_of
+from skyway.models.jit.compiled import compiled, compiled_lean
+from skyway.planner.robust.free_capacity_kernels import FreeCapacity, is_room, next_look
+from skyway.planner.robust.required_soc_kernels import energy_about, next_change
+from skyway.planner.schedule.gust_kernels import gusty_land
+from skyway.planner.schedule.profile_kernels import interpolate
+from skyway.planner.schedule.schedule_kernels import (
+    COLUMNS,
+    PAD,
+    READY,
+    ROOM,
+    SOC_LANDING,
+    SOC_TAKE_OFF,
+    TAKE_OFF,
+    TOUCH_DOWN,
+    expected_pad,
+    sampled_pad,
+    sampled_spot,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.models.flight.rules import SegmentWind
+    from skyway.planner.robust.free_capacity_kernels import Present
+    from skyway.planner.robust.required_soc_kernels import Known
+    from skyway.planner.schedule.gust_kernels import Disturbance
+    from skyway.planner.schedule.schedule_kernels import Legs, Queues, Waits
+
+LEARNED = 0.005
+"""What is left of the energy error once a flight has shown it."""
+_CHANGES = 500  # times a stay is looked at again
+
+
+class Stop(NamedTuple):
+    """A stay before a flight, as `_leave` sees it.
+
+    Attributes
+    ----------
+    now_s, soc : float
+        Landing, and charge then.
+    pad_s : float
+        When it can have a pad; infinite where there is none.
+    landing : float
+        Least charge at the end of the flight.
+    error : float
+        Of the vehicle's energy: the flight may take this share more.
+    at_once, first : bool
+        It cannot stay; it is where the delivery begins.
+    """
+
+    now_s: float
+    soc: float
+    pad_s: float
+    landing: float
+    error: float
+    at_once: bool
+    first: bool
+
+
+@compiled_lean
+def _leave(
+    known: Known,
+    row: int,
+    truth: SegmentWind,
+    member: int,
+    segments: NDArray[np.int64],
+    cost: tuple[float, float],
+    stop: Stop,
+    curve: tuple[NDArray[np.float64], NDArray[np.float64]],
+    room: tuple[FreeCapacity, int, Queues, Present, int],
+    table: NDArray[np.float64],
+) -> tuple[float, float, float, float, float, float]:
+    """Find when the drone leaves a stop by the rule: (pad or landing, ready, take-off, charge, need, held for room).
+
+    From when it is ready to the take-off it holds: for room at the next station so many seconds, else for wind that it may
+    fly in or that its battery is enough for. The take-off is infinite where the rule never lets it leave.
+    """
+    curve_s, curve_soc = curve
+    u = interpolate(stop.soc, curve_soc, curve_s)
+    at = stop.now_s
+    ready = at
+    for_room = 0.0
+    charging = False
+    for _ in range(_CHANGES):
+        base = energy_about(known, row, truth, member, segments, at, cost, table)
+        wanted = stop.landing + (1.0 + stop.error) * (1.0 + known.margin) * base
+        if known.full and not stop.first:
+            wanted = max(wanted, curve_soc[-1])
+        charging = charging or wanted > stop.soc
+        level = stop.soc
+        if charging and at > stop.pad_s:
+            level = interpolate(u + at - stop.pad_s, curve_s, curve_soc)
+        if level >= wanted - 1e-9 or stop.at_once:
+            opening = next_opening(truth, member, segments, at)
+            if opening == NEVER:
+                break
+            flight = max(base - cost[1], 0.0) / cost[0]
+            looks, leg, queues, there, entry = room
+            if opening > at + 1e-6:
+                at = opening
+            elif looks.most < 1.0 and not stop.at_once and not is_room(looks, leg, queues, there, entry, at, flight):
+                looked = next_look(looks, leg, queues, there, entry, at, flight, next_change(truth, at))
+                for_room += looked - at
+                at = looked
+            else:
+                pad = stop.pad_s if charging and at > stop.pad_s else stop.now_s
+                return pad, min(ready, at), at, level, base, for_room
+            continue
+        reached = NEVER
+        if wanted <= curve_soc[-1] and stop.pad_s < NEVER:
+            reached = stop.pad_s + interpolate(wanted, curve_soc, curve_s) - u
+            ready = max(reached, at)
+            for_room = 0.0  # what it held before, it charged in
+        edge = slot_end(truth, slot_of(truth, at))
+        if reached <= edge:
+            at = max(reached, at + 1e-3)
+        elif edge == NEVER:
+            break
+        else:
+            at = edge
+    return stop.now_s, ready, NEVER, stop.soc, 0.0, 0.0
+
+
+@compiled
+def fly_by_required_soc(
+    known: Known,
+    landing: NDArray[np.float64],
+    disturbance: Disturbance,
+    truth: SegmentWind,
+    member: NDArray[np.int64],
+    row: NDArray[np.int64],
+    legs: Legs,
+    queues: Queues,
+    waits: Waits,
+    start: tuple[float, float],
+    cost: tuple[float, float],
+    room: FreeCapacity,
+    there: Present,
+    tables: NDArray[np.float64],
+    learned: bool,
+    at_once: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Fly a sequence of hops in several runs, charging by what is known at each stop.
+
+    Takes members, rows and sets of queues that are there, and a segment or more for each hop; `planner.problem.kernel_inputs` checks them in
+    `ChargePolicy.fly`.
+
+    Parameters
+    ----------
+    known : Known
+        The rule.
+    landing : ndarray, shape (hops,)
+        Least charge at the end of each: the reserve, and at the last the way on.
+    sky, truth, member
+        What is true in each run: see `planner.schedule.schedule_kernels.fly_under`.
+    row : ndarray of int, shape (runs,)
+        Row of `Known.share` of each run.
+    hops, queues, waits, start, cost
+        As there; of `Legs` the segments, curves and pads are read.
+    room, there : Room, Present
+        Of the stations at the ends of the hops, and who is at those before them; looked at where queues are sampled.
+    tables : ndarray, shape (members, hops, points)
+        Needs found so far, NaN where not yet; written to. They hold for the same truth, flights and forecast, whatever
+        the margin. See `required_soc_tables`.
+    learned : bool
+        The vehicle's error of energy is known from the start.
+    at_once : bool
+        At the first stop, see `Stop`.
+
+    Returns
+    -------
+    course : ndarray, shape (runs, hops, 7)
+        As `fly_under`; infinite from the hop on that is never flown.
+    strain : ndarray, shape (runs, hops)
+        Energy that the flight took as a share of what the rule without its margin charges for; 0 where not flown.
+    """
+    count = len(landing)
+    runs = len(member)
+    out = np.full((runs, count, COLUMNS), NEVER)
+    energy_ratio = np.zeros((runs, count))
+    sampled = len(queues.offset) > 1
+    nobody = FreeCapacity(room.pads, room.spots, room.arrivals_per_s, room.services_per_s, 1.0)
+    for run in range(runs):
+        now, soc = start
+        joined = now
+        error = disturbance.energy[run] - 1.0 + LEARNED if learned else known.energy_error
+        for leg in range(count):
+            segments = legs.segments[legs.offset[leg] : legs.offset[leg + 1]]
+            entry = disturbance.queue[run] * (count + 1) + leg
+            pad = NEVER
+            if legs.has_pads[leg]:
+                pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, leg, now)
+            first = leg == 0
+            stop = Stop(now, soc, pad, landing[leg], error, at_once and first, first)
+            curve = legs.curve_s[leg], legs.curve_soc[leg]
+            looks = room if sampled else nobody
+            pad, ready, off, level, base, for_room = _leave(
+                known,
+                row[run],
+                truth,
+                member[run],
+                segments,
+                cost,
+                stop,
+                curve,
+                (looks, leg, queues, there, entry + 1),
+                tables[member[run], leg],
+            )
+            if off == NEVER:
+                break
+            out[run, leg, PAD], out[run, leg, READY], out[run, leg, ROOM] = pad, ready, for_room
+            out[run, leg, TAKE_OFF], out[run, leg, SOC_TAKE_OFF] = off, level
+            now = gusty_land(
+                truth,
+                member[run],
+                segments,
+                off,
+                disturbance.gust_key[run],
+                disturbance.gust_sd,
+                disturbance.gust_time_s,
+            )
+            used = disturbance.energy[run] * (cost[1] + cost[0] * (now - off))
+            soc = level - used
+            joined = now  # a drone that hovers for a spot keeps its place in the queue
+            if sampled:
+                now = sampled_spot(queues, entry + 1, now)
+                soc -= disturbance.energy[run] * cost[0] * (now - joined)
+            out[run, leg, TOUCH_DOWN], out[run, leg, SOC_LANDING] = now, soc
+            energy_ratio[run, leg] = used / ((1.0 + error) * base) if base > 0.0 else 0.0
+            error = disturbance.energy[run] - 1.0 + LEARNED
+    return out, energy_ratio

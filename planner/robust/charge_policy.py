@@ -1,0 +1,392 @@
+"""A route with charges that are decided at each stop, by what is known there; and what becomes of it.
+
+The rule is that of `planner.robust.charge_kernels`. It is judged out of sample: each member of the forecast is flown as the
+truth by a drone whose forecast lacks that member and its neighbours, with sampled queues, gusts and errors of energy.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from datetime import date
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.queues.sampling import pack
+from skyway.models.wind.ensemble import evenly
+from skyway.models.wind.estimation.field import ResidualModel
+from skyway.planner.lookahead.flight_kernels import escape_cost
+from skyway.planner.lookahead.lookahead import Lookahead
+from skyway.planner.problem.kernel_inputs import check_runs, check_shape
+from skyway.planner.robust.charge_kernels import fly_by_required_soc
+from skyway.planner.robust.free_capacity import present_in, room_at
+from skyway.planner.robust.required_soc_kernels import Known, required_soc_tables
+from skyway.planner.schedule.audit import World
+from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
+from skyway.planner.schedule.itinerary import fly_as_it_stands, held_in_the_air, hops_of, no_waits, place_nodes
+from skyway.planner.schedule.no_route import grounded_leg, never_leaves
+from skyway.planner.schedule.outcome import outcome
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN, Queues, Waits, no_queues
+from skyway.planner.schedule.typical import Runs, typical_course
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.models.base.errors import NoRouteError
+    from skyway.models.queues.sampling import QueuePath
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.problem.error_model import Errors
+    from skyway.planner.problem.problem import Problem
+    from skyway.planner.schedule.itinerary import Itinerary
+    from skyway.planner.schedule.outcome import Outcome
+    from skyway.planner.schedule.typical import Typical
+
+APART_DAYS = 2
+"""Members of the record less than so many days apart are no evidence for each other."""
+BANDWIDTH = 1.5
+"""Of the kernel, in standard deviations times the number of members to the power -1/5. For normal data it would be 1.06;
+the wind's changes from hour to hour have heavier tails. Chosen on held-out days: the reserve is kept in 999 of 1,000."""
+CHOOSING, PROMISING = range(2)
+"""Sets of worlds: those in which routes are compared, and others in which is counted what the chosen one promises."""
+QUEUES = (32, 128)
+"""Sampled sets of queues in each: what is promised is told to people, and its error is mostly that of the queues."""
+_GUSTS = 0x47
+
+
+def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float, margin: float = 0.0) -> Known:
+    """What a drone of a problem knows at every stop; see `planner.robust.required_soc_kernels.Known`.
+
+    The members are smoothed with a normal kernel whose bandwidth falls with their number as Silverman's ("Density
+    Estimation", 1986, eq. 3.28), but is wider: see `BANDWIDTH`.
+    """
+    residual = ResidualModel()
+    return Known(
+        air=problem.air,
+        share=np.ascontiguousarray(problem.probability[None]),
+        measured=measured,
+        sigma_mps=residual.sigma_mps,
+        tau_s=residual.tau_s,
+        smoothing=BANDWIDTH * len(problem.probability) ** -0.2 if measured and len(problem.probability) > 1 else 0.0,
+        gust_sd=errors.gust_sd,
+        gust_time_s=errors.gust_time_s,
+        energy_error=errors.energy,
+        epsilon=epsilon,
+        margin=margin,
+        full=problem.request.recharge == "full",
+    )
+
+
+def left_out(ensemble: WindEnsemble) -> NDArray[np.float64]:
+    """Forecast for each member as the truth, shape (members, members): the others that are not its neighbours."""
+    labels = ensemble.labels
+    try:
+        days = np.array([date.fromisoformat(label).toordinal() for label in labels])
+        near = np.abs(days[:, None] - days[None]) < APART_DAYS
+    except ValueError:
+        near = np.eye(len(labels), dtype=bool)
+    share = np.where(near, 0.0, ensemble.probability[None])
+    lonely = share.sum(axis=1) <= 0.0
+    share[lonely] = ensemble.probability
+    return np.ascontiguousarray(share / share.sum(axis=1, keepdims=True))
+
+
+def simulated_realizations(
+    problem: Problem,
+    itinerary: Itinerary,
+    errors: Errors,
+    runs: int,
+    max_realizations: int | None = None,
+    worlds: int = CHOOSING,
+) -> tuple[NDArray[np.int64], Disturbance, list[QueuePath]]:
+    """Worlds in which routes are tried, the same for all of one request: (member of each run, its sky, queue paths).
+
+    Paths are those of `QUEUES` sets at the stop before each flight, in order (set, hop). See `ChargePolicy.rehearse`.
+    """
+    count = len(problem.probability)
+    chosen = evenly(count, count if max_realizations is None else max_realizations)
+    members = np.repeat(chosen, max(1, round(runs / len(chosen))))
+    sample = np.arange(len(members)) % QUEUES[worlds]
+    paths = queue_sets(problem, itinerary, worlds)
+    rng = np.random.default_rng((problem.request.seed, _GUSTS, worlds))
+    table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
+    energy = np.asarray(1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0), dtype=np.float64)
+    return members, Disturbance(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s), paths
+
+
+def queue_sets(problem: Problem, itinerary: Itinerary, worlds: int) -> list[QueuePath]:
+    """Sampled queues at each of `planner.schedule.itinerary.place_nodes`, in order (set, place)."""
+    nodes = place_nodes(problem, itinerary)
+    first = sum(QUEUES[:worlds])
+    sets = problem.queue_sets(nodes, range(first, first + QUEUES[worlds]))
+    return [found[node] for found in sets for node in nodes]
+
+
+def world_of(problem: Problem, itinerary: Itinerary, typical: Typical) -> World:
+    """In which world of ``PROMISING`` a typical course was flown, for its audit."""
+    queues = None
+    if typical.queue is not None:
+        sample = sum(QUEUES[:PROMISING]) + typical.queue
+        queues = problem.queue_paths(place_nodes(problem, itinerary), sample)
+    return World(typical.member, queues)
+
+
+def simulate_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Runs:
+    """Fly an itinerary as it stands in the worlds in which is counted what a `ChargePolicy` promises."""
+    members, disturbance, paths = simulated_realizations(problem, itinerary, errors, runs, worlds=PROMISING)
+    course = fly_as_it_stands(problem, itinerary, members, disturbance, paths)
+    weight = problem.probability[members]
+    return Runs(course, weight / weight.sum(), members, disturbance.queue)
+
+
+def typical_fixed(problem: Problem, itinerary: Itinerary, runs: Runs) -> Typical:
+    """Choose the typical course of an itinerary that is flown as it stands; see `planner.schedule.typical`."""
+    paths = queue_sets(problem, itinerary, PROMISING)
+
+    def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
+        return fly_as_it_stands(problem, itinerary, members, no_disturbance(len(members))._replace(queue=queues), paths)
+
+    return typical_course(runs, problem.reserve, fly)
+
+
+@dataclass(frozen=True, eq=False)
+class ChargePolicy:
+    """Flights in a fixed order, each charged for by what is known when it is due.
+
+    Attributes
+    ----------
+    problem : Problem
+        With the forecast at the time of planning.
+    itinerary : Itinerary
+        The flights; ``charge_to`` is the charge of the typical course.
+    known : Known
+        The rule.
+    most_full : float
+        A flight is begun when the chance to find its station full is at most this.
+    """
+
+    problem: Problem
+    itinerary: Itinerary
+    known: Known
+    most_full: float = 1.0
+
+    def __len__(self) -> int:
+        return len(self.itinerary)
+
+    @cached_property
+    def landing(self) -> NDArray[np.float64]:
+        """Least charge at the end of each flight, shape (hops,)."""
+        least = np.full(len(self), self.problem.reserve)
+        if self.problem.needs_escape:
+            least[-1] += self._escape
+        return least
+
+    @cached_property
+    def _escape(self) -> float:
+        """Charge for the way on from a target without pads that is enough in nearly all members, any hour of the delivery."""
+        p = self.problem
+        need = Lookahead(p).need
+        hours = p.depart_s + 3600.0 * np.arange(12)
+        costs = np.array([[float(escape_cost(p.air, m, need, t)) for t in hours] for m in range(len(p.probability))])
+        finite = np.isfinite(costs).all(axis=1)
+        if not finite.any():
+            return 1.0
+        return float(np.quantile(costs[finite].max(axis=1), 0.98)) * (1.0 + self.known.energy_error)
+
+    def fly(
+        self,
+        truth: Problem,
+        disturbance: Disturbance,
+        member: NDArray[np.int64],
+        paths: Sequence[QueuePath],
+        *,
+        share: NDArray[np.float64] | None = None,
+        waits: Waits | None = None,
+        start: tuple[float, float] | None = None,
+        learned: bool = False,
+        tables: NDArray[np.float64] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Fly it in truths: (course, strain), see `planner.robust.charge_kernels.fly_by_required_soc`.
+
+        Parameters
+        ----------
+        truth : Problem
+            The same request in the winds that are true.
+        sky, member
+            Of each run. Members and sets of queues that are not there, and arrays of other shapes, are an `InputError`.
+        paths : sequence of QueuePath
+            Sets of queues that `sky` names, one path for each of `planner.schedule.itinerary.place_nodes`, in order.
+        share : ndarray, shape (members of truth, members), optional
+            Forecast for each member of the truth; the policy's own for all by default.
+        waits : Waits, optional
+            Expected waits, where no paths are given.
+        start : (time_s, soc), optional
+            Where that is not the state that the truth starts from.
+        learned : bool
+            A flight has shown the vehicle's error of energy.
+        tables : ndarray, optional
+            What was worked out before with the same truth, flights and forecast; see `fly_by_required_soc`.
+        """
+        row = np.zeros(len(member), dtype=np.int64) if share is None else member
+        known = self.known if share is None else self.known._replace(share=share)
+        legs = hops_of(truth, self.itinerary)
+        realizations = len(truth.air.north)
+        check_runs(member, realizations, disturbance, paths, len(self) + 1)
+        check_shape(
+            "share", known.share, (realizations if share is not None else len(known.share), len(known.air.north))
+        )
+        if waits is not None:
+            check_shape("waits.wait_s", waits.wait_s, (len(self), waits.wait_s.shape[-1]))
+        if tables is not None:
+            check_shape("tables", tables, required_soc_tables(truth.air, len(self)).shape)
+        queues = Queues(*pack(paths)) if paths else no_queues()
+        begin = start if start is not None else (float(truth.depart_s), float(truth.soc))
+        cost = (float(truth.soc_per_s), float(truth.soc_fixed))
+        flown = fly_by_required_soc(
+            known,
+            self.landing,
+            disturbance,
+            truth.air,
+            member,
+            row,
+            legs,
+            queues,
+            waits if waits is not None else no_waits(len(self)),
+            begin,
+            cost,
+            room_at(truth, [int(truth.network.head[leg.segments[-1]]) for leg in self.itinerary], self.most_full),
+            present_in(paths),
+            tables if tables is not None else required_soc_tables(truth.air, len(self)),
+            learned,
+            truth.in_flight,
+        )
+        course, energy_ratio = flown[0], flown[1]
+        if start is None:
+            held = held_in_the_air(truth, course)
+            course[held], energy_ratio[held] = np.inf, 0.0
+        return course, energy_ratio
+
+    def simulate(
+        self,
+        errors: Errors,
+        runs: int,
+        *,
+        max_realizations: int | None = None,
+        before: OutOfSample | None = None,
+        worlds: int = CHOOSING,
+    ) -> OutOfSample:
+        """Fly it out of sample: each member as the truth, forecast by the others, through `QUEUES` sets of queues.
+
+        Parameters
+        ----------
+        errors : Errors
+            What the truths have beyond the forecast.
+        runs : int
+            How many, about.
+        most_truths : int, optional
+            At most so many members are the truth.
+        before : Rehearsal, optional
+            Of the same flights, whose tables are used again.
+        worlds : int
+            ``CHOOSING`` or ``PROMISING``: other queues, gusts and vehicles in the same winds. The best of several routes
+            in some worlds is not as good in others.
+        """
+        p = self.problem
+        members, disturbance, paths = simulated_realizations(p, self.itinerary, errors, runs, max_realizations, worlds)
+        tables = before.tables if before is not None else required_soc_tables(p.air, len(self))
+        course, energy_ratio = self.fly(p, disturbance, members, paths, share=left_out(p.ensemble), tables=tables)
+        weight = p.probability[members]
+        return OutOfSample(course, weight / weight.sum(), members, disturbance.queue, energy_ratio, tables)
+
+    def typical(self, before: OutOfSample) -> Typical:
+        """Choose the typical course; see `planner.schedule.typical`.
+
+        `before` is of the same flights, in the worlds of ``PROMISING``; its tables are used again.
+        """
+        p = self.problem
+        paths, share = queue_sets(p, self.itinerary, PROMISING), left_out(p.ensemble)
+
+        def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
+            disturbance = no_disturbance(len(members))._replace(queue=queues)
+            return self.fly(p, disturbance, members, paths, share=share, tables=before.tables)[0]
+
+        return typical_course(before, p.reserve, fly)
+
+    def grounded(self, out_of_sample: OutOfSample) -> NoRouteError:
+        """Say why no run of a rehearsal of this policy arrives."""
+        leg = grounded_leg(out_of_sample.course)
+        slots = self.problem.air.north.shape[1]
+        bases = out_of_sample.tables[:, leg, : out_of_sample.tables.shape[2] - 2 * slots]
+        least = float(np.nanmin(np.where(np.isnan(bases), math.inf, bases)))
+        required = self.landing[leg] + (1.0 + self.known.energy_error) * (1.0 + self.known.margin) * least
+        return never_leaves(self.problem, self.itinerary, leg, required)
+
+    def with_charges(self, course: NDArray[np.float64]) -> ChargePolicy:
+        """The same policy whose itinerary names the charges of a course, shape (hops, 7)."""
+        p = self.problem
+        legs = []
+        before = p.soc
+        for number, leg in enumerate(self.itinerary):
+            leave = float(course[number, SOC_TAKE_OFF])
+            charged = math.isfinite(leave) and leave > before + 1e-9
+            legs.append(replace(leg, charge_to=leave if charged else None, not_before_s=-math.inf))
+            before = float(course[number, SOC_LANDING])
+        return replace(self, itinerary=tuple(legs))
+
+
+@dataclass(frozen=True, eq=False)
+class OutOfSample(Runs):
+    """A policy flown out of sample, each member the truth of some runs.
+
+    Attributes
+    ----------
+    strain : ndarray, shape (runs, hops)
+        Energy of each flight as a share of what it was charged for.
+    tables : ndarray
+        See `planner.robust.required_soc_kernels.required_soc_tables`.
+    """
+
+    energy_ratio: NDArray[np.float64]
+    tables: NDArray[np.float64]
+
+    @property
+    def arrival_s(self) -> NDArray[np.float64]:
+        """Arrival of each run, POSIX seconds, infinite where there is none."""
+        return self.course[:, -1, TOUCH_DOWN]
+
+    @property
+    def charging(self) -> NDArray[np.float64]:
+        """Share of the runs that charge at the stop before each flight, shape (hops,); the first one counts always."""
+        charged = np.ones(self.course.shape[:2], dtype=bool)
+        charged[:, 1:] = self.course[:, 1:, SOC_TAKE_OFF] > self.course[:, :-1, SOC_LANDING] + 1e-9
+        return np.asarray(self.weight @ charged)
+
+    @property
+    def charge_used(self) -> float:
+        """Mean charge that the flights of a run take together, as SoC."""
+        flown = np.isfinite(self.course[:, :, TOUCH_DOWN])
+        used = np.where(flown, self.course[:, :, SOC_TAKE_OFF], 0.0) - np.where(
+            flown, self.course[:, :, SOC_LANDING], 0.0
+        )
+        return float(self.weight @ used.sum(axis=1))
+
+    def outcome(self, problem: Problem) -> Outcome:
+        """Sum the runs up."""
+        return outcome(problem, self.course, self.weight, (self.member, self.queue))
+
+
+def margin_for(simulations: Sequence[OutOfSample], epsilon: float) -> float:
+    """Least margin with which at most a share epsilon of rehearsed deliveries would have broken the reserve.
+
+    A delivery breaks it where one of its flights takes more energy than was charged for, which the flight's strain
+    tells; the margin is the strain that a share epsilon of the deliveries exceeds, 0 where that is below 1.
+    """
+    worst = np.concatenate([found.energy_ratio.max(axis=1) for found in simulations])
+    weight = np.concatenate([found.weight for found in simulations])
+    order = np.argsort(-worst)
+    above = np.cumsum(weight[order]) / weight.sum()
+    at = int(np.searchsorted(above, epsilon, side="right"))
+    return max(float(worst[order][min(at, len(order) - 1)]) - 1.0, 0.0)

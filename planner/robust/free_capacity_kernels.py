@@ -1,0 +1,169 @@
+"""Compiled: whether the next station has room when the drone gets there, as seen from its pads and line now."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.jit.compiled import compiled, compiled_lean
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.planner.schedule.schedule_kernels import Queues
+
+LOOK_S = 120.0
+"""A drone that finds no room at the next station looks again after so long."""
+_NEGLIGIBLE = 1e-12
+_MOST = 60  # departures that are looked at
+
+
+class FreeCapacity(NamedTuple):
+    """Stations at the end of each hop, for the chance to find one full; shape (hops,).
+
+    Attributes
+    ----------
+    pads, spots : ndarray of int
+        Pads, and holding spots beside them.
+    arrivals_per_s, services_per_s : ndarray
+        Others that arrive, and that leave one busy pad, at the busiest hour that can matter.
+    most : float
+        Greatest chance with which a flight is begun; 1: nobody looks at the pads.
+    """
+
+    pads: NDArray[np.int64]
+    spots: NDArray[np.int64]
+    arrivals_per_s: NDArray[np.float64]
+    services_per_s: NDArray[np.float64]
+    most: float
+
+
+class Present(NamedTuple):
+    """Others at the stations, to be counted at any time; an entry for each queue path, in the order of `Queues`.
+
+    Attributes
+    ----------
+    at_start : ndarray of int, shape (entries,)
+        On pads and in line when the path begins.
+    offset, left_s : ndarray
+        Departures after that of entry i are ``left_s[offset[i] : offset[i + 1]]``, ascending.
+    """
+
+    at_start: NDArray[np.int64]
+    offset: NDArray[np.int64]
+    left_s: NDArray[np.float64]
+
+
+@compiled_lean
+def chance_full(pads: int, spots: int, arrivals: float, services: float, present: int) -> float:
+    """Chance that all pads and spots are taken after a while in which `arrivals` others are expected.
+
+    Takes counts and expected numbers from 0 up, all finite; where there is no room the chance is 1.
+
+    Parameters
+    ----------
+    pads, spots : int
+        Of the station.
+    arrivals, services : float
+        Expected number of arrivals, and of departures from one busy pad, in the while.
+    present : int
+        Others there now.
+
+    Returns
+    -------
+    float
+        P(arrivals - departures >= room), both Poisson, of which the departures are those of the pads busy now.
+    """
+    room = pads + spots - present
+    if room <= 0:
+        return 1.0
+    leaving = services * min(pads, present)
+    gone = math.exp(-leaving)  # probability of `count` departures
+    count = 0
+    total = 0.0
+    below, term = 0.0, math.exp(-arrivals)  # probability of fewer arrivals than there is room for, and of just so many
+    for k in range(room):
+        below += term
+        term *= arrivals / (k + 1)
+    while True:
+        late = max(1.0 - below, 0.0)
+        total += gone * late
+        count += 1
+        gone *= leaving / count
+        if late < _NEGLIGIBLE or count > _MOST:
+            return total
+        below += term
+        term *= arrivals / (room + count)
+
+
+@compiled
+def chances(
+    pads: NDArray[np.int64],
+    spots: NDArray[np.int64],
+    arrivals: NDArray[np.float64],
+    services: NDArray[np.float64],
+    present: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """`chance_full` of several stations.
+
+    Takes arrays of one length.
+    """
+    out = np.empty(len(pads))
+    for i in range(len(pads)):
+        out[i] = chance_full(pads[i], spots[i], arrivals[i], services[i], present[i])
+    return out
+
+
+@compiled_lean
+def _others(queues: Queues, there: Present, entry: int, time_s: float) -> int:
+    """Others at the station of an entry at a time."""
+    low, high = queues.offset[entry], queues.offset[entry + 1]
+    came = max(np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, 0)
+    left = np.searchsorted(there.left_s[there.offset[entry] : there.offset[entry + 1]], time_s, side="right")
+    return int(there.at_start[entry] + came - left)
+
+
+@compiled_lean
+def _enough(room: FreeCapacity, leg: int, present: int, flight_s: float) -> bool:
+    """Tell whether the station at the end of a hop has room, likely enough, after a flight, with so many there now."""
+    full = chance_full(
+        room.pads[leg],
+        room.spots[leg],
+        room.arrivals_per_s[leg] * flight_s,
+        room.services_per_s[leg] * flight_s,
+        present,
+    )
+    return full <= room.most
+
+
+@compiled_lean
+def is_room(
+    room: FreeCapacity, leg: int, queues: Queues, there: Present, entry: int, time_s: float, flight_s: float
+) -> bool:
+    """Tell whether the station at the end of a hop has room, likely enough, after a flight that begins at a time."""
+    return _enough(room, leg, _others(queues, there, entry, time_s), flight_s)
+
+
+@compiled_lean
+def next_look(
+    room: FreeCapacity,
+    leg: int,
+    queues: Queues,
+    there: Present,
+    entry: int,
+    time_s: float,
+    flight_s: float,
+    until_s: float,
+) -> float:
+    """Find the first time after one without room, in steps of `LOOK_S`, at which there is room or `until_s` is over."""
+    seen = _others(queues, there, entry, time_s)
+    while True:
+        time_s += LOOK_S
+        if time_s >= until_s:
+            return time_s
+        present = _others(queues, there, entry, time_s)
+        if present != seen and _enough(room, leg, present, flight_s):
+            return time_s
+        seen = present

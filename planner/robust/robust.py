@@ -1,0 +1,405 @@
+"""The robust planner: a route and a rule for charging, chosen by what becomes of them in worlds they were not made for.
+
+Routes are composed by the exact planner in worlds that stand for the forecast (`planner.problem.mean_value`): that of the mean
+flight time at several margins, and some of its members with sampled queues. Each route is flown with charges decided at
+each stop (`planner.robust.charge_policy`), every member being the truth once for a drone whose forecast lacks it. The best by
+the objective among those that keep the reserve is the answer; its margin is calibrated in the same way, among other queues
+and gusts than those it was chosen in, and what is promised of it is what was counted there. Stations that may be full to
+the last holding spot are left out where another way exists: a drone that hovers lives on its reserve.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import NoRouteError
+from skyway.models.wind.ensemble import evenly
+from skyway.planner.exact.exact import ExactSearch
+from skyway.planner.lookahead.lookahead import Lookahead
+from skyway.planner.problem.error_model import USUAL_ERRORS, Errors
+from skyway.planner.problem.mean_value import HOURS, ExpectedQueues
+from skyway.planner.problem.speeds import MeanSpeeds
+from skyway.planner.robust.charge_policy import PROMISING, ChargePolicy, OutOfSample, known_at, margin_for
+from skyway.planner.robust.free_capacity import blocking_probabilities
+from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+    from skyway.models.queues.sampling import QueuePath
+    from skyway.planner.problem.problem import Problem
+    from skyway.planner.schedule.itinerary import Itinerary
+    from skyway.planner.schedule.outcome import Outcome
+    from skyway.planner.schedule.typical import Typical
+
+MEMBERS = 30
+"""Members of the forecast that routes are rehearsed in, at most."""
+SPEED_MEMBERS = 10
+"""Members whose flight times are averaged on large networks."""
+LARGE = 200
+"""Stations from which on a network is large: fewer worlds are composed in."""
+NEEDED = 0.5
+"""Share of epsilon for flights that need more than was charged for; the rest is for stations without room."""
+MAX_FULL = 0.5
+"""A flight is begun when the chance to find its station full is below this multiple of epsilon."""
+FULLER = (0.005, 0.02, 0.1, 0.3, 1.0)
+"""The same where the drone would else hardly ever leave: the destination, which no way leaves out, may have little room."""
+MARGINS = (0.12, 0.25, 0.06)
+"""Margins of the energy of each flight that routes are composed with; large networks begin with the first alone."""
+MUCH = 0.45
+"""Margin tried beside none where those give no route, and where the best of theirs waits long in some winds."""
+LONG = 1.3
+"""Where a mean delivery takes more than so many times the median, the wind closes one of its flights for hours on some days."""
+MAX_LABELS = 200
+"""On large networks the best route of short flights is looked for in so many labels at most (`planner.exact.label_search`)."""
+FEW = 0.1
+"""Where a smaller share of the stations has room likely enough, no way is looked for that keeps to them."""
+WORLDS = 3
+"""Members with sampled queues that routes are composed in on small networks."""
+SCREEN_REALIZATIONS, SCREEN_RUNS = 12, 120
+"""Members that are the truth, and simulated deliveries, by which routes are compared first."""
+FINALISTS, FINALIST_RUNS = 3, 600
+"""The best of them are compared again with every member as the truth and so many deliveries."""
+BOLD = 2
+"""And so many that would be better than the best of them, but break the reserve before they are calibrated."""
+FINAL_RUNS = 1500
+"""Deliveries behind the figures of the answer."""
+IDLE = 0.5
+"""A stop at which fewer runs charge is tried without."""
+CHANCE_RUNS = 1.5
+"""So many runs below the reserve may be chance."""
+MIN_ARRIVE = 0.5
+"""A route that does not arrive within the horizon this often is the last resort."""
+CALIBRATIONS = 2
+"""Times the margin is calibrated: the second time with the first one's margin in place; once on large networks."""
+CLOSE = 0.003
+"""A margin that is greater by no more than this changes nothing that is worth flying all deliveries again for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A route with its rule of charging, and how it fares.
+
+    Attributes
+    ----------
+    policy : ChargePolicy
+        Flights and rule.
+    outcome : Outcome
+        Out of sample.
+    unsafe : bool
+        It breaks the reserve more often than allowed, by more than chance may explain.
+    loss : tuple of float
+        See `planner.problem.objective.Objective.loss`.
+    rehearsal : Rehearsal
+        The runs behind the outcome; the same worlds for all candidates of a comparison.
+    """
+
+    policy: ChargePolicy
+    outcome: Outcome
+    unsafe: bool
+    loss: tuple[float, float]
+    out_of_sample: OutOfSample
+
+    @property
+    def stops(self) -> tuple[int, ...]:
+        """Nodes landed at, in order."""
+        head = self.policy.problem.network.head
+        return tuple(int(head[leg.segments[-1]]) for leg in self.policy.itinerary)
+
+
+@dataclass(frozen=True, eq=False)
+class RobustAnswer:
+    """What the robust planner answers.
+
+    Attributes
+    ----------
+    policy : ChargePolicy
+        Its itinerary names the charges of the typical course.
+    typical : Typical
+        The typical course and the world that it is flown in.
+    rehearsal : Rehearsal
+        Runs behind the outcome.
+    outcome : Outcome
+        Out of sample.
+    candidates : tuple of Candidate
+        All that were compared, best first.
+    """
+
+    policy: ChargePolicy
+    typical: Typical
+    out_of_sample: OutOfSample
+    outcome: Outcome
+    candidates: tuple[Candidate, ...]
+
+
+class RobustSearch:
+    """One search.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the forecast.
+    errors : Errors
+        What the truth has beyond the forecast.
+    members : int
+        Members of the forecast beyond that number are thinned out.
+
+    Attributes
+    ----------
+    looked_at : int
+        Stays looked at by the exact searches and simulated deliveries.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        *,
+        errors: Errors = USUAL_ERRORS,
+        members: int = MEMBERS,
+    ) -> None:
+        self.problem = problem.thinned(members)
+        self.errors = errors
+        self.looked_at = 0
+        self._large = len(problem.network) > LARGE
+
+    def solve(self) -> RobustAnswer:
+        """Search.
+
+        Raises
+        ------
+        NoRouteError
+            There is no route even without margin.
+        """
+        candidates = self.finalists(self.candidates())
+        for number in range(len(candidates)):
+            try:
+                return self.finish([candidates[number], *candidates[:number], *candidates[number + 1 :]])
+            except NoRouteError:  # looked at closely, the drone never leaves or runs empty: the next one may
+                if number == len(candidates) - 1:
+                    raise
+        raise AssertionError
+
+    def finalists(self, candidates: list[Candidate]) -> list[Candidate]:
+        """Order candidates anew after more runs of the first few, and of those that beat them but for the reserve."""
+        if len(candidates) == 1 or self._large:
+            return candidates
+        first, others = candidates[:FINALISTS], candidates[FINALISTS:]
+        bold = [one for one in others if one.unsafe and one.loss < first[0].loss][:BOLD]
+        again = [self._careful(self._judged(one.policy.itinerary, FINALIST_RUNS, None)[0]) for one in first + bold]
+        return sorted(again, key=_order) + [one for one in others if one not in bold]
+
+    def _careful(self, one: Candidate) -> Candidate:
+        """Calibrate one that breaks the reserve: with a margin it may still be the best."""
+        if not one.unsafe:
+            return one
+        margin = margin_for([one.out_of_sample], self.problem.epsilon)
+        policy = replace(one.policy, known=one.policy.known._replace(margin=margin))
+        out_of_sample = policy.simulate(self.errors, FINALIST_RUNS, before=one.out_of_sample)
+        return self._candidate(policy, out_of_sample)
+
+    def finish(self, candidates: list[Candidate]) -> RobustAnswer:
+        """Calibrate the first of the candidates and tell what becomes of it.
+
+        Raises
+        ------
+        NoRouteError
+            Calibrated, it never arrives, or its typical course runs out of charge.
+        """
+        policy = candidates[0].policy
+        out_of_sample = policy.simulate(self.errors, FINAL_RUNS, before=candidates[0].out_of_sample, worlds=PROMISING)
+        for _ in range(1 if self._large else CALIBRATIONS):
+            extra, margin = margin_for([out_of_sample], self.problem.epsilon), policy.known.margin
+            if extra <= margin + 1e-6:
+                break
+            policy = replace(policy, known=policy.known._replace(margin=extra))
+            if extra <= margin + CLOSE:
+                break
+            out_of_sample = policy.simulate(self.errors, FINAL_RUNS, before=out_of_sample, worlds=PROMISING)
+        outcome = out_of_sample.outcome(self.problem)
+        if outcome.p_arrive <= 0.0:
+            raise policy.grounded(out_of_sample)
+        typical = policy.typical(out_of_sample)
+        emptied = emptied_leg(typical.course)
+        if emptied is not None:
+            raise runs_empty(self.problem, policy.itinerary, emptied)
+        return RobustAnswer(policy.with_charges(typical.course), typical, out_of_sample, outcome, tuple(candidates))
+
+    def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:
+        """Routes of all worlds, each once, best first.
+
+        Parameters
+        ----------
+        without : int, optional
+            Node that no route may stop at.
+        quick : bool
+            The first world that has a route is enough.
+
+        Raises
+        ------
+        NoRouteError
+            There is no route even without margin, or none that the forecast lets fly to its end.
+        """
+        p = self.problem
+        likely_free_at = blocking_probabilities(p) <= MAX_FULL * p.epsilon
+        likely_free_at[[p.origin, p.destination]] = True
+        found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
+        everywhere = np.ones(len(p.network), dtype=bool)
+        few = likely_free_at.sum() < FEW * np.count_nonzero(p.network.pads > 0)
+        for allowed in (everywhere,) if few else (likely_free_at, everywhere):
+            if without is not None:
+                allowed[without] = False
+            if _flying(found) and (quick or self._large or likely_free_at.all()):
+                break
+            for itinerary in self._routes(allowed, worlds=0 if found or self._large else WORLDS):
+                self._add(found, itinerary)
+                if quick and _flying(found):
+                    break
+            if found and not (quick and _flying(found)):
+                self._add_short_flights(found, allowed)
+        if not found:
+            raise no_route(p, Lookahead(p))
+        flying = _flying(found)
+        if not flying:
+            first = next(iter(found.values()))
+            raise first.policy.grounded(first.out_of_sample)
+        return sorted(flying, key=_order)
+
+    def _add_short_flights(
+        self, found: dict[tuple[tuple[int, ...], ...], Candidate], allowed: NDArray[np.bool_]
+    ) -> None:
+        """Add, where the best route waits long, one of flights so short that hardly any wind makes them too long for the battery."""
+        best, begin = min(found.values(), key=_order).outcome, self.problem.depart_s
+        if best.p_arrive > 1.0 - 1e-9 and best.mean_s - begin <= LONG * (best.quantile_s(0.5) - begin):
+            return
+        speeds, queues = self._mean_world
+        itinerary = self._compose(speeds, queues, MUCH, allowed, most_labels=MAX_LABELS if self._large else math.inf)
+        if itinerary is not None:
+            self._add(found, itinerary)
+
+    def _add(self, found: dict[tuple[tuple[int, ...], ...], Candidate], itinerary: Itinerary) -> None:
+        """Judge a route, and the same without the stops at which it does not charge, unless they are known."""
+        while True:
+            flights = tuple(leg.segments for leg in itinerary)
+            if flights in found:
+                return
+            found[flights], charges = self._judged(itinerary)
+            itinerary = _without_idle_stops(itinerary, charges)
+
+    def _routes(self, allowed: NDArray[np.bool_], worlds: int) -> Iterator[Itinerary]:
+        """Compose in the world of the mean at several margins, and in so many of members with a sampled queue."""
+        p = self.problem
+        speeds, queues = self._mean_world
+        margins = MARGINS[:1] if self._large else MARGINS
+        found = 0
+        for margin in margins:
+            itinerary = self._compose(speeds, queues, margin, allowed)
+            if itinerary is not None:
+                found += 1
+                yield itinerary
+        if not found:  # without any margin there may be one; and if so, perhaps with more than none
+            bare = self._compose(speeds, queues, 0.0, allowed)
+            if bare is None:
+                return
+            cautious = self._compose(speeds, queues, MUCH, allowed)
+            yield from (one for one in (cautious, bare) if one is not None)
+        for sample, member in enumerate(evenly(len(p.probability), worlds).tolist()):
+            alone = np.zeros(len(p.probability))
+            alone[member] = 1.0
+            sampled = p.queue_paths(range(len(p.network)), sample)
+            itinerary = self._compose(self._speeds(alone), sampled, MARGINS[0], allowed)
+            if itinerary is not None:
+                yield itinerary
+
+    @cached_property
+    def _mean_world(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:
+        """Speeds and queues that stand for the forecast."""
+        return self._speeds(self.problem.probability), ExpectedQueues(self.problem)
+
+    def _speeds(self, probability: NDArray[np.float64]) -> MeanSpeeds:
+        count = np.count_nonzero(probability)
+        if self._large and count > SPEED_MEMBERS:
+            kept = evenly(len(probability), SPEED_MEMBERS)
+            mask = np.zeros(len(probability))
+            mask[kept] = probability[kept]
+            if mask.sum() > 0.0:
+                probability = mask / mask.sum()
+        return MeanSpeeds(self.problem.air, probability, HOURS)
+
+    def _compose(
+        self,
+        speeds: MeanSpeeds,
+        queues: Mapping[int, QueuePath],
+        margin: float,
+        allowed: NDArray[np.bool_],
+        *,
+        most_labels: float = math.inf,
+    ) -> Itinerary | None:
+        """Compose the best route, or the best in so many labels; without that, on large networks the first one that is found.
+
+        That one keeps to labels with much to spare; the best has less to spare for winds other than the mean.
+        """
+        p = self.problem
+        margin_per_s = margin * p.soc_per_s
+        search = ExactSearch(
+            p,
+            queues,
+            speeds=speeds,
+            margin_soc_per_s=margin_per_s,
+            stops=allowed,
+            time_limit_s=0.0 if self._large and most_labels == math.inf else math.inf,
+            most_labels=most_labels,
+        )
+        found = search.find()
+        self.looked_at += search.looked_at
+        return found
+
+    def _judged(
+        self, itinerary: Itinerary, runs: int = SCREEN_RUNS, realizations: int | None = SCREEN_REALIZATIONS
+    ) -> tuple[Candidate, NDArray[np.float64]]:
+        """How a route fares, and the share of runs that charge at each stop."""
+        p = self.problem
+        known = known_at(p, self.errors, measured=True, epsilon=NEEDED * p.epsilon / len(itinerary))
+        policy = ChargePolicy(p, itinerary, known, MAX_FULL * p.epsilon)
+        found = self._candidate(policy, policy.simulate(self.errors, runs, max_realizations=realizations))
+        for most_full in FULLER:
+            if found.outcome.p_arrive >= MIN_ARRIVE:
+                break
+            policy = replace(policy, most_full=most_full)
+            again = policy.simulate(self.errors, runs, max_realizations=realizations, before=found.out_of_sample)
+            found = self._candidate(policy, again)
+        return found, found.out_of_sample.charging
+
+    def _candidate(self, policy: ChargePolicy, out_of_sample: OutOfSample) -> Candidate:
+        p = self.problem
+        self.looked_at += len(out_of_sample.weight)
+        outcome = out_of_sample.outcome(p)
+        unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(out_of_sample.weight)
+        return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome), out_of_sample)
+
+
+def _flying(found: dict[tuple[tuple[int, ...], ...], Candidate]) -> list[Candidate]:
+    """Those that arrive in any world."""
+    return [one for one in found.values() if one.outcome.p_arrive > 0.0]
+
+
+def _order(one: Candidate) -> tuple[float, ...]:
+    """What makes one candidate better than another: that it arrives, keeps the reserve, and then the objective."""
+    return one.outcome.p_arrive < MIN_ARRIVE, one.unsafe, *one.loss
+
+
+def _without_idle_stops(itinerary: Itinerary, charges: NDArray[np.float64]) -> Itinerary:
+    """Overfly the stops at which hardly any run charges."""
+    legs = [itinerary[0]]
+    for leg, share in zip(itinerary[1:], charges[1:], strict=True):
+        if share < IDLE:
+            legs[-1] = replace(legs[-1], segments=(*legs[-1].segments, *leg.segments))
+        else:
+            legs.append(leg)
+    return tuple(legs)

@@ -1,0 +1,1 @@
+"""Decisions flown through the forecast: times, charges, outcomes; audit and reasons."""

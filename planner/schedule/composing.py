@@ -1,0 +1,271 @@
+"""A course told as a composition: legs with the wind that may blow on them, stops with what is waited for."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base import geodesy
+from skyway.models.base.units import J_PER_WH, S_PER_H, S_PER_MIN, from_posix
+from skyway.models.composition.composition import (
+    ArrivalDistribution,
+    Composition,
+    DroneService,
+    LegSegment,
+    Place,
+    Stop,
+    Wind,
+)
+from skyway.models.wind.summary import Passage, WindSummary, summarise_wind
+from skyway.models.wind.triangle import speed_from
+from skyway.planner.schedule.schedule_kernels import (
+    PAD,
+    ROOM,
+    SOC_LANDING,
+    SOC_TAKE_OFF,
+    TAKE_OFF,
+    TOUCH_DOWN,
+    flight_parts,
+)
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from numpy.typing import NDArray
+
+    from skyway.models.drones.drone import Drone
+    from skyway.planner.problem.problem import Problem
+    from skyway.planner.schedule.itinerary import Itinerary
+    from skyway.planner.schedule.outcome import Outcome
+
+DIVERTS = 3
+"""Most divert stations that a service names."""
+
+
+def compose(
+    problem: Problem,
+    itinerary: Itinerary,
+    course: NDArray[np.float64],
+    member: int,
+    result: Outcome,
+    *,
+    planner: str,
+    planning_time_s: float,
+    notes: tuple[str, ...] = (),
+) -> Composition:
+    """Tell an itinerary as a composition whose typical course is `course`, flown in one member."""
+    network, request, drone = problem.network, problem.request, problem.drone
+    services = [_service(problem, itinerary, course, member, result, number) for number in range(len(itinerary))]
+    stops = [_stop(problem, itinerary, course, number) for number in range(len(itinerary))]
+    named = {problem.origin, problem.destination}
+    for leg in itinerary:
+        for segment in leg.segments:
+            named |= {int(network.tail[segment]), int(network.head[segment])}
+    named |= {network.index[key] for service in services for key in service.diverts}
+    stations = {
+        s.id: Place(s.lat, s.lon, s.elevation_m, s.name, s.pads)
+        for s in (network.stations[node] for node in sorted(named))
+    }
+    return Composition(
+        id=f"{planner}-{network.stations[problem.origin].id}-{network.stations[problem.destination].id}",
+        planner=planner,
+        drone=drone.id,
+        drone_parameters=_parameters(drone),
+        payload_kg=request.payload_kg,
+        airspeed_mps=problem.air.airspeed_mps,
+        max_ground_speed_mps=drone.max_ground_speed_mps,
+        cruise_height_m=problem.rules.cruise_height_m,
+        climb_rate_mps=problem.rules.climb_rate_mps,
+        descent_rate_mps=problem.rules.descent_rate_mps,
+        reserve_soc=request.reserve_soc,
+        depart=request.state.time,
+        origin=network.stations[problem.origin].id,
+        destination=network.stations[problem.destination].id,
+        stations=stations,
+        services=tuple(services),
+        stops=tuple(stop for stop in stops if stop is not None),
+        arrival=_distribution(result),
+        planning_time_s=planning_time_s,
+        seed=request.seed,
+        scenario_path=problem.scenario.path,
+        scenario_sha256=problem.scenario.sha256,
+        success_probability=result.p_success,
+        success=None if result.crossed is None else result.success,
+        notes=notes,
+    )
+
+
+def _distribution(result: Outcome) -> ArrivalDistribution:
+    if not len(result.weight):
+        return ArrivalDistribution(None, None, None)
+    figures = result.delivery, result.delivery_quantile(0.5), result.delivery_quantile(0.95)
+    mean, middle, late = (_instant(result.start_s + figure.value) for figure in figures)
+    if result.crossed is None:
+        return ArrivalDistribution(mean, middle, late)
+    return ArrivalDistribution(mean, middle, late, *figures, runs=len(result.weight))
+
+
+def _instant(posix_s: float) -> datetime:
+    return from_posix(round(posix_s * 1000.0) / 1000.0)
+
+
+def _parameters(drone: Drone) -> dict[str, float | str | None]:
+    return {
+        "name": drone.name,
+        "provider": drone.provider,
+        "mass_kg": drone.mass_kg,
+        "max_payload_kg": drone.max_payload_kg,
+        "battery_wh": drone.battery_j / J_PER_WH,
+        "endurance_empty_min": drone.endurance_empty_s / S_PER_MIN,
+        "endurance_full_min": drone.endurance_full_s / S_PER_MIN,
+        "max_airspeed_mps": drone.max_airspeed_mps,
+        "max_ground_speed_mps": drone.max_ground_speed_mps,
+        "wind_limit_mps": drone.wind_limit_mps,
+        "recharge_full_h": drone.recharge_full_s / S_PER_H,
+        "energy_model": drone.energy_model.name,
+    }
+
+
+def _take_off(problem: Problem, course: NDArray[np.float64], number: int) -> tuple[float, float]:
+    """Time and charge at the start of a flight; a drone already in the air does not climb again."""
+    time, soc = float(course[number, TAKE_OFF]), float(course[number, SOC_TAKE_OFF])
+    if number == 0 and problem.in_flight:
+        return problem.request.state.time.timestamp(), problem.request.state.soc
+    return time, soc
+
+
+def _service(
+    problem: Problem, itinerary: Itinerary, course: NDArray[np.float64], member: int, result: Outcome, number: int
+) -> DroneService:
+    network = problem.network
+    segments = np.array(itinerary[number].segments, dtype=np.int64)
+    nodes = [int(network.tail[segments[0]]), *(int(node) for node in network.head[segments])]
+    ids = [network.stations[node].id for node in nodes]
+    parts = flight_parts(problem.air, member, segments, float(course[number, TAKE_OFF]))
+    winds = _winds(problem, segments, parts, float(course[number, TAKE_OFF]))
+    each = [_segment(problem, segment, wind) for segment, wind in zip(segments.tolist(), winds[1:], strict=True)]
+    flown = np.array([parts[parts[:, 0] == segment, 2].sum() for segment in segments])
+    share = flown / flown.sum()
+    off, soc_off = _take_off(problem, course, number)
+    soc_down = float(course[number, SOC_LANDING])
+    return DroneService(
+        id=f"leg-{number + 1}",
+        origin=ids[0],
+        destination=ids[-1],
+        via=tuple(ids[1:-1]),
+        depart=_instant(off),
+        arrive=_instant(course[number, TOUCH_DOWN]),
+        distance_m=float(network.distance_m[segments].sum()),
+        bearing_deg=float(network.bearing_deg[segments[0]]),
+        ground_speed_mps=float(parts[:, 2] @ parts[:, 3] / parts[:, 2].sum()),
+        energy_j=(soc_off - soc_down) * problem.drone.battery_j,
+        soc_depart=soc_off,
+        soc_arrive=soc_down,
+        wind=winds[0].wind,
+        tailwind_mps=float(share @ [one.tailwind_mps for one in each]),
+        crosswind_mps=float(share @ [one.crosswind_mps for one in each]),
+        p_reserve=float(result.p_reserve[number]),
+        p_hold=float(result.p_hold[number]),
+        p_hold_room=float(result.p_hold_room[number]),
+        segments=tuple(each),
+        course_wind=_course_wind(problem, member, parts),
+        diverts=_diverts(problem, nodes, (soc_off, soc_down), (winds[0].north_mps, winds[0].east_mps)),
+    )
+
+
+def _winds(
+    problem: Problem, segments: NDArray[np.int64], parts: NDArray[np.float64], off_s: float
+) -> list[WindSummary]:
+    """Winds that the forecast has on a leg as a whole, and on each of its segments, when and as high as they are flown."""
+    network, height, exponent = problem.network, problem.rules.cruise_height_m, problem.rules.wind_profile_exponent
+    tail = network.tail[segments]
+    lat, lon = geodesy.midpoint(
+        network.lat[tail], network.lon[tail], network.bearing_deg[segments], network.distance_m[segments]
+    )
+    passages = []
+    now = off_s + problem.air.climb_s
+    for number, segment in enumerate(segments):
+        until = now + float(parts[parts[:, 0] == segment, 2].sum())
+        passages.append(Passage(float(lat[number]), float(lon[number]), now, until))
+        now = until
+    ways = [passages, *([one] for one in passages)] if len(passages) > 1 else [passages, passages]
+    return [summarise_wind(problem.forecast, way, height, exponent) for way in ways]
+
+
+def _course_wind(problem: Problem, member: int, parts: NDArray[np.float64]) -> Wind:
+    """Mean vector over the cruise of the wind in one member."""
+    air = problem.air
+    segment, slot, share = parts[:, 0].astype(np.int64), parts[:, 1].astype(np.int64), parts[:, 2] / parts[:, 2].sum()
+    north, east = (
+        float(share @ np.einsum("ij,ij->i", air.weight[segment], part[member, slot])) for part in (air.north, air.east)
+    )
+    speed, direction = speed_from(north, east)
+    return Wind(float(speed), float(direction))
+
+
+def _segment(problem: Problem, segment: int, wind: WindSummary) -> LegSegment:
+    network = problem.network
+    bearing = float(network.bearing_deg[segment])
+    along, across = wind.components(bearing)
+    head = network.stations[int(network.head[segment])].id
+    return LegSegment(head, float(network.distance_m[segment]), bearing, wind.wind, along, across)
+
+
+def _stop(problem: Problem, itinerary: Itinerary, course: NDArray[np.float64], number: int) -> Stop | None:
+    """The stay before a flight; None before the first one where the drone leaves at once."""
+    node = int(problem.network.tail[itinerary[number].segments[0]])
+    arrive = problem.depart_s if number == 0 else float(course[number - 1, TOUCH_DOWN])
+    soc_from = problem.soc if number == 0 else float(course[number - 1, SOC_LANDING])
+    leave, soc_to = float(course[number, TAKE_OFF]), float(course[number, SOC_TAKE_OFF])
+    pad = float(course[number, PAD])
+    if number == 0 and (problem.in_flight or leave <= arrive + 5e-4):
+        return None
+    charges = soc_to > soc_from + 1e-12
+    charged = min(pad + problem.charge_time_s(node, soc_from, soc_to), leave) if charges else pad
+    marks = [round(1000.0 * time) for time in (arrive, pad, max(charged, pad), leave)]
+    held_s = max(marks[3] - marks[2], 0) / 1000.0
+    _, p_free = problem.waits.at(node, arrive)
+    return Stop(
+        station=problem.network.stations[node].id,
+        arrive=from_posix(marks[0] / 1000.0),
+        wait_s=(marks[1] - marks[0]) / 1000.0,
+        recharge_s=(marks[2] - marks[1]) / 1000.0,
+        hold_s=held_s,
+        hold_room_s=min(round(float(course[number, ROOM]), 3), held_s),
+        soc_from=soc_from,
+        soc_to=soc_to,
+        p_pad_free=min(max(p_free, 0.0), 1.0),
+    )
+
+
+def _diverts(
+    problem: Problem, nodes: list[int], soc: tuple[float, float], wind: tuple[float, float]
+) -> tuple[str, ...]:
+    """Stations with pads, off the route, that stay in reach above the reserve from the point of the route nearest to them."""
+    network = problem.network
+    lat, lon = network.lat, network.lon
+    begin, end = nodes[0], nodes[-1]
+    best: dict[int, float] = {}
+    with_pads = network.pads > 0
+    with_pads[nodes] = False
+    for part in (0.25, 0.5, 0.75):
+        length = geodesy.distance_m(lat[begin], lon[begin], lat[end], lon[end])
+        bearing = geodesy.bearing_deg(lat[begin], lon[begin], lat[end], lon[end])
+        here = geodesy.direct(lat[begin], lon[begin], bearing, part * length)
+        spare = soc[0] + part * (soc[1] - soc[0]) - problem.reserve
+        within_m = (spare / problem.soc_per_s - problem.rules.descent_s) * problem.air.max_ground_speed_mps
+        candidates = np.flatnonzero(with_pads & (geodesy.coarse_distance_m(*here, lat, lon) <= 1.01 * within_m))
+        if not len(candidates):
+            continue
+        distance, course = geodesy.inverse(*here, lat[candidates], lon[candidates])
+        angle = np.radians(course)
+        tail = wind[0] * np.cos(angle) + wind[1] * np.sin(angle)
+        speed = np.clip(problem.air.airspeed_mps + np.minimum(tail, 0.0), 1.0, problem.air.max_ground_speed_mps)
+        cost = problem.soc_per_s * (distance / speed + problem.rules.descent_s)
+        for k in np.flatnonzero(cost <= spare):
+            node = int(candidates[k])
+            best[node] = min(best.get(node, math.inf), float(distance[k]))
+    nearest = sorted(best, key=best.__getitem__)[:DIVERTS]
+    return tuple(network.stations[node].id for node in nearest)

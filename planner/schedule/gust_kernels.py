@@ -1,0 +1,160 @@
+"""Compiled gusts: flights through wind that varies about its hourly value.
+
+The gust at a time follows from a key and the time alone, so that whoever flies in the same sampled truth, on whatever
+route, meets the same gusts (but for what is older than `_WARM_UP` time constants at the take-off: below 0.1 %). Normal deviates come from a counter (SplitMix64 of key and step, then Box and Muller); the
+process is an Ornstein-Uhlenbeck one sampled at steps of `GUST_STEP_S` and held within each:
+x(k) = phi x(k-1) + sqrt(1 - phi^2) e(k), phi = exp(-step / time constant).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.flight.kernels import NEVER, land, slot_end, slot_of, wind_on
+from skyway.models.jit.compiled import compiled_lean
+from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.models.flight.rules import SegmentWind
+
+GUST_STEP_S = 30.0
+"""A gust holds for this long."""
+LATERAL = 0.8
+"""Gusts across the wind as a share of those along it (near the ground in neutral air 1.9 / 2.4)."""
+MAX_DEVIATION = 3.0
+"""Gusts are cut off at this many standard deviations."""
+_WARM_UP = 7.0
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
+_MIX_2 = np.uint64(0x94D049BB133111EB)
+_S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
+_ONE, _TWO = np.uint64(1), np.uint64(2)
+
+
+class Disturbance(NamedTuple):
+    """What each run meets beyond its member of the wind.
+
+    Attributes
+    ----------
+    queue : ndarray of int, shape (runs,)
+        Which of the sampled sets of queues.
+    energy : ndarray, shape (runs,)
+        Energy that this vehicle's flights take, as a multiple of the model's.
+    gust_key : ndarray of uint64, shape (runs,)
+        Of each run's gusts.
+    gust_sd : float
+        Standard deviation of gusts along the wind as a share of the hourly speed; 0: no gusts.
+    gust_time_s : float
+        Time constant.
+    """
+
+    queue: NDArray[np.int64]
+    energy: NDArray[np.float64]
+    gust_key: NDArray[np.uint64]
+    gust_sd: float
+    gust_time_s: float
+
+
+def no_disturbance(runs: int) -> Disturbance:
+    """No gusts, no error of energy, and a set of queues for each run."""
+    return Disturbance(np.arange(runs), np.ones(runs), np.zeros(runs, dtype=np.uint64), 0.0, 1.0)
+
+
+@compiled_lean
+def mixed(z: np.uint64) -> np.uint64:
+    """Scramble 64 bits (the finaliser of SplitMix64)."""
+    z = (z ^ (z >> _S30)) * _MIX_1
+    z = (z ^ (z >> _S27)) * _MIX_2
+    return z ^ (z >> _S31)
+
+
+@compiled_lean
+def deviates(key: np.uint64, step: int) -> tuple[float, float]:
+    """Two independent standard normal deviates of a step of time."""
+    counter = np.uint64(step) * _TWO
+    first = mixed(key + counter * _GOLDEN)
+    second = mixed(key + (counter + _ONE) * _GOLDEN)
+    radius = math.sqrt(-2.0 * math.log((np.float64(first >> _S11) + 1.0) / 9007199254740993.0))
+    angle = 2.0 * math.pi * np.float64(second >> _S11) / 9007199254740992.0
+    return radius * math.cos(angle), radius * math.sin(angle)
+
+
+@compiled_lean
+def gust_after(gust: tuple[float, float], key: np.uint64, step: int, phi: float, scale: float) -> tuple[float, float]:
+    """Gust of a step of time, from that of the step before; `scale` is sqrt(1 - phi^2)."""
+    along, across = deviates(key, step)
+    return phi * gust[0] + scale * along, phi * gust[1] + scale * across
+
+
+@compiled_lean
+def gust_at(key: np.uint64, step: int, phi: float) -> tuple[float, float]:
+    """Gust along and across the wind in a step of time, in standard deviations, from its past."""
+    scale = math.sqrt(1.0 - phi * phi)
+    length = int(math.ceil(-_WARM_UP / math.log(phi))) if phi > 0.0 else 0
+    gust = deviates(key, step - length)
+    for k in range(step - length + 1, step + 1):
+        gust = gust_after(gust, key, k, phi, scale)
+    return gust
+
+
+@compiled_lean
+def gusty_speed(
+    air: SegmentWind, member: int, slot: int, segment: int, gust: tuple[float, float], gust_sd: float
+) -> float:
+    """Ground speed over a segment in a gust (equations 1-5); a gust slows a flight, but does not end it."""
+    north, east = wind_on(air, member, slot, segment)
+    along = gust_sd * min(max(gust[0], -MAX_DEVIATION), MAX_DEVIATION)
+    across = LATERAL * gust_sd * min(max(gust[1], -MAX_DEVIATION), MAX_DEVIATION)
+    gust_north = north * (1.0 + along) - east * across
+    gust_east = east * (1.0 + along) + north * across
+    tail = gust_north * air.cos_bearing[segment] + gust_east * air.sin_bearing[segment]
+    cross = gust_east * air.cos_bearing[segment] - gust_north * air.sin_bearing[segment]
+    speed = tail + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - cross * cross, 0.0))
+    return float(min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps))
+
+
+@compiled_lean
+def gusty_land(
+    air: SegmentWind,
+    member: int,
+    segments: NDArray[np.int64],
+    depart_s: float,
+    key: np.uint64,
+    gust_sd: float,
+    time_s: float,
+) -> float:
+    """Touch-down of a flight through gusts of time constant `time_s`; without gusts that of `land`.
+
+    The hourly wind must allow the take-off (`next_opening`). Once begun, the flight is flown to its end: a gust beyond
+    the limits slows it to the least ground speed.
+
+    Takes a member and segments of the air and a finite take-off; a time constant above 0.
+    """
+    if gust_sd <= 0.0:
+        return land(air, member, segments, depart_s)
+    phi = math.exp(-GUST_STEP_S / time_s)
+    scale = math.sqrt(1.0 - phi * phi)
+    now = depart_s + air.climb_s
+    step = int(math.floor(now / GUST_STEP_S))
+    gust = gust_at(key, step, phi)
+    for segment in segments:
+        left = air.distance_m[segment]
+        while True:
+            slot = slot_of(air, now)
+            speed = gusty_speed(air, member, slot, segment, gust, gust_sd)
+            next_step = (step + 1) * GUST_STEP_S
+            end = min(next_step, slot_end(air, slot))
+            if now + left / speed <= end:
+                now += left / speed
+                break
+            left -= speed * (end - now)
+            now = end
+            if now >= next_step:
+                step += 1
+                gust = gust_after(gust, key, step, phi, scale)
+    return now + air.descent_s if now < NEVER else NEVER

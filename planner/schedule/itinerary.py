@@ -1,0 +1,182 @@
+"""Itineraries: what a planner decides, flown through the forecast and told as a composition."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.weighted import weighted_quantile
+from skyway.models.queues.sampling import no_queue, pack
+from skyway.planner.problem.kernel_inputs import check_itinerary, check_runs
+from skyway.planner.schedule.gust_kernels import no_disturbance
+from skyway.planner.schedule.no_route import grounded_leg, never_leaves
+from skyway.planner.schedule.schedule_kernels import (
+    TAKE_OFF,
+    TOUCH_DOWN,
+    Legs,
+    Queues,
+    Waits,
+    fly_under,
+    no_queues,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from skyway.models.queues.sampling import QueuePath
+    from skyway.planner.problem.problem import Problem
+    from skyway.planner.schedule.gust_kernels import Disturbance
+
+SAMPLES_PER_MEMBER = 8
+"""Sampled queues that each member of the forecast is flown with."""
+TYPICAL_SLOTS = 8
+"""Slots of the forecast in which the winds of members are compared for the typical course."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One flight and the stop before it.
+
+    Attributes
+    ----------
+    segments : tuple of int
+        Segments flown, without a landing between.
+    charge_to : float or None
+        Charge at the stop before; None uses no pad.
+    not_before_s : float
+        Stay at the stop before at least until then, POSIX seconds.
+    """
+
+    segments: tuple[int, ...]
+    charge_to: float | None = None
+    not_before_s: float = -math.inf
+
+
+Itinerary = tuple[Leg, ...]
+
+
+def fly_expected(problem: Problem, itinerary: Itinerary) -> NDArray[np.float64]:
+    """Fly an itinerary in every member with expected waits, shape (members, hops, 7); see `course_kernels`."""
+    nodes = stop_nodes(problem, itinerary)
+    problem.waits.need(nodes)
+    waits = Waits(problem.waits.start_s, problem.waits.step_s, problem.waits.wait_s[nodes])
+    members = np.arange(len(problem.probability))
+    return _fly(problem, itinerary, members, (), waits)
+
+
+def fly_sampled(
+    problem: Problem, itinerary: Itinerary, samples: int = SAMPLES_PER_MEMBER
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Fly an itinerary in every member with sampled queues: (runs, shape (runs, hops, 7); probability, shape (runs,))."""
+    nodes = place_nodes(problem, itinerary)
+    paths = [found[node] for found in problem.queue_sets(nodes, range(samples)) for node in nodes]
+    members = np.repeat(np.arange(len(problem.probability)), samples)
+    disturbance = no_disturbance(len(members))._replace(queue=np.tile(np.arange(samples), len(problem.probability)))
+    runs = fly_as_it_stands(problem, itinerary, members, disturbance, paths)
+    return runs, np.repeat(problem.probability / samples, samples)
+
+
+def fly_true(problem: Problem, itinerary: Itinerary, queues: dict[int, QueuePath]) -> NDArray[np.float64]:
+    """Fly an itinerary in the first member with given queues, shape (1, hops, 7)."""
+    paths = [queues.get(node) or no_queue() for node in place_nodes(problem, itinerary)]
+    return _fly(problem, itinerary, np.zeros(1, dtype=np.int64), paths, no_waits(len(itinerary)))
+
+
+def fly_as_it_stands(
+    problem: Problem,
+    itinerary: Itinerary,
+    members: NDArray[np.int64],
+    disturbance: Disturbance,
+    paths: Sequence[QueuePath],
+) -> NDArray[np.float64]:
+    """Fly an itinerary in members with sampled queues: sets that `sky` names, paths in order (set, hop)."""
+    return _fly(problem, itinerary, members, paths, no_waits(len(itinerary)), disturbance)
+
+
+def no_waits(legs: int) -> Waits:
+    """Make the expected waits that `fly_under` does not read where queues are sampled."""
+    return Waits(0.0, 1.0, np.zeros((legs, 1)))
+
+
+def place_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
+    """Node of the stop before each hop, and the one where the last hop ends: whose queues a delivery meets."""
+    return [*stop_nodes(problem, itinerary), int(problem.network.head[itinerary[-1].segments[-1]])]
+
+
+def stop_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
+    """Node of the stop before each hop; an `InputError` where the itinerary is none."""
+    check_itinerary(problem.network, itinerary)
+    return [int(problem.network.tail[leg.segments[0]]) for leg in itinerary]
+
+
+def _fly(
+    problem: Problem,
+    itinerary: Itinerary,
+    members: NDArray[np.int64],
+    paths: Sequence[QueuePath],
+    waits: Waits,
+    disturbance: Disturbance | None = None,
+) -> NDArray[np.float64]:
+    start = (float(problem.depart_s), float(problem.soc))
+    cost = (float(problem.soc_per_s), float(problem.soc_fixed))
+    disturbance = disturbance or no_disturbance(len(members))
+    legs = hops_of(problem, itinerary)
+    check_runs(members, len(problem.air.north), disturbance, paths, len(itinerary) + 1)
+    queues = Queues(*pack(paths)) if paths else no_queues()
+    course = fly_under(disturbance, problem.air, members, legs, queues, waits, start, cost)
+    course[held_in_the_air(problem, course)] = math.inf
+    return course
+
+
+def held_in_the_air(problem: Problem, course: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which runs the wind lets begin only later, though the drone is in the air and cannot hold, shape (runs,)."""
+    late = course[:, 0, TAKE_OFF] > problem.depart_s + 1e-3
+    return np.asarray(late if problem.in_flight else np.zeros_like(late))
+
+
+def hops_of(problem: Problem, itinerary: Itinerary) -> Legs:
+    """Lay an itinerary out as arrays for `course_kernels`."""
+    stops = stop_nodes(problem, itinerary)
+    offset = np.cumsum([0, *(len(leg.segments) for leg in itinerary)])
+    curves = [problem.curve(node) for node in stops]
+    points = max(len(time) for time, _ in curves)
+    return Legs(
+        offset=offset.astype(np.int64),
+        segments=np.array([segment for leg in itinerary for segment in leg.segments], dtype=np.int64),
+        charge_to=np.array([math.nan if leg.charge_to is None else leg.charge_to for leg in itinerary]),
+        not_before_s=np.array([leg.not_before_s for leg in itinerary], dtype=np.float64),
+        curve_s=np.array([np.pad(time, (0, points - len(time)), mode="edge") for time, _ in curves]),
+        curve_soc=np.array([np.pad(soc, (0, points - len(soc)), mode="edge") for _, soc in curves]),
+        has_pads=np.array([problem.has_pads(node) for node in stops], dtype=np.bool_),
+    )
+
+
+def typical_member(problem: Problem, itinerary: Itinerary) -> tuple[int, NDArray[np.float64]]:
+    """Member for the typical course, and that course with expected waits, shape (hops, 7).
+
+    Of the tenth of the members whose arrival is nearest to the median arrival, the one whose wind is nearest to that
+    of all the others (least mean vector distance over the first hours).
+
+    Raises
+    ------
+    NoRouteError
+        No member lets it arrive.
+    """
+    runs = fly_expected(problem, itinerary)
+    arrival = runs[:, -1, TOUCH_DOWN]
+    arrives = np.flatnonzero(np.isfinite(arrival))
+    if not len(arrives):
+        raise never_leaves(problem, itinerary, grounded_leg(runs))
+    middle = weighted_quantile(arrival[arrives], problem.probability[arrives], 0.5)
+    off = np.abs(arrival[arrives] - middle)
+    near = arrives[off <= np.sort(off)[max(1, len(arrives) // 10) - 1] + 1.0]
+    air = problem.air
+    wind = (air.north + 1j * air.east)[:, :TYPICAL_SLOTS].reshape(len(air.north), -1)
+    distance = [float(problem.probability @ np.abs(wind - wind[member]).mean(axis=1)) for member in near]
+    member = int(near[int(np.argmin(distance))])
+    return member, runs[member]

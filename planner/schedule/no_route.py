@@ -1,0 +1,164 @@
+"""Why there is no route: the constraint that binds, said with its figures."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.errors import NoRouteError
+from skyway.models.base.units import S_PER_MIN
+from skyway.models.flight.kernels import NEVER, next_opening
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.planner.lookahead.lookahead import Lookahead
+    from skyway.planner.problem.problem import Problem
+    from skyway.planner.schedule.itinerary import Itinerary
+
+
+def _reached(problem: Problem, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell which nodes usable segments join to the origin, shape (nodes,)."""
+    tail, head = problem.network.tail[usable], problem.network.head[usable]
+    found = np.zeros(len(problem.network), dtype=np.bool_)
+    found[problem.origin] = True
+    while True:
+        new = head[found[tail] & ~found[head]]
+        if not len(new):
+            return found
+        found[new] = True
+
+
+def joined(problem: Problem) -> bool:
+    """Tell whether any chain of segments leads from the origin to the destination."""
+    return bool(_reached(problem, np.ones(len(problem.network.tail), dtype=np.bool_))[problem.destination])
+
+
+def grounded_leg(courses: NDArray[np.float64]) -> int:
+    """Number of the leg at which most runs end, of courses of shape (runs, hops, 6) of which none arrives."""
+    first = np.argmin(np.isfinite(courses[:, :, TOUCH_DOWN]), axis=1)
+    return int(np.argmax(np.bincount(first)))
+
+
+def emptied_leg(course: NDArray[np.float64]) -> int | None:
+    """Number of the first leg that a course of shape (hops, 6) lands from below an empty battery; None where there is none."""
+    empty = course[:, SOC_LANDING] < 0.0
+    return int(np.argmax(empty)) if empty.any() else None
+
+
+def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc: float = 0.0) -> NoRouteError:
+    """Explain a route that no wind of the forecast lets fly to its end.
+
+    Parameters
+    ----------
+    problem, itinerary
+        What is asked, and the route.
+    leg : int
+        Number of the leg that is never begun, see `grounded_leg`.
+    required_soc : float
+        Charge at its take-off that the drone insists on, at the least: the energy binds where it cannot have that.
+    """
+    network, drone = problem.network, problem.drone
+    segments = np.array(itinerary[leg].segments, dtype=np.int64)
+    a, b = (network.stations[int(node)].id for node in (network.tail[segments[0]], network.head[segments[-1]]))
+    begin = f"no route from {network.stations[problem.origin].id} to {network.stations[problem.destination].id}:"
+    where = f"leg {a} > {b} ({network.distance_m[segments].sum() / 1000:.1f} km)"
+    members = range(len(problem.probability))
+    most = problem.soc if leg == 0 and not problem.has_pads(problem.origin) else 1.0
+    if required_soc > most:
+        message = (
+            f"{begin} {where} takes {100 * (required_soc - problem.reserve):.0f} % of the battery of {drone.id} in the best "
+            f"of the forecast winds, with gusts and the error of the energy model, {100 * (most - problem.reserve):.0f} % are "
+            f"there above the reserve of {100 * problem.reserve:.0f} %{'' if most == 1.0 else f', and no pad at {a}'}"
+        )
+        return NoRouteError(message, constraint="energy")
+    if all(next_opening(problem.air, member, segments, problem.depart_s) == NEVER for member in members):
+        message = (
+            f"{begin} throughout the forecast the wind on {where} is above the limit of {drone.id} "
+            f"({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of {problem.air.airspeed_mps:g} m/s"
+        )
+        return NoRouteError(message, constraint="wind")
+    if problem.in_flight and leg == 0:
+        message = (
+            f"{begin} the wind on {where} forbids it now in all of the forecast: above the limit of {drone.id} "
+            f"({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of {problem.air.airspeed_mps:g} m/s, and a drone in "
+            f"the air cannot hold"
+        )
+        return NoRouteError(message, constraint="wind")
+    message = (
+        f"{begin} {where} is never begun within the forecast: when the wind allows it and the charge is enough, {b} is "
+        f"likely to have neither a free pad nor a holding spot"
+    )
+    return NoRouteError(message, constraint="room")
+
+
+def runs_empty(problem: Problem, itinerary: Itinerary, leg: int, advice: str = "") -> NoRouteError:
+    """Refuse a route that typically ends with an empty battery in the air, on a leg."""
+    network, segments = problem.network, itinerary[leg].segments
+    a, b = (network.stations[int(node)].id for node in (network.tail[segments[0]], network.head[segments[-1]]))
+    message = (
+        f"no route from {network.stations[problem.origin].id} to {network.stations[problem.destination].id}: on leg {a} > {b} "
+        f"{problem.drone.id} typically runs out of charge, hovering until there is a pad or a holding spot at {b} or in more "
+        f"wind than the planner expected{advice}"
+    )
+    return NoRouteError(message, constraint="energy")
+
+
+def no_room(problem: Problem) -> NoRouteError:
+    """Refuse a destination at which nobody who comes within the forecast can land."""
+    start, goal = (problem.network.stations[node].id for node in (problem.origin, problem.destination))
+    busy = problem.request.state.busy_pads.get(goal)
+    there = "" if busy is None else f" behind the {busy} drones that are there now"
+    message = (
+        f"no route from {start} to {goal}: there is neither a pad nor a holding spot free at {goal} within the forecast{there}; "
+        "choose another destination or a later departure"
+    )
+    return NoRouteError(message, constraint="room")
+
+
+def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> NoRouteError:
+    """Explain a failed search: disconnected, energy on the decisive segment, wind, or no room at the destination.
+
+    The decisive segment is the one that asks least among those that lead out of what can be reached. Whether there is
+    `room` within the forecast is said by who knows the queues.
+    """
+    network = problem.network
+    start = network.stations[problem.origin].id
+    goal = network.stations[problem.destination].id
+    if not joined(problem):
+        message = f"no route from {start} to {goal}: no chain of segments joins them (the network is in parts)"
+        return NoRouteError(message, constraint="disconnected")
+    charge = np.array([lookahead.flight(segment, problem.depart_s)[1] for segment in range(len(network.tail))])
+    reached = _reached(problem, charge <= lookahead.budget)
+    if reached[problem.destination] and not room:
+        return no_room(problem)
+    if reached[problem.destination]:
+        message = (
+            f"no route from {start} to {goal} within the forecast: each segment can be flown on a full battery now, "
+            f"but not one after the other as wind, queues and charge ({100 * problem.soc:.0f} % now) develop"
+        )
+        return NoRouteError(message, constraint="energy")
+    out = np.flatnonzero(reached[network.tail] & ~reached[network.head]).tolist()
+    least = min(out, key=lambda i: (charge[i], network.distance_m[i]))
+    a, b = network.stations[int(network.tail[least])].id, network.stations[int(network.head[least])].id
+    where = f"segment {a} > {b} ({network.distance_m[least] / 1000:.1f} km)"
+    if not math.isfinite(charge[least]):
+        drone = problem.drone
+        message = (
+            f"no route from {start} to {goal}: throughout the forecast the wind on {where} is above the limit of "
+            f"{drone.id} ({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of "
+            f"{problem.air.airspeed_mps:g} m/s"
+        )
+        return NoRouteError(message, constraint="wind")
+    escape = ""
+    if int(network.head[least]) == problem.destination and problem.needs_escape:
+        escape = " and on to a station with pads"
+    message = (
+        f"no route from {start} to {goal}: {where}{escape} takes {100 * charge[least]:.0f} % of the battery of "
+        f"{problem.drone.id} in the worst forecast wind, {100 * lookahead.budget:.0f} % are there above the reserve "
+        f"of {100 * problem.reserve:.0f} % (longest flight {problem.longest_flight_s / S_PER_MIN:.0f} min)"
+    )
+    return NoRouteError(message, constraint="energy")

@@ -1,0 +1,226 @@
+"""Compiled flying of a fixed itinerary through many winds and queues."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.flight.kernels import NEVER, next_opening, segment_speed, slot_end, slot_of
+from skyway.models.jit.compiled import compiled, compiled_lean
+from skyway.planner.schedule.gust_kernels import gusty_land
+from skyway.planner.schedule.profile_kernels import interpolate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from skyway.models.flight.rules import SegmentWind
+    from skyway.planner.schedule.gust_kernels import Disturbance
+
+PAD, TAKE_OFF, TOUCH_DOWN, SOC_TAKE_OFF, SOC_LANDING, READY, ROOM = range(COLUMNS := 7)
+"""Columns of what `fly_under` returns: pad reached (the arrival where no pad is used), take-off, touch-down, charge at both,
+when the drone was ready to leave, and for how long after that it held until the next station had room, s. The rest of the
+time from ready to take-off it held for the wind."""
+
+
+class Legs(NamedTuple):
+    """Flights of an itinerary and the stop before each, for `fly_under`.
+
+    Attributes
+    ----------
+    offset, segments : ndarray of int
+        Segments of hop i are ``segments[offset[i] : offset[i + 1]]``.
+    charge_to, not_before_s : ndarray, shape (hops,)
+        At the stop before: charge to this SoC (NaN: use no pad) and stay until this time (-inf: do not).
+    curve_s, curve_soc : ndarray, shape (hops, points)
+        Charging curve at the stop before; rows padded by repeating the last point.
+    has_pads : ndarray of bool, shape (hops,)
+        Whether there is a pad at the stop before at all.
+    """
+
+    offset: NDArray[np.int64]
+    segments: NDArray[np.int64]
+    charge_to: NDArray[np.float64]
+    not_before_s: NDArray[np.float64]
+    curve_s: NDArray[np.float64]
+    curve_soc: NDArray[np.float64]
+    has_pads: NDArray[np.bool_]
+
+
+class Queues(NamedTuple):
+    """Sets of queue paths, packed by `models.queues.sampling.pack` in order (set, place).
+
+    The places of a set are the stop before each hop and, last, the station where the route ends: one more than hops.
+    """
+
+    offset: NDArray[np.int64]
+    arrival_s: NDArray[np.float64]
+    pad_s: NDArray[np.float64]
+    land_s: NDArray[np.float64]
+    delay_s: NDArray[np.float64]
+
+
+def no_queues() -> Queues:
+    """Return no set of paths: expected waits are used instead."""
+    return Queues(np.zeros(1, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
+
+
+class Waits(NamedTuple):
+    """Expected waits at the stop before each hop, shape (hops, times)."""
+
+    start_s: float
+    step_s: float
+    wait_s: NDArray[np.float64]
+
+
+@compiled_lean
+def expected_pad(waits: Waits, leg: int, time_s: float) -> float:
+    """When a drone that arrives at a time can expect a pad."""
+    x = (time_s - waits.start_s) / waits.step_s
+    last = waits.wait_s.shape[1] - 1
+    if x <= 0.0:
+        return time_s + waits.wait_s[leg, 0]
+    if x >= last:
+        return time_s + waits.wait_s[leg, last]
+    k = int(x)
+    return time_s + waits.wait_s[leg, k] + (x - k) * (waits.wait_s[leg, k + 1] - waits.wait_s[leg, k])
+
+
+@compiled_lean
+def _interval(queues: Queues, entry: int, time_s: float) -> int:
+    low, high = queues.offset[entry], queues.offset[entry + 1]
+    return max(low + np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, low)
+
+
+@compiled_lean
+def sampled_spot(queues: Queues, entry: int, time_s: float) -> float:
+    """When a drone that arrives at a time can touch down."""
+    return max(time_s, queues.land_s[_interval(queues, entry, time_s)])
+
+
+@compiled_lean
+def sampled_pad(queues: Queues, entry: int, time_s: float) -> float:
+    """When a drone that arrives at a time gets a pad."""
+    k = _interval(queues, entry, time_s)
+    return max(time_s + queues.delay_s[k], queues.pad_s[k])
+
+
+@compiled
+def fly_under(
+    disturbance: Disturbance,
+    air: SegmentWind,
+    members: NDArray[np.int64],
+    legs: Legs,
+    queues: Queues,
+    waits: Waits,
+    start: tuple[float, float],
+    cost: tuple[float, float],
+) -> NDArray[np.float64]:
+    """Fly an itinerary in several runs, through gusts and with errors of energy.
+
+    Takes members and sets of queues that are there, and a segment or more for each hop (`planner.problem.kernel_inputs`, in `planner.schedule.itinerary`); it charges
+    nowhere without pads.
+
+    Parameters
+    ----------
+    sky : Sky
+        Gusts, errors of energy, and which set of queues each run meets.
+    air : Air
+        The wind.
+    members : ndarray of int, shape (runs,)
+        Member of the ensemble that each run flies in.
+    hops : Hops
+        The itinerary.
+    queues : Queues
+        One sampled path per set and place; with no entries, the expected waits are used instead.
+    waits : Waits
+        Expected waits.
+    start : (time_s, soc)
+        When and with which charge the delivery starts.
+    cost : (soc_per_s, soc_fixed)
+        Of a flight.
+
+    Returns
+    -------
+    ndarray, shape (runs, hops, 7)
+        See the column names of this module; infinite from the hop on that the wind never opens for.
+    """
+    count = len(legs.charge_to)
+    out = np.full((len(members), count, COLUMNS), NEVER)
+    sampled = len(queues.offset) > 1
+    for run in range(len(members)):
+        now, soc = start
+        joined = now
+        for leg in range(count):
+            segments = legs.segments[legs.offset[leg] : legs.offset[leg + 1]]
+            entry = disturbance.queue[run] * (count + 1) + leg
+            pad = now
+            ready = now
+            charges = legs.has_pads[leg] and legs.charge_to[leg] > soc  # not where it is NaN either
+            u = 0.0
+            if charges:
+                pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, leg, now)
+                u = interpolate(soc, legs.curve_soc[leg], legs.curve_s[leg])
+                ready = pad + interpolate(legs.charge_to[leg], legs.curve_soc[leg], legs.curve_s[leg]) - u
+            ready = max(ready, legs.not_before_s[leg])
+            off = next_opening(air, members[run], segments, ready)
+            if off == NEVER:
+                break
+            if charges:
+                soc = interpolate(u + off - pad, legs.curve_s[leg], legs.curve_soc[leg])
+            out[run, leg, PAD], out[run, leg, READY], out[run, leg, TAKE_OFF], out[run, leg, SOC_TAKE_OFF] = (
+                pad,
+                ready,
+                off,
+                soc,
+            )
+            out[run, leg, ROOM] = 0.0
+            now = gusty_land(
+                air,
+                members[run],
+                segments,
+                off,
+                disturbance.gust_key[run],
+                disturbance.gust_sd,
+                disturbance.gust_time_s,
+            )
+            soc -= disturbance.energy[run] * (cost[1] + cost[0] * (now - off))
+            joined = now  # a drone that hovers for a spot keeps its place in the queue
+            if sampled:
+                now = sampled_spot(queues, entry + 1, now)
+                soc -= disturbance.energy[run] * cost[0] * (now - joined)
+            out[run, leg, TOUCH_DOWN], out[run, leg, SOC_LANDING] = now, soc
+    return out
+
+
+@compiled
+def flight_parts(air: SegmentWind, member: int, segments: NDArray[np.int64], depart_s: float) -> NDArray[np.float64]:
+    """Cruise of a flight cut where segment or slot changes, shape (parts, 4): segment, slot, seconds, ground speed.
+
+    It ends where a slot cannot be flown in. A flight that never departs (`depart_s` infinite or NaN) has no parts.
+
+    Takes a member and segments of the air, and any time.
+    """
+    if not math.isfinite(depart_s):
+        return np.empty((0, 4))
+    out = np.empty((len(segments) * (air.north.shape[1] + 1), 4))
+    size = 0
+    now = depart_s + air.climb_s
+    for segment in segments:
+        left = air.distance_m[segment]
+        slot = slot_of(air, now)
+        while True:
+            speed = segment_speed(air, member, slot, segment)
+            if speed <= 0.0:
+                return out[:size].copy()
+            end = slot_end(air, slot)
+            spent = min(left / speed, end - now)
+            out[size, 0], out[size, 1], out[size, 2], out[size, 3] = segment, slot, spent, speed
+            size += 1
+            left -= spent * speed
+            now += spent
+            if now < end or left <= 1e-9:
+                break
+            slot += 1
+    return out[:size].copy()

@@ -1,0 +1,108 @@
+"""The typical course of a delivery: the one whose times are nearest to the medians of all simulated ones.
+
+What is shown as one schedule must be one that may well happen. It is chosen among simulated deliveries, each in one wind
+and one set of queues: those nearest to the median delivery, and to the median landings on the way, are flown once more
+without gusts and with the vehicle of the model, and the nearest of these is told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skyway.models.base.weighted import weighted_quantile
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+CANDIDATES = 48
+"""Simulated deliveries that are flown once more."""
+ON_THE_WAY = 0.25
+"""Weight of the landings on the way against that of the delivery."""
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Simulated deliveries by one route.
+
+    Attributes
+    ----------
+    course : ndarray, shape (runs, hops, 7)
+        See `planner.schedule.schedule_kernels`.
+    weight : ndarray, shape (runs,)
+        Probability of each.
+    member, queue : ndarray of int, shape (runs,)
+        Member of the forecast and set of queues of each.
+    """
+
+    course: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    member: NDArray[np.int64]
+    queue: NDArray[np.int64]
+
+
+class Typical(NamedTuple):
+    """The typical course.
+
+    Attributes
+    ----------
+    member : int
+        Of the forecast.
+    queue : int or None
+        Set of queues; None: no course without gusts arrives, and it is one with gusts.
+    course : ndarray, shape (hops, 7)
+        See `planner.schedule.schedule_kernels`.
+    """
+
+    member: int
+    queue: int | None
+    course: NDArray[np.float64]
+
+
+def typical_course(
+    runs: Runs, reserve: float, fly: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]]
+) -> Typical:
+    """Choose the typical course.
+
+    Parameters
+    ----------
+    runs : Runs
+        Simulated deliveries, at least one of which arrives. Those with a landing below the reserve are only told where there
+        are no others, and those that run empty only where even those are none.
+    reserve : float
+        SoC.
+    fly : callable
+        Flies given members and sets of queues without gusts: (members, queues) to courses, shape (pairs, hops, 7).
+    """
+    landings = runs.course[:, :, TOUCH_DOWN]
+    arrived = np.flatnonzero(np.isfinite(landings[:, -1]))
+    weight = runs.weight[arrived]
+    median = np.array([weighted_quantile(times, weight, 0.5) for times in landings[arrived].T])
+    low = _shortfall(runs.course[arrived], reserve)
+    nearest = arrived[np.lexsort((_distance(landings[arrived], median), low))[:CANDIDATES]]
+    member, queue = runs.member[nearest], runs.queue[nearest]
+    calm = fly(member, queue)
+    low = _shortfall(calm, reserve)
+    away = _distance(calm[:, :, TOUCH_DOWN], median)
+    best = int(np.lexsort((away, low, ~np.isfinite(away)))[0])
+    if not np.isfinite(away[best]):
+        return Typical(int(member[0]), None, runs.course[nearest[0]])
+    return Typical(int(member[best]), int(queue[best]), calm[best])
+
+
+def _shortfall(courses: NDArray[np.float64], reserve: float) -> NDArray[np.int64]:
+    """Whether each run, shape (runs, hops, 7), keeps the reserve (0), uses some of it (1) or runs empty (2)."""
+    least = courses[:, :, SOC_LANDING].min(axis=1)
+    return np.asarray((least < reserve - 1e-9).astype(np.int64) + (least < 0.0), dtype=np.int64)
+
+
+def _distance(landings: NDArray[np.float64], median: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far the landings of each run, shape (runs, hops), are from the median ones, s; infinite where it does not arrive."""
+    off = np.abs(np.where(np.isfinite(landings), landings, np.inf) - median)
+    found: NDArray[np.float64] = off[:, -1] + ON_THE_WAY * off[:, :-1].sum(axis=1) / max(off.shape[1] - 1, 1)
+    return found

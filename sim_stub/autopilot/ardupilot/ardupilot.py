@@ -1,0 +1,343 @@
+"""ArduPilot Copter: its modes, refusals and habits (4.5 to 4.8; parameters by the names of 4.6)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar
+
+from skyway.sim_stub.autopilot.ardupilot import parameters as ardupilot_parameters
+from skyway.sim_stub.autopilot.ardupilot.failsafes import ArduPilotFailsafes
+from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
+from skyway.sim_stub.autopilot.fence import nearest_rally
+from skyway.sim_stub.autopilot.items import FENCE, NAV_COMMANDS, RALLY, Command, Item, Result
+from skyway.sim_stub.autopilot.mission_run import MissionState
+from skyway.sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.plant.physics import offset_m
+
+if TYPE_CHECKING:
+    from skyway.sim_stub.vehicle import Vehicle
+
+_MODES = {
+    Mode.STABILIZE: 0,
+    Mode.ALTITUDE: 2,
+    Mode.MISSION: 3,
+    Mode.GUIDED: 4,
+    Mode.POSITION: 5,
+    Mode.RTL: 6,
+    Mode.LAND: 9,
+    Mode.BRAKE: 17,
+}
+_BY_NUMBER = {number: mode for mode, number in _MODES.items()} | {16: Mode.POSITION, 21: Mode.RTL}
+_NAMES = {
+    Mode.STABILIZE: "STABILIZE",
+    Mode.ALTITUDE: "ALT_HOLD",
+    Mode.MISSION: "AUTO",
+    Mode.GUIDED: "GUIDED",
+    Mode.POSITION: "LOITER",
+    Mode.RTL: "RTL",
+    Mode.LAND: "LAND",
+    Mode.BRAKE: "BRAKE",
+}
+_CONTINUE_AFTER_LAND = 2
+
+
+class ArduPilot(ArduPilotFailsafes):
+    """ArduPilot Copter."""
+
+    FAMILY: ClassVar[str] = "ardupilot"
+    AUTOPILOT_ID: ClassVar[int] = 3
+    REMOTE_CONTROL_LOST: ClassVar[str] = "Radio Failsafe"
+    POSITION_LOST: ClassVar[str] = "EKF Failsafe: changed to LAND Mode"
+    FENCE_BREACHED: ClassVar[str] = "Fence Breached"
+    READY_AFTER_S: ClassVar[float] = 40.0
+    BOOT_S: ClassVar[float] = 4.0
+    GLITCH_PATIENCE_S: ClassVar[float] = 10.0
+    GLITCH_TEXTS: ClassVar[tuple[str, str] | None] = ("GPS Glitch or Compass error", "Glitch cleared")
+    MODE_REFUSED: ClassVar[Result] = Result.FAILED
+    LOITER_MODE: ClassVar[Mode] = Mode.POSITION
+    REPOSITION_MODE: ClassVar[Mode] = Mode.GUIDED
+    BAD_VALUE: ClassVar[Result] = Result.FAILED
+    UNKNOWN_MESSAGE: ClassVar[Result] = Result.UNSUPPORTED
+    LONG_HEIGHTS_RELATIVE: ClassVar[bool] = True
+    HEEDS_FRAMES: ClassVar[bool] = True
+    FORCES_ARMING: ClassVar[float | None] = 2989.0
+    FORCES_DISARMING: ClassVar[float] = 21196.0
+    NO_LAND_START: ClassVar[Result] = Result.FAILED
+    NO_REBOOT: ClassVar[Result] = Result.UNSUPPORTED
+    REBOOT_REFUSED: ClassVar[Result] = Result.FAILED
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__(vehicle, ardupilot_parameters.store(vehicle.config.version))
+        self.mode = Mode.STABILIZE
+        self.auto_armed = False
+
+    def read_speeds(self) -> Speeds:
+        """WPNAV_* and LAND_SPEED, kept in cm/s; at most 20 m/s."""
+        p = self.parameters
+        cruise = p.clamped("WPNAV_SPEED", 20.0, 2000.0) / 100.0
+        up, down = self.commanded_up_mps, self.commanded_down_mps
+        return Speeds(
+            cruise,
+            p.clamped("WPNAV_SPEED_UP", 10.0, 1000.0) / 100.0 if up is None else min(max(up, 0.1), 10.0),
+            p.clamped("WPNAV_SPEED_DN", 10.0, 500.0) / 100.0 if down is None else min(max(down, 0.1), 5.0),
+            p.clamped("LAND_SPEED", 30.0, 200.0) / 100.0,
+            cruise,
+        )
+
+    def max_lean_deg(self) -> float:
+        """PSC_ANGLE_MAX, where it is not 0, and no more than ANGLE_MAX."""
+        most = self.parameters.clamped("ANGLE_MAX", 1000.0, 8000.0) / 100.0
+        own = self.parameters["PSC_ANGLE_MAX"]
+        return min(most, own) if own > 0.0 else most
+
+    def default_takeoff_m(self) -> float:
+        """Height for a take-off that names none."""
+        return 10.0
+
+    # Modes
+
+    def custom_mode(self) -> int:
+        """Number of the mode; holding is BRAKE."""
+        return _MODES[Mode.BRAKE if self.mode == Mode.HOLD else self.mode]
+
+    def mode_of(self, custom_mode: int) -> Mode | None:
+        """Mode of a number."""
+        return _BY_NUMBER.get(custom_mode)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the estimator gives a position."""
+        return self.vehicle.since_boot_s >= self.READY_AFTER_S and self.position_known
+
+    def mode_refusal(self, mode: Mode) -> str | None:
+        """Refuse what the state does not allow."""
+        name = _NAMES.get(mode, mode.value)
+        if mode not in (Mode.STABILIZE, Mode.ALTITUDE, Mode.LAND) and self.armed and not self.ready:
+            return f"Mode change to {name} failed: requires position"
+        if mode == Mode.MISSION:
+            if len(self.run.items) <= 1:
+                return "Mode change to AUTO failed: init failed"
+            if self.armed and self.landed and not self._starts_with_takeoff():
+                return "Auto: Missing Takeoff Cmd"
+        return None
+
+    def _starts_with_takeoff(self) -> bool:
+        start = max(self.run.current, 1)
+        item = next((i for i in self.run.items[start:] if i.command in NAV_COMMANDS), None)
+        return item is not None and item.command in (Command.TAKEOFF, Command.LAND, Command.DELAY)
+
+    def switch(self, mode: Mode, *, reason: str) -> None:
+        """Enter a mode; there is none to hold in but BRAKE."""
+        super().switch(Mode.BRAKE if mode == Mode.HOLD else mode, reason=reason)
+
+    def entered_mission(self) -> None:
+        """Resume, or start from the first item; on the ground it waits for MISSION_START (or AUTO_OPTIONS bit 1)."""
+        run = self.run
+        if run.state == MissionState.COMPLETE or self.parameters["MIS_RESTART"] == 1.0:
+            run.reset()
+        if run.state == MissionState.PAUSED:
+            run.state = MissionState.ACTIVE
+        if not self.landed or self.parameters.bit("AUTO_OPTIONS", 1):
+            self.auto_armed = True
+
+    def set_mode(self, base: int, main: int, sub: int, by: str) -> Result:  # noqa: ARG002
+        """The number is in p2 alone."""
+        if not base & 1:
+            return Result.DENIED
+        mode = self.mode_of(main)
+        return self.BAD_VALUE if mode is None else self.request_mode(mode, by)
+
+    def speed_command(self, kind: float, speed_mps: float) -> Result:
+        """Set the ground speed, or with kind 2 the speed up and with 3 the speed down."""
+        if not math.isfinite(speed_mps) or speed_mps <= 0.0:
+            return Result.FAILED
+        if kind > 2.9:
+            self.commanded_down_mps = speed_mps
+        elif kind > 1.9:
+            self.commanded_up_mps = speed_mps
+        else:
+            self.change_speed(speed_mps)
+        return Result.ACCEPTED
+
+    @property
+    def has_gripper(self) -> bool:
+        """GRIP_ENABLE."""
+        return self.parameters["GRIP_ENABLE"] == 1.0
+
+    def gripper_s(self) -> float:
+        """Its command is done at once."""
+        return 0.0
+
+    def take_off(self, height_m: float, by: str) -> Result:
+        """Only armed, on the ground, in GUIDED; the height is above home."""
+        if self.mode != Mode.GUIDED or not self.armed or not self.landed:
+            return Result.FAILED
+        if not math.isfinite(height_m) or not 0.0 < height_m <= 1000.0:
+            return Result.FAILED
+        self.behaviour = self.take_off_behaviour(self.home_alt_m + height_m)
+        self.event(f"take-off to {height_m:g} m ({by})")
+        return Result.ACCEPTED
+
+    def reposition_refusal(self, *, here: bool, as_int: bool, flags: float) -> Result | None:
+        """Obeyed as COMMAND_INT, in GUIDED or with the flag that changes to it; on the ground it stays where it is."""
+        if not as_int:
+            return Result.UNSUPPORTED
+        may_change = math.isfinite(flags) and flags > 0.0 and int(min(flags, 255.0)) & 1
+        return Result.DENIED if here or not (self.mode == Mode.GUIDED or may_change) else None
+
+    def outside_fence(self, lat: float, lon: float, alt_m: float) -> Result | None:
+        """FAILED: a destination beyond the fence is not taken."""
+        return Result.FAILED if self.fenced_off(lat, lon, alt_m) else None
+
+    def reposition_yaw(self, degrees: float) -> float | None:  # noqa: ARG002
+        """Not taken over."""
+        return None
+
+    def mission_refused(self) -> bool:
+        """Nothing is judged before it is flown."""
+        return False
+
+    def start_mission(self, first: float, last: float, by: str) -> Result:  # noqa: ARG002
+        """Do MISSION_START, from where the mission is."""
+        if first or last:
+            return Result.DENIED
+        if self.mode != Mode.MISSION and self.request_mode(Mode.MISSION, "mission start") != Result.ACCEPTED:
+            return Result.FAILED
+        self.auto_armed = True
+        if self.run.state == MissionState.COMPLETE:
+            self.run.reset()
+        return Result.ACCEPTED
+
+    def mission_may_run(self) -> bool:
+        """Wait for the go on the ground; item 0 is home and is never flown."""
+        if self.run.current == 0 and self.run.behaviour is None and self.auto_armed:
+            self.run.jump(1)
+        return self.auto_armed
+
+    def missions_stored(self, *, replaced: bool, current: int | None) -> None:
+        """Restart the command in progress where its item was replaced: new items act at once."""
+        run = self.run
+        if run.state in (MissionState.NO_MISSION, MissionState.UNKNOWN) and run.items:
+            run.state = MissionState.NOT_STARTED
+        self.parameters.set("MIS_TOTAL", float(len(run.items)))
+        if replaced and current == run.current and self.mode == Mode.MISSION and run.behaviour is not None:
+            run.jump(run.current)
+            self.say(5, "Auto mission changed, restarted command")
+
+    def mission_done(self) -> None:
+        """Disarm on the ground, hover in the air."""
+        super().mission_done()
+        if self.landed:
+            self.disarm(force=True, by="mission exit")
+
+    def fence_stored(self) -> None:
+        """Take over a fence."""
+        super().fence_stored()
+        self.parameters.set("FENCE_TOTAL", float(min(len(self.stores[FENCE]), 127)))
+
+    # Arming and landing
+
+    def arming_refusals(self) -> list[str]:
+        """Reasons of the pre-arm checks and of the mode."""
+        reasons = []
+        if self.mode == Mode.MISSION and not self.parameters.bit("AUTO_OPTIONS", 0):
+            reasons.append("AUTO mode not armable")
+        elif self.mode in (Mode.RTL, Mode.LAND, Mode.BRAKE, Mode.HOLD):
+            reasons.append(f"{_NAMES.get(self.mode, 'BRAKE')} mode not armable")
+        if self.vehicle.since_boot_s < 5.0:
+            reasons.append("Gyros still settling")
+        elif self.mode not in (Mode.STABILIZE, Mode.ALTITUDE) and not self.ready:
+            reasons.append("Need Position Estimate")
+        unchecked = {"ARMING_CHECK": 0.0, "ARMING_SKIPCHK": -1.0}  # up to 4.6 and from 4.7 on
+        if any(name in self.parameters and self.parameters[name] == none for name, none in unchecked.items()):
+            return reasons
+        volts = self.parameters["BATT_ARM_VOLT"]
+        if self.vehicle.battery.voltage_v < max(volts, 0.0):
+            reasons.append("Battery 1 below minimum arming voltage")
+        if self.parameters["FENCE_ENABLE"] == 1.0 and self.ready and self.fence_breached:
+            reasons.append("vehicle outside Polygon fence")
+        return reasons + self.vehicle.faults.arming_faults()
+
+    def has_armed(self) -> None:
+        """Start counting anew."""
+        self.auto_armed = self.mode == Mode.MISSION and self.parameters.bit("AUTO_OPTIONS", 1)
+
+    def has_disarmed(self) -> None:
+        """Disarming resets the mission."""
+        self.run.reset()
+        self.auto_armed = False
+
+    @property
+    def continues_after_land(self) -> bool:
+        """MIS_OPTIONS bit 2."""
+        return self.parameters.bit("MIS_OPTIONS", _CONTINUE_AFTER_LAND)
+
+    def touched_down(self) -> None:
+        """Disarm at once after a landing, unless the mission is to continue."""
+        if not self.armed:
+            return
+        item = self.run.items[self.run.current] if self.run.current < len(self.run.items) else None
+        landing = item is not None and item.command in (Command.LAND, Command.RETURN_TO_LAUNCH)
+        if self.mode in (Mode.LAND, Mode.RTL) or (
+            self.mode == Mode.MISSION and landing and not self.continues_after_land
+        ):
+            self.disarm(force=True, by="landed")
+
+    def disarm_on_ground(self) -> None:
+        """Disarm after DISARM_DELAY, in every mode."""
+        delay = self.parameters.clamped("DISARM_DELAY", 0.0, 127.0)
+        since = max(self.armed_s, self.grounded_s if self.grounded_s is not None else self.armed_s)
+        climbing = self.run.behaviour is not None and self.mode == Mode.MISSION
+        lifting = self.body.grounded and climbing and self.run.current < len(self.run.items)
+        if lifting and self.run.items[self.run.current].command == Command.TAKEOFF:
+            return
+        if delay > 0.0 and self.sim_s - since >= delay:
+            self.disarm(force=True, by="disarm delay")
+
+    def return_home(self) -> ReturnHome:
+        """To a rally point within RALLY_LIMIT_KM, else home, at RTL_ALT or higher."""
+        p, home = self.parameters, self.home
+        lat, lon = (home.lat, home.lon) if home else (self.lat, self.lon)
+        rally = nearest_rally(self.stores[RALLY], self.lat, self.lon)
+        if rally is not None:
+            limit_m = p["RALLY_LIMIT_KM"] * 1000.0
+            in_reach = limit_m <= 0.0 or rally[1] <= limit_m
+            home_m = math.hypot(*offset_m(self.lat, self.lon, lat, lon))
+            if in_reach and not (p["RALLY_INCL_HOME"] == 1.0 and home_m < rally[1]):
+                lat, lon = rally[0].lat, rally[0].lon
+        height = self.home_alt_m + p.clamped("RTL_ALT", 0.0, 300_000.0) / 100.0
+        return ReturnHome(lat, lon, height, p.clamped("RTL_LOIT_TIME", 0.0, 60_000.0) / 1000.0)
+
+    # Missions
+
+    def acceptance_m(self, item: Item) -> float:  # noqa: ARG002
+        """WPNAV_RADIUS: the radius of an item is not kept."""
+        return self.parameters.clamped("WPNAV_RADIUS", 5.0, 1000.0) / 100.0
+
+    def heading(self, item: Item) -> float:  # noqa: ARG002
+        """Always along the way (WP_YAW_BEHAVIOR); the heading of an item is not kept."""
+        return math.nan
+
+    def circling(self, radius_m: float) -> tuple[float, float]:
+        """CIRCLE_RADIUS, CIRCLE_RATE; no more than half of WPNAV_ACCEL goes into the turn."""
+        p = self.parameters
+        radius_m = radius_m or p.clamped("CIRCLE_RADIUS", 100.0, 200_000.0) / 100.0
+        turn_back = math.sqrt(0.5 * p.clamped("WPNAV_ACCEL", 50.0, 500.0) / 100.0 * radius_m)
+        rate = math.radians(max(1.0, abs(p.clamped("CIRCLE_RATE", -90.0, 90.0))))
+        return radius_m, min(self.cruise_mps, turn_back, rate * radius_m)
+
+    def delay_s(self, item: Item) -> float:
+        """p1 seconds; where that is 0 or less, until the UTC time of day in p2, p3, p4: midnight, if they are 0."""
+        if item.p1 > 0.0:
+            return min(item.p1, 1e7)
+        wanted = max(item.p2, 0.0) * 3600.0 + max(item.p3, 0.0) * 60.0 + max(item.p4, 0.0)
+        return (wanted - self.vehicle.posix_s) % 86_400.0
+
+    # Estimates
+
+    def wind_estimate(self) -> tuple[float, float] | None:
+        """Alive with the drag coefficients of EK3 set; zero otherwise."""
+        p = self.parameters
+        if max(p["EK3_DRAG_BCOEF_X"], p["EK3_DRAG_BCOEF_Y"], p["EK3_DRAG_MCOEF"]) <= 0.0:
+            return None
+        return self.vehicle.felt_wind() if not self.landed else None

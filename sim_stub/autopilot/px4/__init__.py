@@ -1,0 +1,1 @@
+"""A PX4 as seen from outside."""

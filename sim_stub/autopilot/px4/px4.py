@@ -1,0 +1,357 @@
+"""PX4 multirotor: its modes, refusals and habits (1.15 to main)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar
+
+from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
+from skyway.sim_stub.autopilot.fence import nearest_rally
+from skyway.sim_stub.autopilot.items import RALLY, Command, Item, Result
+from skyway.sim_stub.autopilot.mission_run import MissionState
+from skyway.sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.autopilot.px4 import missions as px4_missions
+from skyway.sim_stub.autopilot.px4 import parameters as px4_parameters
+from skyway.sim_stub.autopilot.px4.failsafes import Px4Failsafes
+from skyway.sim_stub.plant.physics import offset_m
+
+if TYPE_CHECKING:
+    from skyway.sim_stub.vehicle import Vehicle
+
+_AUTO = 4 << 16
+_MODES = {
+    Mode.STABILIZE: 7 << 16,
+    Mode.ALTITUDE: 2 << 16,
+    Mode.POSITION: 3 << 16,
+    Mode.HOLD: _AUTO | 3 << 24,
+    Mode.MISSION: _AUTO | 4 << 24,
+    Mode.TAKEOFF: _AUTO | 2 << 24,
+    Mode.LAND: _AUTO | 6 << 24,
+    Mode.RTL: _AUTO | 5 << 24,
+    Mode.OFFBOARD: 6 << 16,
+}
+_BY_NUMBER = {number: mode for mode, number in _MODES.items()} | {1 << 16: Mode.STABILIZE}
+_CUSTOM_MODE, _AUTO_MODE, _GUIDED_MODE, _MANUAL_MODE = 1, 4, 8, 64
+"""Bits of MAV_MODE_FLAG."""
+_NOT_TO_ARM_IN = frozenset({Mode.LAND, Mode.RTL})
+_CHANGE_MODE = 1.0
+"""MAV_DO_REPOSITION_FLAGS_CHANGE_MODE."""
+
+
+def _mode_of_base(base: int) -> Mode | None:
+    """Mode of a base_mode without a custom one."""
+    if base & _AUTO_MODE:
+        return Mode.MISSION
+    if not base & _MANUAL_MODE:
+        return None
+    return Mode.POSITION if base & _GUIDED_MODE else Mode.STABILIZE
+
+
+class Px4(Px4Failsafes):
+    """PX4."""
+
+    FAMILY: ClassVar[str] = "px4"
+    AUTOPILOT_ID: ClassVar[int] = 12
+    REMOTE_CONTROL_LOST: ClassVar[str] = "Manual control lost"
+    POSITION_LOST: ClassVar[str] = "Failsafe activated: position estimate lost, blind land"
+    FENCE_BREACHED: ClassVar[str] = "Geofence violation"
+    READY_AFTER_S: ClassVar[float] = 8.0
+    BOOT_S: ClassVar[float] = 3.0
+    GLITCH_PATIENCE_S: ClassVar[float] = 7.0
+    ARM_PREFIX: ClassVar[str] = "Preflight Fail: "
+    ARM_REFUSED: ClassVar[Result] = Result.TEMPORARILY_REJECTED
+    ARMED_TEXT: ClassVar[str] = "Armed by external command"
+    DISARMED_TEXT: ClassVar[str] = "Disarmed"
+    DISARM_DENIED: ClassVar[str] = "Disarming denied: not landed"
+    LOITER_MODE: ClassVar[Mode] = Mode.HOLD
+    REPOSITION_MODE: ClassVar[Mode] = Mode.HOLD
+    BAD_VALUE: ClassVar[Result] = Result.DENIED
+    UNKNOWN_MESSAGE: ClassVar[Result] = Result.DENIED
+    UNSUPPORTED: ClassVar[frozenset[int]] = frozenset(
+        {
+            Command.LOITER_UNLIM,
+            Command.DO_PAUSE_CONTINUE,
+            Command.DO_FENCE_ENABLE,
+            Command.CONDITION_YAW,
+            Command.BATTERY_RESET,
+        }
+    )
+    LONG_HEIGHTS_RELATIVE: ClassVar[bool] = False
+    HEEDS_FRAMES: ClassVar[bool] = False
+    FORCES_ARMING: ClassVar[float | None] = None  # checks are run for every command from outside
+    FORCES_DISARMING: ClassVar[float] = 21196.0
+    NO_LAND_START: ClassVar[Result] = Result.CANCELLED
+    NO_REBOOT: ClassVar[Result] = Result.ACCEPTED
+    REBOOT_REFUSED: ClassVar[Result] = Result.DENIED
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__(vehicle, px4_parameters.store(vehicle.config.version))
+        self.infeasible: str | None = "No valid mission available"
+        self.mode_after_disarming = Mode.HOLD
+
+    def clock_of_day_s(self) -> float:
+        """POSIX seconds by the computer's clock, as in PX4's simulator: only its time since boot is the simulation's."""
+        return self.vehicle.world.epoch_s + self.vehicle.wall_s
+
+    def read_speeds(self) -> Speeds:
+        """MPC_* parameters; nothing above 20 m/s."""
+        p = self.parameters
+        most = p.clamped("MPC_XY_VEL_MAX", 1.0, 20.0)
+        return Speeds(
+            min(p.clamped("MPC_XY_CRUISE", 1.0, 20.0), most),
+            p.clamped("MPC_Z_V_AUTO_UP", 0.5, 8.0),
+            p.clamped("MPC_Z_V_AUTO_DN", 0.5, 4.0),
+            p.clamped("MPC_LAND_SPEED", 0.4, 2.0),
+            most,
+        )
+
+    def max_lean_deg(self) -> float:
+        """MPC_TILTMAX_AIR."""
+        return self.parameters.clamped("MPC_TILTMAX_AIR", 20.0, 89.0)
+
+    def default_takeoff_m(self) -> float:
+        """MIS_TAKEOFF_ALT."""
+        return self.parameters.clamped("MIS_TAKEOFF_ALT", 0.5, 500.0)
+
+    # Modes
+
+    def custom_mode(self) -> int:
+        """Main mode in byte 2, sub mode in byte 3."""
+        return _MODES.get(self.mode, _MODES[Mode.HOLD])
+
+    def mode_of(self, custom_mode: int) -> Mode | None:
+        """Mode of a number; main mode AUTO alone is the mission."""
+        return Mode.MISSION if custom_mode == _AUTO else _BY_NUMBER.get(custom_mode)
+
+    def set_mode(self, base: int, main: int, sub: int, by: str) -> Result:
+        """Main and sub mode come in parameters of their own; what names no mode is accepted and does nothing."""
+        if not base & _CUSTOM_MODE:
+            mode = _mode_of_base(base)
+        elif main << 16 == _AUTO and sub and main << 16 | sub << 24 not in _BY_NUMBER:
+            self.say(2, "Unsupported auto mode")
+            return self.MODE_REFUSED
+        else:
+            mode = self.mode_of(main << 16 | (sub << 24 if main << 16 == _AUTO else 0))
+        return Result.ACCEPTED if mode is None else self.request_mode(mode, by)
+
+    def speed_command(self, kind: float, speed_mps: float) -> Result:  # noqa: ARG002
+        """Set the ground speed; what is no speed goes back to the parameters' one."""
+        if not self.change_speed(speed_mps):
+            self.commanded_mps = None
+        return Result.ACCEPTED
+
+    @property
+    def has_gripper(self) -> bool:
+        """PD_GRIPPER_EN, from 1.17 on a PD_GRIPPER_TYPE."""
+        p = self.parameters
+        return p["PD_GRIPPER_EN"] == 1.0 if "PD_GRIPPER_EN" in p else p["PD_GRIPPER_TYPE"] >= 0.0
+
+    def gripper_s(self) -> float:
+        """PD_GRIPPER_TO."""
+        return self.parameters.clamped("PD_GRIPPER_TO", 0.0, 60.0)
+
+    def take_off(self, height_m: float, by: str) -> Result:
+        """Enter the take-off mode; the height is above sea level, and may be left out."""
+        if not self.landed:
+            return Result.TEMPORARILY_REJECTED
+        result = self.request_mode(Mode.TAKEOFF, by)
+        if result == Result.ACCEPTED and math.isfinite(height_m) and height_m > self.body.alt_m:
+            self.behaviour = self.take_off_behaviour(min(height_m, 20_000.0))
+        return result
+
+    def start_mission(self, first: float, last: float, by: str) -> Result:  # noqa: ARG002
+        """Start at an item (-1: the current one), and arm; DENIED where the mission is infeasible."""
+        if self.infeasible is not None:
+            self.say(2, "Mission start denied! No valid mission")
+            return Result.DENIED
+        if not -1.0 <= first < len(self.run.items):
+            return Result.DENIED
+        if first >= 0.0:
+            self.run.jump(int(first))
+        if self.request_mode(Mode.MISSION, by) != Result.ACCEPTED:
+            return self.MODE_REFUSED
+        return self.arm(force=False, by=by)
+
+    def reposition_refusal(self, *, here: bool, as_int: bool, flags: float) -> Result | None:  # noqa: ARG002
+        """Only with the flag that changes to HOLD, and with no other."""
+        return None if flags == _CHANGE_MODE else Result.UNSUPPORTED
+
+    def outside_fence(self, lat: float, lon: float, alt_m: float) -> Result | None:
+        """ACCEPTED, for the mode changes, but it does not go there."""
+        if int(self.parameters["GF_ACTION"]) == 0 or not self.fenced_off(lat, lon, alt_m):
+            return None
+        self.say(2, "Reposition is outside geofence")
+        return Result.ACCEPTED
+
+    def reposition_yaw(self, degrees: float) -> float | None:
+        """Taken over."""
+        return degrees if math.isfinite(degrees) else None
+
+    def mission_refused(self) -> bool:
+        """Whether it was found infeasible."""
+        return self.infeasible is not None
+
+    def mode_refusal(self, mode: Mode) -> str | None:
+        """Refuse what cannot be flown now; disarmed, every mode can be entered, and arming is refused instead."""
+        if not self.armed:
+            return None
+        if mode == Mode.MISSION and self.infeasible is not None:
+            return self.infeasible
+        if mode == Mode.OFFBOARD:
+            return "Switching to mode 'Offboard' is currently not possible: no setpoints"
+        needs_position = mode not in (Mode.STABILIZE, Mode.ALTITUDE, Mode.LAND)
+        if needs_position and not self.ready:
+            return f"Switching to mode '{mode.value}' is currently not possible: no global position"
+        return None
+
+    @property
+    def ready(self) -> bool:
+        """Whether the estimator has converged and there is a position."""
+        return self.vehicle.since_boot_s >= self.READY_AFTER_S and self.position_known
+
+    def entered_mission(self) -> None:
+        """Resume; a mission that was completed lands again at once where it ends in a LAND."""
+        run = self.run
+        if run.state == MissionState.PAUSED:
+            run.state = MissionState.ACTIVE
+        if run.state == MissionState.COMPLETE and run.items and run.items[-1].command == Command.LAND:
+            run.jump(len(run.items) - 1)
+
+    def mission_may_run(self) -> bool:
+        """Only a feasible mission; found infeasible in the air, it holds."""
+        if self.infeasible is None:
+            return True
+        if not self.landed:
+            self.say(2, self.infeasible)
+            self.switch(Mode.HOLD, reason="mission infeasible")
+        return False
+
+    def judge_mission(self) -> None:
+        """Check whether the mission stored is feasible, and say so when it is not."""
+        home = self.home.alt_m if self.home else None
+        first = self.parameters["MIS_DIST_1WP"]
+        self.infeasible = px4_missions.infeasible(
+            self.run.items, self.fence, home, (self.lat, self.lon), first if self.landed else 0.0
+        )
+        if self.infeasible is not None and self.run.items:
+            self.say(2, self.infeasible)
+
+    def missions_stored(self, *, replaced: bool, current: int | None) -> None:  # noqa: ARG002
+        """Take over a whole new mission.
+
+        In flight, without an item marked as current, it goes on at the old number: waypoints are skipped, and in a
+        shorter mission it flies straight to the last item.
+        """
+        run = self.run
+        old = run.current
+        flying = self.armed and not self.landed
+        active = run.state in (MissionState.ACTIVE, MissionState.PAUSED)
+        run.reset()
+        self.judge_mission()
+        if current is not None:
+            run.jump(min(current, max(len(run.items) - 1, 0)))
+        elif flying and active and run.items:
+            run.jump(min(old, len(run.items) - 1))
+
+    def restarted(self) -> None:
+        """Judge the stored mission again."""
+        super().restarted()
+        self.judge_mission()
+
+    def fence_stored(self) -> None:
+        """Take over a fence; one whose vertex counts disagree is accepted and then not in force."""
+        super().fence_stored()
+        if not self.fence.consistent:
+            self.say(2, "Geofence invalid, doesn't have consistent vertices")
+        self.judge_mission()
+
+    # Arming and landing
+
+    def arming_refusals(self) -> list[str]:
+        """Reasons of the preflight checks."""
+        reasons = []
+        if self.vehicle.since_boot_s < self.READY_AFTER_S:
+            reasons.append("ekf2 missing data")
+        if not self.position_known and self.parameters["COM_ARM_WO_GPS"] != 1.0:
+            reasons.append("Global position required")
+        if self.mode == Mode.MISSION and self.infeasible is not None:
+            reasons.append(self.infeasible)
+        if self.mode in _NOT_TO_ARM_IN:
+            reasons.append("Mode not suitable for takeoff")
+        if self.mode == Mode.OFFBOARD:
+            reasons.append("Offboard: no setpoints")
+        if self.battery_level() >= 2:
+            reasons.append("Low battery")
+        return reasons + self.vehicle.faults.arming_faults()
+
+    def has_armed(self) -> None:
+        """A mission is judged anew from the new home."""
+        self.judge_mission()
+
+    def switch(self, mode: Mode, *, reason: str) -> None:
+        """Enter a mode; the last one chosen in which it can be armed comes back after landing."""
+        super().switch(mode, reason=reason)
+        if mode not in _NOT_TO_ARM_IN and not reason.endswith("failsafe"):
+            self.mode_after_disarming = mode
+
+    def has_disarmed(self) -> None:
+        """Leave a mode in which it cannot be armed; mission progress survives disarming."""
+        if self.mode in _NOT_TO_ARM_IN:
+            self.switch(self.mode_after_disarming, reason="disarmed")
+
+    def touched_down(self) -> None:
+        """Nothing: disarming has its own delay."""
+        self.say(6, "Landing detected")
+
+    def disarm_on_ground(self) -> None:
+        """Disarm after COM_DISARM_LAND, or COM_DISARM_PRFLT before any flight; not amid a mission."""
+        amid = self.mode == Mode.MISSION and self.run.state == MissionState.ACTIVE
+        if amid and self.run.behaviour is not None:
+            return
+        delay = self.parameters["COM_DISARM_LAND" if self.flown else "COM_DISARM_PRFLT"]
+        since = self.grounded_s if self.flown and self.grounded_s is not None else self.armed_s
+        if delay > 0.0 and self.sim_s - since >= delay:
+            by = "auto disarm after landing" if self.flown else "auto preflight disarming"
+            self.disarm(force=True, by=by)
+
+    def return_home(self) -> ReturnHome:
+        """To the nearest of home and the rally points (main: RTL_TYPE 5 never home), at RTL_RETURN_ALT or higher."""
+        body, home = self.body, self.home
+        lat, lon = (home.lat, home.lon) if home else (self.lat, self.lon)
+        rally = nearest_rally(self.stores[RALLY], self.lat, self.lon)
+        only_safe = self.vehicle.config.version >= (1, 18) and int(self.parameters["RTL_TYPE"]) == 5
+        if rally is not None and (only_safe or rally[1] < math.hypot(*offset_m(self.lat, self.lon, lat, lon))):
+            lat, lon = rally[0].lat, rally[0].lon
+        height = self.home_alt_m + self.parameters.clamped("RTL_RETURN_ALT", 0.0, 5000.0)
+        near = math.hypot(*offset_m(self.lat, self.lon, lat, lon)) < self.parameters["RTL_MIN_DIST"]
+        return ReturnHome(lat, lon, body.alt_m if near else height)
+
+    # Missions
+
+    def acceptance_m(self, item: Item) -> float:
+        """p2 of a waypoint, else NAV_ACC_RAD."""
+        if item.command == Command.WAYPOINT and item.p2 > 0.0:
+            return max(0.5, min(item.p2, 200.0))
+        return self.parameters.clamped("NAV_ACC_RAD", 0.5, 200.0)
+
+    def heading(self, item: Item) -> float:
+        """p4; NaN looks along the way."""
+        return item.p4
+
+    def circling(self, radius_m: float) -> tuple[float, float]:
+        """NAV_LOITER_RAD; a multirotor is never given turns, for their items are refused."""
+        return radius_m or self.parameters.clamped("NAV_LOITER_RAD", 5.0, 1000.0), self.cruise_mps
+
+    def delay_s(self, item: Item) -> float:
+        """p1 seconds."""
+        return max(0.0, min(item.p1, 1e7)) if math.isfinite(item.p1) else 0.0
+
+    # Estimates
+
+    def wind_estimate(self) -> tuple[float, float] | None:
+        """Alive with EKF2_DRAG_CTRL = 1 and drag coefficients set."""
+        p = self.parameters
+        fused = int(p["EKF2_DRAG_CTRL"]) == 1
+        if not fused or (p["EKF2_MCOEF"] <= 0.0 and min(p["EKF2_BCOEF_X"], p["EKF2_BCOEF_Y"]) <= 0.0):
+            return None
+        return self.vehicle.felt_wind() if not self.landed else None

@@ -1,0 +1,1 @@
+"""The physical vehicle: motion, power, battery, wind."""

@@ -1,0 +1,58 @@
+"""The command that measures planners: ``bench planners``."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import skyway
+from skyway.models.base.errors import Fault, InputError
+
+PLANNERS_HELP = """Measure all planners: the paper's experiment, and days of wind that no forecast contained.
+
+Writes a table (planners.md), all figures (planners.json) and pictures (SVG) into a folder. The whole takes about three
+quarters of an hour, --quick half a minute. What is measured: docs/explanation/evaluation.md.
+
+\b
+Examples:
+  skyway bench planners --quick
+  skyway bench planners --out results --keep
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    bench_app = typer.Typer(help="Measure planners.", no_args_is_help=True, rich_markup_mode=None)
+    bench_app.callback()(_group)
+    bench_app.command("planners", help=PLANNERS_HELP)(planners)
+    app.add_typer(bench_app, name="bench")
+
+
+def _group() -> None:
+    """Measure planners."""
+
+
+def planners(
+    quick: Annotated[bool, typer.Option("--quick", help="A small part, half a minute.")] = False,
+    out: Annotated[Path, typer.Option("--out", help="Folder for table and figures.")] = Path("out/bench"),
+    keep: Annotated[bool, typer.Option("--keep", help="Go on: do not run again what the folder holds.")] = False,
+) -> None:
+    """Run the benchmark of planners."""
+    module = _benchmark()
+    for path in module.run(module.QUICK if quick else module.FULL, out, keep=keep):
+        typer.echo(str(path))
+
+
+def _benchmark() -> Any:
+    """Import the benchmark; it stands beside the packages in a checkout and is in no wheel."""
+    root = Path(skyway.__file__).resolve().parent.parent
+    if not (root / "benchmarks" / "bench_planners.py").is_file():
+        remedy = "clone the repository and install it with: pip install -e ."
+        raise InputError(Fault("the benchmarks come with the source, not with the installed package", remedy=remedy))
+    if str(root) not in sys.path:
+        sys.path.append(str(root))
+    return importlib.import_module("benchmarks.bench_planners")

@@ -1,0 +1,389 @@
+"""The commands that fit the models to what a drone really did: ``calibrate wind`` and ``calibrate energy``."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, cast
+
+import typer
+
+from skyway.cli import options
+from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, VehicleKind, open_any, towards, write
+from skyway.cli.views.sheet import Column, Sheet
+from skyway.models.base.errors import Fault, InputError, one_line
+
+if TYPE_CHECKING:
+    from skyway.link.logs.common.vehicle_kind import Kind
+    from skyway.models.calibration.energy import EnergyFit, ModelName, PowerRecord
+    from skyway.models.drones.airspeed import AirspeedModel
+    from skyway.models.drones.drag import DragModel
+    from skyway.models.drones.drone import Drone
+    from skyway.models.wind.estimation.blocks import Blocks
+
+WIND_HELP = """Find how a drone feels the air in a log of its flight: the drag that makes its tilt tell the wind, or on wings the
+factor of its airspeed sensor and the offset of its heading.
+
+Needs flight on two courses (out and back, a circle), or --wind, the wind as it was. Says when a flight cannot tell.
+
+Examples:
+
+  skyway calibrate wind flight.tlog -o drag.toml
+
+  skyway calibrate wind hover.ulg --wind 4@230
+"""
+ENERGY_HELP = """Fit the energy models to logs of flights and write a drone file that plan uses.
+
+Each flight is predicted by a fit to the others; that error is printed beside each, and that of the published coefficients.
+
+Examples:
+
+  skyway calibrate energy flight1.tlog flight2.tlog --mass 4.69 --payload 0 --payload 0.8 -o drones.toml
+
+  skyway calibrate energy m100_*.csv --mass 3.68 --id m100 --name "DJI Matrice 100" --battery 130 -o m100.toml
+"""
+MAX_SAMPLES = 300_000
+"""Of a longer log every second, fourth, … sample is taken."""
+calibrate = typer.Typer(
+    name="calibrate",
+    help="Fit the models to what a drone really did.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
+    log: LogFile,
+    wind: Annotated[
+        str | None, typer.Option("--wind", help="Wind as it was, m/s@degrees FROM: 4@230.", show_default=False)
+    ] = None,
+    system: System = None,
+    vehicle: VehicleKind = None,
+    columns: Columns = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the drag here.", show_default=False)
+    ] = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    from skyway.link.replay.replay import choose_system, flight_blocks
+    from skyway.link.replay.vehicle import no_wind, vehicle_of
+
+    options.refuse_overwriting(output, force=force)
+    opened = open_any(log, columns)
+    chosen = choose_system(opened.summary, system)
+    what = vehicle_of(opened.summary, chosen, cast("Kind | None", vehicle))
+    nothing = no_wind(what)
+    air = flight_blocks(opened, chosen, vehicle=what)
+    found = _Air(None, None, nothing) if nothing else _air_of(air, wind)
+    if output is not None and found.known:
+        from skyway.models.drones.drag_file import drag_file
+
+        notes = [f"found in {one_line(log.name)}", found.reason]
+        write(output, drag_file(found.drag, notes, found.airspeed), force=force)
+        options.say_written(output)
+    if as_json:
+        typer.echo(json.dumps(_air_json(found), allow_nan=False))
+    else:
+        _tell_air(found)
+    if not found.known:
+        raise typer.Exit(1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Air:
+    """What a flight tells about how the drone feels the air."""
+
+    drag: DragModel | None
+    airspeed: AirspeedModel | None
+    reason: str
+    sigma: float = math.inf
+    wind: tuple[float, float] = (math.nan, math.nan)
+    course_spread_deg: float = 0.0
+
+    @property
+    def known(self) -> bool:
+        return self.drag is not None or self.airspeed is not None
+
+
+def _air_of(air: Blocks, wind: str | None) -> _Air:
+    """Find the drag in what was flown on rotors, the airspeed sensor in what was flown on wings."""
+    import numpy as np
+
+    from skyway.link.replay.monitors import PERIOD_S
+    from skyway.models.calibration.airspeed import identify_airspeed
+    from skyway.models.calibration.wind import fit_known_wind, identify_drag
+    from skyway.models.wind.estimation.blocks import course_spread_deg
+
+    spread = course_spread_deg(air.velocity[air.flying & np.isfinite(air.velocity).all(axis=1)])
+    if wind is not None:
+        known = towards(wind)
+        drag = fit_known_wind(air, np.broadcast_to(np.array(known), (len(air), 2)), PERIOD_S)
+        return _Air(drag, None, f"found from the wind that was given, {wind}", wind=known, course_spread_deg=spread)
+    sensor = identify_airspeed(air) if (air.flying & air.winged).any() else None
+    if sensor is not None and (sensor.model is not None or air.winged[air.flying].mean() > 0.5):
+        rotors = identify_drag(air.part(~air.winged), PERIOD_S)
+        mean = (sensor.wind_north_mps, sensor.wind_east_mps)
+        return _Air(rotors.drag, sensor.model, sensor.reason, sensor.factor_sigma, mean, spread)
+    fit = identify_drag(air, PERIOD_S)
+    mean = (fit.wind_north_mps, fit.wind_east_mps)
+    return _Air(fit.drag, None, fit.reason, fit.relative_sigma, mean, fit.course_spread_deg)
+
+
+def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
+    logs: Annotated[list[Path], typer.Argument(help="Flight logs with battery power.", show_default=False)],
+    mass: Annotated[float | None, typer.Option("--mass", help="Drone with batteries, kg.", show_default=False)] = None,
+    payload: Annotated[
+        list[float] | None,
+        typer.Option("--payload", help="Package, kg: one for all, or one for each log in turn.", show_default=False),
+    ] = None,
+    drones: Annotated[
+        Path | None, typer.Option("--drones", help="Fleet file with the drone to start from.", show_default=False)
+    ] = None,
+    drone: Annotated[str, typer.Option("--drone", help="Drone to start from.")] = "m200-v2",
+    identity: Annotated[
+        str | None, typer.Option("--id", help="Id of the drone that is written.", show_default=False)
+    ] = None,
+    name: Annotated[str | None, typer.Option("--name", help="Its name.", show_default=False)] = None,
+    battery: Annotated[
+        float | None, typer.Option("--battery", help="Nameplate energy of its batteries, Wh.", show_default=False)
+    ] = None,
+    model: Annotated[
+        Literal["best", "endurance", "momentum"], typer.Option("--model", help="Which is written.")
+    ] = "best",
+    density: Annotated[float, typer.Option("--air-density", help="During the flights, kg/m3.")] = 1.225,
+    system: System = None,
+    columns: Columns = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the drone file here.", show_default=False)
+    ] = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    from skyway.models.calibration.energy import MODELS, calibrated, drone_file, fit_energy, published_errors
+
+    options.refuse_overwriting(output, force=force)
+    if not 0.3 <= density <= 2.0:
+        raise InputError(Fault("out of range", field="--air-density", value=density, remedy="0.3 to 2.0 kg/m3"))
+    if mass is not None and not 0.05 <= mass <= 1000.0:
+        raise InputError(Fault("out of range", field="--mass", value=mass, remedy="0.05 to 1000 kg"))
+    if battery is not None and not 1.0 <= battery <= 1e6:
+        raise InputError(Fault("out of range", field="--battery", value=battery, remedy="Wh, 1 to 1000000"))
+    start = _base_drone(drones, drone)
+    base = _this_aircraft(start, mass, identity, name, battery, writes=output is not None)
+    records = [
+        _record(path, number, len(logs), base.mass_kg, payload, system, columns) for number, path in enumerate(logs)
+    ]
+    fits: dict[ModelName, EnergyFit] = {name: fit_energy(records, name, base, density) for name in MODELS}
+    chosen: ModelName = model if model != "best" else min(fits, key=lambda name: _rank(fits[name]))
+    written = calibrated(base, fits[chosen].model)
+    if output is not None:
+        names = ", ".join(one_line(Path(record.name).name) for record in records)
+        notes = [f"{chosen} model fitted to {len(records)} flights: {names}"]
+        if len(records) > 1:
+            notes.append(
+                f"error on a flight left out: worst {fits[chosen].worst:.1%}, median {fits[chosen].median:.1%}"
+            )
+        if written.id != start.id:
+            notes.append(f"not measured, but those of {start.id}: package, airspeeds, wind limit, time to recharge")
+        write(output, drone_file(written, notes), force=force)
+        options.say_written(output)
+    published = published_errors(records, density)
+    if as_json:
+        typer.echo(json.dumps(_energy_json(records, fits, published, chosen, written), allow_nan=False))
+    else:
+        _tell_energy(records, fits, published, chosen, output)
+
+
+def _air_json(found: _Air) -> dict[str, object]:
+    sensor = found.airspeed
+    return {
+        "schema": "skyway.calibrate-wind/1",
+        "identified": found.known,
+        "reason": found.reason,
+        "relative_sigma": found.sigma if math.isfinite(found.sigma) else None,
+        "course_spread_deg": round(found.course_spread_deg, 1),
+        "wind": None
+        if not math.isfinite(found.wind[0])
+        else {"north_mps": round(found.wind[0], 3), "east_mps": round(found.wind[1], 3)},
+        "drag": None if found.drag is None else asdict(found.drag),
+        "airspeed": None
+        if sensor is None
+        else {
+            "factor": round(sensor.factor, 5),
+            "heading_offset_deg": round(math.degrees(sensor.heading_offset_rad), 3),
+            "sigma_mps": round(sensor.sigma_mps, 3),
+            "slip_sigma_deg": round(math.degrees(sensor.slip_sigma_rad), 3),
+        },
+    }
+
+
+def _tell_air(found: _Air) -> None:
+    if not found.known:
+        typer.echo(f"drag and airspeed cannot be identified: {found.reason}")
+        return
+    typer.echo(found.reason)
+    if found.drag is not None:
+        drag = found.drag
+        typer.echo(f"  drag: linear {drag.linear_per_s:.4f} 1/s, quadratic {drag.quadratic_per_m:.5f} 1/m")
+        typer.echo(f"  level bias forward {drag.bias_forward_mps2:+.3f}, right {drag.bias_right_mps2:+.3f} m/s²")
+        later = drag.another_flight()
+        typer.echo(
+            f"  on another flight of this aircraft the drag may differ by ± {later.relative_sigma:.0%}, the level by "
+            f"± {later.bias_sigma_mps2:.2f} m/s² (written with the drag)"
+        )
+    if found.airspeed is not None:
+        offset = math.degrees(found.airspeed.heading_offset_rad)
+        typer.echo(
+            f"  airspeed: the sensor times {found.airspeed.factor:.3f}; through the air {offset:+.1f}° off the nose"
+        )
+    if math.isfinite(found.sigma):
+        from skyway.models.wind.triangle import speed_from
+
+        speed, direction = (float(value) for value in speed_from(*found.wind))
+        typer.echo(f"  in this flight sure to ± {found.sigma:.1%}; mean wind {speed:.1f} m/s from {direction:.0f}°")
+
+
+def _base_drone(path: Path | None, name: str) -> Drone:
+    from skyway.models.drones.fleet import BUILT_IN, read_fleet
+
+    known = BUILT_IN if path is None else {drone.id: drone for drone in read_fleet(path)}
+    if path is not None and name not in known and len(known) == 1:
+        return next(iter(known.values()))
+    if name not in known:
+        raise InputError(Fault("no such drone", field="--drone", value=name, remedy="one of " + ", ".join(known)))
+    return known[name]
+
+
+SAME_MASS = 0.03
+"""A drone whose mass differs by more than this share is another aircraft."""
+
+
+def _this_aircraft(
+    base: Drone, mass: float | None, identity: str | None, name: str | None, battery_wh: float | None, *, writes: bool
+) -> Drone:
+    """Return the drone that flew; one of another mass does not keep name and battery of the one it was started from."""
+    from dataclasses import replace
+
+    from skyway.models.base.units import J_PER_WH
+
+    flew = replace(
+        base,
+        id=identity or base.id,
+        name=name or identity or base.name,
+        mass_kg=base.mass_kg if mass is None else mass,
+        battery_j=base.battery_j if battery_wh is None else battery_wh * J_PER_WH,
+    )
+    other = abs(flew.mass_kg / base.mass_kg - 1.0) > SAME_MASS
+    missing = [option for option, given in (("--id", identity), ("--battery", battery_wh)) if given is None]
+    if writes and other and missing:
+        problem = f"{flew.mass_kg:g} kg is not {base.name} ({base.mass_kg:g} kg)"
+        remedy = f"say which aircraft it is: {' and '.join(missing)} (and --name), or start from another --drone"
+        raise InputError(Fault(problem, field="--mass", value=mass, remedy=remedy))
+    return flew
+
+
+def _record(
+    path: Path,
+    number: int,
+    count: int,
+    mass: float,
+    payload: list[float] | None,
+    system: int | None,
+    columns: Path | None,
+) -> PowerRecord:
+    from skyway.link.replay.flight_monitor import Thinned
+    from skyway.link.replay.replay import choose_system
+    from skyway.models.calibration.energy import power_record
+    from skyway.models.drones.telemetry import TelemetryTrack
+
+    opened = open_any(path, columns)
+    if payload is not None and len(payload) not in (1, count):
+        raise InputError(Fault("must be given once, or once for each log", field="--payload", value=len(payload)))
+    if payload is not None:
+        package = payload[number if len(payload) > 1 else 0]
+        if not 0.0 <= package <= 1000.0:
+            raise InputError(Fault("out of range", field="--payload", value=package, remedy="0 to 1000 kg"))
+    else:
+        package = getattr(opened, "payload_kg", math.nan)
+        if math.isnan(package):
+            raise InputError(Fault("does not say what was carried", str(path), remedy="give --payload, kg"))
+    chosen = choose_system(opened.summary, system)
+    kept = Thinned(TelemetryTrack.part, TelemetryTrack.joined, most=MAX_SAMPLES)
+    for track in opened.tracks():
+        if track.system == chosen:
+            kept.add(track)
+    return power_record(str(path), kept.rows(), mass + package)
+
+
+def _rank(fit: EnergyFit) -> float:
+    return fit.worst if not math.isnan(fit.worst) else math.inf
+
+
+def _energy_json(
+    records: list[PowerRecord],
+    fits: dict[ModelName, EnergyFit],
+    published: tuple[float, ...],
+    chosen: str,
+    drone: Drone,
+) -> dict[str, object]:
+    def known(value: float) -> float | None:
+        return round(value, 5) if math.isfinite(value) else None
+
+    return {
+        "schema": "skyway.calibrate-energy/1",
+        "flights": [
+            {
+                "log": record.name,
+                "mass_kg": round(record.mass_kg, 4),
+                "time_s": round(record.total_s, 1),
+                "idle_s": round(record.idle_s, 1),
+                "energy_wh": round(record.total_j / 3600.0, 3),
+                "left_out_error": {name: known(fit.left_out_error[number]) for name, fit in fits.items()},
+                "published_error": known(published[number]),
+            }
+            for number, record in enumerate(records)
+        ],
+        "models": {name: {"worst": known(fit.worst), "median": known(fit.median)} for name, fit in fits.items()},
+        "published": {"worst": known(max(abs(error) for error in published))},
+        "written": chosen,
+        "endurance_empty_min": known(drone.endurance_empty_s / 60.0),
+        "endurance_full_min": known(drone.endurance_full_s / 60.0),
+    }
+
+
+def _tell_energy(
+    records: list[PowerRecord],
+    fits: dict[ModelName, EnergyFit],
+    published: tuple[float, ...],
+    chosen: str,
+    output: Path | None,
+) -> None:
+    typer.echo("error of the energy of each flight, by a fit to the others:")
+    columns = [Column("flight", justify="left"), Column("mass", "kg"), Column("time", "s"), Column("energy", "Wh")]
+    sheet = Sheet([*columns, Column("endurance"), Column("momentum"), Column("published")])
+    for number, record in enumerate(records):
+        errors = [fits[name].left_out_error[number] for name in fits] + [published[number]]
+        cells = [f"{error:+.1%}" if math.isfinite(error) else "-" for error in errors]
+        figures = f"{record.mass_kg:.2f}", f"{record.total_s:.0f}", f"{record.total_j / 3600.0:.1f}"
+        sheet.add(Path(record.name).name, *figures, *cells)
+        if record.idle_s > 5.0:
+            sheet.note(f"  {record.idle_s:.0f} s with the motors off are left out")
+    sheet.show()
+    if len(records) > 1:
+        for name, fit in fits.items():
+            typer.echo(f"  {name}: worst {fit.worst:.1%}, median {fit.median:.1%}")
+    else:
+        typer.echo("  one flight cannot be checked against another: the error on unseen flights is unknown")
+    typer.echo(
+        f"{chosen} model" + (" (use -o FILE to write a drone file)" if output is None else f" written to {output}")
+    )
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    calibrate.command("wind", help=WIND_HELP)(calibrate_wind)
+    calibrate.command("energy", help=ENERGY_HELP)(calibrate_energy)
+    app.add_typer(calibrate)

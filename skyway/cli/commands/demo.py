@@ -1,0 +1,87 @@
+"""The command that shows everything at once: ``demo``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.ranges import range_faults
+from skyway.scenarios import load_scenario
+
+DEMO_HELP = """Show a whole delivery: planned, flown by a simulated vehicle in another wind than forecast, replanned, delivered.
+
+No vehicle, no network and no waiting: everything runs in virtual time. Another day or seed tells another story.
+
+\b
+Examples:
+  skyway demo
+  skyway demo --day 2013-05-20 --seed 3 --autopilot ardupilot -o out/other
+  skyway demo --proving-flight flight.tlog --payload 0.7
+"""
+
+
+def demo(
+    day: Annotated[str | None, typer.Option("--day", help="Day of 2013 whose wind blows.", show_default=False)] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of gusts, other drones and errors.")] = 1,
+    autopilot: Annotated[Literal["px4", "ardupilot"], typer.Option("--autopilot", help="Whose behaviour.")] = "px4",
+    planner: Annotated[str, typer.Option("--planner", help="Planner; without it the default one.")] = "",
+    plan_only: Annotated[bool, typer.Option("--plan-only", help="Plan and do not fly: compiles the kernels.")] = False,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for plan, journal and report.")] = Path(
+        "out/demo"
+    ),
+    proving_flight: Annotated[
+        Path | None,
+        typer.Option(
+            "--proving-flight",
+            help="Only fly a square twice, as one does to calibrate a drone, and record it: FILE.tlog.",
+            show_default=False,
+        ),
+    ] = None,
+    payload: Annotated[
+        float | None, typer.Option("--payload", help="Package on the proving flight, kg: 0.8.", show_default=False)
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the recording of a proving flight.")] = False,
+) -> None:
+    """Show a whole delivery (the help text is `DEMO_HELP`)."""
+    if proving_flight is not None:
+        _prove(proving_flight, payload, force=force)
+        return
+    if payload is not None:
+        remedy = "the demonstration carries 0.8 kg; skyway plan and fly take any"
+        raise InputError(Fault("goes with --proving-flight only", field="--payload", value=payload, remedy=remedy))
+    from skyway.demo import DemoOptions, plan_demo, run_demo, tell_end, with_day
+
+    options = with_day(DemoOptions(folder=output, seed=seed, autopilot=autopilot, planner=planner), day)
+    if plan_only:
+        typer.echo(str(plan_demo(options)))
+        return
+    outcome = run_demo(options, typer.echo)
+    for line in tell_end(options, outcome):
+        typer.echo(line)
+    if outcome.exit_code:
+        raise typer.Exit(outcome.exit_code)
+
+
+def _prove(path: Path, payload: float | None, *, force: bool) -> None:
+    """Record a proving flight of the drone of the demonstration."""
+    from skyway.cli import options
+    from skyway.demo import DRONE, PAYLOAD_KG
+    from skyway.proving_flight import record_square
+
+    options.refuse_overwriting(path, force=force)
+    drone = load_scenario(None).drone(DRONE)
+    carried = PAYLOAD_KG if payload is None else payload
+    remedy = f"0 to {drone.max_payload_kg:g} kg, what the {drone.name} lifts"
+    faults = range_faults("--payload", carried, 0.0, drone.max_payload_kg, remedy)
+    if faults:
+        raise InputError(faults)
+    record_square(drone, carried, path, force=force)
+    typer.echo(f"wrote {path}: a square flown twice with {carried:g} kg by a simulated {drone.name}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("demo", help=DEMO_HELP)(demo)

@@ -1,0 +1,314 @@
+"""The command that flies: ``fly``."""
+
+from __future__ import annotations
+
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+from zoneinfo import ZoneInfo
+
+import typer
+
+from skyway.cli import options
+from skyway.cli.connection_options import AsJson, Link, linked
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.json_text import json_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from datetime import datetime
+
+    from skyway.cli.console import Console
+    from skyway.cli.views.flight import FlightView
+    from skyway.link.pads import TcpPads
+    from skyway.link.supervisor import DeliveryJob, Outcome
+    from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+    from skyway.models.base.clock import Clock
+    from skyway.models.composition.composition import Composition
+    from skyway.models.queues.pad_service import PadService
+
+FLY_HELP = """Fly a plan leg by leg, learn the wind on the way, and plan anew where that is better.
+
+Before each leg a list is gone through, the mission is uploaded and read back, and a divert station is known for every
+point of the way. Parameters that are set are told and asked for with the take-off: once, with --manual each time; they are
+restored at the end. Everything is written into a journal; a flight that was interrupted goes on with --resume. Ctrl-C stays
+where it stands, or lands and stays at the next station; twice in the air leaves the vehicle alone.
+
+\b
+Examples:
+  skyway fly plan.json --connect udpin:127.0.0.1:14540 --pads tcp:127.0.0.1:5790 --drag drag.toml
+  skyway fly plan.json --connect /dev/ttyUSB0,57600 --pads manual --manual
+  skyway fly plan.json --connect tcp:127.0.0.1:5760 --pads tcp:127.0.0.1:5790 --resume recordings/delivery.jsonl
+"""
+
+Plan = Annotated[Path, typer.Argument(help="Composition, as skyway plan -o writes it.")]
+PadAddress = Annotated[str, typer.Option("--pads", help="Where the pads are: tcp:HOST:PORT, or manual: people charge.")]
+Manual = Annotated[bool, typer.Option("--manual", help="Ask before each take-off.")]
+OutOfSample = Annotated[bool, typer.Option("--yes", help="Ask nothing: for rehearsals.")]
+JournalFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--journal", help="Write the journal here; without it into the folder of --record.", show_default=False
+    ),
+]
+Resume = Annotated[
+    Path | None, typer.Option("--resume", help="Go on with the delivery of this journal.", show_default=False)
+]
+Report = Annotated[
+    Path | None, typer.Option("--report", help="Write a report at the end: FILE.html.", show_default=False)
+]
+Drag = Annotated[
+    Path | None,
+    typer.Option(
+        "--drag", help="Drag of the drone, from skyway calibrate wind: its tilt tells the wind.", show_default=False
+    ),
+]
+ScenarioFolder = Annotated[
+    Path | None,
+    typer.Option("--scenario", help="Scenario folder, where it is not the one the plan names.", show_default=False),
+]
+ForecastFile = Annotated[
+    Path | None, typer.Option("--forecast", help="Forecast file instead of the scenario's.", show_default=False)
+]
+ConstantWind = Annotated[
+    str | None, typer.Option("--wind", help="One wind at cruise height instead: 8@270.", show_default=False)
+]
+Planner = Annotated[str, typer.Option("--planner", help="Planner of replanning.")]
+NoReplan = Annotated[bool, typer.Option("--no-replan", help="Fly the plan as it is, whatever comes.")]
+Release = Annotated[Literal["gripper", "operator"], typer.Option("--release", help="Who lets the package go.")]
+Elevation = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--elevation", help="STATION=METRES: ground height the plan does not know; repeatable.", show_default=False
+    ),
+]
+Keep = Annotated[bool, typer.Option("--keep-parameters", help="Set no parameter; stop where one will not do.")]
+NoRestore = Annotated[
+    bool, typer.Option("--no-restore", help="Leave the parameters that were set; otherwise restored at the end.")
+]
+
+
+@linked
+def fly(
+    plan: Plan,
+    link: Link,
+    pads: PadAddress = "manual",
+    manual: Manual = False,
+    yes: OutOfSample = False,
+    journal: JournalFile = None,
+    resume: Resume = None,
+    report: Report = None,
+    drag: Drag = None,
+    scenario: ScenarioFolder = None,
+    forecast: ForecastFile = None,
+    wind: ConstantWind = None,
+    planner: Planner = "",
+    no_replan: NoReplan = False,
+    release: Release = "gripper",
+    elevation: Elevation = None,
+    keep_parameters: Keep = False,
+    no_restore: NoRestore = False,
+    as_json: AsJson = False,
+) -> None:
+    """Fly a plan (the help text is `FLY_HELP`)."""
+    from skyway import flying
+    from skyway.cli.console import Console
+    from skyway.cli.views.flight import view_for
+    from skyway.link.supervisor import DeliveryJob
+    from skyway.missions.builder.mission_options import MissionOptions
+    from skyway.models.composition.file import load
+    from skyway.planner.online.replan import DEFAULT_PLANNER, ReplanSettings
+
+    _refuse_together(
+        manual=manual, yes=yes, journal=journal, resume=resume, keep=keep_parameters, no_restore=no_restore
+    )
+    options.refuse_overwriting(journal, report, force=False)
+    begun = None if resume is None else _begun(resume)
+    composition = load(plan)
+    region = flying.scenario_of(composition, scenario)
+    if yes:
+        _refuse_questions(composition, pads, release)
+    _check_words(planner, wind, forecast)
+    service = _pad_service(pads)
+    request = flying.request_of(composition, region)
+    how = MissionOptions(release=release, elevation_m=flying.heights(region, elevation))
+    drag_model = flying.read_drag_file(drag)
+
+    def job(now: datetime) -> DeliveryJob:
+        return DeliveryJob(
+            composition=composition,
+            scenario=region,
+            request=request,
+            forecast=options.wind_forecast(region, begun or now, wind, forecast, None, None),
+            options=how,
+            drag=drag_model,
+            planner=planner or DEFAULT_PLANNER,
+            replanning=None if no_replan else ReplanSettings(),
+            asking="never" if yes else "each" if manual else "once",
+            set_parameters=not keep_parameters,
+            restore_parameters=not no_restore,
+            manual_pads=service is None,
+        )
+
+    view = view_for(as_json=as_json, zone=ZoneInfo(region.timezone))
+    console = Console(listens=not yes, show=view.say, keys=view.lives)
+    view.typed = lambda: console.typed
+    with console.reading_keys(), view.shown():
+        outcome, path = _flown(link, job, service, console, view, resume or journal, report, resumes=resume is not None)
+    _end(outcome, path, report, as_json=as_json)
+
+
+def _flown(
+    link: Link,
+    job_at: Callable[[datetime], DeliveryJob],
+    pads: TcpPads | None,
+    console: Console,
+    view: FlightView,
+    path: Path | None,
+    report: Path | None,
+    *,
+    resumes: bool,
+) -> tuple[Outcome, Path]:
+    """Connect and fly; returns how it ended, and where its journal is."""
+    from skyway.flying import journal_name
+    from skyway.link.supervisor import Journal, Supervisor
+    from skyway.models.base.units import from_posix
+    from skyway.report.report import write_report
+
+    view.doing(f"connecting: {link.connect}")
+    with link.aboard() as vehicle:
+        view.doing("listening: telemetry, and the time of the vehicle")
+        clock = _clock(vehicle, console)
+        now = from_posix(clock.posix_s())
+        job = job_at(now)
+        if not (resumes or job.asking == "never" or console.present):
+            remedy = "type at a terminal, or --yes for rehearsals"
+            raise InputError(Fault("nobody can answer: standard input has ended", remedy=remedy))
+        if job.drag is None:
+            console.tell("no --drag: the wind is taken as forecast, unless the autopilot itself tells it")
+        path = path or _journal_path(link.record, journal_name(job.composition, now))
+        book = Journal(path, clock.posix_s, resume=resumes)
+        book.listeners.append(view.take)
+        console.tell(f"journal: {path}")
+        try:
+            with console.counting_interrupts(), _served(pads, job, console, clock) as service:
+                supervisor = Supervisor(job, vehicle, clock, service, console, book, resume=resumes, on_tick=view.tick)
+                return supervisor.run(), path
+        finally:
+            book.close()
+            if report is not None and book.count:  # also of a flight that broke off
+                write_report(path, report, scenario=job.scenario)
+
+
+def _refuse_together(
+    *, manual: bool, yes: bool, journal: Path | None, resume: Path | None, keep: bool, no_restore: bool
+) -> None:
+    """Refuse options that contradict each other."""
+    if manual and yes:
+        raise InputError(Fault("--manual and --yes exclude each other", remedy="give one of them"))
+    if resume is not None and journal is not None:
+        raise InputError(Fault("--journal and --resume exclude each other", remedy="a resumed journal goes on"))
+    if keep and no_restore:
+        remedy = "--keep-parameters sets none, so nothing is left to be restored"
+        raise InputError(Fault("--keep-parameters and --no-restore exclude each other", remedy=remedy))
+
+
+def _refuse_questions(composition: Composition, pads: str, release: str) -> None:
+    """With --yes nobody is listened to: refuse what could only be answered by a person, and would be waited for."""
+    charges = [stop.station for stop in composition.stops if stop.recharge_s > 0.0]
+    if pads == "manual" and charges:
+        problem = f"--yes and --pads manual exclude each other: at {', '.join(charges)} nobody could say charged"
+        raise InputError(Fault(problem, field="--pads", value=pads, remedy="--pads tcp:HOST:PORT, or leave --yes out"))
+    if release == "operator":
+        problem = "--yes and --release operator exclude each other: nobody could say that the package is taken off"
+        raise InputError(
+            Fault(problem, field="--release", value=release, remedy="--release gripper, or leave --yes out")
+        )
+
+
+def _check_words(planner: str, wind: str | None, forecast: Path | None) -> None:
+    """Find out before a vehicle is spoken with what would fail in the midst of a delivery."""
+    from skyway.planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS
+
+    known = [name for name in PLANNERS if wind is not None or name not in CLAIRVOYANT_PLANNERS]
+    if planner and planner not in known:
+        problem = (
+            "needs the wind as it will be, which nobody knows in a flight" if planner in PLANNERS else "no such planner"
+        )
+        raise InputError(Fault(problem, field="--planner", value=planner, remedy=f"one of {', '.join(known)}"))
+    if wind is not None:
+        options.parse_wind(wind)
+    if forecast is not None and not forecast.is_file():
+        raise InputError(Fault("no such file", str(forecast), field="--forecast"))
+
+
+def _pad_service(pads: str) -> TcpPads | None:
+    """The pad service of an address; None where people tend the pads."""
+    from skyway.link.pads import TcpPads
+
+    return None if pads == "manual" else TcpPads(pads)
+
+
+def _clock(vehicle: MavlinkVehicle, console: Console) -> Clock:
+    """Take the vehicle's clock: it may live at another time, and at another speed, also from some moment on only."""
+    from skyway.flying import FAR_S
+    from skyway.link.telemetry.vehicle_time import VehicleTime
+
+    wall = vehicle.connection.clock
+    vehicle.request_telemetry()
+    for _ in vehicle.samples(4.0):
+        pass
+    base, sample = vehicle.live.clock, vehicle.live.sample
+    far = sample is not None and base.base.absolute and abs(sample.time_s - wall.posix_s()) >= FAR_S
+    if far or base.simulated:
+        console.tell("the vehicle lives at another time than this computer (a simulation): its time is taken")
+    return VehicleTime(vehicle, wall)
+
+
+def _begun(journal: Path) -> datetime:
+    from skyway.link.supervisor import read_journal
+    from skyway.models.base.units import parse_instant
+
+    return parse_instant(read_journal(journal).records[0].time)
+
+
+def _journal_path(folder: Path, name: str) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(Fault(f"cannot be made: {error.strerror or error}", str(folder))) from None
+    return folder / name
+
+
+@contextmanager
+def _served(pads: TcpPads | None, job: DeliveryJob, console: Console, clock: Clock) -> Iterator[PadService]:
+    """Serve the pads that were asked for, and hang up at the end."""
+    from skyway.link.pads import ManualPads
+
+    if pads is not None:
+        with closing(pads):
+            yield pads
+        return
+    known = {station.id: station.pads for station in job.scenario.network.stations}
+    yield ManualPads(console.ask, known, clock.posix_s)
+
+
+def _end(outcome: Outcome, journal: Path, report: Path | None, *, as_json: bool) -> None:
+    """Say how it ended, and exit by it."""
+    if as_json:
+        ended = {
+            "schema": "skyway.fly/1", "delivered": outcome.delivered, "state": outcome.state, "reason": outcome.reason,
+            "station": outcome.station, "flights": outcome.flights, "journal": str(journal),
+            "report": None if report is None else str(report),
+        }  # fmt: skip
+        typer.echo(json_text(ended))
+    else:
+        typer.echo(outcome.reason if outcome.delivered else f"{outcome.state}: {outcome.reason}")
+        typer.echo(f"journal: {journal}" + ("" if report is None else f"; report: {report}"))
+    if outcome.exit_code:
+        raise typer.Exit(outcome.exit_code)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("fly", help=FLY_HELP)(fly)

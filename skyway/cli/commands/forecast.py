@@ -1,0 +1,264 @@
+"""From flight logs to a better forecast: ``forecast`` fuses what drones measured and writes a file that ``plan`` reads."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+from zoneinfo import ZoneInfo
+
+import typer
+
+from skyway.cli import log_options, options
+from skyway.cli.log_options import AsJson, Columns, Force, open_any, write
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.models.wind.estimation.field import WindObservation
+
+FORECAST_HELP = """Update the wind forecast with what drones measured, and write it for plan.
+
+The winds of all logs are fused: what differs from the forecast is alike nearby and for a while. Members like what was measured
+gain weight, and each is moved by its own miss, which fades with the horizon. Without logs the forecast is written as it is.
+
+Examples:
+
+  skyway forecast flight1.tlog flight2.tlog -o forecast.csv
+
+  skyway forecast today/*.tlog --scenario my-scenario --drag drag.toml --depart 2025-06-15T12:00Z -o forecast.csv
+
+  skyway plan my-scenario --forecast forecast.csv --from depot --to clinic --payload 1.2
+"""
+OLDEST_H = 24.0
+"""Older measurements than this say nothing about the departure."""
+SHOWN_H = (0, 1, 2, 3, 6, 12)
+
+
+@dataclass(frozen=True, slots=True)
+class Update:
+    """A forecast before and after what was measured, for the height of its sites.
+
+    Attributes
+    ----------
+    world : Scenario
+    depart_s : float
+        POSIX seconds.
+    before, after : WindEnsemble
+    seen : tuple of WindObservation
+        At the height of the sites.
+    """
+
+    world: Scenario
+    depart_s: float
+    before: WindEnsemble
+    after: WindEnsemble
+    seen: tuple[WindObservation, ...]
+
+
+def forecast(  # noqa: D103  the help text is FORECAST_HELP
+    logs: Annotated[list[Path] | None, typer.Argument(help="Flight logs, of any drones.", show_default=False)] = None,
+    scenario: log_options.ScenarioName = None,
+    base: Annotated[
+        Path | None,
+        typer.Option("--forecast", help="Forecast to update. Without it: the record's.", show_default=False),
+    ] = None,
+    depart: Annotated[
+        str | None,
+        typer.Option("--depart", help="Time to plan from. Without it: the last measurement.", show_default=False),
+    ] = None,
+    hours: Annotated[int, typer.Option("--hours", help="How far beyond it.", min=1, max=48)] = 12,
+    slot: Annotated[float, typer.Option("--slot", help="Slots of the file at most so long, minutes.")] = 60.0,
+    drag: log_options.Drag = None,
+    vehicle: log_options.VehicleKind = None,
+    columns: Columns = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the forecast here.", show_default=False)
+    ] = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    from skyway.models.wind.estimation.forecast_update import SLOT_S
+
+    if not 1.0 <= slot <= 360.0:
+        raise InputError(Fault("out of range", field="--slot", value=slot, remedy="1 to 360 minutes"))
+    options.refuse_overwriting(output, force=force)
+    instant = None if depart is None else options.parse_depart(depart)
+    world = log_options.load_named(scenario)
+    if not world.wind_sites:
+        raise InputError(Fault("the scenario has no wind sites", world.path, remedy="name them in [[wind.sites]]"))
+    air = log_options.air_of(drag) | {"vehicle": vehicle}
+    seen = [one for path in logs or () for one in _observations(path, columns, air)]
+    update = _update(world, seen, instant, hours, base, max(60.0 * slot, SLOT_S / 10.0))
+    if output is not None:
+        from skyway.models.wind.forecast_file import forecast_table
+
+        write(output, forecast_table(update.after, [site.id for site in world.wind_sites]), force=force)
+    if as_json:
+        typer.echo(json.dumps(_as_json(update), allow_nan=False))
+    else:
+        _tell(update, output)
+
+
+def _observations(path: Path, columns: Path | None, air: dict[str, Any]) -> list[WindObservation]:
+    """What every vehicle of a log measured; nothing is expected of the wind, so that no forecast counts twice."""
+    from skyway.link.replay.replay import ReplayOptions, replay
+
+    log = open_any(path, columns)
+    log_options.dated(log)
+    found: list[WindObservation] = []
+    for system in log.summary.systems:
+        course = replay(log, ReplayOptions(system=system, **air))
+        if course.drag_source == "none" and course.drag_reason and not course.observations:
+            typer.echo(f"skyway: {path}: vehicle {system}: {course.drag_reason}", err=True)
+        if course.tally.doubted:
+            unknown = f"its wind is unknown for {course.tally.doubted} s in which the filter is inconsistent"
+            typer.echo(f"skyway: {path}: vehicle {system}: {unknown}", err=True)
+        if course.drag_source == "nominal":
+            typer.echo(f"skyway: {path}: vehicle {system}: a nominal drag is used; {course.drag_reason}", err=True)
+        found += course.observations
+    if not found:
+        typer.echo(f"skyway: {path}: no wind could be measured in it", err=True)
+    return found
+
+
+def _update(
+    world: Scenario, seen: list[WindObservation], instant: datetime | None, hours: int, base: Path | None, slot_s: float
+) -> Update:
+    from skyway.models.base.units import from_posix
+    from skyway.models.wind.estimation.forecast_update import update_forecast
+    from skyway.models.wind.forecast import read_forecast
+
+    if not seen and instant is None:
+        remedy = "logs in which wind was measured, or --depart"
+        raise InputError(Fault("there is nothing to tell when the forecast is for", remedy=remedy))
+    depart_s = max(one.time_s for one in seen) if instant is None else instant.timestamp()
+    fresh = [one for one in seen if -hours <= (depart_s - one.time_s) / 3600.0 <= OLDEST_H]
+    if len(fresh) < len(seen):
+        typer.echo(f"skyway: {len(seen) - len(fresh)} measurements are too far from the departure in time", err=True)
+    near = [one for one in fresh if _distance_m(world, one) <= log_options.FAR_M]
+    if len(near) < len(fresh):
+        away = f"more than {log_options.FAR_M / 1000.0:.0f} km from every wind site"
+        typer.echo(f"skyway: {len(fresh) - len(near)} measurements are {away} and are left out", err=True)
+    fresh = near
+    begin = from_posix(min([depart_s, *(one.time_s for one in fresh)]))
+    span_h = hours + math.ceil((depart_s - begin.timestamp()) / 3600.0)
+    if base is not None:
+        before = read_forecast(base, world.wind_sites, begin, span_h, world.measured_at_m)
+    else:
+        day = from_posix(depart_s).astimezone(ZoneInfo(world.timezone)).date()
+        before = world.forecast(begin, span_h, truth=day)
+    exponent = world.rules.wind_profile_exponent
+    level = tuple(one.at_height(before.height_m, exponent) for one in fresh)
+    return Update(world, depart_s, before, update_forecast(before, level, slot_s=slot_s), level)
+
+
+def _distance_m(world: Scenario, one: WindObservation) -> float:
+    from skyway.models.base.geodesy import distance_m
+
+    return min(distance_m(one.lat_deg, one.lon_deg, site.lat, site.lon) for site in world.wind_sites)
+
+
+def _rows(update: Update) -> list[dict[str, Any]]:
+    """Wind over the middle of the network, at cruise height, before and after."""
+    from skyway.plots.wind_summary import over_region
+
+    rows = []
+    for hour in SHOWN_H:
+        time_s = update.depart_s + 3600.0 * hour
+        if time_s < update.after.start_s + update.after.slots * update.after.slot_s:
+            row: dict[str, Any] = {"hours": hour}
+            for name, ensemble in (("before", update.before), ("after", update.after)):
+                north, east = over_region(ensemble, update.world)
+                row[name] = _wind_of(ensemble, north, east, ensemble.slot_at(time_s))
+            rows.append(row)
+    return rows
+
+
+def _wind_of(ensemble: WindEnsemble, north: Any, east: Any, slot: int) -> dict[str, float | None]:
+    """Summary of one slot (`models.wind.summary`), and the spread of the members about their mean vector."""
+    from skyway.models.wind.summary import summary_of
+
+    found = summary_of(north[:, slot], east[:, slot], ensemble.probability)
+    off = (north[:, slot] - found.north_mps) ** 2 + (east[:, slot] - found.east_mps) ** 2
+    return {
+        "speed_mps": round(found.mean_mps, 3),
+        "p10_mps": round(found.p10_mps, 3),
+        "p90_mps": round(found.p90_mps, 3),
+        "from_deg": None if found.from_deg is None else round(found.from_deg, 1),
+        "sigma_mps": round(math.sqrt(0.5 * float(ensemble.probability @ off)), 3),
+    }
+
+
+def _field(update: Update) -> list[dict[str, Any]]:
+    """Wind at every site at the departure: all observations fused, and how sure that is, at the height of the sites."""
+    import numpy as np
+
+    from skyway.models.wind.estimation.field import WindField
+    from skyway.models.wind.estimation.live import forecast_of
+
+    mean = forecast_of(update.before)
+    expected = [mean(one.time_s, one.lat_deg, one.lon_deg, math.nan) for one in update.seen]
+    fused = WindField(update.seen, np.array(expected).reshape(-1, 2))
+    found = []
+    for site in update.world.wind_sites:
+        here = mean(update.depart_s, site.lat, site.lon, math.nan)
+        now = fused.at(update.depart_s, site.lat, site.lon, here)
+        row = {"site": site.id, "speed_mps": round(now.speed_mps, 3), "from_deg": round(now.from_deg, 1)}
+        found.append(row | {"sigma_mps": round(now.sigma_mps, 3)})
+    return found
+
+
+def _as_json(update: Update) -> dict[str, Any]:
+    from skyway.models.base.units import from_posix, iso
+
+    return {
+        "schema": "skyway.forecast-update/1",
+        "depart": iso(from_posix(round(update.depart_s, 3))),
+        "height_m": update.before.height_m,
+        "observations": [
+            {
+                "t": iso(from_posix(round(one.time_s, 3))),
+                "lat": round(one.lat_deg, 6),
+                "lon": round(one.lon_deg, 6),
+                "north_mps": round(one.north_mps, 3),
+                "east_mps": round(one.east_mps, 3),
+                "sigma_mps": round(math.sqrt(one.variance), 3),
+            }
+            for one in update.seen
+        ],
+        "field": _field(update),
+        "hours": _rows(update),
+        "members": dict(zip(update.after.labels, update.after.probability.round(6).tolist(), strict=True)),
+    }
+
+
+def _tell(update: Update, output: Path | None) -> None:
+    from skyway.models.base.units import from_posix, iso
+    from skyway.models.composition.composition import Wind
+
+    count = len(update.seen)
+    what = "1 measurement" if count == 1 else f"{count} measurements"
+    when = iso(from_posix(round(update.depart_s)))
+    typer.echo(f"{len(update.after)} members updated with {what} of 10 minutes, for {when}")
+    for row in _field(update):
+        wind = f"{row['speed_mps']:.1f} ± {row['sigma_mps']:.1f} m/s from {row['from_deg']:.0f}°"
+        typer.echo(f"  {row['site']}: {wind} at {update.before.height_m:g} m")
+    typer.echo("  over the middle of the network, at cruise height, before and after:")
+    for row in _rows(update):
+        before, after = (
+            Wind(row[name]["speed_mps"], row[name]["from_deg"], row[name]["p10_mps"], row[name]["p90_mps"])
+            for name in ("before", "after")
+        )
+        typer.echo(f"  +{row['hours']:2d} h: {before}  →  {after}")
+    typer.echo("use -o FILE to write it" if output is None else f"written to {output}: skyway plan --forecast {output}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("forecast", help=FORECAST_HELP)(forecast)

@@ -1,0 +1,286 @@
+"""Commands that change and compare what vehicles hold: ``upload``, ``download``, ``clear`` and ``verify``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from skyway.cli.connection_options import AsJson, Link, Yes, linked
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.link.protocol.parameters import ParameterCheck
+    from skyway.link.protocol.verified import Part, UploadOutcome
+    from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+    from skyway.link.vehicle.vehicle import Identity
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.parameters import Parameter
+
+
+class Kind(StrEnum):
+    """What a vehicle holds."""
+
+    MISSION = "mission"
+    FENCE = "fence"
+    RALLY = "rally"
+    ALL = "all"
+
+
+MissionFile = Annotated[Path, typer.Argument(help="Mission: .plan or .waypoints.")]
+Required = Annotated[
+    Path | None,
+    typer.Option("--parameters", help="Parameters it needs, as skyway mission writes them.", show_default=False),
+]
+
+
+def _parts(document: MissionDocument) -> list[Part]:
+    """What a file holds, fence and rally points first: they must be there before the mission is flown."""
+    found: list[Part] = [document.fence] if document.fence else []
+    if len(document.rally):
+        found.append(document.rally)
+    if len(document.mission):
+        found.append(document.mission)
+    return found
+
+
+def _read_parts(file: Path) -> tuple[MissionDocument, list[Part]]:
+    from skyway.missions import read
+    from skyway.models.base.errors import Fault, InputError
+
+    document = read(file)
+    parts = _parts(document)
+    if not parts:
+        remedy = "use skyway clear to clear a vehicle"
+        raise InputError(Fault("holds no mission, fence or rally points", str(file), remedy=remedy))
+    return document, parts
+
+
+@linked
+def upload(
+    link: Link, file: MissionFile, parameters: Required = None, yes: Yes = False, as_json: AsJson = False
+) -> None:
+    """Upload a mission with its fence and rally points, and read it back: done means that it was compared.
+
+    Without --yes nothing is sent: what would be is shown, beside what the vehicle holds.
+
+    \b
+    Examples:
+      skyway upload delivery.plan --connect udpin:127.0.0.1:14540
+      skyway upload delivery.plan --connect /dev/ttyUSB0,57600 --yes
+      skyway upload delivery.waypoints --connect tcp:127.0.0.1:5760 --system 2 --parameters delivery.param --yes
+    """  # noqa: D301  \b keeps the lines of the examples
+    from skyway.cli.views.link import print_json, show_outcome
+    from skyway.link.protocol.parameter_file import read_required
+
+    document, parts = _read_parts(file)
+    wanted = () if parameters is None else read_required(parameters)
+    with link.aboard() as vehicle:
+        _refuse_what_cannot_be_flown(document, vehicle.family.name)
+        identity = vehicle.identify()
+        if not as_json:
+            typer.echo(str(identity))
+        checks = _check_parameters(vehicle, wanted, yes=yes, as_json=as_json)
+        if not yes:
+            _show_dry_run(vehicle, identity, parts, checks, as_json=as_json)
+            return
+        vehicle.check_ground_station()
+        outcomes = _send(vehicle, parts)
+    ok = all(outcome.verified for outcome in outcomes)
+    if as_json:
+        print_json("upload/1", ok=ok, sent=True, **_told(identity, checks), parts=_outcomes(outcomes))
+    else:
+        for outcome in outcomes:
+            show_outcome(outcome)
+    if not ok:
+        raise typer.Exit(3)
+
+
+def _refuse_what_cannot_be_flown(document: MissionDocument, family: str) -> None:
+    from skyway.missions import dialect
+    from skyway.models.base.errors import Fault, InputError
+
+    found = [finding for finding in dialect(family).cannot_fly(document) if finding.severity == "error"]
+    faults = [Fault(f.message, field=None if f.item is None else f"item {f.item}", remedy=f.remedy) for f in found]
+    if faults:
+        raise InputError(faults)
+
+
+def _check_parameters(
+    vehicle: MavlinkVehicle, wanted: Sequence[Parameter], *, yes: bool, as_json: bool
+) -> list[dict[str, Any]]:
+    """Read the parameters that a mission needs; with consent set those that will not do, and read them back."""
+    rows = []
+    for check in vehicle.check_required(wanted):
+        state, value = _parameter_state(vehicle, check, yes=yes)
+        rows.append({"name": check.wanted.name, "was": check.actual, "is": value, "state": state})
+        if not as_json:
+            was = "unknown" if check.actual is None else f"{check.actual:g}"
+            typer.echo(f"parameter {check.wanted.name} is {was}: {state}")
+    return rows
+
+
+def _parameter_state(vehicle: MavlinkVehicle, check: ParameterCheck, *, yes: bool) -> tuple[str, float | None]:
+    if check.ok:
+        return "ok", check.actual
+    if check.to_set is None:
+        return f"must be checked by hand: {check.wanted.why}", check.actual
+    if not yes:
+        return f"would be set to {check.to_set:g}: {check.wanted.why}", check.actual
+    value = vehicle.set_parameter(check.wanted.name, check.to_set).value
+    return f"set to {value:g}", value
+
+
+def _show_dry_run(
+    vehicle: MavlinkVehicle, identity: Identity, parts: list[Part], checks: list[dict[str, Any]], *, as_json: bool
+) -> None:
+    from skyway.cli.views.link import difference_row, print_json, show_plan
+    from skyway.link.protocol.verified import kind_of
+
+    rows = []
+    for part in parts:
+        kind, differences = kind_of(part).name.lower(), vehicle.verify(part)
+        rows.append({"kind": kind, "differences": [difference_row(kind, difference) for difference in differences]})
+        if not as_json:
+            show_plan(part, differences)
+    if as_json:
+        print_json("upload/1", ok=True, sent=False, **_told(identity, checks), parts=rows)
+    else:
+        typer.echo("nothing was sent; add --yes to upload")
+
+
+def _told(identity: Identity, checks: list[dict[str, Any]]) -> dict[str, Any]:
+    from skyway.cli.views.link import vehicle_row
+
+    return {"vehicle": vehicle_row(identity), "parameters": checks}
+
+
+def _outcomes(outcomes: list[UploadOutcome]) -> list[dict[str, Any]]:
+    from skyway.cli.views.link import outcome_row
+
+    return [outcome_row(outcome) for outcome in outcomes]
+
+
+def _send(vehicle: MavlinkVehicle, parts: list[Part]) -> list[UploadOutcome]:
+    """Upload part by part, up to the first that is not verified."""
+    from skyway.cli.views.link import progress
+
+    outcomes: list[UploadOutcome] = []
+    try:
+        for part in parts:
+            outcomes.append(vehicle.upload(part, progress=progress()))
+            if not outcomes[-1].verified:
+                break
+    except KeyboardInterrupt:
+        if vehicle.blocked is not None:
+            typer.echo(f"\n{vehicle.blocked}; upload again before it is started", err=True)
+        raise
+    return outcomes
+
+
+@linked
+def download(
+    link: Link,
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .plan or .waypoints.")],
+    force: Annotated[bool, typer.Option("--force", help="Overwrite files.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Read mission, fence and rally points of a vehicle into a file.
+
+    \b
+    Examples:
+      skyway download -o aboard.plan --connect udpin:127.0.0.1:14540
+    """  # noqa: D301
+    from skyway.cli import options
+    from skyway.cli.views.link import print_json
+    from skyway.link.protocol.mission_words import MissionKind
+    from skyway.missions import write
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.geofence import Geofence
+    from skyway.missions.items.mission import Mission
+    from skyway.missions.items.rally import RallyPoints
+
+    options.refuse_overwriting(output, force=force)
+    with link.aboard() as vehicle:
+        mission, fence, rally = (vehicle.download(kind) for kind in MissionKind)
+    if not (isinstance(mission, Mission) and isinstance(fence, Geofence) and isinstance(rally, RallyPoints)):
+        raise TypeError("a download of another kind than asked for")
+    written = write(MissionDocument(mission, fence, rally), output, force=force)
+    if as_json:
+        counts = {"items": len(mission), "fence_areas": len(fence.areas), "rally_points": len(rally)}
+        print_json("download/1", ok=True, files=[str(path) for path in written], **counts)
+        return
+    typer.echo(f"{len(mission)} items, {len(fence.areas)} fence areas, {len(rally)} rally points")
+    for path in written:
+        typer.echo(f"wrote {path}")
+
+
+@linked
+def clear(
+    link: Link,
+    kind: Annotated[Kind, typer.Option("--kind", help="What.")] = Kind.MISSION,
+    yes: Yes = False,
+    as_json: AsJson = False,
+) -> None:
+    """Clear what a vehicle holds, and read back that it is gone.
+
+    \b
+    Examples:
+      skyway clear --kind all --yes --connect udpin:127.0.0.1:14540
+    """  # noqa: D301
+    from skyway.cli.views.link import count_of, print_json, size_of, vehicle_row
+    from skyway.link.protocol.mission_words import MissionKind
+
+    kinds = list(MissionKind) if kind is Kind.ALL else [MissionKind[kind.name]]
+    held = {}
+    with link.aboard() as vehicle:
+        identity = vehicle.identify()
+        if not as_json:
+            typer.echo(str(identity))
+        for each in kinds:
+            part = vehicle.download(each)
+            held[each.name.lower()] = count_of(part)
+            if yes:
+                vehicle.clear(each)
+            if not as_json:
+                typer.echo(f"{each.word}: {size_of(part)}, {'cleared' if yes else 'would be cleared; add --yes'}")
+    if as_json:
+        print_json("clear/1", ok=True, cleared=yes, vehicle=vehicle_row(identity), held=held)
+
+
+@linked
+def verify(link: Link, file: MissionFile, as_json: AsJson = False) -> None:
+    """Compare what a vehicle holds with a file; exit code 1 where it differs in meaning.
+
+    \b
+    Examples:
+      skyway verify delivery.plan --connect udpin:127.0.0.1:14540
+    """  # noqa: D301
+    from skyway.cli.views.link import difference_row, on_board, print_json
+    from skyway.link.protocol.verified import kind_of
+
+    _, parts = _read_parts(file)
+    with link.aboard() as vehicle:
+        found = [(kind_of(part), difference) for part in parts for difference in vehicle.verify(part)]
+    if as_json:
+        rows = [difference_row(kind.name.lower(), difference) for kind, difference in found]
+        print_json("verify/1", ok=not found, differences=rows)
+    else:
+        for kind, difference in found:
+            typer.echo(f"{kind.word}: {on_board(difference)}")
+        typer.echo("the vehicle holds what the file says" if not found else f"{len(found)} differences")
+    if found:
+        raise typer.Exit(1)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    from skyway.cli.commands.parameters import params
+    from skyway.cli.views.watch import watch
+
+    for command in (upload, download, clear, verify, watch):
+        app.command(command.__name__)(command)
+    app.add_typer(params, name="params")

@@ -1,0 +1,415 @@
+"""Commands about missions: ``mission``, ``convert``, ``check`` and ``show``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from skyway.scenarios import load_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.missions.builder.from_composition import Export
+    from skyway.missions.checks.energy import FlightConditions
+    from skyway.missions.checks.report import CheckReport
+    from skyway.missions.checks.weather import Weather
+    from skyway.missions.items.document import MissionDocument
+    from skyway.models.drones.drone import Drone
+    from skyway.models.scenario.scenario import Scenario
+
+
+class Autopilot(StrEnum):
+    """Autopilots with a dialect."""
+
+    PX4 = "px4"
+    ARDUPILOT = "ardupilot"
+
+
+class Release(StrEnum):
+    """Who lets the package go."""
+
+    GRIPPER = "gripper"
+    OPERATOR = "operator"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command("mission")(mission)
+    app.command("convert")(convert)
+    app.command("check")(check)
+    app.command("show")(show)
+
+
+def mission(
+    plan: Annotated[Path, typer.Argument(help="Composition, as skyway plan writes it.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .plan or .waypoints.")],
+    whole: Annotated[bool, typer.Option("--whole", help="All legs (the default).")] = False,
+    leg: Annotated[int | None, typer.Option("--leg", help="One leg alone, numbered from 1.")] = None,
+    autopilot: Annotated[Autopilot, typer.Option(help="Who will fly it.")] = Autopilot.PX4,
+    firmware: Annotated[
+        str,
+        typer.Option(
+            help="Its version, such as 4.6, 1.16 or main, for the names of parameters. Without it: the newest release.",
+            show_default=False,
+        ),
+    ] = "",
+    armed_hold: Annotated[
+        bool, typer.Option("--armed-hold", help="Stay armed on the pads and leave by the clock. Dangerous.")
+    ] = False,
+    width: Annotated[float, typer.Option(help="Width of the fenced corridor in m; 0 writes no fence.")] = 400.0,
+    release: Annotated[Release, typer.Option(help="Who lets the package go at the end.")] = Release.GRIPPER,
+    cruise_height: Annotated[float | None, typer.Option(help="Metres above ground.")] = None,
+    climb: Annotated[float | None, typer.Option(help="Climb rate, m/s.")] = None,
+    descent: Annotated[float | None, typer.Option(help="Descent rate, m/s.")] = None,
+    max_speed: Annotated[float | None, typer.Option(help="No leg is flown faster, m/s over ground.")] = None,
+    elevation: Annotated[
+        list[str] | None, typer.Option(help="Ground height of a station that has none: ID=METRES.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite files.")] = False,
+) -> None:
+    """Turn a composition into missions for a ground station, with fence, rally points and parameters.
+
+    \b
+    Examples:
+      skyway mission plan.json -o delivery.plan
+      skyway mission plan.json -o delivery.waypoints --autopilot ardupilot
+      skyway mission plan.json -o leg1.plan --leg 1 --width 600
+    """  # noqa: D301  \b keeps the lines of the examples
+    from skyway.missions import dialect
+    from skyway.missions.builder.from_composition import armed_mission, leg_mission, whole_mission
+    from skyway.missions.builder.mission_options import MissionOptions
+    from skyway.missions.dialects import dumps_for
+    from skyway.models.base.errors import Fault, InputError
+    from skyway.models.composition.file import load
+
+    if leg is not None and (whole or armed_hold):
+        other = "--whole" if whole else "--armed-hold"
+        raise InputError(Fault("one leg and all legs exclude each other", field=f"--leg, {other}"))
+    options = MissionOptions(
+        cruise_height,
+        climb,
+        descent,
+        max_speed,
+        width or None,
+        "operator" if release is Release.OPERATOR else "gripper",
+        elevation_m=_elevations(elevation or ()),
+    )
+    composition, flown_by = load(plan), dialect(autopilot.value)
+    if leg is not None:
+        export = leg_mission(composition, _leg_index(leg, len(composition.services)), flown_by, options)
+    elif armed_hold:
+        export = armed_mission(composition, flown_by, options)
+    else:
+        export = whole_mission(composition, flown_by, options)
+    settings = dumps_for(flown_by, export.parameters, firmware or flown_by.released)
+    _write_export(export, settings, output, force=force)
+
+
+def _leg_index(number: int, legs: int) -> int:
+    """Index of a leg that a person has typed: they count from 1."""
+    from skyway.models.base.errors import Fault, InputError
+
+    if not 1 <= number <= legs:
+        known = "the plan has one leg: 1" if legs == 1 else f"legs are numbered from 1: the plan has legs 1 to {legs}"
+        raise InputError(Fault("no such leg", field="--leg", value=number, remedy=known))
+    return number - 1
+
+
+def _elevations(given: Sequence[str]) -> dict[str, float]:
+    from skyway.models.base.errors import Fault, InputError
+
+    heights: dict[str, float] = {}
+    for text in given:
+        station, _, metres = text.rpartition("=")
+        try:
+            heights[station] = float(metres)
+        except ValueError:
+            station = ""
+        if not station or not -500.0 < heights[station] < 9000.0:
+            raise InputError(Fault("is not ID=METRES", field="--elevation", value=text, remedy="e.g. park=45"))
+    return heights
+
+
+def _write_export(export: Export, parameters: str, output: Path, *, force: bool) -> None:
+    """Write every mission of an export and its parameters, or nothing."""
+    from skyway.missions import write
+    from skyway.missions.files.mission_file import files_of
+    from skyway.models.base.errors import Fault, InputError
+    from skyway.models.base.files import write_atomically
+
+    count = len(export.documents)
+    targets = [
+        output if count == 1 else output.with_name(f"{output.stem}.leg{number}{output.suffix}")
+        for number in range(1, count + 1)
+    ]
+    settings = output.with_suffix(".param")
+    planned = [file for pair in zip(export.documents, targets, strict=True) for file in files_of(*pair)]
+    taken = [path for path in (*planned, settings) if path.exists()]
+    if taken and not force:
+        remedy = "give another name, or --force to overwrite it"
+        raise InputError([Fault("exists already", str(path), remedy=remedy) for path in taken])
+    for warning in export.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    for document, target in zip(export.documents, targets, strict=True):
+        _echo_written(document, write(document, target, force=force))
+    write_atomically(settings, parameters, force=force)
+    typer.echo(f"wrote {settings} (parameters that the vehicle needs)")
+    for note in export.notes:
+        typer.echo(note)
+
+
+def _echo_written(document: MissionDocument, files: Sequence[Path]) -> None:
+    """Say what went into each file."""
+    items = f"{len(document.mission.items)} items"
+    fence, rally = f"{len(document.fence.areas)} fence areas", f"{len(document.rally.points)} rally points"
+    for file in files:
+        if file.name.endswith(".fence.waypoints"):
+            held = fence
+        elif file.name.endswith(".rally.waypoints"):
+            held = rally
+        else:
+            held = items if len(files) > 1 or file.suffix != ".plan" else f"{items}, {fence}, {rally}"
+        typer.echo(f"wrote {file} ({held})")
+
+
+def convert(
+    source: Annotated[Path, typer.Argument(help="Mission, fence or rally file of any known format.")],
+    target: Annotated[Path, typer.Argument(help="File to write: .plan or .waypoints.")],
+    force: Annotated[bool, typer.Option("--force", help="Overwrite files.")] = False,
+) -> None:
+    """Convert a mission file between QGroundControl and Mission Planner formats.
+
+    A .waypoints file holds the mission alone; fence and rally points go to files beside it. What the new
+    format cannot hold is said.
+
+    \b
+    Examples:
+      skyway convert survey.plan survey.waypoints
+      skyway convert old-fence.txt fence.plan
+    """  # noqa: D301
+    from skyway.missions import read, write
+    from skyway.missions.files.dropped import dropped
+
+    document = read(source)
+    _echo_written(document, write(document, target, force=force))
+    for line in dropped(document, target.suffix):
+        typer.echo(f"not kept: {line}", err=True)
+
+
+def check(
+    file: Annotated[Path, typer.Argument(help="Mission file of any known format.")],
+    scenario: Annotated[Path | None, typer.Option(help="Scenario: its fleet, pads, zones, rules and wind.")] = None,
+    drone: Annotated[str | None, typer.Option(help="Vehicle, by id; m200-v2 is built in.")] = None,
+    autopilot: Annotated[Autopilot | None, typer.Option(help="Check what this one cannot fly.")] = None,
+    wind: Annotated[
+        str | None, typer.Option(help="Steady wind at flying height, m/s and where it blows from: 8@270.")
+    ] = None,
+    depart: Annotated[
+        str | None, typer.Option(help="First take-off; with a scenario, its forecast is the wind.")
+    ] = None,
+    payload: Annotated[float, typer.Option(help="Package, kg.")] = 0.0,
+    soc: Annotated[float, typer.Option(help="Charge at the first take-off, percent.")] = 100.0,
+    reserve: Annotated[float, typer.Option(help="No landing below it, percent.")] = 20.0,
+    json: Annotated[bool, typer.Option("--json", help="For machines.")] = False,
+) -> None:
+    """Check any mission file: complete, flyable, in its fence, and does the battery last.
+
+    Exit code 0: no errors; 1: errors, or a battery that does not last; 2: the file cannot be read.
+
+    \b
+    Examples:
+      skyway check survey.plan
+      skyway check delivery.plan --drone m200-v2 --wind 8@270 --payload 1
+      skyway check delivery.plan --scenario newyork --depart 2013-07-10T14:00-04:00 --json
+    """  # noqa: D301
+    from skyway.missions import check as check_mission
+    from skyway.missions import dialect, read
+
+    document = read(file)
+    region = _scenario(scenario)
+    conditions = _conditions(region, drone, _weather(region, wind, depart), payload, soc, reserve)
+    report = check_mission(
+        document,
+        dialect=dialect(autopilot.value) if autopilot else None,
+        conditions=conditions,
+        zones=region.network.zones if region else None,
+    )
+    if json:
+        import json as json_text
+
+        typer.echo(json_text.dumps(report.to_json(), indent=1, allow_nan=False))
+    else:
+        typer.echo(_circumstances(conditions, wind, depart))
+        _print_report(report)
+    if not report.ok:
+        raise typer.Exit(1)
+
+
+def _scenario(path: Path | None) -> Scenario | None:
+    return None if path is None else load_scenario(path)
+
+
+def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> Weather | None:
+    from skyway.cli.options import parse_wind
+    from skyway.missions import ForecastWind, SteadyWind
+    from skyway.models.base.errors import Fault, InputError
+    from skyway.models.base.units import parse_instant
+
+    if wind is not None:
+        if depart is not None:
+            raise InputError(Fault("a steady wind and a forecast exclude each other", field="--wind, --depart"))
+        return SteadyWind(*parse_wind(wind))
+    if depart is None:
+        return None
+    if region is None:
+        remedy = "give --scenario too, or --wind"
+        raise InputError(Fault("a forecast needs a scenario", field="--depart", remedy=remedy))
+    start = parse_instant(depart, field="--depart")
+    rules = region.rules
+    ensemble = region.forecast(start, 24).at_height(rules.cruise_height_m, rules.wind_profile_exponent)
+    return ForecastWind(ensemble, start.timestamp())
+
+
+def _conditions(
+    region: Scenario | None,
+    drone: str | None,
+    weather: Weather | None,
+    payload_kg: float,
+    soc_percent: float,
+    reserve_percent: float,
+) -> FlightConditions:
+    from skyway.cli.options import percent
+    from skyway.missions import FlightConditions, SteadyWind
+    from skyway.models.base.errors import Fault, InputError
+
+    if not 0.0 <= payload_kg <= 1000.0:
+        raise InputError(Fault("is not between 0 and 1000", field="--payload", value=payload_kg))
+    vehicle, assumed = _vehicle(region, drone)
+    rules = region.rules if region else None
+    return FlightConditions(
+        vehicle,
+        payload_kg,
+        percent(soc_percent, "--soc"),
+        percent(reserve_percent, "--reserve"),
+        rules.climb_rate_mps if rules else 5.0,
+        rules.descent_rate_mps if rules else 3.0,
+        weather or SteadyWind(),
+        region.network.stations if region else (),
+        assumed,
+    )
+
+
+def _vehicle(region: Scenario | None, identity: str | None) -> tuple[Drone, bool]:
+    """Return the vehicle, and whether nobody named it."""
+    from skyway.models.base.errors import Fault, InputError
+    from skyway.models.drones.fleet import BUILT_IN
+
+    if identity is None:
+        if region is not None and len(region.drones) == 1:
+            return region.drones[0], False
+        return BUILT_IN["m200-v2"], True
+    if region is not None and any(drone.id == identity for drone in region.drones):
+        return region.drone(identity), False
+    if identity in BUILT_IN:
+        return BUILT_IN[identity], False
+    if region is not None:
+        return region.drone(identity), False
+    remedy = f"built in: {', '.join(BUILT_IN)}; a scenario brings its own fleet"
+    raise InputError(Fault("no such drone", field="--drone", value=identity, remedy=remedy))
+
+
+def _circumstances(conditions: FlightConditions, wind: str | None, depart: str | None) -> str:
+    """Say in one line what the battery was checked with."""
+    air = f"wind {wind}" if wind else f"forecast for {depart}" if depart else "still air"
+    assumed = " (assumed)" if conditions.drone_is_assumed else ""
+    return f"{conditions.drone.name}{assumed}, package {conditions.payload_kg:g} kg, {air}"
+
+
+def _print_report(report: CheckReport) -> None:
+    from skyway.models.base.units import J_PER_WH
+
+    for finding in report.findings:
+        typer.echo(str(finding))
+    for number, leg in enumerate(report.legs, start=1):
+        cells = [
+            f"leg {number}: items {leg.item_from} to {leg.item_to}",
+            f"{leg.distance_m / 1000:.2f} km",
+        ]
+        if leg.time_s is not None and leg.energy_j is not None and leg.soc_end is not None:
+            cells += [
+                f"{leg.time_s / 60:.1f} min",
+                f"{leg.energy_j / J_PER_WH:.0f} Wh",
+                f"ends at {100 * leg.soc_end:.0f} %" if leg.soc_end > 0 else "the battery does not last",
+                f"keeps the reserve with probability {leg.p_reserve:.3f}",
+            ]
+        elif report.vehicle_judged:
+            cells.append("no end, or cannot be flown")
+        typer.echo(", ".join(cells))
+    typer.echo(_verdict(report))
+
+
+def _verdict(report: CheckReport) -> str:
+    """Say ok only where nothing but information was found."""
+    counts = []
+    for severity in ("error", "warning"):
+        number = sum(finding.severity == severity for finding in report.findings)
+        if number:
+            counts.append(f"{number} {severity}{'s' if number != 1 else ''}")
+    told = ", ".join(counts) or "ok"
+    return told if report.ok or "error" in told else f"{told}: not ok"
+
+
+def show(
+    file: Annotated[Path, typer.Argument(help="Mission file of any known format.")],
+    plot: Annotated[Path | None, typer.Option(help="Draw map and height profile: FILE.png or FILE.svg.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the picture.")] = False,
+) -> None:
+    """Show a mission file as a table, and draw it.
+
+    \b
+    Examples:
+      skyway show survey.plan
+      skyway show delivery.waypoints --plot delivery.png
+    """  # noqa: D301
+    from skyway.missions import read
+
+    document = read(file)
+    _print_table(document)
+    if plot is not None:
+        from skyway.missions.checks.plot import plot as draw
+
+        draw(document, plot, title=file.name, force=force)
+        typer.echo(f"wrote {plot}")
+
+
+def _print_table(document: MissionDocument) -> None:
+    import math
+
+    from skyway.cli.views.sheet import Column, Sheet
+    from skyway.missions.items.commands import frame_name
+
+    home = document.mission.home
+    if home is not None:
+        altitude = "unknown" if home.altitude_m is None else f"{home.altitude_m:g} m"
+        typer.echo(f"home {home.point}, ground {altitude}")
+    left = ("command", "frame")
+    names = ("item", "command", "frame", "p1", "p2", "p3", "p4", "latitude", "longitude", "altitude")
+    sheet = Sheet([Column(name, justify="left" if name in left else "right") for name in names], names=2)
+    for number, item in enumerate(document.mission.items):
+        numbers = ("" if math.isnan(value) else f"{value:g}" for value in item.params)
+        point = item.point
+        place = (f"{point.lat:.7f}", f"{point.lon:.7f}") if point else ("", "")
+        height = f"{item.z:g}" if item.is_located and not math.isnan(item.z) else ""
+        sheet.add(str(number), item.name, frame_name(item.frame), *numbers, *place, height)
+    if document.mission.items:
+        sheet.show()
+    for number, area in enumerate(document.fence.areas):
+        kind = "stay inside" if area.inclusion else "stay outside"
+        what = f"{len(area.vertices)} vertices" if hasattr(area, "vertices") else f"circle of {area.radius_m:g} m"
+        typer.echo(f"fence area {number}: {kind}, {what}")
+    for number, rally in enumerate(document.rally.points):
+        typer.echo(f"rally point {number}: {rally.point}, {rally.altitude_m:g} m above home")

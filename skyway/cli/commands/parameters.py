@@ -1,0 +1,161 @@
+"""Commands about a vehicle's parameters: ``params get``, ``params set``, ``params diff`` and ``params restore``."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from skyway.cli.connection_options import AsJson, Link, Yes, linked
+
+params = typer.Typer(help="Read, set, compare and restore parameters.", no_args_is_help=True)
+
+
+@params.command("get")
+@linked
+def params_get(
+    link: Link,
+    names: Annotated[list[str] | None, typer.Argument(help="Names; none for all.", show_default=False)] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print parameters as NAME,VALUE lines, which ground stations read.
+
+    \b
+    Examples:
+      skyway params get > all.param
+      skyway params get RTL_ALT FS_OPTIONS --connect tcp:127.0.0.1:5760
+    """  # noqa: D301
+    from skyway.cli.views.link import print_json
+
+    with link.aboard() as vehicle:
+        found = [vehicle.parameter(name) for name in names] if names else list(vehicle.parameters().values())
+    if as_json:
+        print_json("parameters/1", parameters={value.name: value.value for value in found})
+        return
+    for value in found:
+        typer.echo(f"{value.name},{value.value:.9g}")
+
+
+@params.command("set", context_settings={"ignore_unknown_options": True})  # negative values
+@linked
+def params_set(
+    link: Link,
+    name: Annotated[str, typer.Argument(help="Name.")],
+    value: Annotated[float, typer.Argument(help="Value.")],
+    yes: Yes = False,
+    as_json: AsJson = False,
+) -> None:
+    """Set a parameter and read it back.
+
+    \b
+    Examples:
+      skyway params set RTL_ALT 6000 --yes --connect tcp:127.0.0.1:5760
+    """  # noqa: D301
+    from skyway.cli.views.link import print_json
+
+    with link.aboard() as vehicle:
+        before = vehicle.parameter(name).value
+        after = vehicle.set_parameter(name, value).value if yes else value
+    if as_json:
+        print_json("parameter/1", name=name, was=before, value=after, set=yes)
+    else:
+        typer.echo(f"{name}: {before:.9g} -> {after:.9g}{'' if yes else ' would be set; add --yes'}")
+
+
+@params.command("diff")
+@linked
+def params_diff(
+    link: Link,
+    file: Annotated[Path, typer.Argument(help="Parameter file with NAME,VALUE lines.")],
+    as_json: AsJson = False,
+) -> None:
+    """Compare the vehicle with a parameter file; exit code 1 where it differs.
+
+    \b
+    Examples:
+      skyway params diff delivery.param --connect tcp:127.0.0.1:5760
+    """  # noqa: D301
+    from skyway.cli.views.link import print_json
+    from skyway.link.protocol.parameter_file import read_parameters
+    from skyway.link.protocol.parameters import same_value
+
+    wanted = read_parameters(file)
+    with link.aboard() as vehicle:
+        actual = vehicle.parameters()
+    rows = []
+    for name, value in wanted.items():
+        has = actual.get(name)
+        if has is None or not same_value(value, has.value, has.kind):
+            rows.append({"name": name, "file": value, "vehicle": None if has is None else has.value})
+    if as_json:
+        print_json("parameters-diff/1", ok=not rows, compared=len(wanted), differences=rows)
+    else:
+        for row in rows:
+            has_it = "has none" if row["vehicle"] is None else f"{row['vehicle']:.9g}"
+            typer.echo(f"{row['name']}: file {row['file']:.9g}, vehicle {has_it}")
+        typer.echo(f"{len(rows)} of {len(wanted)} differ" if rows else f"all {len(wanted)} are as the file says")
+    if rows:
+        raise typer.Exit(1)
+
+
+@params.command("restore")
+@linked
+def params_restore(
+    link: Link,
+    journal: Annotated[Path, typer.Argument(help="Journal of a flight: recordings/….jsonl.")],
+    yes: Yes = False,
+    as_json: AsJson = False,
+) -> None:
+    """Give a vehicle back the parameters that a flight has changed and not restored; each is read back.
+
+    A value that somebody has set since is left as it is.
+
+    \b
+    Examples:
+      skyway params restore recordings/delivery.jsonl --yes --connect tcp:127.0.0.1:5760
+    """  # noqa: D301
+    from datetime import UTC, datetime
+
+    from skyway.cli.views.link import print_json
+    from skyway.link.supervisor import Journal, read_journal
+    from skyway.link.supervisor.departure.parameter_changes import changes_of, restore_all
+    from skyway.models.base.errors import CommandRefusedError, LinkError
+
+    records = read_journal(journal).records
+    changes = changes_of(records)
+    rows: list[dict[str, object]] = []
+    problem = ""
+    if changes.before:
+        with link.aboard() as vehicle:
+            if not yes:
+                rows = [
+                    {"name": name, "now": vehicle.parameter(name).value, "before": value, "done": "would be restored"}
+                    for name, value in changes.before.items()
+                ]
+            elif vehicle.armed:
+                raise CommandRefusedError(
+                    "restore parameters", "it is armed: its failsafes stay as they are in a flight"
+                )
+            else:
+                book = Journal(journal, lambda: datetime.now(UTC).timestamp(), resume=True)
+
+                def told(name: str, done: str, sentence: str, value: float) -> None:
+                    book.write(records[-1].state, "parameter", sentence, flight=records[-1].flight,
+                               data={"name": name, "done": done, "value": value})  # fmt: skip
+                    rows.append({"name": name, "now": value, "before": changes.before[name], "done": done})
+
+                with closing(book):
+                    problem = restore_all(vehicle, changes, told)
+    if as_json:
+        print_json("parameters-restore/1", ok=not problem, parameters=rows, problem=problem or None)
+    else:
+        for row in rows:
+            typer.echo(f"{row['name']}: {row['now']:.9g} (before the flight: {row['before']:.9g}) {row['done']}")
+        if not changes.before:
+            typer.echo("nothing to restore: the journal tells of no parameter that is still changed")
+        elif not yes:
+            typer.echo("add --yes to restore")
+    if problem:
+        raise LinkError(f"not all parameters were restored: {problem}")

@@ -1,0 +1,331 @@
+"""The command that looks back: ``replay``."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import typer
+
+from skyway.cli import log_options, options
+from skyway.cli.commands import calibrate as calibrate_commands
+from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, open_any
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.link.logs.common.log import Log
+    from skyway.link.logs.common.vehicle_kind import Kind
+    from skyway.link.replay.monitors import Notice
+    from skyway.link.replay.prediction import Prediction
+    from skyway.link.replay.replay import Replay, ReplayOptions
+
+REPLAY_HELP = """Go through a flight log as if it were live: legs, battery, wind, events.
+
+Reads MAVLink .tlog, ArduPilot .bin, PX4 .ulg and .csv. Times are H:MM:SS after the beginning of the log.
+
+Examples:
+
+  skyway replay flight.tlog
+
+  skyway replay flight.tlog --from 00:05:00 --to 00:10:00 --wind 6@270 --plot flight.png
+
+  skyway replay flight.tlog --speed 10 --follow wind,battery --drag drag.toml
+
+  skyway replay flight.tlog --drone drones.toml --payload 0.8
+
+  skyway replay flight.tlog --connect udpout:127.0.0.1:14550 --control 5790
+"""
+_CLOCK = re.compile(r"^(?:(\d{1,4}):)?(\d{1,2}):(\d{1,2}(?:\.\d+)?)$|^(\d+(?:\.\d+)?)$")
+FOLLOWED = ("wind", "battery", "mission")
+
+
+def replay(  # noqa: D103  the help text is REPLAY_HELP
+    log: LogFile,
+    speed: log_options.Speed = "max",
+    begin: log_options.Begin = None,
+    end: log_options.End = None,
+    system: System = None,
+    vehicle: log_options.VehicleKind = None,
+    follow: log_options.Follow = None,
+    wind: log_options.Expected = None,
+    forecast: log_options.ForecastFile = None,
+    scenario: log_options.ScenarioName = None,
+    drag: log_options.Drag = None,
+    drone: log_options.DroneFile = None,
+    payload: log_options.Carried = 0.0,
+    columns: Columns = None,
+    plot: log_options.Plot = None,
+    csv: log_options.TableFile = None,
+    connect: log_options.Connect = None,
+    control: log_options.Control = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    factor = _speed(speed, connect)
+    followed = _followed(follow)
+    options.check_picture(plot)
+    options.refuse_overwriting(plot, csv, force=force)
+    _check_control(control, connect)
+    predicted_by = None if drone is None else log_options.drone_of(drone)
+    opened = open_any(log, columns)
+    first, last = _part(opened, begin, end)
+    if connect is not None:
+        _check_system(opened, system)
+        _serve(opened, connect, control, factor, (first, last), system)
+        return
+    from skyway.link.replay.replay import ReplayOptions
+
+    asked = ReplayOptions(
+        system=system,
+        vehicle=cast("Kind | None", vehicle),
+        from_s=first,
+        to_s=last,
+        **log_options.air_of(drag),
+        **log_options.log_forecast(opened, wind, forecast, scenario),
+    )
+    if followed and drag is None:
+        typer.echo("skyway: the drag is looked for in the whole log beforehand; --drag FILE makes it as live", err=True)
+    found = _go_through(opened, asked, followed, factor, csv, err=as_json, force=force)
+    if plot is not None:
+        from skyway.plots.replay import plot_replay
+
+        plot_replay(found, plot)
+    options.say_written(csv, plot)
+    from skyway.link.replay.prediction import predict
+    from skyway.link.replay.report import as_json as report
+    from skyway.link.replay.report import prediction_json
+
+    prediction = None if predicted_by is None else predict(found, predicted_by, payload)
+    if as_json:
+        document = report(found) | ({} if prediction is None else {"prediction": prediction_json(prediction)})
+        typer.echo(json.dumps(document, allow_nan=False))
+        return
+    _tell(found, log)
+    if prediction is not None:
+        _tell_prediction(prediction)
+
+
+def _go_through(
+    log: Log,
+    asked: ReplayOptions,
+    followed: tuple[str, ...],
+    factor: float,
+    csv: Path | None,
+    *,
+    err: bool,
+    force: bool,
+) -> Replay:
+    """Replay, telling on the way what is followed (on stderr where stdout is one object), and writing the table."""
+    from skyway.link.replay.replay import replay as go_through
+    from skyway.link.replay.report import Table
+    from skyway.models.base.files import writing
+
+    zero = log.summary.start_s
+
+    def tell(notice: Notice) -> None:
+        if notice.kind in followed:
+            typer.echo(f"{_clock(notice.time_s - zero)}  {notice.text}", err=err)
+
+    with ExitStack() as stack:
+        listener = None
+        if csv is not None:
+            table = Table(stack.enter_context(writing(csv, force=force)))
+            stack.callback(table.close)
+            listener = table.add
+        return go_through(
+            log,
+            asked,
+            notice=tell if followed else None,
+            wait_until=_pace(factor) if followed and math.isfinite(factor) else None,
+            listener=listener,
+        )
+
+
+def _pace(factor: float) -> Callable[[float], None]:
+    """Wait so that the log goes by so many times as fast as the wall clock."""
+    begun: list[tuple[float, float]] = []
+
+    def wait_until(time_s: float) -> None:
+        if not begun:
+            begun.append((time_s, time.monotonic()))
+        log_s, wall_s = begun[0]
+        time.sleep(max((time_s - log_s) / factor - (time.monotonic() - wall_s), 0.0))
+
+    return wait_until
+
+
+def _speed(text: str, connect: str | None) -> float:
+    if text == "max":
+        return math.inf
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < abs(value) <= 1000.0 or (value < 0.0 and connect is None):
+        raise InputError(
+            Fault("is no speed", field="--speed", value=text, remedy="1, 10, max; below 0 backwards with --connect")
+        )
+    return value
+
+
+def _followed(text: str | None) -> tuple[str, ...]:
+    names = tuple(part.strip() for part in text.split(",")) if text else ()
+    for name in names:
+        if name not in FOLLOWED:
+            raise InputError(
+                Fault("cannot be followed", field="--follow", value=name, remedy="of " + ", ".join(FOLLOWED))
+            )
+    return names
+
+
+def _offset(text: str | None, option: str) -> float | None:
+    if text is None:
+        return None
+    match = _CLOCK.match(text.strip())
+    if match is None:
+        raise InputError(Fault("is no time of the log", field=option, value=text, remedy="H:MM:SS, MM:SS or seconds"))
+    if match[4] is not None:
+        return float(match[4])
+    return int(match[1] or 0) * 3600.0 + int(match[2]) * 60.0 + float(match[3])
+
+
+def _part(log: Log, begin: str | None, end: str | None) -> tuple[float, float]:
+    first, last = _offset(begin, "--from"), _offset(end, "--to")
+    if first is not None and last is not None and first >= last:
+        raise InputError(Fault("is not after --from", field="--to", value=end))
+    zero = log.summary.start_s
+    length = log.summary.end_s - zero
+    if first is not None and math.isfinite(length) and first > length:
+        raise InputError(
+            Fault("is after the end of the log", field="--from", value=begin, remedy=f"it is {_clock(length)} long")
+        )
+    return (-math.inf if first is None else zero + first), (math.inf if last is None else zero + last)
+
+
+def _check_control(control: int | None, connect: str | None) -> None:
+    if control is not None and connect is None:
+        raise InputError(Fault("needs --connect", field="--control", value=control))
+    if control is not None and not 0 <= control <= 65535:
+        raise InputError(Fault("port out of range", field="--control", value=control, remedy="0 to 65535"))
+
+
+def _check_system(log: Log, system: int | None) -> None:
+    known = (*log.summary.systems, *log.summary.others)
+    if system is not None and system not in known:
+        spoke = ", ".join(str(number) for number in known) or "none"
+        raise InputError(Fault("is not in this log", field="--system", value=system, remedy=f"these are: {spoke}"))
+
+
+def _serve(
+    log: Log, connect: str, control: int | None, factor: float, part: tuple[float, float], system: int | None
+) -> None:
+    from skyway.link.replay.player import Part, Player, packets_of
+    from skyway.link.replay.server import ControlServer, Output, play
+
+    source = Part(packets_of(log, system), *part)
+    output = Output(connect)
+    player = Player(source, output.send, speed=factor)
+    if factor < 0.0:
+        player.position_s = source.end_s
+    server = None
+    try:
+        if control is not None:
+            server = ControlServer(player, control)
+            typer.echo(f"control on tcp:127.0.0.1:{server.port}")
+        sent = play(player, server, hold=server is not None)
+    finally:
+        if server is not None:
+            server.close()
+        output.close()
+    typer.echo(f"sent {sent} packets to {connect}")
+
+
+def _clock(seconds: float) -> str:
+    if not math.isfinite(seconds):
+        return "-:--:--"
+    whole = max(0, round(seconds))
+    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+
+
+def _percent(value: float) -> str:
+    return f"{value:.0%}" if math.isfinite(value) else "unknown charge"
+
+
+def _figure(value: float, unit: str, digits: int = 1) -> str:
+    return f"{value:.{digits}f} {unit}" if math.isfinite(value) else f"unknown {unit}"
+
+
+def _tell(found: Replay, path: Path) -> None:
+    from skyway.link.replay.report import as_json as report
+
+    facts = report(found)
+    summary = found.summary
+    typer.echo(f"{path.name}: {summary.format}, {summary.messages} messages, {summary.skipped_bytes} bytes skipped")
+    typer.echo(f"  {facts['start'] or 'no time'} to {facts['end'] or 'no time'} by {summary.time_base.source}")
+    for doubt in summary.time_base.doubts:
+        typer.echo(f"  doubt: {doubt}")
+    shown = ", ".join(str(number) for number in summary.systems) or "none"
+    what = f"{found.vehicle.kind} ({found.vehicle.told_by})"
+    typer.echo(f"  vehicles: {shown}" + ("" if found.system is None else f"; shown: {found.system}, {what}"))
+    for number, leg in enumerate(found.legs, 1):
+        typer.echo(
+            f"  leg {number}: {_clock(leg.start_s - summary.start_s)} to {_clock(leg.end_s - summary.start_s)}, "
+            f"{leg.distance_m / 1000:.2f} km, {_percent(leg.soc_start)} to {_percent(leg.soc_end)}, "
+            f"{_figure(leg.energy_j / 3600.0, 'Wh')}"
+        )
+    for name, phase in found.phases.items():
+        if phase.time_s > 0.0:
+            used = f"{_figure(phase.energy_j / 3600.0, 'Wh')}, {_figure(phase.energy_j / phase.time_s, 'W', 0)}"
+            typer.echo(f"  {name}: {phase.time_s:.0f} s, {used}")
+    _tell_wind(found, facts["wind_summary"])
+    for event in found.events:
+        typer.echo(f"  {_clock(event.time_s - summary.start_s)}  {event.text}")
+
+
+def _tell_prediction(made: Prediction) -> None:
+    measured = "not in the log" if math.isnan(made.measured_j) else f"{made.measured_j / 3600.0:.1f} Wh"
+    apart = "" if math.isnan(made.error) else f", {made.error:+.1%}"
+    typer.echo(
+        f"  {made.drone.id} at {made.mass_kg:.2f} kg predicts {made.total_j / 3600.0:.1f} Wh; measured {measured}{apart}"
+    )
+    for name, energy in made.predicted_j.items():
+        typer.echo(f"    {name}: {energy / 3600.0:.1f} Wh predicted")
+    used = "" if math.isnan(made.measured_soc) else f"; the log says {100.0 * made.measured_soc:.0f} %"
+    typer.echo(f"    of the battery: {100.0 * made.predicted_soc:.0f} % predicted{used}")
+
+
+def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
+    if not len(found.wind):
+        why = f": {found.drag_reason}" if found.drag_source == "none" and found.drag_reason else ""
+        typer.echo(f"  wind: not measured{why}")
+        return
+    later = "from the whole log, so not as live"
+    how = {
+        "identified": f"drag identified {later}",
+        "none": f"by airspeed, calibrated {later}" if found.airspeed_source == "identified" else "by airspeed",
+        "given": "given drag",
+        "nominal": "nominal drag",
+    }[found.drag_source]
+    typer.echo(
+        f"  wind: {facts['mean_speed_mps']} m/s from {facts['mean_from_deg']}° in the mean, ± "
+        f"{float(found.wind.sigma_mps[-1]):.1f} m/s at the end ({how})"
+    )
+    forecast = facts["forecast"]
+    if isinstance(forecast, dict):
+        typer.echo(
+            f"  forecast: {forecast['speed_mps']} m/s from {forecast['from_deg']}°; in the mean "
+            f"{forecast['vector_difference_mps']} m/s apart, {forecast['vector_rms_mps']} m/s RMS"
+        )
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands that look back, ``calibrate`` included."""
+    app.command("replay", help=REPLAY_HELP)(replay)
+    calibrate_commands.register(app)

@@ -1,0 +1,220 @@
+"""Commands that show what was read: ``network``, ``wind`` and ``scenario init`` / ``scenario check``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from skyway.cli import options
+from skyway.cli.commands.plan import Depart, Force, Forecast, ScenarioArgument, Truth, WindOption
+from skyway.cli.views.sheet import Column, Sheet, say
+from skyway.models.base.errors import InputError
+from skyway.models.base.json_text import json_text
+from skyway.scenarios import load_scenario
+
+if TYPE_CHECKING:
+    from skyway.models.scenario.scenario import Scenario
+
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it: FILE.png or FILE.svg.", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print it as JSON.")]
+
+NETWORK_HELP = """Show the stations and segments that were read.
+
+\b
+Examples:
+  skyway network
+  skyway network my-scenario --plot network.svg --geojson network.geojson
+"""
+WIND_HELP = """Show the wind forecast for a departure: speed by hour, and where it comes from.
+
+\b
+Examples:
+  skyway wind --depart 2013-07-10T14:00-04:00
+  skyway wind my-scenario --depart 2026-07-10T14:00-04:00 --plot wind.svg
+"""
+INIT_HELP = """Write a commented scenario to start from.
+
+\b
+Example:
+  skyway scenario init my-scenario
+"""
+CHECK_HELP = """Report everything wrong with a scenario at once.
+
+\b
+Example:
+  skyway scenario check my-scenario
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command("network", help=NETWORK_HELP)(network)
+    app.command("wind", help=WIND_HELP)(wind)
+    group = typer.Typer(name="scenario", help="Start and check scenarios.", no_args_is_help=True, rich_markup_mode=None)
+    group.command("init", help=INIT_HELP)(init)
+    group.command("check", help=CHECK_HELP)(check)
+    app.add_typer(group)
+
+
+def network(
+    scenario: ScenarioArgument = None,
+    plot: Plot = None,
+    geojson: Annotated[
+        Path | None, typer.Option("--geojson", help="Write stations and segments.", show_default=False)
+    ] = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Show the network."""
+    from skyway.models.network.files import to_geojson, write_geojson
+
+    options.refuse_overwriting(plot, geojson, force=force)
+    options.check_picture(plot)
+    world = load_scenario(scenario)
+    options.hint_at_warnings(world, scenario)
+    if geojson is not None:
+        write_geojson(world.network, geojson, force=force)
+    if plot is not None:
+        from skyway.plots.map import plot_network
+
+        plot_network(world, plot)
+    options.say_written(geojson, plot)
+    if as_json:
+        typer.echo(json_text(to_geojson(world.network), indent=1))
+        return
+    _print_network(world)
+
+
+def _print_network(world: Scenario) -> None:
+    import numpy as np
+
+    net = world.network
+    left = ("id", "name", "nearest")
+    names = ("id", "name", "lat", "lon", "ground m", "pads", "spots", "segments", "nearest")
+    sheet = Sheet([Column(name, justify="left" if name in left else "right") for name in names], names=2)
+    for number, s in enumerate(net.stations):
+        segments = slice(int(net.first[number]), int(net.first[number + 1]))
+        nearest = "none"
+        if segments.stop > segments.start:
+            best = segments.start + int(np.argmin(net.distance_m[segments]))
+            nearest = f"{net.stations[int(net.head[best])].id} {net.distance_m[best] / 1000:.1f} km"
+        height = "unknown" if s.elevation_m is None else f"{s.elevation_m:.0f}"
+        sheet.add(
+            s.id,
+            s.name,
+            f"{s.lat:.4f}",
+            f"{s.lon:.4f}",
+            height,
+            str(s.pads),
+            str(s.holding_spots),
+            str(segments.stop - segments.start),
+            nearest,
+        )
+    sheet.show()
+    say("")
+    zones = len(net.zones.names) if net.zones is not None else 0
+    both = len({tuple(sorted(pair)) for pair in zip(net.tail.tolist(), net.head.tolist(), strict=True)})
+    parts = len(net.parts())
+    joined = "all joined" if parts == 1 else f"in {parts} parts"
+    if len(net.distance_m):
+        lengths = f"{net.distance_m.min() / 1000:.1f} to {net.distance_m.max() / 1000:.1f} km"
+        say(f"{len(net)} stations, {both} segments ({lengths}), {joined}, {zones} no-fly zones")
+    else:
+        say(f"{len(net)} stations, no segments, {zones} no-fly zones")
+    for drone in world.drones:
+        say(
+            f"{drone.id}: {drone.name} of {drone.provider}, lifts {drone.max_payload_kg:g} kg, "
+            f"still-air range {drone.flight_range_m / 1000:.1f} km fully loaded, wind up to {drone.wind_limit_mps:g} m/s, "
+            f"recharge {drone.recharge_full_s / 3600:.2f} h",
+        )
+
+
+def wind(
+    scenario: ScenarioArgument = None,
+    depart: Depart = None,
+    constant: WindOption = None,
+    forecast: Forecast = None,
+    truth: Truth = None,
+    hours: Annotated[int, typer.Option("--hours", help="How far ahead.", min=1, max=48)] = 12,
+    plot: Plot = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Show the wind forecast."""
+    options.refuse_overwriting(plot, force=force)
+    options.check_picture(plot)
+    world = load_scenario(scenario)
+    instant = options.parse_depart(depart)
+    with options.as_typed():
+        true, day = options.true_wind(world, instant, truth)
+        ensemble = options.wind_forecast(world, instant, constant, forecast, true, day)
+    options.hint_at_warnings(world, scenario)
+    from skyway.cli.views.wind import print_wind
+    from skyway.plots.wind_summary import hourly
+
+    rows = hourly(ensemble, world, hours, true)
+    if plot is not None:
+        from skyway.plots.wind import plot_wind
+
+        plot_wind(ensemble, world, hours, plot, true)
+        options.say_written(plot)
+    if as_json:
+        typer.echo(json_text({"schema": "skyway.wind/1", "members": list(ensemble.labels), "hours": rows}, indent=1))
+        return
+    print_wind(rows, ensemble, world)
+
+
+def init(
+    folder: Annotated[Path, typer.Argument(help="Folder to write; it must not exist or be empty.", show_default=False)],
+) -> None:
+    """Write a scenario to start from."""
+    from skyway.scenario_template import write_template
+
+    for path in write_template(folder):
+        typer.echo(f"wrote {path}")
+    typer.echo(f"next: edit {folder / 'scenario.toml'}, then: skyway scenario check {folder}")
+
+
+def check(
+    folder: ScenarioArgument = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check a scenario."""
+    if as_json:
+        _check_json(folder)
+        return
+    world = load_scenario(folder)
+    for warning in world.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    record = "no wind record" if world.history is None else f"wind of {world.history.covers}"
+    drones = "1 drone" if len(world.drones) == 1 else f"{len(world.drones)} drones"
+    say(f"{world.path}: {world.name}: {len(world.network)} stations, {drones}, {record}: ready to plan")
+
+
+def _check_json(folder: Path | None) -> None:
+    faults: list[dict[str, object]] = []
+    warnings: tuple[str, ...] = ()
+    try:
+        warnings = load_scenario(folder).warnings
+    except InputError as error:
+        faults = [
+            {
+                "file": f.file,
+                "line": f.line,
+                "field": f.field,
+                "value": None if f.value is None else str(f.value),
+                "problem": f.problem,
+                "remedy": f.remedy,
+            }
+            for f in error.faults
+        ]
+    typer.echo(
+        json_text(
+            {"schema": "skyway.scenario-check/1", "ok": not faults, "faults": faults, "warnings": list(warnings)},
+            indent=1,
+        )
+    )
+    if faults:
+        raise typer.Exit(2)

@@ -1,0 +1,266 @@
+"""The command that simulates: ``sim``."""
+
+from __future__ import annotations
+
+import json
+import signal
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import typer
+
+from skyway.cli import options
+from skyway.cli.bare_values import BareValueCommand
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.json_text import json_text
+from skyway.scenarios import load_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from datetime import datetime
+
+    from skyway.models.network.network import Station
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.sim_stub.plant.wind_truth import WindTruth
+    from skyway.sim_stub.transports.channel import Impairment
+    from skyway.sim_stub.transports.loop import SocketLoop
+    from skyway.sim_stub.world import Event, World
+
+BARE = {"--jitter": "0.01", "--duplicate": "0.02", "--reorder": "0.02"}
+"""What a bare option of a bad link means."""
+DEFAULT_CONNECT = "udpout:127.0.0.1:14540"
+SIM_HELP = """Simulate vehicles, pads and wind that behave on the wire as the real ones do.
+
+Every vehicle has its own system id. Each line printed is one thing that happened. Ctrl-C ends it.
+
+Examples:
+
+  skyway sim --vehicles 5 --at bellevue
+
+  skyway sim --autopilot ardupilot --tcp 5760 --wind-truth 8@270
+
+  skyway sim --at bellevue --wind-truth 2013-07-10 --depart 2013-07-10T14:00-04:00 --pads tcp:127.0.0.1:5790
+
+  skyway sim --loss 0.1 --delay 0.02 --jitter --duplicate --reorder
+
+  skyway sim --fault gust@T+120s --fault battery-sag --fault link-loss@T+60s+20s --fault gps@5m+10s#2
+"""
+
+
+class SimCommand(BareValueCommand):
+    """`skyway sim`: options of a bad link may stand bare."""
+
+    BARE: ClassVar[Mapping[str, str]] = BARE
+
+
+ScenarioArgument = Annotated[
+    Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.", show_default=False)
+]
+Vehicles = Annotated[int, typer.Option("--vehicles", help="How many.")]
+At = Annotated[
+    list[str] | None,
+    typer.Option("--at", help="Where they stand: station or lat,lon; several in turn.", show_default=False),
+]
+Family = Annotated[Literal["px4", "ardupilot"], typer.Option("--autopilot", help="Whose behaviour.")]
+Firmware = Annotated[
+    str,
+    typer.Option(
+        "--firmware",
+        help="Its version: 1.15, 1.16 or main; 4.5, 4.6, 4.7 or 4.8. Without it: 1.16, or 4.6.",
+        show_default=False,
+    ),
+]
+CONNECT_HELP = (
+    f"udpout:, udpin:, tcp: or tcpin:HOST:PORT; repeatable. Without it, and without --tcp: {DEFAULT_CONNECT}."
+)
+Connect = Annotated[list[str] | None, typer.Option("--connect", help=CONNECT_HELP, show_default=False)]
+Tcp = Annotated[
+    int | None,
+    typer.Option("--tcp", help="Listen on this TCP port, ten further for each vehicle.", show_default=False),
+]
+PadAddress = Annotated[str | None, typer.Option("--pads", help="Serve the pads: tcp:HOST:PORT.", show_default=False)]
+Speedup = Annotated[float, typer.Option("--speedup", help="Simulated seconds to the second, up to 20.")]
+PadSpeedup = Annotated[
+    float | None,
+    typer.Option("--pad-speedup", help="The same while every vehicle stands, up to 2000.", show_default=False),
+]
+Seed = Annotated[int, typer.Option("--seed", help="Of gusts, errors, queues and losses.")]
+FirstSystem = Annotated[int, typer.Option("--system", help="System id of the first vehicle.")]
+WIND_HELP = "The wind: 8@270 (m/s@degrees FROM), a day of the record, or a forecast file. Without it: calm."
+Wind = Annotated[str | None, typer.Option("--wind-truth", help=WIND_HELP, show_default=False)]
+Depart = Annotated[
+    str | None,
+    typer.Option("--depart", help="When simulated time begins, with UTC offset. Without it: now.", show_default=False),
+]
+Soc = Annotated[float, typer.Option("--soc", help="Charge at the start, percent.")]
+Payload = Annotated[float, typer.Option("--payload", help="Mass of the package on board, kg.")]
+Warm = Annotated[bool, typer.Option("--warm", help="They have been on for a while: ready to arm.")]
+Traffic = Annotated[bool, typer.Option(help="Other drones come and go at the pads.")]
+Loss = Annotated[float, typer.Option("--loss", help="Share of packets lost, 0-1.")]
+Delay = Annotated[float, typer.Option("--delay", help="Seconds each packet is late, each way.")]
+Jitter = Annotated[float, typer.Option("--jitter", help=f"Up to so many seconds more; bare: {BARE['--jitter']}.")]
+Duplicate = Annotated[
+    float, typer.Option("--duplicate", help=f"Share of packets that come twice, 0-1; bare: {BARE['--duplicate']}.")
+]
+Reorder = Annotated[
+    float, typer.Option("--reorder", help=f"Share of packets held back, 0-1; bare: {BARE['--reorder']}.")
+]
+FAULT_HELP = (
+    "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s, or link-loss@T+60s+20s: 60 s after "
+    "take-off; repeatable. See docs/reference/sim.md."
+)
+Faults = Annotated[list[str] | None, typer.Option("--fault", help=FAULT_HELP, show_default=False)]
+Parameters = Annotated[
+    list[str] | None,
+    typer.Option("--parameter", help="NAME=VALUE set on every vehicle; repeatable.", show_default=False),
+]
+Lasting = Annotated[
+    float | None, typer.Option("--for", help="End after so many simulated seconds.", show_default=False)
+]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a line.")]
+
+
+def sim(
+    scenario: ScenarioArgument = None,
+    vehicles: Vehicles = 1,
+    at: At = None,
+    autopilot: Family = "px4",
+    firmware: Firmware = "",
+    connect: Connect = None,
+    tcp: Tcp = None,
+    pads: PadAddress = None,
+    speedup: Speedup = 1.0,
+    pad_speedup: PadSpeedup = None,
+    seed: Seed = 1,
+    system: FirstSystem = 1,
+    wind_truth: Wind = None,
+    depart: Depart = None,
+    soc: Soc = 100.0,
+    payload: Payload = 0.0,
+    warm: Warm = False,
+    traffic: Traffic = True,
+    loss: Loss = 0.0,
+    delay: Delay = 0.0,
+    jitter: Jitter = 0.0,
+    duplicate: Duplicate = 0.0,
+    reorder: Reorder = 0.0,
+    fault: Faults = None,
+    parameter: Parameters = None,
+    lasting: Lasting = None,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate vehicles, pads and wind (the help text is `SIM_HELP`)."""
+    from skyway.sim_stub.faults import parse_fault
+    from skyway.sim_stub.fleet import FleetOptions, build_world, serve
+    from skyway.sim_stub.transports.urls import parse_address
+
+    if lasting is not None and not lasting > 0.0:
+        raise InputError(Fault("out of range", field="--for", value=lasting, remedy="seconds, above 0"))
+    begins = options.parse_depart(depart)
+    known, places = _placed(load_scenario(scenario), at)
+    asked = FleetOptions(
+        stations=known.network.stations,
+        places=places,
+        vehicles=vehicles,
+        first_system=system,
+        autopilot=autopilot,
+        firmware=firmware,
+        drone=known.drones[0] if known.drones else None,
+        soc=options.percent(soc, "--soc"),
+        payload_kg=payload,
+        seed=seed,
+        warm=warm,
+        epoch_s=begins.timestamp(),
+        wind=_wind(known, begins, wind_truth),
+        load=known.load if traffic else None,
+        faults=tuple(parse_fault(text) for text in fault or ()),
+        parameters=tuple(_parameter(text) for text in parameter or ()),
+    )
+    addresses = connect or ([] if tcp is not None else [DEFAULT_CONNECT])
+    world = build_world(asked, _print_json if as_json else _print_line)
+    loop, told = serve(
+        world,
+        connect=tuple(parse_address(text, option="--connect") for text in addresses),
+        tcp_port=_tcp_port(tcp, vehicles),
+        pads=None if pads is None else parse_address(pads, option="--pads", kinds=("tcp",)),
+        impairment=_bad_link(loss, delay, jitter, duplicate, reorder),
+        speedup=speedup,
+        pad_speedup=pad_speedup,
+        seed=seed,
+    )
+    _run(world, loop, told, lasting, as_json=as_json)
+
+
+def _placed(scenario: Scenario, at: list[str] | None) -> tuple[Scenario, tuple[Station, ...]]:
+    """Stations where the vehicles stand; a position becomes a station of its own."""
+    places = []
+    for text in at or [scenario.network.stations[0].id]:
+        scenario, station_id = options.place(scenario, text, "--at")
+        places.append(station_id)
+    stations = {station.id: station for station in scenario.network.stations}
+    return scenario, tuple(stations[place] for place in places)
+
+
+def _bad_link(loss: float, delay: float, jitter: float, duplicate: float, reorder: float) -> Impairment:
+    """What the options say of the link; a wrong one is named as it was typed."""
+    from skyway.sim_stub.transports.channel import Impairment
+
+    try:
+        return Impairment(loss, delay, jitter, duplicate, reorder)
+    except InputError as error:
+        raise InputError([replace(f, field=f"--{(f.field or '').removesuffix('_s')}") for f in error.faults]) from None
+
+
+def _tcp_port(tcp: int | None, vehicles: int) -> int | None:
+    if tcp is not None and not 0 <= tcp + 10 * (vehicles - 1) <= 65535:
+        raise InputError(Fault("port out of range", field="--tcp", value=tcp, remedy="0 to 65535 for all vehicles"))
+    return tcp
+
+
+def _run(world: World, loop: SocketLoop, told: list[str], lasting: float | None, *, as_json: bool) -> None:
+    """Run until the time is over or somebody stops it; Ctrl-C is the usual end and no error."""
+    before = {number: signal.signal(number, lambda *_: loop.stop()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        for line in told:
+            typer.echo(json.dumps({"listening": line}) if as_json else line)
+        loop.run(None if lasting is None else lambda: world.sim_s >= lasting)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if not as_json:
+        typer.echo(f"{world.sim_s:10.2f} s  ended")
+
+
+def _print_line(event: Event) -> None:
+    typer.echo(str(event))
+
+
+def _print_json(event: Event) -> None:
+    typer.echo(json_text({"sim_s": round(event.sim_s, 3), "system": event.system, "event": event.text}))
+
+
+def _parameter(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        remedy = "NAME=VALUE, for example WPNAV_SPEED=1500"
+        raise InputError(Fault("not a parameter", field="--parameter", value=text, remedy=remedy)) from None
+
+
+def _wind(scenario: Scenario, begins: datetime, text: str | None) -> WindTruth | None:
+    from skyway.sim_stub.plant.wind_truth import RecordedWind, parse_constant
+
+    if text is None:
+        return None
+    constant = parse_constant(text)
+    if constant is not None:
+        return constant
+    series, _ = options.true_wind(scenario, begins, text, "--wind-truth")
+    return None if series is None else RecordedWind(series)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("sim", cls=SimCommand, help=SIM_HELP)(sim)

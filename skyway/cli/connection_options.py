@@ -1,0 +1,167 @@
+"""What every command that speaks with vehicles shares: the options of the link, and the way aboard."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import re
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from skyway.models.base.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from skyway.link.protocol.connection import Connection
+    from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+
+
+class Autopilot(StrEnum):
+    """Whose way with missions."""
+
+    AUTO = "auto"
+    PX4 = "px4"
+    ARDUPILOT = "ardupilot"
+
+
+class Driver(StrEnum):
+    """Who speaks the protocols."""
+
+    PYMAVLINK = "pymavlink"
+    MAVSDK = "mavsdk"
+
+
+CONNECT_HELP = "udpin:, udpout:, tcp: or tcpin:HOST:PORT, or DEVICE,BAUD."
+Yes = Annotated[bool, typer.Option("--yes", help="Do it; without it nothing is changed.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A connection as a person names it: to whom, as whom, signed with what, recorded where."""
+
+    connect: Annotated[str, typer.Option("--connect", help=CONNECT_HELP)] = "udpin:127.0.0.1:14540"
+    ground: Annotated[int, typer.Option("--gcs-system", help="Our own system id.")] = 255
+    key_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--key-file",
+            help="File with the signing key; or SKYWAY_SIGNING_KEY in the environment.",
+            show_default=False,
+        ),
+    ] = None
+    record: Annotated[Path, typer.Option("--record", help="Folder of the recordings (.tlog).")] = Path("recordings")
+
+    @contextmanager
+    def opened(self) -> Iterator[Connection]:
+        """Open the connection; everything on it is recorded."""
+        from skyway.link.protocol.opening import open_connection, read_key
+
+        connection = open_connection(self.connect, record=self.record, system=self.ground, key=read_key(self.key_file))
+        try:
+            yield connection
+        finally:
+            connection.close()
+            if connection.recorder is not None and connection.recorder.problem:
+                typer.echo(connection.recorder.problem, err=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Link(Line):
+    """The way to one vehicle."""
+
+    system: Annotated[
+        int | None,
+        typer.Option("--system", help="System id of the vehicle, where several are heard.", show_default=False),
+    ] = None
+    autopilot: Annotated[
+        Autopilot, typer.Option("--autopilot", help="Whose way with missions; auto asks the vehicle.")
+    ] = Autopilot.AUTO
+    driver: Annotated[
+        Driver, typer.Option("--driver", help="Who speaks the protocols; mavsdk knows no signed links.")
+    ] = Driver.PYMAVLINK
+
+    parameter_name: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--parameter-name",
+            help="SETTING=NAME:UNIT, where its firmware has a name that skyway does not know; repeatable.",
+            show_default=False,
+        ),
+    ] = None
+
+    @contextmanager
+    def aboard(self) -> Iterator[MavlinkVehicle]:
+        """Open the connection and find the vehicle."""
+        family = None if self.autopilot is Autopilot.AUTO else self.autopilot.value
+        with self.opened() as connection, closing(self._driver()(connection, self.system, family)) as vehicle:
+            if connection.wants_key:
+                typer.echo("the vehicle signs its packets; without its key (--key-file) it may not listen", err=True)
+            vehicle.own_names = own_names(self.parameter_name or (), vehicle.family.name)
+            yield vehicle
+
+    def _driver(self) -> type[MavlinkVehicle]:
+        if self.driver is Driver.MAVSDK:
+            from skyway.link.vehicle.mavsdk_vehicle import MavsdkVehicle
+
+            return MavsdkVehicle
+        from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+
+        return MavlinkVehicle
+
+
+def own_names(given: Sequence[str], family: str) -> dict[str, tuple[str, str]]:
+    """Read names that a person gives to settings: ``mission-speed=WP_SPEED:m/s``."""
+    from skyway.missions.dialects import dialect
+
+    settings = dialect(family).settings
+    found: dict[str, tuple[str, str]] = {}
+    for text in given:
+        key, _, rest = text.partition("=")
+        name, _, unit = rest.partition(":")
+        if key not in settings.keys:
+            known = ", ".join(settings.keys)
+            raise InputError(Fault(f"no such setting of {family}", field="--parameter-name", value=key, remedy=known))
+        if not re.fullmatch(r"[A-Z][A-Z0-9_]{0,15}", name):
+            remedy = "for example mission-speed=WP_SPD:m/s"
+            raise InputError(Fault("is not SETTING=NAME:UNIT", field="--parameter-name", value=text, remedy=remedy))
+        settings[key].need("read", None, "").called(name, unit)  # refuses a unit of something else
+        found[key] = (name, unit)
+    return found
+
+
+def linked(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of the link that its parameter `link` asks for: a `Line` or a `Link`."""
+    own = inspect.signature(command, eval_str=True).parameters
+    kind = own["link"].annotation
+    hints = inspect.get_annotations(Line, eval_str=True) | inspect.get_annotations(kind, eval_str=True)
+    options = [
+        inspect.Parameter(
+            field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]
+        )
+        for field in fields(kind)
+    ]
+
+    @functools.wraps(command)
+    def run(**given: Any) -> None:
+        link = kind(**{option.name: given.pop(option.name) for option in options})
+        command(link=link, **given)
+
+    rest = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for name, parameter in own.items() if name != "link"]
+    rest.sort(key=lambda parameter: not _is_argument(parameter))
+    first = sum(map(_is_argument, rest))
+    run.__signature__ = inspect.Signature([*rest[:first], *options, *rest[first:]])  # type: ignore[attr-defined]
+    run.__annotations__ = {}
+    return run
+
+
+def _is_argument(parameter: inspect.Parameter) -> bool:
+    return any(
+        isinstance(mark, typer.models.ArgumentInfo) for mark in getattr(parameter.annotation, "__metadata__", ())
+    )

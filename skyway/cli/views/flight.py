@@ -1,0 +1,266 @@
+"""The live view of a flight: a panel at the foot of a terminal from the first second on, plain lines where there is none."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import contextmanager
+from datetime import UTC, datetime, tzinfo
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from skyway.flying import line_of
+from skyway.models.base.units import clock_text, from_posix
+from skyway.report import fields as of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from rich.console import Console as Terminal
+    from rich.console import Group
+    from rich.live import Live
+    from rich.table import Table
+
+    from skyway.link.supervisor import Record
+    from skyway.link.supervisor.context import Context
+
+UNKNOWN = "unknown"
+_REFRESH_HZ = 2.0
+
+
+class FlightView:
+    """Shows the records of a journal as they are written, and what is going on between them.
+
+    Parameters
+    ----------
+    terminal : rich Console
+        Where to.
+    zone : tzinfo
+        Of the times shown.
+    typed : callable, optional
+        Returns what the operator has typed of a line so far.
+    """
+
+    def __init__(self, terminal: Terminal, zone: tzinfo = UTC, typed: Callable[[], str] = lambda: "") -> None:
+        self._terminal, self._zone, self.typed = terminal, zone, typed
+        self._live: Live | None = None
+        self._leg: dict[str, Any] = {}
+        self._took_off_s: float | None = None
+        self._track: Record | None = None
+        self._state, self._meaning, self._entered_s = "", "", time.monotonic()
+        self._checks: dict[str, tuple[str, str]] = {}
+        self._context: Context | None = None
+
+    @property
+    def lives(self) -> bool:
+        """Whether there is a terminal that a panel can stay on."""
+        return self._terminal.is_terminal and not self._terminal.is_dumb_terminal
+
+    @contextmanager
+    def shown(self) -> Iterator[FlightView]:
+        """Keep the panel at the foot of the terminal, if it is one."""
+        from rich.live import Live
+
+        if not self.lives:
+            yield self
+            return
+        with Live(
+            console=self._terminal, get_renderable=self.panel, refresh_per_second=_REFRESH_HZ,
+            redirect_stdout=False, redirect_stderr=False,
+        ) as live:  # fmt: skip
+            self._live = live
+            try:
+                yield self
+            finally:
+                self._live = None
+
+    def doing(self, what: str) -> None:
+        """Say what is being done before there is a journal: connecting, finding out who answers."""
+        self._state, self._meaning, self._entered_s = what, "", time.monotonic()
+        self.say(what)
+
+    def say(self, line: str) -> None:
+        """Say a line, above the panel."""
+        if self._live is None:
+            typer.echo(line)
+            sys.stdout.flush()
+        else:
+            self._terminal.print(line, markup=False, highlight=False, emoji=False, soft_wrap=True)
+
+    def tick(self, context: Context) -> None:
+        """Take what is known of the delivery now."""
+        self._context = context
+
+    def take(self, record: Record) -> None:
+        """Show a record."""
+        if record.event == "state":
+            self._enter(record)
+        if record.event == "check":
+            name, verdict = of.text(record.data, "name") or "", of.text(record.data, "verdict") or ""
+            self._checks[name] = (verdict, of.text(record.data, "said") or "")
+        if record.event == "leg":
+            self._leg, self._took_off_s = record.data, of.instant_s(record.time)
+        if record.event == "landed":
+            self._leg, self._took_off_s, self._track = {}, None, None
+        if record.event == "track":
+            self._track = record
+            if self._live is not None:
+                self._live.refresh()
+                return
+        line = line_of(record, self._zone)
+        if line is not None:
+            self.say(line)
+
+    def _enter(self, record: Record) -> None:
+        from skyway.link.supervisor.states import TABLE, State
+
+        after = of.text(record.data, "after") or record.state
+        known = {str(state): rule.meaning for state, rule in TABLE.items()}
+        self._state, self._meaning, self._entered_s = after, known.get(after, ""), time.monotonic()
+        if after == State.PREFLIGHT:
+            self._checks = {}
+
+    # The panel
+
+    def panel(self) -> Group:
+        """Return what stands at the foot of the terminal now."""
+        from rich.console import Group
+        from rich.text import Text
+
+        context, track = self._context, self._track
+        parts: list[Any] = [Text(self._head(context), style="bold", no_wrap=True, overflow="ellipsis")]
+        if self._leg and track is not None:
+            parts.append(self.table(track))
+        parts += [Text(line, no_wrap=True, overflow="ellipsis") for line in self._now(context)]
+        if context is not None and context.question:
+            parts.append(Text(f"? {context.question}", style="bold"))
+        typed = self.typed()
+        if typed or (context is not None and context.question):
+            parts.append(Text(f"> {typed}", style="bold"))
+        return Group(*parts)
+
+    def _head(self, context: Context | None) -> str:
+        now = from_posix(context.now_s) if context is not None else datetime.now(UTC)
+        lasts = _clock(time.monotonic() - self._entered_s)
+        meaning = f": {self._meaning}" if self._meaning else ""
+        return f"{clock_text(now, self._zone)}  {self._state} ({lasts}){meaning}"
+
+    def _now(self, context: Context | None) -> list[str]:
+        """What is known now, besides the table of a flight."""
+        if context is None:
+            return []
+        sample, silent_s = context.sample, context.vehicle.silent_s
+        heard = f"not heard for {silent_s:.0f} s" if silent_s > 2.0 else "heard"
+        found = [f"vehicle: {context.vehicle.mode}, {'armed' if context.vehicle.armed else 'disarmed'}, {heard}"]
+        if sample is not None and not self._leg:
+            aim = "" if context.charge_to is None else f", to be {100 * context.charge_to:.0f} %"
+            found[0] += f"; at {context.station or 'no known station'}; charge {_percent(_finite(context.soc))}{aim}"
+        if self._checks and not self._leg:
+            found += self._open_checks()
+        if context.texts.latest is not None:
+            found.append(f"it said last: {context.texts.latest}")
+        return found
+
+    def _open_checks(self) -> list[str]:
+        checks = dict(self._checks)  # the panel is drawn beside the flight
+        wrong = {name: told for name, told in checks.items() if told[0] != "ok"}
+        words = {"no": "NOT OK", "unknown": "NOT KNOWN"}
+        lines = [f"list: {len(checks) - len(wrong)} in order" + (f", {len(wrong)} not:" if wrong else "")]
+        return lines + [f"  {name}: {words.get(verdict, verdict)}: {said}" for name, (verdict, said) in wrong.items()]
+
+    def table(self, record: Record) -> Table:
+        """Return what was expected beside what is, from a ``track`` record."""
+        from rich.table import Table
+
+        to = of.text(record.data, "destination") or of.text(self._leg, "destination")
+        at_s = of.instant_s(record.time)
+        clock = UNKNOWN if at_s is None else clock_text(from_posix(at_s), self._zone)
+        head = f"{clock}  {record.state}" + (f"  flight {record.flight} to {to}" if to else "")
+        found = Table(title=head, title_justify="left", title_style="bold")
+        for name, side in (("", "left"), ("expected", "right"), ("actual", "right")):
+            found.add_column(name, justify="right" if side == "right" else "left")
+        for row in self.rows(record):
+            found.add_row(*row)
+        return found
+
+    def rows(self, record: Record) -> list[tuple[str, str, str]]:
+        """Return name, expected and actual of time, charge, wind, speed and way; what is not known says so."""
+        data, now_s = record.data, of.instant_s(record.time)
+        flown = None if now_s is None or self._took_off_s is None else now_s - self._took_off_s
+        left, planned_s, late = of.number(data, "left_s"), of.number(self._leg, "planned_s"), of.number(data, "late_s")
+        whole = None if flown is None or left is None else flown + left
+        rows = [
+            ("flight time", _clock(planned_s), f"{_clock(whole)}{_late(late)}; {_clock(left)} left"),
+            ("charge now", _percent(self._expected_now(flown, planned_s)), _percent(of.share(data, "soc"))),
+            ("charge at the landing", _percent(of.share(data, "planned_soc_land")), _percent(of.share(data, "soc_land"))),
+            ("below the reserve", "", _probability(of.share(data, "p_below_reserve"))),
+            ("wind", of.forecast_words(data) or UNKNOWN, of.measured_words(data) or "not measured"),
+            ("ground speed", _with(of.number(data, "commanded_mps"), "m/s"), _with(of.number(data, "ground_speed_mps"), "m/s")),
+            ("off the way", "0 m", _with(of.number(data, "cross_track_m"), "m")),
+            ("height above home", "", _with(of.number(data, "height_m"), "m")),
+        ]  # fmt: skip
+        limited = of.text(data, "limited")
+        if limited:
+            rows.append(("", "", limited))
+        if not self._leg:  # on the ground nothing of a way is expected
+            rows = [row for row in rows if row[0] in ("charge now", "wind")]
+        return rows
+
+    def _expected_now(self, flown_s: float | None, planned_s: float | None) -> float | None:
+        """Return the charge that the plan of the take-off has now, evenly spent over its time."""
+        first, last = of.share(self._leg, "soc"), of.share(self._leg, "planned_soc")
+        if first is None or last is None or flown_s is None or not planned_s:
+            return None
+        return first + (last - first) * min(max(flown_s / planned_s, 0.0), 1.0)
+
+
+class RecordLines(FlightView):
+    """The view of a program: each record of the journal is a line of JSON, and what is said goes to standard error."""
+
+    def say(self, line: str) -> None:
+        """Say a line where it does not disturb the records."""
+        typer.echo(line, err=True)
+
+    def take(self, record: Record) -> None:
+        """Write a record."""
+        import msgspec
+
+        typer.echo(msgspec.json.encode(record).decode())
+
+
+def view_for(*, as_json: bool, zone: tzinfo) -> FlightView:
+    """Return the view that was asked for."""
+    import io
+
+    from rich.console import Console
+
+    if as_json:
+        return RecordLines(Console(file=io.StringIO()), zone)
+    return FlightView(Console(highlight=False, markup=False, emoji=False), zone)
+
+
+def _finite(value: float) -> float | None:
+    return of.number({"value": value}, "value")
+
+
+def _clock(seconds: float | None) -> str:
+    return UNKNOWN if seconds is None else f"{max(seconds, 0.0) // 60:.0f}:{max(seconds, 0.0) % 60:02.0f}"
+
+
+def _late(seconds: float | None) -> str:
+    return "" if seconds is None else f" ({seconds:+.0f} s)"
+
+
+def _percent(share: float | None) -> str:
+    return UNKNOWN if share is None else f"{100.0 * share:.0f} %"
+
+
+def _probability(share: float | None) -> str:
+    if share is None:
+        return UNKNOWN
+    return "below 0.1 %" if share < 0.001 else f"{100.0 * share:.1f} %"
+
+
+def _with(value: float | None, unit: str) -> str:
+    return UNKNOWN if value is None else f"{value:.1f} {unit}"

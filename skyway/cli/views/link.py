@@ -1,0 +1,141 @@
+"""What is told about an upload: before it, as a table of what would be sent; after it, how it ended."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from skyway.cli.views.sheet import Column, Sheet
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from skyway.link.protocol.verified import Part, UploadOutcome
+    from skyway.link.vehicle.vehicle import Identity
+    from skyway.missions.dialects.comparison import Difference
+    from skyway.missions.items.mission import MissionItem
+
+_FEW = 10
+
+
+def progress() -> Callable[[str, int, int], None] | None:
+    """Return a line that is written over, where the output is a terminal."""
+    if not sys.stderr.isatty():
+        return None
+
+    def told(what: str, done: int, total: int) -> None:
+        sys.stderr.write(f"\r\033[K{what} {done}/{total}")
+        if done == total:
+            sys.stderr.write("\r\033[K")
+        sys.stderr.flush()
+
+    return told
+
+
+def show_plan(part: Part, differences: Sequence[Difference]) -> None:
+    """Print what would be sent, beside what the vehicle holds."""
+    from skyway.link.protocol.verified import kind_of
+    from skyway.missions.items.mission import Mission
+
+    same = "the vehicle holds the same" if not differences else f"{len(differences)} differences from what it holds"
+    typer.echo(f"{kind_of(part).word}: {size_of(part)} to send; {same}")
+    if not isinstance(part, Mission):
+        for difference in differences[:_FEW]:
+            typer.echo(f"  {on_board(difference)}")
+        return
+    left = ("command", "on board")
+    names = ("item", "command", "latitude", "longitude", "height", "on board")
+    sheet = Sheet([Column(name, justify="left" if name in left else "right") for name in names], names=2)
+    for number, item in enumerate(part.items):
+        found = [difference for difference in differences if difference.item == number]
+        sheet.add(str(number), item.name, *_place(item), _on_board_of_item(found))
+    sheet.show()
+    more = [difference for difference in differences if difference.item is None or difference.item >= len(part)]
+    for difference in more[:_FEW]:
+        typer.echo(f"  {on_board(difference)}")
+
+
+def count_of(part: Part) -> int:
+    """Return how many items, areas or points it has."""
+    from skyway.missions.items.geofence import Geofence
+
+    return len(part.areas) if isinstance(part, Geofence) else len(part)
+
+
+def size_of(part: Part) -> str:
+    """Return how much it is, for a person."""
+    from skyway.missions.items.geofence import Geofence
+
+    return f"{count_of(part)} {'areas' if isinstance(part, Geofence) else 'items'}"
+
+
+def _place(item: MissionItem) -> tuple[str, str, str]:
+    point = item.point
+    place = ("", "") if point is None else (f"{point.lat:.7f}", f"{point.lon:.7f}")
+    return (*place, f"{item.z:g} m" if item.is_located and not math.isnan(item.z) else "")
+
+
+def _on_board_of_item(found: Sequence[Difference]) -> str:
+    if not found:
+        return "the same"
+    if found[0].read is None and found[0].field == "command":
+        return "nothing"
+    return "; ".join(f"{difference.field} {_shown(difference.read)}" for difference in found)
+
+
+def on_board(difference: Difference) -> str:
+    """Say what the vehicle holds otherwise than the file."""
+    where = difference.field if difference.item is None else f"item {difference.item} {difference.field}"
+    return f"{where}: on board {_shown(difference.read)}, in the file {_shown(difference.sent)}"
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return "nothing"
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
+def difference_row(kind: str, difference: Difference) -> dict[str, Any]:
+    """One difference as JSON; values as the vehicle has them."""
+    return {"kind": kind, "item": difference.item, "field": difference.field, "text": on_board(difference)}
+
+
+def outcome_row(outcome: UploadOutcome) -> dict[str, Any]:
+    """How one upload ended, as JSON."""
+    return {
+        "kind": outcome.kind.name.lower(),
+        "state": outcome.state.value,
+        "holds": outcome.holds,
+        "reason": outcome.reason or None,
+        "items": list(outcome.items),
+        "differences": [str(difference) for difference in outcome.differences],
+        "transfers": outcome.attempts,
+    }
+
+
+def show_outcome(outcome: UploadOutcome) -> None:
+    """Print how one upload ended."""
+    typer.echo(str(outcome))
+    for difference in outcome.differences[:_FEW]:
+        typer.echo(f"  {difference}")
+
+
+def vehicle_row(identity: Identity) -> dict[str, Any]:
+    """Who a vehicle is, as JSON; null is unknown."""
+    return {
+        "system": identity.system,
+        "autopilot": identity.autopilot,
+        "type": identity.kind,
+        "version": identity.version or None,
+        "capabilities": list(identity.words),
+        "uid": f"{identity.uid:016x}" if identity.uid else None,
+    }
+
+
+def print_json(schema: str, **what: Any) -> None:
+    """Print one JSON object with the name of its form."""
+    typer.echo(json.dumps({"schema": f"skyway.{schema}", **what}, allow_nan=False))

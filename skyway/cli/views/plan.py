@@ -1,0 +1,199 @@
+"""A plan as a pilot reads it: what to expect first, then a typical course, then what it depends on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+from skyway.cli.views.sheet import Column, Sheet, say
+from skyway.models.base.formatting import (
+    about,
+    between,
+    by,
+    clock,
+    duration,
+    headline,
+    later_text,
+    percent,
+    share,
+    spent,
+)
+
+if TYPE_CHECKING:
+    from skyway.models.composition.composition import Composition, DroneService, LegSegment, Stop
+    from skyway.planner.result import PlanResult
+    from skyway.planner.robust.robust import RobustAnswer
+
+
+def print_plan(result: PlanResult) -> None:
+    """Print a plan."""
+    c = result.composition
+    zone = ZoneInfo(result.problem.scenario.timezone)
+    say(headline(c, zone))
+    first, last = c.stations[c.origin], c.stations[c.destination]
+    say(f"{first.name or c.origin}  >  {last.name or c.destination}")
+    say(
+        f"{c.drone_parameters.get('name', c.drone)} ({c.drone}), {c.payload_kg:g} kg, airspeed {c.airspeed_mps:g} m/s, "
+        f"departs {c.depart.astimezone(zone):%Y-%m-%d %H:%M %Z}, planner {c.planner}"
+    )
+    say("")
+    _print_expected(result, zone)
+    say("")
+    time = duration(c.delivery_time_s)
+    say(f"The course, {time}:" if c.arrival.delivery_mean is None else f"A typical course, {time}:")
+    course_sheet(c, zone).show()
+    say("")
+    _print_totals(result)
+
+
+def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
+    """The delivery time with the ranges of its figures, and how often the reserve and the deadline are kept."""
+    c, a = result.composition, result.composition.arrival
+    if a.delivery_mean is None or a.delivery_p50 is None or a.delivery_p95 is None:
+        return
+    sheet = Sheet([Column("delivery", justify="left"), Column("time"), Column("range"), Column("by")])
+    rows = (("on average", a.delivery_mean), ("half within", a.delivery_p50), ("95 % within", a.delivery_p95))
+    for name, figure in rows:
+        sheet.add(name, about(figure), between(figure), by(figure, c, zone))
+    sheet.show()
+    objective = result.problem.request.objective
+    if objective.deadline is not None and c.on_time is not None:
+        say(f"On time, by {clock(objective.deadline, zone, c.depart)}: {share(c.on_time)}")
+    if c.success is not None:
+        say(f"Every landing keeps the reserve of {100 * c.reserve_soc:g} %: {share(c.success)} of the deliveries")
+    if result.outcome.p_arrive < 1.0 - 1e-9:
+        never = percent(1.0 - result.outcome.p_arrive, 1)
+        say(f"In {never} of the deliveries the wind does not allow every leg within the forecast")
+    members = len(result.problem.probability)
+    winds = "the wind given" if members == 1 else f"{members} days of wind"
+    if result.robust is not None and members > 1:
+        winds += ", each forecast from the others"
+    say(
+        f"({a.runs:,} simulated deliveries: {winds}, sampled queues, gusts and vehicles. Range: 95 % sure that the figure of "
+        "very many such deliveries lies in it)"
+    )
+
+
+def course_sheet(c: Composition, zone: ZoneInfo) -> Sheet:
+    """The typical course, leg by leg and stop by stop."""
+    columns = [
+        Column("time", justify="left"), Column("leg", justify="left"), Column("", "km"), Column("course"),
+        Column("wind", "m/s"), Column("from"), Column("tail", "m/s"), Column("cross", "m/s"),
+        Column("speed", "m/s", words="ground speed {} m/s"), Column("takes"), Column("charge", "%"),
+        Column("reserve", "kept", words="reserve kept {}"), Column("hold for", "wind", words="hold for wind {}"),
+        Column("hold for", "room", words="hold for room {}"),
+    ]  # fmt: skip
+    sheet = Sheet(columns, names=2)
+    stops = {stop.station: stop for stop in c.stops}
+    runs = c.arrival.runs
+    for leg in c.services:
+        if leg.origin in stops:
+            stop = stops.pop(leg.origin)
+            sheet.note(f"{clock(stop.arrive, zone, c.depart)}  {stop_text(stop, leg.destination)}")
+        sheet.add(clock(leg.depart, zone, c.depart), *_leg_cells(leg, runs))
+        if len(leg.segments) > 1:
+            for segment in leg.segments:
+                sheet.add("", *_segment_cells(segment))
+    sheet.note(f"{clock(c.arrive, zone, c.depart)}  {c.destination}: delivered")
+    return sheet
+
+
+def leg_name(leg: DroneService) -> str:
+    """Stations of a leg; those overflown in brackets."""
+    return f"{leg.origin} > " + "".join(f"({key}) > " for key in leg.via) + leg.destination
+
+
+def _leg_cells(leg: DroneService, runs: int | None) -> tuple[str, ...]:
+    bends = len(leg.segments) > 1
+    return (
+        leg_name(leg),
+        f"{leg.distance_m / 1000:.1f}",
+        "" if bends else f"{round(leg.bearing_deg) % 360:03d}°",
+        leg.wind.range_text,
+        leg.wind.direction_text,
+        "" if bends else f"{leg.tailwind_mps:+.1f}",
+        "" if bends else f"{leg.crosswind_mps:+.1f}",
+        f"{leg.ground_speed_mps:.1f}",
+        duration(leg.flight_time_s),
+        f"{100 * leg.soc_depart:.0f} > {100 * leg.soc_arrive:.0f}",
+        _kept(leg.p_reserve, runs),
+        percent(leg.p_hold),
+        percent(leg.p_hold_room),
+    )
+
+
+def _segment_cells(segment: LegSegment) -> tuple[str, ...]:
+    return (
+        f"  to {segment.head}",
+        f"{segment.distance_m / 1000:.1f}",
+        f"{round(segment.bearing_deg) % 360:03d}°",
+        segment.wind.range_text,
+        segment.wind.direction_text,
+        f"{segment.tailwind_mps:+.1f}",
+        f"{segment.crosswind_mps:+.1f}",
+        *[""] * 6,
+    )
+
+
+def _kept(p_reserve: float | None, runs: int | None) -> str:
+    """Probability to land above the reserve; in so many runs nobody sees more than three in their number."""
+    if p_reserve is not None and runs and p_reserve >= 1.0 - 0.5 / runs:
+        return f">{100.0 - int(3000.0 / runs + 0.999) / 10.0:g} %"
+    return percent(p_reserve)
+
+
+def stop_text(stop: Stop, bound_for: str) -> str:
+    """What is done at a stop, each wait by its reason."""
+    doing = []
+    if stop.recharge_s > 0:
+        wait = f"wait {duration(stop.wait_s)} for a pad" if stop.wait_s >= 0.5 else "a pad at once"
+        doing.append(f"{wait} (free on arrival {percent(stop.p_pad_free)})")
+        doing.append(f"charge {duration(stop.recharge_s)} to {100 * stop.soc_to:.0f} %")
+    if stop.hold_room_s >= 0.5:
+        doing.append(f"hold {duration(stop.hold_room_s)} for room at {bound_for}")
+    if stop.hold_s - stop.hold_room_s >= 0.5:
+        doing.append(f"hold {duration(stop.hold_s - stop.hold_room_s)} for the wind")
+    return f"{stop.station}: {', '.join(doing) or 'land and leave'}"
+
+
+def _print_totals(result: PlanResult) -> None:
+    c = result.composition
+    parts = [f"flight {duration(c.flight_time_s)}"]
+    if c.recharge_time_s or c.wait_time_s:
+        parts += [f"wait {duration(c.wait_time_s)}", f"recharge {duration(c.recharge_time_s)}"]
+    say(
+        f"Course: {', '.join(parts)}; {c.distance_m / 1000:.1f} km, {c.energy_j / 3600:.0f} Wh, "
+        f"lowest charge {100 * c.min_soc:.0f} % (reserve {100 * c.reserve_soc:g} %)"
+    )
+    say(
+        "Wind: mean and the speeds between which 8 of 10 are, where, when and as high as flown; tail and cross on average"
+    )
+    if result.robust is not None:
+        _print_choices(result.robust)
+    for note in c.notes:
+        say(f"Note: {note}")
+    for drone, why in result.rejected.items():
+        say(f"Not {drone}: {why}")
+    say(f"Planned in {spent(result.planning_time_s)}, {result.looked_at:,} evaluated")
+
+
+def _print_choices(answer: RobustAnswer) -> None:
+    """What the plan would do otherwise, and how far it may be from the best."""
+    from skyway.planner.explain import charge_ranges, stop_names, wait_and_see
+    from skyway.planner.schedule.outcome import later
+
+    for one in charge_ranges(answer):
+        often = f"; {percent(one.idle)} of the deliveries leave at once" if one.idle >= 0.005 else ""
+        low, high = percent(one.low), percent(one.high)
+        between_ = low if low == high else f"{low} to {high}"
+        say(f"At {one.station} the charge is decided by the wind then: {between_} in 8 of 10 deliveries{often}")
+    others = [one for one in answer.candidates[1:] if stop_names(one) != stop_names(answer.candidates[0])]
+    if others:
+        way = "with stops at " + ", ".join(stop_names(others[0])) if stop_names(others[0]) else "without a stop"
+        say(f"The next best route, {way}: {later_text(later(others[0].outcome, answer.candidates[0].outcome))}")
+    bound = wait_and_see(answer)
+    if bound is not None:
+        say(
+            f"Lower bound with perfect forecast of wind and queues: {duration(bound.bound_s)} on average; "
+            f"this plan takes {percent(max(bound.gap, 0.0))} longer"
+        )

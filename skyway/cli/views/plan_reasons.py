@@ -1,0 +1,162 @@
+"""What a plan has to say beyond itself: departures tried, alternatives, and reasons."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+from skyway.cli.views.sheet import Column, Sheet, say
+from skyway.models.base.formatting import later_text, minutes, percent, share
+from skyway.models.base.units import J_PER_WH, iso
+from skyway.models.composition.file import figure_json
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.planner.departure import Departure
+    from skyway.planner.explain import StopReason
+    from skyway.planner.result import PlanResult
+
+
+def print_more(result: PlanResult, tried: Sequence[Departure], count: int, *, explain: bool) -> None:
+    """Print what was asked for beside the plan."""
+    if tried:
+        _print_departures(result, tried)
+    if count > 1:
+        _print_alternatives(result, count)
+    if explain:
+        _print_reasons(result)
+
+
+def as_json(result: PlanResult, tried: Sequence[Departure], count: int, *, explain: bool) -> dict[str, object]:
+    """Return the same for machines: keys that the composition does not have."""
+    from skyway.planner.explain import wait_and_see
+
+    found: dict[str, object] = {}
+    bound = None if result.robust is None else wait_and_see(result.robust)
+    if bound is not None:
+        found["bound"] = vars(bound) | {"gap": bound.gap}
+    if tried:
+        found["departures"] = [
+            {
+                "depart": iso(one.depart),
+                "delivery_mean_s": _finite(one.delivery_s),
+                "delivery_mean": None if one.delivery is None else figure_json(one.delivery),
+                "p_on_time": one.p_on_time,
+            }
+            for one in tried
+        ]
+    if count > 1:
+        from skyway.models.composition.file import to_json
+        from skyway.planner.plan import alternative_plans
+
+        found["alternatives"] = [to_json(plan.composition) for plan in alternative_plans(result, count)[1:]]
+    if explain:
+        from skyway.planner.explain import charge_ranges, stop_reasons
+
+        found["explanation"] = {
+            "stops": [_reason_json(one) for one in stop_reasons(result)],
+            "charges": [] if result.robust is None else [vars(one) for one in charge_ranges(result.robust)],
+        }
+    return found
+
+
+def _reason_json(one: StopReason) -> dict[str, object]:
+    found = {name: value for name, value in vars(one).items() if name != "later"}
+    later = None if one.later is None else figure_json(one.later)
+    return found | {"later_s": None if one.later is None else one.later.value, "later": later}
+
+
+def _finite(value: float) -> float | None:
+    return value if value < float("inf") else None
+
+
+def _print_departures(result: PlanResult, tried: Sequence[Departure]) -> None:
+    zone = ZoneInfo(result.problem.scenario.timezone)
+    deadline = result.problem.request.objective.deadline
+    columns = [Column("departure", justify="left"), Column("delivery on average", "min")]
+    columns += [Column("on time")] if deadline else []
+    sheet = Sheet([*columns, Column("", justify="left")])
+    for one in tried:
+        chosen = "< chosen" if one.depart == result.composition.depart else ""
+        time = "no route" if one.delivery is None else minutes(one.delivery)
+        on_time = [percent(one.p_on_time)] if deadline else []
+        sheet.add(f"{one.depart.astimezone(zone):%Y-%m-%d %H:%M}", time, *on_time, chosen)
+    say("")
+    sheet.show()
+
+
+def _print_alternatives(result: PlanResult, count: int) -> None:
+    from skyway.planner.explain import stop_names
+    from skyway.planner.plan import alternative_plans
+
+    plans = alternative_plans(result, count)
+    say("")
+    if len(plans) == 1:
+        if result.robust is None:
+            say(f"The planner {result.composition.planner} has one answer; robust compares routes")
+        else:
+            say(
+                "No alternative: no other route that was found is better in anything (mean, 95th percentile, reserve, energy)"
+            )
+        return
+    columns = [
+        Column(""),
+        Column("stops at", justify="left"),
+        Column("on average", "min"),
+        Column("95 % within", "min"),
+    ]
+    sheet = Sheet([*columns, Column("reserve", "kept", words="reserve kept {}"), Column("energy", "Wh")], names=2)
+    for number, plan in enumerate(plans):
+        stops = stop_names(plan.robust.candidates[0]) if plan.robust else plan.composition.route[1:-1]
+        sheet.add(
+            str(number + 1),
+            " > ".join(stops) or "no stop",
+            minutes(plan.outcome.delivery),
+            minutes(plan.outcome.delivery_quantile(0.95)).split(" ± ", maxsplit=1)[0],
+            share(plan.outcome.success),
+            f"{_energy_wh(plan):.0f}",
+        )
+    say("Alternatives, each better than the others in something (1 is the plan above):")
+    sheet.show()
+
+
+def _energy_wh(plan: PlanResult) -> float:
+    if plan.robust is None:
+        return plan.composition.energy_j / J_PER_WH
+    return plan.robust.out_of_sample.charge_used * plan.problem.drone.battery_j / J_PER_WH
+
+
+def _print_reasons(result: PlanResult) -> None:
+    from skyway.planner.explain import stop_reasons
+
+    say("")
+    if result.robust is None:
+        say(f"The planner {result.composition.planner} gives no reasons; robust does")
+        return
+    for one in stop_reasons(result):
+        say(f"{one.station}: {_why_here(one)}")
+        say(f"  {_why_so_much(one)}")
+    if not result.composition.stops:
+        say("No stop is needed: the charge is enough for the whole way")
+
+
+def _why_here(one: StopReason) -> str:
+    if one.runner_up is None or one.later is None:
+        return "there is no route without this stop"
+    way = "the best route stops at " + ", ".join(one.runner_up) if one.runner_up else "the best route has no stop"
+    safety = "" if one.later.value >= 0.0 else ", but is less safe"
+    return f"without this stop {way}: {later_text(one.later)}{safety}"
+
+
+def _why_so_much(one: StopReason) -> str:
+    """What the charge at a stop is for."""
+    parts = (
+        f"{percent(one.leaves)} on average: {percent(one.expected)} for the flight, {percent(one.margin)} for stronger wind, "
+        f"gusts and a vehicle that takes more energy, {percent(one.reserve)} that must be left on landing"
+    )
+    if one.idle >= 1.0 - 1e-9:
+        return f"the drone never charges here in the simulated deliveries, and leaves with {parts}"
+    if one.idle > 0.5:
+        return f"{percent(one.idle)} of the deliveries leave at once; the others charge to {parts}"
+    return f"the drone charges to {parts}"

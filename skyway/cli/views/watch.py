@@ -1,0 +1,221 @@
+"""``skyway watch``: the live table of all vehicles on a connection."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from skyway.cli.connection_options import AsJson, Line, linked
+from skyway.cli.views.sheet import width
+from skyway.models.base.json_text import json_text
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from skyway.link.protocol.connection import Connection
+    from skyway.link.telemetry.vehicle_monitor import VehicleMonitor
+
+_EVERY_S, _LINE_EVERY_S, _ASK_EVERY_S = 0.5, 1.0, 5.0
+_SILENT_S = 5.0
+_UNKNOWN = "unknown"
+WIDE = 110
+"""Columns from which on the table has a row for each vehicle."""
+
+
+@linked
+def watch(
+    link: Line,
+    lasting: Annotated[
+        float | None,
+        typer.Option("--for", help="End after so many seconds; without it, at Ctrl-C.", show_default=False),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Watch all vehicles on a connection: position, charge, wind, mode, link. Ctrl-C ends it.
+
+    Where the output is no terminal, a line a second for each vehicle.
+
+    \b
+    Examples:
+      skyway watch --connect udpin:127.0.0.1:14540
+      skyway watch --connect tcp:127.0.0.1:5760 --for 10 --json
+    """  # noqa: D301
+    from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
+
+    if lasting is not None and not 0.0 < lasting < math.inf:
+        raise InputError(Fault("out of range", field="--for", value=lasting, remedy="seconds, above 0"))
+    with link.opened() as connection:
+        watched = _Watch(connection)
+        begun_s = connection.clock.now_s()
+        try:
+            _show(watched, math.inf if lasting is None else begun_s + lasting, as_json=as_json)
+        except KeyboardInterrupt:
+            typer.echo("", err=True)
+        if not watched.vehicles:
+            raise VehicleTimeoutError("no heartbeat", connection.clock.now_s() - begun_s)
+
+
+class _Watch:
+    """All vehicles on a connection, met as they come; nothing here waits for an answer."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self.vehicles: dict[int, VehicleMonitor] = {}
+        self.strange: dict[int, int] = {}
+        self._asked_s: dict[int, float] = {}
+
+    def run_for(self, duration_s: float) -> None:
+        """Take what comes, and ask those for telemetry that give none."""
+        self.connection.run_for(duration_s)
+        now = self.connection.clock.now_s()
+        for system, peer in list(self.connection.peers.items()):
+            if system not in self.vehicles and system not in self.strange:
+                self._meet(system, peer.autopilot)
+        for system, vehicle in self.vehicles.items():
+            fresh = vehicle.live.sample is not None and not math.isnan(vehicle.live.sample.roll_rad)
+            if not fresh and now >= self._asked_s.get(system, -math.inf) + _ASK_EVERY_S:
+                self._asked_s[system] = now
+                vehicle.nudge_telemetry()
+
+    def _meet(self, system: int, autopilot: int) -> None:
+        from skyway.link.protocol.autopilots import family_of
+        from skyway.link.telemetry.vehicle_monitor import VehicleMonitor
+
+        if family_of(autopilot) is None:
+            self.strange[system] = autopilot
+        else:
+            self.vehicles[system] = VehicleMonitor(self.connection, system)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Tell what is known of each vehicle, in the order of their ids."""
+        return [_row(self.vehicles[system]) for system in sorted(self.vehicles)]
+
+    def remarks(self) -> list[str]:
+        """What is wrong with the connection itself, for a person."""
+        said = [f"vehicle {n}: autopilot {kind} is none that we know" for n, kind in self.strange.items()]
+        rejected = self.connection.rejected
+        counts = (rejected.unsigned, rejected.forged, rejected.replayed, rejected.elsewhere)
+        words = ("unsigned", "forged", "replayed", "from another address")
+        if rejected.untrusted:
+            told = ", ".join(f"{count} {word}" for count, word in zip(counts, words, strict=True) if count)
+            said.append(f"packets not believed: {told}")
+        if self.connection.conflict is not None:
+            said.append(str(self.connection.conflict))
+        return said
+
+
+def _show(watched: _Watch, end_s: float, *, as_json: bool) -> None:
+    from rich.console import Console
+    from rich.live import Live
+
+    clock = watched.connection.clock
+    if Console().is_terminal and not as_json:
+        with Live(_table(watched), auto_refresh=False) as live:
+            while clock.now_s() < end_s:
+                watched.run_for(min(_EVERY_S, end_s - clock.now_s()))
+                live.update(_table(watched), refresh=True)
+        return
+    told: list[str] = []
+    while clock.now_s() < end_s:
+        watched.run_for(min(_LINE_EVERY_S, end_s - clock.now_s()))
+        for row in watched.rows():
+            typer.echo(json_text(row | _rejected(watched)) if as_json else "  ".join(_cells(row)))
+        fresh = [remark for remark in watched.remarks() if remark not in told]
+        told += fresh
+        for remark in fresh:
+            typer.echo(remark, err=True)
+
+
+def _rejected(watched: _Watch) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {"rejected": asdict(watched.connection.rejected), "conflict": watched.connection.conflict is not None}
+
+
+def _row(vehicle: VehicleMonitor) -> dict[str, Any]:
+    """One vehicle as JSON; null is unknown."""
+    latest = vehicle.live.latest
+    sample = vehicle.live.sample
+    north, east = latest("wind_north_mps"), latest("wind_east_mps")
+    return {
+        "system": vehicle.system,
+        "autopilot": vehicle.family.name,
+        "mode": vehicle.mode,
+        "armed": vehicle.armed,
+        "lat": _known(latest("lat_deg"), 7),
+        "lon": _known(latest("lon_deg"), 7),
+        "height_m": _known(latest("height_m"), 1),
+        "ground_speed_mps": _known(math.hypot(latest("vel_north_mps"), latest("vel_east_mps")), 1),
+        "soc": _known(latest("soc"), 3),
+        "wind_mps": _known(math.hypot(north, east), 1),
+        "wind_from_deg": _known(math.degrees(math.atan2(-east, -north)) % 360.0, 0),
+        "item": _known(latest("mission_item"), 0),
+        "mission": vehicle.mission_state,
+        "time": None if sample is None else _instant(sample.time_s),
+        "clock": vehicle.live.clock.base.source,
+        "silent_s": round(vehicle.silent_s, 1),
+        "loss": round(vehicle.live.loss, 3),
+        "doubts": [
+            *(f"{name}: {why}" for name, why in vehicle.live.doubts.items()),
+            *(str(check) for check in vehicle.rates.checks if check.measured_hz and not check.ok),
+        ],
+    }
+
+
+def _instant(posix_s: float) -> str:
+    from datetime import UTC, datetime
+
+    return datetime.fromtimestamp(posix_s, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _known(value: float, digits: int) -> float | None:
+    return None if math.isnan(value) else round(value, digits)
+
+
+_COLUMNS = ("vehicle", "mode", "position", "height", "speed", "charge", "wind", "mission", "link", "doubts")
+
+
+def _cells(row: dict[str, Any]) -> list[str]:
+    """The same for a person, in the order of the columns."""
+    silent = row["silent_s"] > _SILENT_S
+    place = _UNKNOWN if row["lat"] is None else f"{row['lat']:.5f},{row['lon']:.5f}"
+    wind = _UNKNOWN if row["wind_mps"] is None else f"{row['wind_mps']:.1f} m/s from {row['wind_from_deg']:.0f}°"
+    item = "" if row["item"] is None else f"item {row['item']:.0f}"
+    state = "" if row["mission"] == _UNKNOWN else row["mission"]
+    return [
+        f"{row['system']} {row['autopilot']}",
+        f"{row['mode']}{', armed' if row['armed'] else ''}",
+        place,
+        _with_unit(row["height_m"], "m"),
+        _with_unit(row["ground_speed_mps"], "m/s"),
+        _UNKNOWN if row["soc"] is None else f"{100 * row['soc']:.0f} %",
+        wind,
+        " ".join(word for word in (item, state) if word) or _UNKNOWN,
+        f"silent for {row['silent_s']:.0f} s" if silent else f"{100 * (1 - row['loss']):.0f} %",
+        "; ".join(row["doubts"]),
+    ]
+
+
+def _with_unit(value: float | None, unit: str) -> str:
+    return _UNKNOWN if value is None else f"{value:.1f} {unit}"
+
+
+def _table(watched: _Watch) -> Table:
+    from rich.table import Table
+
+    rows = watched.rows()
+    table = Table(caption="\n".join(watched.remarks()) or None, caption_style="bold red")
+    if rows and (width() or WIDE) < WIDE:  # a narrow terminal: a line for each value, nothing broken within words
+        table.add_column("vehicle")
+        for row in rows:
+            table.add_column(_cells(row)[0], overflow="fold")
+        for name, *cells in zip(_COLUMNS[1:], *(_cells(row)[1:] for row in rows), strict=True):
+            table.add_row(name, *cells)
+        return table
+    for name in _COLUMNS if rows else ("waiting for a heartbeat",):
+        table.add_column(name, overflow="fold")
+    for row in rows:
+        table.add_row(*_cells(row))
+    return table

@@ -1,0 +1,1 @@
+"""Pictures of networks, plans, winds and replays."""

@@ -1,0 +1,326 @@
+"""The report of a flight as one page that needs nothing else: made from the document ``skyway.flight/1`` alone."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+from skyway import __version__
+from skyway.report.charts import charts
+from skyway.report.map import drawn_map
+from skyway.report.svg import safe
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+UNKNOWN = "unknown"
+_MAX_EVENTS = 2_000
+_ENDS = {
+    "delivered": "Delivered",
+    "stopped-safe": "Not delivered: stopped, safe on the ground",
+    "landed-elsewhere": "Not delivered: down away from a station",
+    "crashed": "Not delivered: crashed",
+    "left-to-itself": "Not delivered: left to what its own parameters make it do",
+}
+
+
+def page(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    document : dict
+        ``skyway.flight/1``.
+    zones : list of dict, optional
+        No-fly zones for the map, see `drawn_map`; None where they are not known.
+    """
+    template = page_template()
+    delivery = document["delivery"]
+    title = f"{_headline(document)}: {delivery['from'] or UNKNOWN} to {delivery['to'] or UNKNOWN}"
+    body = "\n".join(
+        (
+            _head(document),
+            '<div class="two">' + _section("Map", drawn_map(document, zones)) + _story(document) + "</div>",
+            _section("Flights: planned at the take-off, and flown", _legs(document)),
+            _section("Course", _figures(document)),
+            _section("Wind", _winds(document)),
+            _section("Stops", _stops(document)),
+            _section("Decisions, with their reasons", _decisions(document)),
+            _section("Plans that came into force", _plans(document)),
+            _section("Before the take-offs", _preflights(document)),
+            _section("All events", _events(document)),
+            _foot(document),
+        )
+    )
+    before, after = template.split("<!--BODY-->")
+    return before.replace("<!--TITLE-->", safe(title)) + body + after
+
+
+def page_template() -> str:
+    """Return the page without its content."""
+    return (resources.files("skyway.report") / "page.html").read_text(encoding="utf-8")
+
+
+def _section(title: str, content: str) -> str:
+    return f"<section><h2>{safe(title)}</h2>{content}</section>"
+
+
+def clock(at_s: float | None) -> str:
+    """Return a time of day in UTC."""
+    return UNKNOWN if at_s is None else datetime.fromtimestamp(at_s, UTC).strftime("%H:%M:%S")
+
+
+def lasting(seconds: float | None) -> str:
+    """Return a duration such as ``1:02:35`` or ``4:09``."""
+    if seconds is None:
+        return UNKNOWN
+    sign, whole = ("-" if seconds < -0.5 else ""), abs(round(seconds))
+    hours, rest = divmod(whole, 3600)
+    return sign + (f"{hours}:{rest // 60:02d}:{rest % 60:02d}" if hours else f"{rest // 60}:{rest % 60:02d}")
+
+
+def percent(share: float | None) -> str:
+    """Return a share as a percentage."""
+    return UNKNOWN if share is None else f"{100.0 * share:.0f} %"
+
+
+def figure(value: float | None, unit: str, digits: int = 1) -> str:
+    """Return a number with its unit."""
+    return UNKNOWN if value is None else f"{value:.{digits}f} {unit}"
+
+
+def rows(head: Sequence[str], body: Iterable[Sequence[str]], kinds: str) -> str:
+    """Return a table; `kinds` says of each column whether it has numbers (n), times (t) or words (w)."""
+    lines = [
+        "<tr>"
+        + "".join(f'<td class="{kind}">{safe(cell)}</td>' for kind, cell in zip(kinds, row, strict=True))
+        + "</tr>"
+        for row in body
+    ]
+    if not lines:
+        return '<p class="none">none</p>'
+    top = "".join(f'<th scope="col" class="{kind}">{safe(cell)}</th>' for kind, cell in zip(kinds, head, strict=True))
+    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
+
+
+def _headline(document: dict[str, Any]) -> str:
+    outcome = document["outcome"]
+    if not outcome["ended"]:
+        return f"Not ended: the journal breaks off while {outcome['state']}"
+    return _ENDS.get(outcome["state"], f"Ended in state {outcome['state']}")
+
+
+def _head(document: dict[str, Any]) -> str:
+    delivery, outcome = document["delivery"], document["outcome"]
+    planned, actual = document["totals"]["planned"], document["totals"]["actual"]
+    good = "good" if outcome["delivered"] else "bad"
+    what = [delivery["drone_name"] or delivery["drone"] or "drone unknown", figure(delivery["payload_kg"], "kg")]
+    what += [f"planner {delivery['planner'] or UNKNOWN}", delivery["vehicle"] or "vehicle unknown"]
+    if outcome["resumed"]:
+        what.append(f"resumed {outcome['resumed']} times")
+    where = f"at {outcome['station']}" if outcome["station"] else "station unknown"
+    lines = (
+        ("until the end", "delivery_s", lasting), ("in flight", "flight_s", lasting), ("waiting for pads", "wait_s", lasting),
+        ("charging", "charge_s", lasting), ("flights", "flights", lambda n: UNKNOWN if n is None else f"{n}"),
+        ("lowest charge at a landing", "lowest_soc", percent),
+    )  # fmt: skip
+    cells = "".join(
+        f"<div><dt>{name}</dt><dd><b>{safe(show(actual[key]))}</b><span>typical course {safe(show(planned[key]))}</span></dd></div>"
+        for name, key, show in lines
+    )
+    last = document["outcome"]["time"]
+    return (
+        f'<header><span class="badge {good}">{safe(_headline(document))}</span>'
+        f"<h1>{safe(delivery['from'] or UNKNOWN)} to {safe(delivery['to'] or UNKNOWN)}</h1>"
+        f"<p>{safe(outcome['reason'] or 'no reason is told')} ({safe(where)}, {safe(last[:10])} {safe(last[11:19])} UTC)</p>"
+        f"<p><b>{safe(_expectation(document))}</b></p>"
+        f'<p class="soft">{safe(", ".join(what))}</p><dl class="totals">{cells}</dl></header>'
+    )
+
+
+def _expectation(document: dict[str, Any]) -> str:
+    """Say how long it took beside what was expected: on average, and by when half and 95 % of such deliveries arrive."""
+    planned, actual = document["totals"]["planned"], document["totals"]["actual"]
+    arrives = [planned[f"arrive_{name}_s"] for name in ("mean", "p50", "p95")]
+    begun = planned["depart_s"]
+    if begun is None or None in arrives:
+        return "What was to be expected is unknown."
+    mean, half, most = (_minutes(at_s - begun) for at_s in arrives)
+    took = actual["delivery_s"] if document["outcome"]["delivered"] else None
+    arrived = "It did not arrive" if took is None else f"It took {_minutes(took)}"
+    return f"{arrived}; expected at the first plan: {mean} on average, half within {half}, 95 % within {most}."
+
+
+def _minutes(seconds: float) -> str:
+    hours, minutes = divmod(round(seconds / 60.0), 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
+
+
+def _story(document: dict[str, Any]) -> str:
+    """Return what differed from the plan, in short: decisions that changed something, and what was not meant to happen."""
+    changed = [d for d in document["decisions"] if d["new_plan"] or d["action"] not in ("continue", "speed", None)]
+    lines = [(d["time_s"], f"{d['action'] or 'decided'}: {d['reason'] or 'no reason told'}") for d in changed]
+    for event in document["contingencies"]:
+        words = event["reason"] or event["event"]
+        told_already = any(d["reason"] and d["reason"] in words and d["time_s"] == event["time_s"] for d in changed)
+        if event["event"] != "decision" and not told_already:
+            lines.append((event["time_s"], words))
+    speeds = sum(1 for d in document["decisions"] if d["action"] == "speed")
+    told = rows(("at", "what and why"), [(clock(at_s), text) for at_s, text in sorted(lines)], "tw")
+    if not lines:
+        told = '<p class="none">Nothing: the first plan was flown.</p>'
+    sent = "once" if speeds == 1 else f"{speeds} times"
+    return _section("What changed on the way", f"{told}<p class='soft'>The ground speed was sent anew {sent}.</p>")
+
+
+def _figures(document: dict[str, Any]) -> str:
+    found = charts(document)
+    return (
+        f'<div class="charts">{"".join(chart.drawn() for chart in found)}</div>'
+        if found
+        else '<p class="none">unknown: nothing has a time</p>'
+    )
+
+
+def _legs(document: dict[str, Any]) -> str:
+    head = (
+        "",
+        "from",
+        "to",
+        "took off",
+        "took",
+        "(planned)",
+        "charge",
+        "landed with",
+        "(planned)",
+        "used",
+        "(model)",
+        "most off the way",
+        "diverts",
+    )
+    body = []
+    for leg in document["legs"]:
+        to = " > ".join([*(f"({name})" for name in leg["via"]), leg["to"] or UNKNOWN])
+        if leg["land_s"] is None:
+            to += ", no landing told"
+        elif leg["as_planned"] is False or leg["landed_at"] != leg["to"]:
+            to += f", landed at {leg['landed_at'] or 'an unknown place'}"
+        body.append(
+            (
+                str(leg["flight"]), leg["from"] or UNKNOWN, to, clock(leg["depart_s"]), lasting(leg["flight_s"]),
+                f"({lasting(leg['planned_s'])})", percent(leg["soc_depart"]), percent(leg["soc_land"]),
+                f"({percent(leg['planned_soc'])})", percent(leg["used_soc"]), f"({percent(leg['modelled_soc'])})",
+                figure(leg["most_cross_track_m"], "m"), ", ".join(leg["diverts"]) or "none told",
+            )
+        )  # fmt: skip
+    return rows(head, body, "nswtnnnnnnnns")
+
+
+def _winds(document: dict[str, Any]) -> str:
+    def told(wind: dict[str, Any] | None, without: str = UNKNOWN) -> str:
+        origin = "" if wind is None or not wind.get("origin") else f" ({wind['origin']})"
+        return without if wind is None or wind["words"] is None else f"{wind['words']}{origin}"
+
+    head = (
+        "flight",
+        "expected at the take-off",
+        "measured",
+        "sigma",
+        "true (simulation)",
+        "forecast was off by",
+        "estimate was off by",
+    )
+    body = [
+        (
+            str(leg["flight"]), told(wind["forecast"]), told(wind["estimate"], "not measured"), figure(wind["estimate_sigma_mps"], "m/s"),
+            told(wind["truth"]), figure(wind["forecast_rms_mps"], "m/s"), figure(wind["estimate_rms_mps"], "m/s"),
+        )
+        for leg in document["legs"] for wind in (leg["wind"],)
+    ]  # fmt: skip
+    note = (
+        "Mean speed (10 to 90 %) and prevailing direction of each flight; off by: root mean square of the difference of the two "
+        "vectors, that of the forecast its mean vector, the gusts of the truth included."
+    )
+    return rows(head, body, "nttntnn") + f'<p class="soft">{note}</p>'
+
+
+def _stops(document: dict[str, Any]) -> str:
+    planned = {stop["station"]: stop for stop in document["planned"]["stops"]}
+    head = ("station", "landed", "left", "waited", "typical", "charged for", "typical", "charge", "typical")
+    body = []
+    for stop in document["stops"]:
+        was = planned.get(stop["station"])
+        body.append(
+            (
+                stop["station"] or UNKNOWN, clock(stop["arrive_s"]), clock(stop["leave_s"]), lasting(stop["wait_s"]),
+                "no stop" if was is None else lasting(was["wait_s"]), lasting(stop["charge_s"]),
+                "no stop" if was is None else lasting(was["charge_s"]),
+                f"{percent(stop['soc_from'])} > {percent(stop['soc_to'])}",
+                "no stop" if was is None else f"{percent(was['soc_from'])} > {percent(was['soc_to'])}",
+            )
+        )  # fmt: skip
+    return rows(head, body, "tttnnnnnn")
+
+
+def _decisions(document: dict[str, Any]) -> str:
+    body = [
+        (
+            clock(d["time_s"]), str(d["flight"]), d["where"] or UNKNOWN, d["action"] or UNKNOWN, d["reason"] or "none told",
+            percent(d["figures"].get("soc")), percent(d["figures"].get("soc_land", d["figures"].get("planned_soc"))),
+        )
+        for d in document["decisions"]
+    ]  # fmt: skip
+    return rows(("at", "flight", "on", "decided", "because", "charge", "needs or lands with"), body, "tnttwnn")
+
+
+def _plans(document: dict[str, Any]) -> str:
+    body = [
+        (clock(p["time_s"]), " > ".join(p["route"]) or "no plan", p["reason"] or "none told") for p in document["plans"]
+    ]
+    return rows(("at", "route", "because"), body, "tww")
+
+
+def _preflights(document: dict[str, Any]) -> str:
+    parts = []
+    for entry in document["preflights"]:
+        lines = [
+            f'<tr><td class="t">{safe(check["name"] or UNKNOWN)}</td>'
+            f'<td class="t {_verdict(check["verdict"])}">{safe(check["verdict"] or UNKNOWN)}</td>'
+            f'<td class="w">{safe(check["said"] or "")}</td></tr>'
+            for check in entry["checks"]
+        ]
+        parts.append(
+            f"<details><summary>{clock(entry['time_s'])}, before flight {entry['flight'] + 1}: "
+            f"{safe(entry['reason'] or UNKNOWN)}</summary>"
+            f'<div class="wide"><table><tbody>{"".join(lines)}</tbody></table></div></details>'
+        )
+    return "".join(parts) or '<p class="none">none</p>'
+
+
+def _verdict(verdict: str | None) -> str:
+    return verdict if verdict in ("ok", "no") else "unknown"
+
+
+def _events(document: dict[str, Any]) -> str:
+    events = document["events"]
+    body = [(str(e["n"]), clock(e["time_s"]), e["state"], e["event"], e["reason"] or "") for e in events[:_MAX_EVENTS]]
+    more = "" if len(events) <= _MAX_EVENTS else f"<p>{len(events) - _MAX_EVENTS} more are in the journal.</p>"
+    table = rows(("n", "at", "state", "event", "what"), body, "ntttw")
+    return f"<details><summary>{len(events)} events, telemetry left out</summary>{table}{more}</details>"
+
+
+def _foot(document: dict[str, Any]) -> str:
+    sources = document["sources"]
+    told = [f"journal {sources['journal']}"]
+    told += [f"recording {name}" for name in sources["logs"]]
+    if sources["plan"]:
+        told.append(f"plan {sources['plan']}")
+    known = document["delivery"]["forecast"]
+    members = known.get("members")
+    if isinstance(members, int):
+        told.append(f"forecast of {members} possible courses of the wind")
+    return (
+        f"<footer>Made by skyway {safe(__version__)} from {safe(', '.join(told))}. Times are UTC, winds are where they come from. "
+        "What the journal does not tell is shown as unknown.</footer>"
+    )

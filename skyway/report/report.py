@@ -1,0 +1,126 @@
+"""The report of a flight, from its journal: ``report.html``, and the document ``skyway.flight/1`` that it is made of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from skyway.models.scenario.scenario import Scenario
+
+MAX_PLAN_BYTES = 64 * 1024 * 1024
+
+
+def flight(journal: Path, *, logs: Sequence[Path] = (), plan: Path | None = None) -> dict[str, Any]:
+    """Return what was planned and what happened, as ``skyway.flight/1``.
+
+    Parameters
+    ----------
+    journal : Path
+        As ``skyway fly`` writes it; it may be that of a flight which was broken off.
+    logs : sequence of Path
+        Recordings of the flight: their telemetry is finer than the journal's.
+    plan : Path, optional
+        Plan to compare with; without it, the one in the journal.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or is not what it should be.
+    """
+    from skyway.link.supervisor import read_journal
+    from skyway.models.composition.file import load, to_json
+    from skyway.report.document import flight_document
+    from skyway.report.series import log_series
+
+    records = read_journal(journal).records
+    document = flight_document(records, None if plan is None else to_json(load(plan)))
+    if logs:
+        document["series"]["log"] = log_series(logs)
+    document["sources"] = {
+        "journal": journal.name,
+        "logs": [log.name for log in logs],
+        "plan": None if plan is None else plan.name,
+    }
+    return document
+
+
+def write_report(
+    journal: Path,
+    report: Path,
+    *,
+    logs: Sequence[Path] = (),
+    plan: Path | None = None,
+    scenario: Scenario | None = None,
+    plot: Path | None = None,
+    force: bool = False,
+) -> dict[str, Any]:
+    """Write the report of a flight as one page that needs no other file; returns what it was made of.
+
+    Parameters
+    ----------
+    journal, logs, plan
+        See `flight`.
+    report : Path
+        The page.
+    scenario : Scenario, optional
+        Where it flew, for the no-fly zones on the map. Without it the built-in one, if the plan was made in it.
+    plot : Path, optional
+        Write map, charge and wind as a picture too: FILE.svg.
+    force : bool
+        Overwrite.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or the page cannot be written.
+    """
+    from skyway.models.base.files import write_atomically
+    from skyway.report.page import page
+    from skyway.report.picture import picture
+
+    document = flight(journal, logs=logs, plan=plan)
+    scenario = scenario or _built_in(document)
+    zones = None if scenario is None else _zones(scenario)
+    if scenario is not None:
+        _add_stations(document, scenario)
+    write_atomically(report, page(document, zones), force=force)
+    if plot is not None:
+        write_atomically(plot, picture(document, zones), force=force)
+    return document
+
+
+def _built_in(document: dict[str, Any]) -> Scenario | None:
+    """Return the built-in scenario, if the plan was made in it; None where its scenario is not at hand.
+
+    No path out of the journal is opened: it may come from anybody.
+    """
+    from skyway.scenarios import BUILT_IN, load_scenario
+
+    told = document["delivery"]["scenario"]
+    if told["path"] != BUILT_IN:
+        return None
+    scenario = load_scenario(None)
+    return scenario if scenario.sha256 == told["sha256"] else None
+
+
+def _add_stations(document: dict[str, Any], scenario: Scenario) -> None:
+    """Put the other stations of the scenario beside those that the plan names."""
+    known = document["planned"]["stations"]
+    for station in scenario.network.stations:
+        known.setdefault(station.id, {"lat": station.lat, "lon": station.lon, "name": station.name})
+
+
+def _zones(scenario: Scenario) -> list[dict[str, Any]]:
+    """Return the no-fly zones that the plan knew."""
+    zones = scenario.network.zones
+    if zones is None:
+        return []
+    found = []
+    for name, shape in zip(zones.names, zones.polygons, strict=True):
+        parts = getattr(shape, "geoms", [shape])
+        rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
+        found.append({"name": name, "rings": [[(lat, lon) for lon, lat, *_ in ring.coords] for ring in rings]})
+    return found

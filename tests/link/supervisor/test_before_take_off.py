@@ -1,0 +1,257 @@
+"""What an operator is told and asked before a take-off, and what of the vehicle is put back afterwards."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.deliveries import Stage, Story, newyork
+from skyway.link.supervisor import NobodyThere, Scripted, read_journal
+from skyway.link.supervisor.departure.failsafes import by_itself, in_our_units
+from skyway.link.supervisor.departure.parameter_changes import changes_of
+from skyway.link.supervisor.vehicle_texts import TextLog
+from skyway.sim_stub.faults import parse_fault
+
+SHORT = {"start": "bellevue", "to": "city-hall"}
+COUNTERS = ("STAT_", "LND_FLIGHT_T", "COM_FLIGHT_UUID", "MIS_TOTAL", "FENCE_TOTAL", "RALLY_TOTAL")
+"""What an autopilot counts in parameters by itself."""
+BOTH = ["px4", pytest.param("ardupilot", marks=pytest.mark.slow)]
+
+
+def held(stage):
+    """Every parameter of the simulated vehicle, read from the simulator itself."""
+    store = stage.craft.autopilot.parameters
+    return {one.name: one.value for one in map(store.at, range(len(store))) if not one.name.startswith(COUNTERS)}
+
+
+def answering(stage, answer):
+    stage.operator = Scripted(lambda _q, _n: (2.0, answer), stage.lockstep.clock.now_s)
+    return stage.operator
+
+
+def events(stage, kind):
+    return [record for record in read_journal(stage.journal_path).records if record.event == kind]
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_vehicle_has_its_own_parameters_again_after_a_delivery(autopilot, tmp_path):
+    stage = Stage(Story(autopilot=autopilot, **SHORT), tmp_path)
+    before = held(stage)
+    operator = answering(stage, "yes")
+    changed = {}
+
+    def look(ctx):
+        if ctx.in_air:
+            changed.update({name: value for name, value in held(stage).items() if value != before[name]})
+
+    outcome = stage.fly(on_tick=look)
+    assert outcome.delivered, outcome
+    assert changed, "nothing was set: the test proves nothing"
+    assert held(stage) == before
+    told = "\n".join(operator.lines)
+    for name, value in changed.items():
+        assert f"{name} {before[name]:g} > {value:g}" in told
+    assert told.index("to set on the vehicle") < told.index("yes or no?")
+    records = read_journal(stage.journal_path).records
+    for name in changed:
+        done = [r.data["done"] for r in records if r.event == "parameter" and r.data.get("name") == name]
+        assert done == ["setting", "set", "restored"]
+    for number in range(len(records)):  # killed anywhere, the journal knows the old value of what may be changed
+        left = changes_of(records[: number + 1]).before
+        assert all(math.isclose(value, before[name]) for name, value in left.items())
+    assert not changes_of(records).before
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_no_leaves_every_parameter_as_it_was(autopilot, tmp_path):
+    stage = Stage(Story(autopilot=autopilot, **SHORT), tmp_path)
+    before = held(stage)
+    answering(stage, "no")
+    outcome = stage.fly()
+    assert outcome.state == "stopped-safe"
+    assert held(stage) == before
+    assert not events(stage, "parameter")
+
+
+def test_what_was_set_is_put_back_by_a_resume_after_a_crash(tmp_path):
+    stage = Stage(Story(**SHORT), tmp_path)
+    before = held(stage)
+
+    class Killed(BaseException):
+        pass
+
+    def kill(ctx):
+        if ctx.in_air:
+            raise Killed
+
+    with pytest.raises(Killed):
+        stage.fly(on_tick=kill)
+    stage.supervisor.context.vehicle.connection.close()
+    assert held(stage) != before
+    left = changes_of(read_journal(stage.journal_path).records)
+    assert left.before == {name: before[name] for name, value in held(stage).items() if value != before[name]}
+    outcome = stage.fly(resume=True)
+    assert outcome.delivered, outcome
+    assert held(stage) == before
+    assert not changes_of(read_journal(stage.journal_path).records).before
+
+
+def test_a_parameter_that_somebody_else_changed_meanwhile_is_left_and_that_is_said(tmp_path):
+    stage = Stage(Story(**SHORT), tmp_path)
+    lines = []
+    stage.operator = NobodyThere(show=lines.append)
+
+    def other(ctx):
+        if ctx.in_air:
+            stage.craft.autopilot.parameters.set("MPC_XY_CRUISE", 7.0)
+
+    assert stage.fly(on_tick=other).delivered
+    assert held(stage)["MPC_XY_CRUISE"] == 7.0
+    assert any("MPC_XY_CRUISE is 7, which this delivery did not set" in line for line in lines)
+
+
+def test_left_in_the_air_it_keeps_its_failsafes_and_the_way_back_is_told(tmp_path):
+    stage = Stage(Story(**SHORT), tmp_path)
+    lines = []
+    stage.operator = NobodyThere(show=lines.append)
+
+    def press(ctx):
+        ctx.operator.interrupts = (ctx.flight and ctx.in_air) * (1 + (ctx.operator.interrupts > 0))
+
+    assert stage.fly(on_tick=press).state == "left-to-itself"
+    assert held(stage)["COM_DLL_EXCEPT"] == 1.0
+    assert any("not restored" in line and "skyway params restore" in line for line in lines)
+
+
+def test_a_wrong_home_height_is_told_while_it_is_waited_for(tmp_path):
+    stage = Stage(Story(supervised=False, **SHORT), tmp_path)
+    places = dict(stage.composition.stations)
+    places["bellevue"] = replace(places["bellevue"], elevation_m=450.0)
+    stage.composition = replace(stage.composition, stations=places)
+    outcome = stage.fly()
+    assert outcome.state == "stopped-safe"
+    assert "puts the ground at" in outcome.reason
+    records = read_journal(stage.journal_path).records
+    entry = next(r for r in records if r.event == "check" and r.data["name"] == "home")
+    assert entry.data["verdict"] == "no"
+    assert "bellevue has 450 m" in entry.data["said"]
+    waits = [r for r in records if r.event == "waits"]
+    assert len(waits) >= 2  # and again while it goes on
+    assert "home" in waits[0].reason
+    assert entry.time_s < records[-1].time_s - 60.0  # at once, not at the end
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_what_the_autopilot_refuses_is_told_once_with_its_count(autopilot, tmp_path):
+    stage = Stage(Story(autopilot=autopilot, faults=(parse_fault("prearm@0s+60s"),), **SHORT), tmp_path)
+    lines = []
+    stage.operator = NobodyThere(show=lines.append)
+    outcome = stage.fly()
+    assert outcome.delivered, outcome
+    said = [line for line in lines if line.startswith("the vehicle says: ")]
+    refused = sum("arming refused" in event.text for event in stage.world.events)
+    assert refused > 10
+    assert 1 <= len(said) <= 4, lines
+    assert all("Compass not healthy" in line for line in said)
+    assert said[-1].endswith("times)")
+
+
+def test_a_text_that_is_repeated_is_told_with_its_count_and_ever_more_seldom():
+    log = TextLog()
+    told = []
+    for second in range(228):
+        told += [str(said) for said in log.hear([(2, "Preflight Fail: GPS 1: Bad fix")], float(second))]
+    assert told[0] == "Preflight Fail: GPS 1: Bad fix"
+    assert len(told) <= 5
+    assert "times)" in told[-1]
+    assert log.latest.count == 228
+    assert [str(s) for s in log.hear([(2, "PreArm: Battery below 10.5"), (2, "PreArm: Battery below 10.4")], 500.0)] == [
+        "Preflight Fail: GPS 1: Bad fix (228 times)", "PreArm: Battery below 10.4 (2 times)",
+    ]  # fmt: skip
+    log.hear([(4, "GPS 1: x"), (4, "GPS 2: x")], 510.0)
+    assert log.latest.count == 1  # whole numbers tell things apart
+
+
+def test_ctrl_c_on_the_ground_ends_it_there_and_puts_the_parameters_back(tmp_path):
+    stage = Stage(Story(**SHORT), tmp_path)
+    before = held(stage)
+    stage.operator = Scripted(lambda _q, _n: None, stage.lockstep.clock.now_s)
+
+    def press(ctx):
+        stage.operator.interrupts = int(ctx.question is not None)
+
+    outcome = stage.fly(on_tick=press)
+    assert outcome.state == "stopped-safe"
+    assert "Ctrl-C" in outcome.reason
+    assert held(stage) == before
+    assert stage.lockstep.now_s < 120.0
+
+
+def test_an_operator_who_goes_away_while_asked_ends_it_and_is_not_waited_for(tmp_path):
+    stage = Stage(Story(**SHORT), tmp_path)
+    stage.operator = Scripted(lambda _q, _n: None, stage.lockstep.clock.now_s)
+
+    def leave(ctx):
+        stage.operator.present = ctx.question is None
+
+    outcome = stage.fly(on_tick=leave)
+    assert outcome.state == "stopped-safe"
+    assert "nobody is there any more" in outcome.reason
+    assert stage.lockstep.now_s < 120.0
+
+
+def test_everything_that_a_yes_answers_to_is_told_before_it_is_asked(tmp_path):
+    stage = Stage(Story(**SHORT), tmp_path)
+    operator = answering(stage, "no")
+    stage.fly()
+    before = "\n".join(operator.lines).split("yes or no?")[0]
+    for word in ("leg 1 of 1: bellevue > city-hall", "wind", "diverts on the way", "link to us lost", "battery low",
+                 "remote control lost", "95 % by", "EDT"):  # fmt: skip
+        assert word in before, word
+
+
+@pytest.mark.parametrize(
+    ("family", "values", "words"),
+    [
+        ("px4", {"COM_DLL_EXCEPT": 1, "COM_RCL_EXCEPT": 1, "COM_LOW_BAT_ACT": 3, "BAT_LOW_THR": 0.15, "BAT_CRIT_THR": 0.07,
+                 "BAT_EMERGEN_THR": 0.05},
+         ["finishes its mission", "goes on with its mission", "low (15 %): it only warns", "critical (7 %): it returns",
+          "emergency (5 %): it lands"]),
+        ("px4", {"NAV_DLL_ACT": 2, "COM_DLL_EXCEPT": 0, "COM_DL_LOSS_T": 10}, ["after 10 s without us it returns",
+         "remote control lost: not known", "BAT_CRIT_THR, not told"]),
+        ("ardupilot", {"FS_GCS_ENABLE": 1, "FS_OPTIONS": 0, "FS_GCS_TIMEOUT": 5, "FS_THR_ENABLE": 1, "BATT_CAPACITY": 10000,
+                       "BATT_LOW_MAH": 2000, "BATT_LOW_VOLT": 21, "BATT_FS_LOW_ACT": 2, "BATT_CRT_MAH": 0,
+                       "BATT_CRT_VOLT": 0, "BATT_FS_CRT_ACT": 1},
+         ["after 5 s without us it returns", "remote control lost: it returns", "low (20 % or 21 V): it returns",
+          "critical: no threshold is set"]),
+        ("ardupilot", {}, ["is not known"]),
+    ],
+)  # fmt: skip
+def test_failsafes_are_told_in_words_and_what_was_not_told_is_unknown(family, values, words):
+    said = "\n".join(by_itself(family, in_our_units(family, values)))
+    for word in words:
+        assert word in said, said
+
+
+def test_the_wind_before_a_take_off_is_the_forecast_of_the_leg_and_is_called_so(tmp_path):
+    stage = Stage(Story(**SHORT), tmp_path)
+    operator = answering(stage, "no")
+    stage.fly()
+    said = next(line for line in operator.lines if line.startswith("wind on the way: "))
+    assert said.endswith("(forecast)")
+    rules, service = newyork().rules, stage.composition.services[0]
+    ends = [stage.composition.stations[name] for name in (service.origin, service.destination)]
+    ensemble, slot = stage.forecast.at_height(rules.cruise_height_m, rules.wind_profile_exponent), None
+    speeds = []
+    for place in ends:  # an oracle without the function: speeds at both ends, member by member
+        slot = ensemble.slot_at(service.depart.timestamp())
+        speeds.append(np.hypot(*ensemble.wind_at(place.lat, place.lon, slot)))
+    mean = float(ensemble.probability @ np.mean(speeds, axis=0))
+    told = events(stage, "briefing")[0].data["wind"]
+    assert told["mean_mps"] == pytest.approx(mean, rel=0.03)
+    assert f"wind on the way: {mean:.0f} (" in said
+    assert told["p10_mps"] < mean < told["p90_mps"]
+    check = next(r for r in events(stage, "check") if r.data["name"] == "wind")
+    assert "measured" not in check.data["said"]
+    assert check.data["said"].split(" (forecast)")[0] == said.removeprefix("wind on the way: ").split(" (forecast)")[0]

@@ -1,0 +1,265 @@
+"""A delivery is supervised leg by leg on both autopilots; what goes wrong ends in a named safe state."""
+
+import json
+
+import pytest
+from states_picture import drawn_edges, picture
+from supervision_page import PAGE, PICTURE, drawn
+
+from benchmarks.deliveries import Stage, Story, newyork
+from skyway.link.supervisor import Scripted, State, read_journal
+from skyway.link.supervisor.departure.failsafes import finishes_alone, when_left
+from skyway.link.supervisor.journal import Journal
+from skyway.link.supervisor.legs import plan_leg
+from skyway.link.supervisor.states import ENDS, TABLE, OffTableError, check
+from skyway.missions.builder.mission_options import MissionOptions
+from skyway.missions.items.commands import Command
+from skyway.models.base.errors import InputError
+from skyway.models.queues.pad_service import PadServiceError
+from skyway.sim_stub.faults import parse_fault
+
+SHORT = {"start": "bellevue", "to": "city-hall"}
+
+
+def told(faults):
+    return tuple(parse_fault(text) for text in faults)
+
+
+def events(stage, kind):
+    return [record for record in read_journal(stage.journal_path).records if record.event == kind]
+
+
+def states(stage):
+    return [record.data["after"] for record in events(stage, "state")]
+
+
+SLOW_ARDUPILOT = ["px4", pytest.param("ardupilot", marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("autopilot", SLOW_ARDUPILOT)
+def test_a_package_is_delivered_with_a_recharge_on_the_way(autopilot, tmp_path):
+    stage = Stage(Story(autopilot=autopilot, start="bellevue", to="yankee-stadium", soc=0.42, traffic=False), tmp_path)
+    outcome = stage.fly()
+    assert outcome.delivered, outcome
+    assert outcome.exit_code == 0
+    assert stage.craft.station() == "yankee-stadium"
+    assert not stage.craft.autopilot.armed
+    assert stage.craft.body.payload_kg == 0.0
+    assert stage.craft.battery.soc > 0.15
+    passed = states(stage)
+    assert "charging" in passed
+    assert passed[-1] == "delivered"
+    lists = events(stage, "preflight")
+    assert lists
+    names = {entry["name"] for entry in lists[-1].data["checks"]}
+    assert {"battery", "home", "position", "wind", "parameters", "mission", "diverts", "pads", "link loss"} <= names
+    legs = events(stage, "leg")
+    assert all(leg.data["diverts"] for leg in legs)
+    assert len(events(stage, "landed")) == len(legs) == outcome.flights
+    strange = [change.reason for change in events(stage, "change") if not change.data["ours"]]
+    assert not strange  # an autopilot that disarms itself after its landing is nobody's intervention
+
+
+@pytest.mark.slow
+def test_what_a_pad_has_charged_is_believed_from_the_take_off_on(tmp_path):
+    stage = Stage(Story(autopilot="ardupilot", soc=0.22, traffic=False, **SHORT), tmp_path)
+    assert stage.fly().delivered
+    counters, (leg,) = events(stage, "battery"), events(stage, "leg")
+    assert leg.data["told_soc"] == pytest.approx(counters[-1].data["soc"], abs=0.02)
+
+
+def test_the_table_of_states_is_never_left_and_is_what_the_page_shows():
+    for state, rule in TABLE.items():
+        for other in State:
+            if other in rule.following:
+                check(state, other)
+            else:
+                with pytest.raises(OffTableError):
+                    check(state, other)
+        assert rule.overdue is None or rule.overdue in rule.following
+    assert {State.DELIVERED, State.STOPPED, State.LEFT} <= ENDS
+    reached, wave = {State.CONNECTING}, {State.CONNECTING}
+    while wave:
+        wave = {after for state in wave for after in TABLE[state].following} - reached
+        reached |= wave
+    assert reached == set(State)
+    assert drawn(PAGE.read_text()) == PAGE.read_text(), "run: python tests/link/supervision_page.py"
+    assert picture() == PICTURE.read_text(), "run: python tests/link/supervision_page.py"
+    assert drawn_edges() == {(state, after) for state, rule in TABLE.items() for after in rule.following}
+
+
+@pytest.mark.parametrize(
+    ("start", "to"), [("livingston", "newark"), ("newark", "livingston"), ("syosset", "valley-stream")]
+)
+def test_a_leg_is_flown_above_the_higher_of_its_ends_from_its_beginning_to_above_its_end(start, to, tmp_path):
+    stage = Stage(Story(start=start, to=to), tmp_path)
+    plan, scenario = stage.composition, newyork()
+    service = plan.services[0]
+    leg = plan_leg(plan, service, "ardupilot", MissionOptions(), last=True)
+    ground = {
+        name: scenario.network.stations[scenario.network.index[name]].elevation_m
+        for name in (start, service.destination)
+    }
+    highest = max(ground.values()) + scenario.rules.cruise_height_m
+    way = [item for item in leg.document.mission.items if item.command == Command.NAV_WAYPOINT]
+    lands = next(item for item in leg.document.mission.items if item.command == Command.NAV_LAND)
+    if not service.via:
+        assert way[-1].z + ground[start] == pytest.approx(highest, abs=0.1)
+    assert lands.z + ground[start] == pytest.approx(ground[service.destination], abs=0.1)
+
+
+class NoAnswer:
+    """Pads that nobody hears of."""
+
+    def status(self, station):
+        raise PadServiceError(f"the pad service of {station} does not answer")
+
+    charge = release = lambda self, station, *_: self.status(station)
+
+
+def test_pads_that_could_be_known_and_are_not_stop_it_with_the_reason(tmp_path):
+    stage = Stage(Story(autopilot="px4", **SHORT), tmp_path)
+    stage.pads = NoAnswer()
+    outcome = stage.fly()
+    assert outcome.state == "stopped-safe"
+    assert "pads: NOT KNOWN" in outcome.reason
+    assert "does not answer" in outcome.reason
+    assert outcome.flights == 0
+    assert stage.lockstep.now_s < TABLE[State.PREFLIGHT].longest_s
+
+
+def test_a_pilot_who_takes_over_is_not_commanded_until_the_operator_says_go(tmp_path):
+    stage = Stage(Story(autopilot="px4", faults=told(["pilot@90s"]), **SHORT), tmp_path)
+    stage.operator = Scripted(lambda q, _: (60.0, "go") if "nothing is commanded" in q else (0.0, "yes"),
+                              stage.lockstep.clock.now_s)  # fmt: skip
+    outcome = stage.fly()
+    assert outcome.delivered, outcome
+    taken = next(event for event in stage.world.events if "(the pilot)" in event.text)
+    ours = [event for event in stage.world.events if "station 255" in event.text and event.sim_s > taken.sim_s]
+    assert min(event.sim_s for event in ours) >= taken.sim_s + 55.0
+    holding = next(record for record in events(stage, "state") if record.data["after"] == "holding")
+    assert "did not command" in holding.reason
+
+
+def test_without_an_operator_a_vehicle_that_a_pilot_has_landed_is_left_standing(tmp_path):
+    stage = Stage(Story(autopilot="ardupilot", faults=told(["pilot=land@90s"]), **SHORT), tmp_path)
+    outcome = stage.fly()
+    assert not outcome.delivered
+    assert outcome.state == "landed-elsewhere"
+    assert stage.craft.body.grounded
+    assert not stage.craft.autopilot.crashed
+
+
+@pytest.mark.parametrize("autopilot", SLOW_ARDUPILOT)
+def test_a_lost_link_needs_nothing_and_the_vehicle_is_picked_up_again(autopilot, tmp_path):
+    stage = Stage(Story(autopilot=autopilot, faults=told(["link-loss@100s+60s"]), **SHORT), tmp_path)
+    outcome = stage.fly()
+    assert outcome.delivered, outcome
+    assert "lost-link" in states(stage)
+
+
+@pytest.mark.slow
+def test_a_battery_that_drops_makes_it_divert_with_the_reason(tmp_path):
+    story = Story(start="bellevue", to="yankee-stadium", soc=1.0, faults=told(["battery-drop=0.6@250s"]))
+    stage = Stage(story, tmp_path)
+    outcome = stage.fly()
+    assert outcome.state in ("delivered", "stopped-safe"), outcome
+    turned = [record for record in events(stage, "decision") if record.data["action"] == "divert"]
+    assert turned
+    assert "below the reserve with probability" in turned[0].reason
+    assert turned[0].data["divert_soc"] > turned[0].data["soc_land"]
+    assert not stage.craft.autopilot.crashed
+
+
+def test_a_take_off_is_not_begun_without_a_word_where_one_is_asked_for(tmp_path):
+    stage = Stage(Story(**SHORT), tmp_path)
+    stage.operator = Scripted(lambda _q, _n: (5.0, "no"), stage.lockstep.clock.now_s)
+    outcome = stage.fly()
+    assert outcome.state == "stopped-safe"
+    assert "does not allow" in outcome.reason
+    assert outcome.exit_code == 1
+    assert not any("armed (" in event.text for event in stage.world.events)
+
+
+@pytest.mark.slow
+def test_ctrl_c_stays_at_the_next_landing_and_twice_leaves_it_saying_what_it_will_do(tmp_path):
+    stage = Stage(Story(start="bellevue", to="white-plains"), tmp_path)
+    stage.operator = Scripted(lambda _q, _n: (0.0, "yes"), stage.lockstep.clock.now_s)
+
+    def press(ctx):
+        stage.operator.interrupts = 1 if ctx.in_air else 0
+
+    outcome = stage.fly(on_tick=press)
+    assert outcome.state == "stopped-safe"
+    assert outcome.station == "yankee-stadium"
+    assert any("Ctrl-C again leaves it now" in line and "finishes its mission" in line for line in stage.operator.lines)
+
+
+def test_left_in_the_air_it_finishes_its_leg_by_its_own_parameters(tmp_path):
+    stage = Stage(Story(**SHORT), tmp_path)
+
+    def press(ctx):
+        ctx.operator.interrupts = (ctx.flight and ctx.in_air) * (1 + (ctx.operator.interrupts > 0))
+
+    outcome = stage.fly(on_tick=press)
+    assert outcome.state == "left-to-itself"
+    assert "finishes its mission, lands and disarms there (COM_DLL_EXCEPT)" in outcome.reason
+    stage.lockstep.run_for(600.0)
+    assert stage.craft.station() == "city-hall"
+    assert not stage.craft.autopilot.armed
+
+
+def test_what_a_vehicle_does_alone_is_told_from_its_parameters():
+    exceptions, action = "data-link-exceptions", "data-link-action"
+    assert finishes_alone("px4", {exceptions: 1.0}) is True
+    assert finishes_alone("px4", {exceptions: 2.0}) is False
+    assert finishes_alone("px4", {action: 0.0}) is True, "1.15 has no exceptions"
+    assert finishes_alone("px4", {}) is None
+    enabled, options = "ground-station-failsafe", "failsafe-options"
+    assert finishes_alone("ardupilot", {enabled: 1.0, options: 2.0}) is True
+    assert finishes_alone("ardupilot", {enabled: 1.0, options: 16.0}) is False
+    said = when_left("px4", {exceptions: 0.0, action: 2.0, "data-link-timeout": 10.0, "critical-battery": 0.07})
+    assert "after 10 s without us it returns" in said
+    assert "7 %" in said
+    assert "returns" in when_left("ardupilot", {enabled: 1.0, options: 0.0, "battery-capacity": 15000.0})
+
+
+def test_a_torn_line_at_the_end_of_a_journal_is_left_out_and_cut_off(tmp_path):
+    path = tmp_path / "j.jsonl"
+    book = Journal(path, lambda: 1.0e9)
+    book.write("connecting", "start", "begun", data={"schema": "skyway.journal/1", "nan": float("nan")})
+    book.write("connecting", "state", "next")
+    book.close()
+    whole = path.read_bytes()
+    path.write_bytes(whole + b'{"n":3,"time":"20')
+    found = read_journal(path)
+    assert [record.n for record in found.records] == [1, 2]
+    assert found.records[0].data["nan"] is None
+    book = Journal(path, lambda: 1.0e9, resume=True)
+    book.write("connecting", "state", "again")
+    book.close()
+    assert [json.loads(line)["n"] for line in path.read_text().splitlines()] == [1, 2, 3]
+    path.write_bytes(whole.replace(b'"n":1', b'"n":x'))
+    with pytest.raises(InputError, match="no record of a journal"):
+        read_journal(path)
+    with pytest.raises(InputError, match="exists already"):
+        Journal(path, lambda: 1.0e9)
+
+
+@pytest.mark.slow
+def test_somebody_else_who_arms_it_on_the_pad_stops_all_commanding(tmp_path):
+    stage = Stage(Story(start="bellevue", to="yankee-stadium", soc=0.3, traffic=False), tmp_path)
+    done = []
+
+    def meddle(ctx):
+        if ctx.state is State.CHARGING and not done:
+            done.append(ctx.now_s)
+            stage.craft.autopilot.arm(force=True, by="somebody else")
+
+    outcome = stage.fly(on_tick=meddle)
+    assert "holding" in states(stage)
+    assert not outcome.delivered
+    assert outcome.state == "stopped-safe"
+    assert stage.craft.station() == "bellevue"
+    held = next(record for record in events(stage, "state") if record.data["after"] == "holding")
+    assert "armed, and not by us" in held.reason

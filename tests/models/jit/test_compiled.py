@@ -1,0 +1,110 @@
+"""Compiled kernels are never stale."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CALLEE = "from skyway.models.jit.compiled import compiled\n\n@compiled\ndef inner(x):\n    return x + {}\n"
+CALLER = "from callee import inner\nfrom skyway.models.jit.compiled import compiled\n\n@compiled\ndef outer(x):\n    return inner(x)\n"
+
+
+def _run(folder: Path, code: str = "", **environment: str) -> str:
+    code = code or "from caller import outer; print(outer(1.0), sum(outer.stats.cache_hits.values()))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | environment,
+    )
+    return done.stdout.strip()
+
+
+def test_a_kernel_is_compiled_anew_when_a_kernel_it_calls_in_another_file_changes(tmp_path):
+    (tmp_path / "callee.py").write_text(CALLEE.format(1.0))
+    (tmp_path / "caller.py").write_text(CALLER)
+    assert _run(tmp_path) == "2.0 0"
+    assert _run(tmp_path) == "2.0 1"
+    (tmp_path / "callee.py").write_text(CALLEE.format(5.0))
+    assert _run(tmp_path) == "6.0 0"
+
+
+def test_a_kernel_read_from_disk_can_be_called_by_one_that_is_compiled_after_it(tmp_path):
+    (tmp_path / "callee.py").write_text(CALLEE.format(1.0))
+    (tmp_path / "caller.py").write_text(CALLER)
+    assert _run(tmp_path, "from callee import inner; print(inner(1.0))") == "2.0"
+    loaded_first = (
+        "from caller import inner, outer; print(inner(1.0), outer(2.0), sum(inner.stats.cache_hits.values()))"
+    )
+    assert _run(tmp_path, loaded_first) == "2.0 3.0 1"
+
+
+def test_a_process_that_only_calls_kernels_from_disk_does_not_get_ready_to_compile(tmp_path):
+    (tmp_path / "callee.py").write_text(CALLEE.format(1.0))
+    code = "import sys; from callee import inner; inner(1.0); print('numba.np.arraymath' in sys.modules)"
+    assert _run(tmp_path, code) == "True"
+    assert _run(tmp_path, code) == "False"
+
+
+def test_the_first_kernel_does_not_bring_in_what_only_products_of_matrices_need(tmp_path):
+    (tmp_path / "callee.py").write_text(CALLEE.format(1.0))
+    code = "import sys, callee; callee.inner(1.0); print('scipy.linalg' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+@pytest.mark.slow
+def test_a_kernel_can_multiply_matrices_all_the_same(tmp_path):
+    product = "from skyway.models.jit.compiled import compiled\n\n@compiled\ndef product(a):\n    return a @ a\n"
+    (tmp_path / "product.py").write_text(product)
+    code = "import numpy, product; print(product.product(2.0 * numpy.eye(2)).trace())"
+    assert _run(tmp_path, code) == "8.0"
+    assert _run(tmp_path, code) == "8.0"  # from disk
+
+
+def test_a_lean_kernel_that_makes_an_array_is_refused(tmp_path):
+    lean = "import numpy\nfrom skyway.models.jit.compiled import compiled_lean\n\n@compiled_lean\ndef lean(n):\n    return numpy.zeros(n).sum()\n"
+    (tmp_path / "lean.py").write_text(lean)
+    done = subprocess.run(
+        [sys.executable, "-c", "import lean; lean.lean(3)"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode != 0
+    assert "numpy.zeros(n)" in done.stderr
+
+
+BEYOND = """
+import numpy
+from skyway.models.jit.compiled import compiled_lean
+
+@compiled_lean
+def third(values):
+    return values[2]
+"""
+READS_BEYOND = """
+import numpy, sys
+from beyond import third
+try:
+    third(numpy.zeros(4)[:2])
+    print("not seen", end=" ")
+except IndexError:
+    print("seen", end=" ")
+print(sum(third.stats.cache_hits.values()))
+"""
+
+
+def test_a_run_that_checks_bounds_is_never_given_a_kernel_that_does_not_and_the_other_way_round(tmp_path):
+    (tmp_path / "beyond.py").write_text(BEYOND)
+    for hits in (0, 1):  # each kind compiled once, then from disk
+        assert _run(tmp_path, READS_BEYOND, NUMBA_BOUNDSCHECK="") == f"not seen {hits}"
+        assert _run(tmp_path, READS_BEYOND, NUMBA_BOUNDSCHECK="1") == f"seen {hits}"
+
+
+def test_whoever_watches_is_told_before_and_after_a_kernel_is_compiled_and_not_when_it_is_read_from_disk(tmp_path):
+    (tmp_path / "callee.py").write_text(CALLEE.format(1.0))
+    code = "from skyway.models.jit import compiled; from callee import inner; told = []; compiled.watchers.append(told.append); inner(1.0); print(told)"
+    assert _run(tmp_path, code) == "['inner', '']"
+    assert _run(tmp_path, code) == "[]"

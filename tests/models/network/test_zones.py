@@ -1,0 +1,133 @@
+"""No-fly zones: read exactly or refused, never silently dropped."""
+
+import json
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skyway.models.base.errors import InputError
+from skyway.models.network.zones import NoFlyZones, read_zones
+
+SQUARE = [[[-74.0, 40.6], [-73.9, 40.6], [-73.9, 40.7], [-74.0, 40.7], [-74.0, 40.6]]]
+
+
+def polygon(coordinates=SQUARE, kind="Polygon", **properties):
+    geometry = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def zones_of(tmp_path, document) -> NoFlyZones:
+    path = tmp_path / "zones.geojson"
+    path.write_text(document if isinstance(document, str) else json.dumps(document))
+    return read_zones(path)
+
+
+def collection(*features):
+    return {"type": "FeatureCollection", "features": list(features)}
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        collection(polygon(name="JFK")),
+        polygon(name="JFK"),
+        polygon(kind="MultiPolygon", coordinates=[SQUARE], id="JFK"),
+    ],
+    ids=["collection", "feature", "multipolygon"],
+)
+def test_zones_come_as_a_collection_or_alone(tmp_path, document):
+    zones = zones_of(tmp_path, document)
+    assert zones.names == ("JFK",)
+    assert zones.contains(40.65, -73.95) == "JFK"
+    assert zones.contains(40.75, -73.95) is None
+
+
+def test_a_bare_geometry_gets_a_number_for_a_name(tmp_path):
+    assert zones_of(tmp_path, polygon()["geometry"]).names == ("zone 1",)
+
+
+def test_a_station_on_the_border_is_inside_and_one_in_a_hole_is_not(tmp_path):
+    hole = [[-73.97, 40.63], [-73.93, 40.63], [-73.93, 40.67], [-73.97, 40.67], [-73.97, 40.63]]
+    zones = zones_of(tmp_path, collection(polygon([*SQUARE, hole], name="ring")))
+    assert zones.contains(40.6, -73.95) == "ring"
+    assert zones.contains(40.65, -73.95) is None
+
+
+def test_many_points_are_looked_up_at_once():
+    zones = NoFlyZones(("a", "b"), (shapely.box(0, 0, 1, 1), shapely.box(5, 5, 6, 6)))
+    assert zones.holding(np.array([0.5, 3.0, 5.5]), np.array([0.5, 3.0, 5.5])) == {0: "a", 2: "b"}
+    assert NoFlyZones((), ()).contains(0.0, 0.0) is None
+
+
+def test_no_zones_are_crossed_by_nothing(tmp_path):
+    zones = zones_of(tmp_path, collection())
+    one = np.array([40.7])
+    assert not zones.crossed_by(one, one, one + 1, one + 1).any()
+
+
+def test_a_long_flight_is_tested_along_the_geodesic_not_the_straight_line_of_a_map():
+    tromso = (np.array([69.65]), np.array([18.96]))
+    novosibirsk = (np.array([69.65]), np.array([82.0]))
+    on_the_map = NoFlyZones(("rhumb",), (shapely.box(49.0, 69.0, 51.0, 70.0),))
+    on_the_globe = NoFlyZones(("geodesic",), (shapely.box(49.0, 71.0, 51.0, 76.0),))
+    assert not on_the_map.crossed_by(*tromso, *novosibirsk).any()
+    assert on_the_globe.crossed_by(*tromso, *novosibirsk).all()
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        ("", "is not JSON"),
+        ('{"type": "FeatureCollection"}', "features: must be a list"),
+        ("null", "is not GeoJSON"),
+        (collection(None), r"features\[0\]: is not a polygon"),
+        (collection(polygon(kind="Point", coordinates=[1, 2])), r"is not a polygon \(got 'Point'\); zones are Polygon"),
+        ({"type": "Topology"}, r"is not a polygon \(got 'Topology'\)"),
+        (collection(polygon([])), "is empty"),
+        (collection(polygon([[]])), "is empty|is not a valid polygon"),
+        (collection(polygon("abc")), "is not a valid polygon"),
+        (collection(polygon([[[0, 0], [1, 1]]])), "is not a valid polygon"),
+        (collection(polygon([[[0, 0], [1, None], [1, 1], [0, 0]]])), "is not a valid polygon"),
+        (collection(polygon([[[0, 0], [1, 0], [1, 1], [0, 10**400]]])), "is not a valid polygon"),
+        (collection(polygon([[[0, 0], [1, float("nan")], [1, 1], [0, 0]]])), "features"),
+        (collection(polygon([[[0, 0], [1, float("inf")], [1, 1], [0, 0]]])), "has coordinates out of range"),
+        (collection(polygon([[["nan", "0"], ["1", "0"], ["1", "1"]]])), "features"),
+        (collection(polygon([[[0, 0], [1, 1], [1, 0], [0, 1], [0, 0]]])), "is not valid: Self-intersection"),
+        (collection(polygon([[[40, 140], [41, 140], [41, 141], [40, 140]]])), "out of range .*longitude first"),
+        ({"type": "Polygon"}, "is not a valid polygon"),
+        ("[" * 100_000, "is not JSON"),
+    ],
+)
+def test_what_is_no_zone_is_refused(tmp_path, document, said):
+    with pytest.raises(InputError, match=said) as caught:
+        zones_of(tmp_path, document)
+    assert str(caught.value).startswith(str(tmp_path / "zones.geojson"))
+
+
+def test_all_wrong_zones_are_said_at_once(tmp_path):
+    with pytest.raises(InputError) as caught:
+        zones_of(tmp_path, collection(polygon([]), polygon(), polygon(kind="Point", coordinates=[0, 0])))
+    assert [fault.field for fault in caught.value.faults] == ["features[0]", "features[2]"]
+
+
+@pytest.mark.parametrize("properties", [None, [], "x", {"name": None}, {"name": ["a"]}, {"name": "a\ud800\x1b"}])
+def test_odd_properties_do_not_lose_a_zone(tmp_path, properties):
+    zones = zones_of(tmp_path, collection({**polygon(), "properties": properties}))
+    assert len(zones.polygons) == 1
+    assert zones.names[0].isprintable()
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.text(max_size=5) | st.integers(),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner, max_size=2),
+    max_leaves=12,
+)
+
+
+@given(kind=st.sampled_from(["Polygon", "MultiPolygon"]), coordinates=json_values)
+def test_no_coordinates_crash_the_reader(tmp_path_factory, kind, coordinates):
+    with pytest.raises(InputError):
+        zones_of(tmp_path_factory.mktemp("zones"), collection(polygon(coordinates, kind)))

@@ -1,0 +1,263 @@
+"""One realisation of the other drones: a brute-force simulation with our drone in it gives the same times."""
+
+import heapq
+import math
+from collections import deque
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skyway.models.base.errors import InputError
+from skyway.models.queues.load import PadLoad
+from skyway.models.queues.sampling import QueuePath, expected_path, no_queue, pack, sample_path, sample_paths
+from skyway.models.queues.transient import forecast_waits
+
+NEW_YORK = "America/New_York"
+HOUR = 3600.0
+START = 1_373_464_800.0 + 1234.0
+
+
+def steady_load(utilisation: float, stations: int = 1) -> PadLoad:
+    return PadLoad.none(stations, NEW_YORK).scaled_to(utilisation, 5)
+
+
+def sampled(pads=3, spots=2, seed=1, utilisation=0.9, busy=None, remaining=None, hours=10.0) -> QueuePath:
+    rates = np.full(20, utilisation * pads / HOUR), np.full(20, HOUR)
+    return sample_path(
+        pads, spots, *rates, first_s=0.0, start_s=8 * HOUR, hours=hours, rng=seed, busy=busy,
+        remaining_s=remaining,
+    )  # fmt: skip
+
+
+def brute_force(pads: int, spots: int, others: list[tuple[float, float]], ours_s: float) -> tuple[float, float]:
+    """(landing, pad) times of our drone among others with (arrival, charging time): event by event.
+
+    In the line the first `spots` drones stand, the others hover; a drone lands when it is among the first.
+    """
+    events = [(a, 0, number, charging) for number, (a, charging) in enumerate(others)]
+    events.append((ours_s, 1, -1, 0.0))
+    heapq.heapify(events)
+    line: deque = deque()
+    busy, landed = 0, math.inf
+    while events:
+        now, kind, number, charging = heapq.heappop(events)
+        if kind == 2:
+            busy -= 1
+        else:
+            line.append((number, charging))
+        while line and busy < pads:
+            number, charging = line.popleft()
+            if number == -1:
+                return min(landed, now), now
+            busy += 1
+            heapq.heappush(events, (now + charging, 2, number, 0.0))
+        if -1 in [n for n, _ in list(line)[:spots]]:
+            landed = min(landed, now)
+    raise AssertionError
+
+
+def replayed(path_seed: int, pads: int, utilisation: float, hours: float) -> list[tuple[float, float]]:
+    """(arrival, charging time) of the others, from the same stream of random numbers at constant rates."""
+    rng = np.random.default_rng(path_seed)
+    now, others = 0.0, []
+    while True:
+        now += rng.standard_exponential() * HOUR / (utilisation * pads)
+        if now > (8 + hours) * HOUR:
+            return others
+        others.append((now, rng.standard_exponential() * HOUR))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 4), st.integers(0, 3), st.floats(0.2, 1.6), st.floats(0.0, 10.0))
+def test_our_drone_gets_what_an_event_simulation_with_it_gives(seed, pads, spots, utilisation, after_h):
+    path = sampled(pads, spots, seed, utilisation)
+    ours_s = (8 + after_h) * HOUR
+    landing, pad = brute_force(pads, spots, replayed(seed, pads, utilisation, 10.0), ours_s)
+    assert float(path.pad_time(ours_s)) == pytest.approx(pad, abs=1e-6)
+    assert float(path.land_time(ours_s)) == pytest.approx(landing, abs=1e-6)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(0, 10**6), st.integers(1, 4), st.integers(0, 3), st.floats(0.0, 2.0),
+    st.one_of(st.none(), st.integers(0, 12)),
+)  # fmt: skip
+def test_who_arrives_later_never_lands_or_starts_earlier(seed, pads, spots, utilisation, busy):
+    path = sampled(pads, spots, seed, utilisation, busy)
+    arrival = np.sort(np.concatenate((np.linspace(7 * HOUR, 20 * HOUR, 400), path.arrival_s)))
+    pad, land = path.pad_time(arrival), path.land_time(arrival)
+    assert (np.diff(pad) >= 0.0).all()
+    assert (np.diff(land) >= 0.0).all()
+    assert (arrival <= land).all()
+    assert (land <= pad).all()
+    assert (path.land_s <= path.pad_s).all()
+    assert (path.pad_s[1:] >= path.pad_s[:-1]).all()
+    assert (path.land_s[1:] >= path.land_s[:-1]).all()
+    assert (np.diff(path.arrival_s) >= 0.0).all()
+    assert len(path.pad_s) == len(path.land_s) == len(path.arrival_s) + 1
+    if len(path.arrival_s):
+        assert path.arrival_s[0] > 8 * HOUR
+        assert path.arrival_s[-1] <= 18 * HOUR
+
+
+def test_an_arrival_at_the_same_time_as_another_stands_behind_it():
+    path = QueuePath(np.array([10.0]), np.array([5.0, 40.0]), np.array([5.0, 20.0]))
+    assert path.pad_time([9.9, 10.0, 50.0]).tolist() == [9.9, 40.0, 50.0]
+    assert path.land_time([9.9, 10.0, 50.0]).tolist() == [9.9, 20.0, 50.0]
+
+
+def test_known_remaining_times_are_used_as_they_are():
+    path = sampled(3, 1, utilisation=0.0, remaining=[600.0, 60.0, 900.0])
+    start = 8 * HOUR
+    assert path.pad_time(start) == start + 60.0
+    assert path.land_time(start) == start  # on the holding spot
+    assert sampled(3, 0, utilisation=0.0, remaining=[600.0, 60.0, 900.0]).land_time(start) == start + 60.0
+    assert sampled(3, 0, utilisation=0.0, remaining=[600.0]).pad_time(start) == start
+
+
+def test_drones_in_the_line_go_before_us():
+    start = 8 * HOUR
+    path = sampled(1, 1, utilisation=0.0, busy=3, remaining=[600.0])
+    assert path.land_time(start) > start + 600.0  # the spot holds the second in the line, who hovers until then
+    assert path.pad_time(start) > path.land_time(start)
+    assert sampled(1, 2, utilisation=0.0, busy=3, remaining=[600.0]).land_time(start) == start + 600.0
+
+
+def test_the_same_seed_gives_the_same_path_and_another_seed_another():
+    first, again, other = sampled(seed=3), sampled(seed=3), sampled(seed=4)
+    assert np.array_equal(first.pad_s, again.pad_s)
+    assert not np.array_equal(first.pad_s[:5], other.pad_s[:5])
+
+
+def test_a_generator_handed_in_is_used():
+    rates = np.full(4, 3.0 / HOUR), np.full(4, HOUR)
+    paths = [
+        sample_path(3, 2, *rates, first_s=0.0, start_s=0.0, hours=4, rng=rng, busy=0)
+        for rng in (5, np.random.default_rng(5))
+    ]
+    assert np.array_equal(paths[0].arrival_s, paths[1].arrival_s)
+
+
+def test_a_station_gets_the_same_path_whatever_other_stations_are_asked_for():
+    load = steady_load(0.8, 5)
+    all_of_them = sample_paths(load, 5, 4, range(5), START, 12, 7)
+    alone = sample_paths(load, 5, 4, [3], START, 12, 7)
+    assert np.array_equal(all_of_them[3].pad_s, alone[3].pad_s)
+    assert not np.array_equal(all_of_them[2].arrival_s, all_of_them[3].arrival_s)
+    member = sample_paths(load, 5, 4, [3], START, 12, (7, 1))
+    assert not np.array_equal(member[3].arrival_s, alone[3].arrival_s)
+
+
+@pytest.mark.parametrize("busy", [None, {0: 8}])
+def test_many_paths_have_the_waits_of_the_forecast(busy):
+    hours = np.arange(168)
+    arrivals = (2.0 + 1.5 * np.sin(hours / 24 * 2 * np.pi))[None, :] / HOUR
+    load = PadLoad(arrivals, (1.0 + 0.5 * np.cos(hours / 5.0))[None, :] * HOUR, NEW_YORK)
+    pads = 3
+    forecast = forecast_waits(load, pads, [0], START, 8, busy)[0]
+    paths = [sample_paths(load, pads, 4, [0], START, 8, (1, i), busy)[0] for i in range(6000)]
+    for t in (START, START + 0.4 * HOUR, START + 7.3 * HOUR):
+        waits = np.array([float(path.pad_time(t)) - t for path in paths])
+        error = 4.0 * waits.std() / math.sqrt(len(waits))
+        assert forecast.expected_wait_s(t) == pytest.approx(waits.mean(), abs=error + 1.0)
+        assert forecast.p_pad_free(t) == pytest.approx((waits == 0.0).mean(), abs=4 * 0.5 / math.sqrt(6000))
+
+
+def test_others_arrive_at_the_rate_of_each_hour():
+    rates = np.array([6.0, 0.0, 30.0, 1.0])
+    counts = np.zeros(4)
+    for seed in range(300):
+        path = sample_path(5, 4, rates / HOUR, np.full(4, 600.0), first_s=0.0, start_s=0.0, hours=4, rng=seed, busy=0)
+        counts += np.histogram(path.arrival_s, bins=np.arange(5) * HOUR)[0]
+    assert (np.abs(counts - 300 * rates) <= 4.0 * np.sqrt(300 * rates)).all()
+
+
+def test_the_local_clock_rules_in_the_week_it_changes():
+    arrivals = np.zeros((1, 168))
+    arrivals[0, 6 * 24 + 1] = 60 / HOUR  # Sundays from 1 to 2: twice on 2013-11-03
+    load = PadLoad(arrivals, np.full((1, 168), HOUR), NEW_YORK)
+    midnight = 1_383_451_200.0  # 2013-11-03 00:00 EDT
+    path = sample_paths(load, 5, 4, [0], midnight, 6, 1)[0]
+    assert path.arrival_s.min() > midnight + HOUR
+    assert midnight + 2.5 * HOUR < path.arrival_s.max() < midnight + 3 * HOUR
+
+
+def test_nobody_is_in_the_way_without_load_and_at_a_delivery_target():
+    target = sampled(pads=0)
+    for path in (no_queue(), target, sampled(utilisation=0.0)):
+        assert path.pad_time([1.0, 9 * HOUR]).tolist() == [1.0, 9 * HOUR]
+        assert path.land_time([1.0, 9 * HOUR]).tolist() == [1.0, 9 * HOUR]
+
+
+def test_packed_paths_answer_as_the_paths_do():
+    paths = [
+        sampled(seed=1),
+        no_queue(),
+        sampled(seed=2, utilisation=0.1),
+        expected_path(8 * HOUR, 600.0, 900.0 + 600.0 * np.sin(np.arange(60))),
+    ]
+    offset, arrival, pad, land, delay = pack(paths)
+    assert offset.tolist() == np.cumsum([0, *(len(path.pad_s) for path in paths)]).tolist()
+    for i, path in enumerate(paths):
+        part = slice(offset[i], offset[i + 1])
+        for t in np.linspace(8 * HOUR, 20 * HOUR, 50):
+            entry = np.searchsorted(arrival[part], t, side="right") - 1
+            assert max(t + delay[part][entry], pad[part][entry]) == path.pad_time(t)
+            assert max(t, land[part][entry]) == path.land_time(t)
+    assert pack([])[0].tolist() == [0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(0.0, 5_000.0), min_size=1, max_size=30), st.floats(60.0, 1_800.0))
+def test_expected_waits_become_a_path_on_which_nobody_overtakes(waits, step):
+    path = expected_path(START, step, waits)
+    arrivals = np.sort(np.concatenate((START + np.linspace(-2 * step, (len(waits) + 2) * step, 700), path.arrival_s)))
+    pads = path.pad_time(arrivals)
+    assert np.all(np.diff(pads) >= 0.0)
+    assert np.array_equal(path.land_time(arrivals), arrivals)
+    # The least line that never decreases above the mean wait of each step.
+    steps = np.floor((arrivals - START) / step + 1e-12).astype(int)
+    ends = np.pad(np.array(waits), (1, 1), mode="edge")
+    mean = 0.5 * (ends[np.clip(steps + 1, 0, len(waits) + 1)] + ends[np.clip(steps + 2, 0, len(waits) + 1)])
+    on_grid = np.isin(arrivals, path.arrival_s)
+    least = np.maximum.accumulate(arrivals + mean)
+    assert np.all(pads[~on_grid] >= least[~on_grid] - 1e-6)
+    assert np.all(
+        pads <= least + max(np.abs(np.diff(ends)).max(initial=0.0), 1e-6) + (arrivals[1] - arrivals[0]) + 1e-6
+    )
+
+
+def test_expected_waits_that_change_slowly_are_kept_as_they_are():
+    path = expected_path(START, 600.0, [0.0, 600.0, 600.0, 300.0])
+    assert path.pad_time(START + np.array([-50.0, 10.0, 700.0, 1700.0])).tolist() == pytest.approx(
+        (START + np.array([-50.0, 310.0, 1300.0, 2150.0])).tolist()
+    )
+    assert float(path.pad_time(START + 1210.0)) == pytest.approx(START + 1800.0), "behind the one before it"
+
+
+@pytest.mark.parametrize(("step", "waits"), [(600.0, []), (0.0, [1.0]), (600.0, [-1.0]), (600.0, [math.nan])])
+def test_expected_waits_that_are_none_are_refused(step, waits):
+    with pytest.raises(InputError):
+        expected_path(START, step, waits)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: sampled(pads=-1), "at least one pad"),
+        (lambda: sampled(spots=-1), "holding spots"),
+        (lambda: sampled(hours=0.0), "has a length"),
+        (lambda: sampled(hours=math.nan), "has a length"),
+        (lambda: sampled(busy=-1), "negative"),
+        (lambda: sampled(remaining=[-5.0]), "from 0 up"),
+        (lambda: sampled(remaining=[math.nan]), "from 0 up"),
+        (lambda: sampled(busy=1, remaining=[5.0, 6.0]), "more remaining times"),
+        (lambda: sampled(pads=1, remaining=[5.0, 6.0]), "more remaining times"),
+        (lambda: sampled(utilisation=-1.0), "arrivals_per_s"),
+    ],
+)
+def test_what_is_no_path_is_refused(call, words):
+    with pytest.raises(InputError, match=words):
+        call()

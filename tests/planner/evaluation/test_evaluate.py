@@ -1,0 +1,437 @@
+"""Deliveries simulated in truths that their plan did not know."""
+
+import json
+import math
+from dataclasses import replace
+from datetime import UTC, date, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from skyway.models.base.errors import InputError
+from skyway.models.composition.composition import State
+from skyway.planner.evaluation.evaluate import (
+    NO_ERRORS,
+    Errors,
+    OpenLoop,
+    Rolling,
+    clairvoyant_times,
+    evaluate,
+    fly_itinerary,
+    fly_policy,
+    held_out_forecast,
+    sample_realizations,
+    season_days,
+    summarise,
+)
+from skyway.planner.evaluation.flights import DELIVERED, GAVE_UP, Flown, courses
+from skyway.planner.evaluation.statistics import DayBootstrap, Estimate
+from skyway.planner.online.departure import Departure
+from skyway.planner.plan import plan
+from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.problem.request import Request
+from skyway.planner.schedule.gust_kernels import GUST_STEP_S, LATERAL, MAX_DEVIATION, gust_at
+from skyway.planner.schedule.itinerary import fly_true
+from skyway.planner.schedule.outcome import Outcome
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
+
+DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
+MASK = 2**64 - 1
+GOLDEN = 0x9E3779B97F4A7C15
+
+
+@pytest.fixture(scope="module")
+def request_(newyork):
+    return Request(state=State(DEPART, "siuh-north"), destination="white-plains", payload_kg=0.8, drone="m200")
+
+
+@pytest.fixture(scope="module")
+def days(newyork, request_):
+    return season_days(newyork, request_, 6, seed=3)
+
+
+@pytest.fixture(scope="module")
+def planned(newyork, request_, days):
+    return plan(newyork, request_, planner="pfs", forecast=held_out_forecast(newyork, request_, days))
+
+
+@pytest.fixture(scope="module")
+def realizations(newyork, request_, days):
+    return sample_realizations(newyork, request_, days, runs=60, seed=5)
+
+
+# -- a plain reimplementation: no kernel, Python floats and loops -------------------------------------------------------
+
+
+def mixed(z):
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK
+    return z ^ (z >> 31)
+
+
+def normals(key, step):
+    first, second = (mixed((key + (2 * step + k) * GOLDEN) & MASK) >> 11 for k in (0, 1))
+    radius = math.sqrt(-2.0 * math.log((first + 1.0) / (2.0**53 + 1.0)))
+    angle = 2.0 * math.pi * second / 2.0**53
+    return radius * math.cos(angle), radius * math.sin(angle)
+
+
+def plain_gust(key, begin, step, phi):
+    """Gust of a step in a flight whose cruise begins in the step `begin`."""
+    first = begin - math.ceil(-7.0 / math.log(phi))
+    along, across = normals(key, first)
+    for k in range(first + 1, step + 1):
+        one, other = normals(key, k)
+        along = phi * along + math.sqrt(1.0 - phi**2) * one
+        across = phi * across + math.sqrt(1.0 - phi**2) * other
+    return along, across
+
+
+def plain_speed(air, member, slot, segment, gust, sd):
+    north = sum(w * v for w, v in zip(air.weight[segment], air.north[member, slot], strict=True))
+    east = sum(w * v for w, v in zip(air.weight[segment], air.east[member, slot], strict=True))
+    if gust is None:
+        if math.hypot(north, east) > air.wind_limit_mps:
+            return 0.0
+    else:
+        a, b = (max(-MAX_DEVIATION, min(MAX_DEVIATION, g)) for g in gust)
+        north, east = (
+            north * (1 + sd * a) - east * LATERAL * sd * b,
+            east * (1 + sd * a) + north * LATERAL * sd * b,
+        )
+    tail = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
+    cross = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
+    square = air.airspeed_mps**2 - cross**2
+    speed = tail + math.sqrt(max(square, 0.0))
+    if gust is None and (square <= 0.0 or speed < 1.0):
+        return 0.0
+    return min(max(speed, 1.0), air.max_ground_speed_mps)
+
+
+def plain_land(air, member, segments, off, key=None, sd=0.0, time_s=1.0):
+    """Touch-down through gusts, or (without a key) through the hourly wind, infinite where that is over its limits."""
+    now = off + air.climb_s
+    begin = int(now // GUST_STEP_S)
+    for segment in segments:
+        left = air.distance_m[segment]
+        while left > 1e-9:
+            slot = min(int((now - air.start_s + 1e-6) // air.slot_s), air.north.shape[1] - 1)
+            end = air.start_s + (slot + 1) * air.slot_s
+            gust = None
+            if key is not None:
+                step = int((now + 1e-7) // GUST_STEP_S)
+                end = min(end, (step + 1) * GUST_STEP_S)
+                gust = plain_gust(key, begin, step, math.exp(-GUST_STEP_S / time_s))
+            speed = plain_speed(air, member, slot, segment, gust, sd)
+            if speed == 0.0:
+                return math.inf
+            spent = min(left / speed, end - now)
+            left -= speed * spent
+            now += spent
+    now += air.descent_s
+    if key is None:
+        first, last = (int((t - air.start_s + 1e-6) // air.slot_s) for t in (off, now - 2e-6))
+        slots = range(first, last + 1)
+        if any(plain_speed(air, member, k, segment, None, 0.0) == 0.0 for k in slots for segment in segments):
+            return math.inf
+    return now
+
+
+def plain_run(realizations, problem, itinerary, run):
+    """(touch-down, charge) of each landing of one run."""
+    air, member = problem.air, int(realizations.day[run])
+    queues = realizations.queues(problem, range(len(problem.network)), int(realizations.queue[run]))
+    now, soc, arrived = problem.depart_s, problem.soc, problem.depart_s
+    landings = []
+    for number, leg in enumerate(itinerary):
+        node = int(problem.network.tail[leg.segments[0]])
+        if number:
+            spot = float(queues[node].land_time(now))
+            soc -= realizations.energy[run] * problem.soc_per_s * (spot - now)
+            arrived, now = now, spot
+            landings[-1] = (now, soc)
+        pad = now
+        charged = leg.charge_to is not None and leg.charge_to > soc
+        if charged:
+            pad = max(now, float(queues[node].pad_time(arrived)))
+            now = pad + problem.charge_time_s(node, soc, leg.charge_to)
+        off = max(now, leg.not_before_s)
+        while plain_land(air, member, leg.segments, off) == math.inf:
+            off = air.start_s + ((off - air.start_s + 1e-6) // air.slot_s + 1) * air.slot_s
+        if charged:
+            time, level = problem.curve(node)
+            soc = float(np.interp(np.interp(soc, level, time) + off - pad, time, level))
+        disturbance = realizations.disturbance()
+        key = int(disturbance.gust_key[run])
+        down = plain_land(air, member, leg.segments, off, key, disturbance.gust_sd, disturbance.gust_time_s)
+        soc -= realizations.energy[run] * (problem.soc_fixed + problem.soc_per_s * (down - off))
+        now = down
+        landings.append((now, soc))
+    return landings
+
+
+def test_runs_are_what_plain_python_makes_of_the_same_truth(realizations, planned):
+    problem = realizations.problem("m200")
+    course = courses(realizations, problem, planned.itinerary, np.arange(len(realizations)))
+    for run in range(0, 60, 7):
+        expected = plain_run(realizations, problem, planned.itinerary, run)
+        assert course[run, :, TOUCH_DOWN] == pytest.approx([t for t, _ in expected], abs=1e-3)
+        assert course[run, :, SOC_LANDING] == pytest.approx([s for _, s in expected], abs=1e-7)
+
+
+def test_without_gusts_and_errors_a_truth_is_the_hourly_wind_of_its_day(newyork, request_, days, planned):
+    realizations = sample_realizations(newyork, request_, days[:1], runs=3, errors=NO_ERRORS)
+    problem = realizations.problem("m200")
+    course = courses(realizations, problem, planned.itinerary, np.arange(3))
+    for run in range(3):
+        queues = realizations.queues(problem, range(len(problem.network)), int(realizations.queue[run]))
+        alone = fly_true(problem, planned.itinerary, queues)
+        assert np.array_equal(course[run], alone[0])
+
+
+def test_gusts_have_the_spread_and_the_memory_that_were_asked_for():
+    phi = math.exp(-GUST_STEP_S / 180.0)
+    rng = np.random.default_rng(1)
+    keys = rng.integers(0, 2**64, 4000, dtype=np.uint64)
+    now, later = (np.array([gust_at(key, 1000 + k, phi) for key in keys]) for k in (0, 6))
+    assert now.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.05)
+    assert now.std(axis=0) == pytest.approx([1.0, 1.0], abs=0.04)
+    assert np.corrcoef(now[:, 0], later[:, 0])[0, 1] == pytest.approx(math.exp(-1.0), abs=0.05)
+    assert abs(np.corrcoef(now[:, 0], now[:, 1])[0, 1]) < 0.05
+
+
+# -- what becomes of deliveries -----------------------------------------------------------------------------------------
+
+
+def test_flight_waiting_and_recharge_add_up_to_the_delivery(realizations, planned):
+    flown = fly_itinerary(realizations, "m200", planned.itinerary)
+    kept = flown.delivered
+    assert kept.any()
+    total = flown.flight_s + flown.wait_s + flown.recharge_s
+    assert total[kept] == pytest.approx(flown.delivery_s[kept])
+    assert (flown.wait_s[kept] >= -1e-6).all()
+    assert (flown.recharge_s[kept] >= 0.0).all()
+    assert np.isnan(flown.delivery_s[~kept]).all()
+
+
+def test_two_planners_meet_the_same_truths_and_a_seed_gives_them_again(newyork, request_, days, realizations):
+    again = sample_realizations(newyork, replace(request_, recharge="full"), days, runs=60, seed=5)
+    other = sample_realizations(newyork, request_, days, runs=60, seed=6)
+    assert np.array_equal(realizations.energy, again.energy)
+    assert np.array_equal(realizations.gust_key, again.gust_key)
+    assert realizations.queue_seed == again.queue_seed
+    assert not np.array_equal(realizations.energy, other.energy)
+    assert realizations.queue_seed != other.queue_seed
+    problem = realizations.problem("m200")
+    assert np.array_equal(
+        realizations.queues(problem, [3], 4)[3].pad_s, again.queues(again.problem("m210"), [1, 3], 4)[3].pad_s
+    )
+
+
+def test_more_runs_begin_with_the_same_runs(newyork, request_, days, realizations):
+    more = sample_realizations(newyork, request_, days, runs=120, seed=5)
+    assert np.array_equal(more.energy[:60], realizations.energy)
+    assert np.array_equal(more.gust_key[:60], realizations.gust_key)
+
+
+def test_the_truths_queues_are_not_those_the_planner_samples(realizations):
+    assert realizations.queue_seed != realizations.request.seed
+    assert abs(realizations.queue_seed - realizations.request.seed) > 1_000_000
+
+
+def test_errors_of_energy_stay_within_what_was_asked_for(realizations):
+    assert (np.abs(realizations.energy - 1.0) <= 0.05).all()
+    assert realizations.energy.std() > 0.02
+
+
+def test_more_reserve_never_strands_more(newyork, request_, days):
+    forecast = held_out_forecast(newyork, request_, days)
+    realizations = sample_realizations(newyork, request_, days, runs=60)
+    lowest = []
+    for reserve in (0.1, 0.3):
+        result = plan(newyork, replace(request_, reserve_soc=reserve), planner="shortest", forecast=forecast)
+        flown = fly_itinerary(realizations, "m200", result.itinerary)
+        lowest.append((int((flown.lowest_soc < 0.1).sum()), int((~flown.delivered).sum())))
+    assert lowest[1] <= lowest[0]
+
+
+def test_an_evaluation_is_the_same_again_and_can_be_read_as_json(realizations, planned):
+    first, second = evaluate(planned, realizations), evaluate(planned, realizations)
+    assert first.to_json() == second.to_json()
+    document = json.loads(first.to_json())
+    assert document["runs"] == 60
+    assert document["days"] == 6
+    assert document["regret"]["value"] is None
+    assert sum(first.counts[name] for name in ("delivered", "stranded", "unflyable", "gave_up")) == 60
+    assert "60 simulated deliveries on 6 days" in first.summary()
+
+
+# -- days held out ------------------------------------------------------------------------------------------------------
+
+
+def test_no_held_out_day_nor_its_neighbours_is_in_the_forecast(newyork, request_, days):
+    labels = {date.fromisoformat(label) for label in held_out_forecast(newyork, request_, days).labels}
+    for day in days:
+        assert not labels & {day + timedelta(days=k) for k in range(-(HORIZON_H // 24) + 1, HORIZON_H // 24)}
+
+
+def test_a_forecast_that_contains_the_truth_is_refused(newyork, request_, realizations):
+    knowing = plan(newyork, request_, planner="pfs")
+    with pytest.raises(InputError, match="the forecast contains the truth"):
+        evaluate(knowing, realizations)
+
+
+def test_errors_out_of_range_and_truths_without_days_are_refused(newyork, request_, days):
+    with pytest.raises(InputError, match="gust_sd: out of range") as caught:
+        Errors(gust_sd=2.0, energy=-1.0)
+    assert len(caught.value.faults) == 2
+    with pytest.raises(InputError, match="too few"):
+        sample_realizations(newyork, request_, (), runs=5)
+    with pytest.raises(InputError, match="too few"):
+        sample_realizations(newyork, request_, days, runs=len(days) - 1)
+
+
+# -- policies -----------------------------------------------------------------------------------------------------------
+
+
+def test_an_itinerary_flown_decision_by_decision_is_the_itinerary_flown_at_once(realizations, planned):
+    runs = np.arange(0, 60, 9)
+    at_once = fly_itinerary(realizations, "m200", planned.itinerary).chosen(runs)
+    stepwise, done = fly_policy(realizations, "m200", OpenLoop(planned.itinerary), runs)
+    assert np.array_equal(at_once.ending, stepwise.ending)
+    assert at_once.delivery_s == pytest.approx(stepwise.delivery_s, nan_ok=True)
+    assert at_once.lowest_soc == pytest.approx(stepwise.lowest_soc)
+    delivered = np.flatnonzero(stepwise.delivered)
+    assert all(done[k] == planned.itinerary for k in delivered)
+
+
+def test_planning_anew_at_each_stop_delivers_in_the_same_truths(newyork, request_, days, realizations):
+    forecast = held_out_forecast(newyork, request_, days)
+    policy = Rolling(newyork, request_, "pfs-charge-aware", lambda _: forecast)
+    flown, done = fly_policy(realizations, "m200", policy, np.arange(3))
+    assert len(flown) == len(done) == 3
+    problem = realizations.problem("m200")
+    for number in np.flatnonzero(flown.delivered):
+        assert int(problem.network.head[done[number][-1].segments[-1]]) == problem.destination
+        assert flown.delivery_s[number] > 0.0
+
+
+def test_a_policy_without_a_way_on_has_given_up(realizations):
+    flown, done = fly_policy(realizations, "m200", OpenLoop(()), np.arange(2))
+    assert flown.ending.tolist() == [GAVE_UP, GAVE_UP]
+    assert done == [(), ()]
+    assert summarise("none", flown).counts["gave_up"] == 2
+
+
+class Waiting:
+    """Stays where it is for ever, and wants to look again every five minutes."""
+
+    def __init__(self):
+        self.looks_s = []
+
+    def leave(self, standing):
+        self.looks_s.append(standing.time_s)
+        return Departure((), 1.0, lambda _: math.inf, standing.time_s + 300.0)
+
+    def over(self, flying, rest):
+        raise AssertionError("it never flies")
+
+
+@pytest.mark.parametrize("slot_s", [300.0, 3600.0])
+@pytest.mark.parametrize("known_days", [2, 9])
+def test_a_wait_has_an_end_and_not_many_decisions(realizations, slot_s, known_days):
+    """It gives up after the hours that a forecast reaches, however long the wind is known; the first two are as closely watched as ever."""
+    slots = int(known_days * 86_400.0 / slot_s)
+    north, east = (np.repeat(one[:, :1], slots, axis=1) for one in (realizations.wind.north, realizations.wind.east))
+    wind = replace(realizations.wind, start_s=DEPART.timestamp(), slot_s=slot_s, north=north, east=east)
+    policy = Waiting()
+    flown, done = fly_policy(replace(realizations, wind=wind), "m200", policy, np.arange(1))
+    assert flown.ending.tolist() == [GAVE_UP]
+    assert done == [()]
+    waited_s = np.array(policy.looks_s) - DEPART.timestamp()
+    assert waited_s[:24] == pytest.approx(300.0 * np.arange(24))
+    assert 0.9 * HORIZON_H * 3600.0 < waited_s[-1] < HORIZON_H * 3600.0
+    assert len(waited_s) < 150
+    assert np.all(np.diff(waited_s) <= np.maximum(300.0, waited_s[:-1] / 24.0) + 1e-6)
+
+
+def test_a_delivery_that_ends_where_it_begins_is_refused(realizations):
+    there = replace(realizations, request=replace(realizations.request, destination="siuh-north"))
+    with pytest.raises(InputError, match="start and destination are the same"):
+        fly_policy(there, "m200", Waiting(), np.arange(1))
+
+
+def test_nobody_is_faster_than_who_knows_the_truth(newyork, request_, days, planned):
+    realizations = sample_realizations(newyork, request_, days[:2], runs=4, errors=NO_ERRORS)
+    best, spent_s, cut_off = clairvoyant_times(realizations, "m200", "ies", range(2))
+    assert cut_off == 0
+    assert spent_s > 0.0
+    assert np.isnan(best[2:]).all()
+    flown = fly_itinerary(realizations, "m200", planned.itinerary)
+    both = np.isfinite(best) & (flown.ending == DELIVERED) & ~flown.below_reserve
+    assert (flown.delivery_s[both] >= best[both] - 1e-3).all()
+    found = evaluate(planned, realizations, clairvoyant_s=best)
+    assert found.clairvoyant_runs <= 2
+
+
+# -- intervals ----------------------------------------------------------------------------------------------------------
+
+
+def test_intervals_over_days_hold_the_truth_about_as_often_as_they_say():
+    covered = naive = 0
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        block = np.repeat(np.arange(15), 20)
+        values = rng.normal(0.0, 1.0, 15)[block] + rng.normal(0.0, 0.5, 300)
+        found = DayBootstrap(block, replicates=300, seed=seed).mean(values)
+        covered += found.low <= 0.0 <= found.high
+        alone = DayBootstrap(np.arange(300), replicates=300, seed=seed).mean(values)
+        naive += alone.low <= 0.0 <= alone.high
+    assert 178 <= covered <= 200
+    assert naive < 100
+
+
+def test_quantiles_and_rates_of_the_bootstrap_are_those_of_the_runs():
+    rng = np.random.default_rng(2)
+    block = np.repeat(np.arange(30), 10)
+    values = rng.exponential(1.0, 300)
+    days = DayBootstrap(block)
+    p95 = days.quantile(values, 0.95)
+    assert p95.value == np.sort(values)[284]
+    assert p95.low < p95.value < p95.high
+    never = days.rate(np.zeros(300, dtype=bool))
+    assert (never.value, never.low) == (0.0, 0.0)
+    assert never.high == pytest.approx(1.0 - 0.025 ** (1.0 / 30.0))
+    assert math.isnan(DayBootstrap(np.zeros(5, dtype=int)).mean(np.ones(5)).low)
+
+
+def test_an_estimate_tells_what_is_not_known():
+    assert Estimate(math.nan).text() == "-"
+    assert Estimate(1.0).text() == "1.0"
+    assert Estimate(2.0, 1.0, 3.0).scaled(10.0).text(".0f") == "20 [10, 30]"
+    assert Estimate(math.nan).document() == {"value": None, "low": None, "high": None}
+
+
+def flown_at(times_s):
+    """Deliveries that took so long, one a day."""
+    times = np.asarray(times_s, dtype=np.float64)
+    none = np.zeros(len(times), dtype=bool)
+    return Flown(np.arange(len(times)), np.full(len(times), DELIVERED), none, times, times, times, times, times)
+
+
+def test_a_planner_that_tells_the_truth_is_calibrated_even_where_many_arrive_at_one_moment():
+    """Four in ten arrive at 100 s: nobody can promise that moment with 10 %, and the plan does not."""
+    rng = np.random.default_rng(4)
+
+    def draw(count):
+        return np.where(rng.random(count) < 0.4, 100.0, 100.0 + rng.exponential(60.0, count))
+
+    arrival = draw(20_000)
+    even = np.full(len(arrival), 1.0 / len(arrival))
+    promise = Outcome(0.0, arrival, even, np.ones(1), np.zeros(1), np.zeros(1), 1.0, 1.0, arrival > 0.0)
+    honest = summarise("honest", flown_at(draw(20_000)).judged(promise, 0.0))
+    assert honest.calibration[0][0] == pytest.approx(0.4, abs=0.02)
+    assert honest.calibration_error.value < 0.01
+    late = summarise("late", flown_at(draw(20_000) + 30.0).judged(promise, 0.0))
+    assert late.calibration_error.value > 0.1
+    assert late.calibration_error.low > 0.08
