@@ -46,7 +46,7 @@ def prose(help_: str) -> str:
 
 
 def cell(text: object) -> str:
-    return " ".join(str(text).split()).replace("|", "\\|")
+    return " ".join(str(text).split()).replace("|", "\\|").replace("][", "]\\[")  # two brackets would be a link
 
 
 def default(parameter) -> str:
