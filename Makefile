@@ -55,6 +55,7 @@ bench: setup
 	$(BIN)/python -m benchmarks
 
 docs: setup
+	$(BIN)/python -m tests.rooms_page
 	$(BIN)/zensical build --strict --clean
 
 clean:
