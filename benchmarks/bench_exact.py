@@ -106,15 +106,15 @@ class World:
 
     def _half_way(self, trial: Trial) -> State:
         problem, leg = trial.problem, trial.itinerary[0]
-        course = fly_true(problem, trial.itinerary, self.queues)[0][0]
+        schedule = fly_true(problem, trial.itinerary, self.queues)[0][0]
         network = problem.network
         part = 0.5 * network.distance_m[leg.segments[0]] / network.distance_m[list(leg.segments)].sum()
         a, b = (
             network.stations[int(network.tail[leg.segments[0]])],
             network.stations[int(network.head[leg.segments[0]])],
         )
-        when = course[TAKE_OFF] + part * (course[TOUCH_DOWN] - course[TAKE_OFF])
-        soc = course[SOC_TAKE_OFF] + part * (course[SOC_LANDING] - course[SOC_TAKE_OFF])
+        when = schedule[TAKE_OFF] + part * (schedule[TOUCH_DOWN] - schedule[TAKE_OFF])
+        soc = schedule[SOC_TAKE_OFF] + part * (schedule[SOC_LANDING] - schedule[SOC_TAKE_OFF])
         return State(from_posix(float(when)), None, (0.5 * (a.lat + b.lat), 0.5 * (a.lon + b.lon)), float(soc))
 
 

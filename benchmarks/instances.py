@@ -84,7 +84,7 @@ class Instance:
         Mean share of pads that other drones keep busy over the week, at every station; by day it is higher.
     holding_spots : int
         At every station. Many: as in the paper, who waits does so on the ground. With few, drones hover for a spot at
-        busy stations until the battery is empty, which no planner of a fixed course can help.
+        busy stations until the battery is empty, which no planner of a fixed schedule can help.
     drone : str
         Drone of the fleet.
     reserve_soc, epsilon : float

@@ -205,9 +205,9 @@ def _run(
 def _flown(truly: Problem, result: PlanResult) -> tuple[float | None, bool]:
     """Delivery time of an itinerary in the truth, and whether a landing was below the reserve."""
     queues = truly.queue_paths(range(len(truly.network)), 0)
-    course = fly_true(truly, result.itinerary, queues)[0]
-    landed = course[:, TOUCH_DOWN]
-    below = bool((course[np.isfinite(landed), SOC_LANDING] < truly.reserve - 1e-9).any())
+    schedule = fly_true(truly, result.itinerary, queues)[0]
+    landed = schedule[:, TOUCH_DOWN]
+    below = bool((schedule[np.isfinite(landed), SOC_LANDING] < truly.reserve - 1e-9).any())
     return (float(landed[-1] - truly.depart_s) if math.isfinite(landed[-1]) else None), below
 
 

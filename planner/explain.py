@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from skyway.planner.robust.robust import Candidate, RobustAnswer
 
 LOW, HIGH = 0.1, 0.9
-"""Quantiles that say how far a charge may be from that of the typical course."""
+"""Quantiles that say how far a charge may be from that of the typical schedule."""
 
 LOOK_S = 0.05
 """On large networks, for each world that the wait-and-see bound is the mean of."""
@@ -37,7 +37,7 @@ class ChargeRange:
     station : str
         Where.
     nominal, low, high : float
-        Charge on leaving: of the typical course, and between which it is in 8 of 10 simulated deliveries.
+        Charge on leaving: of the typical schedule, and between which it is in 8 of 10 simulated deliveries.
     idle : float
         Share of the runs that leave again without charging.
     """
@@ -106,19 +106,19 @@ class WaitAndSee:
 
 def charge_ranges(answer: RobustAnswer) -> list[ChargeRange]:
     """What the plan would do otherwise: how much more or less it charges at each stop, by what is known there."""
-    course, weight = answer.out_of_sample.course, answer.out_of_sample.weight
+    schedule, weight = answer.out_of_sample.schedule, answer.out_of_sample.weight
     network = answer.policy.problem.network
     found = []
     for number, leg in enumerate(answer.policy.itinerary):
-        before = course[:, number - 1, SOC_LANDING] if number else np.full(len(course), answer.policy.problem.soc)
-        flown = np.isfinite(course[:, number, TOUCH_DOWN])
+        before = schedule[:, number - 1, SOC_LANDING] if number else np.full(len(schedule), answer.policy.problem.soc)
+        flown = np.isfinite(schedule[:, number, TOUCH_DOWN])
         if not flown.any() or number == 0:
             continue
-        off = course[flown, number, SOC_TAKE_OFF]
+        off = schedule[flown, number, SOC_TAKE_OFF]
         idle = float(weight[flown][off <= before[flown] + 1e-9].sum() / weight[flown].sum())
         low, high = (weighted_quantile(off, weight[flown], q) for q in (LOW, HIGH))
         station = network.stations[int(network.tail[leg.segments[0]])].id
-        found.append(ChargeRange(station, float(answer.typical.course[number, SOC_TAKE_OFF]), low, high, idle))
+        found.append(ChargeRange(station, float(answer.typical.schedule[number, SOC_TAKE_OFF]), low, high, idle))
     return found
 
 
@@ -150,12 +150,12 @@ def stop_reasons(result: PlanResult) -> list[StopReason]:
 
 def _charge_at(answer: RobustAnswer, number: int) -> tuple[float, float, float, float, float]:
     """Share of runs that do not charge before a flight, and of those that do: charge, what it takes, margin, reserve."""
-    course, weight = answer.out_of_sample.course, answer.out_of_sample.weight
-    flown = np.isfinite(course[:, number, TOUCH_DOWN])
+    schedule, weight = answer.out_of_sample.schedule, answer.out_of_sample.weight
+    flown = np.isfinite(schedule[:, number, TOUCH_DOWN])
     before, off, down = (
-        course[:, number - 1, SOC_LANDING],
-        course[:, number, SOC_TAKE_OFF],
-        course[:, number, SOC_LANDING],
+        schedule[:, number - 1, SOC_LANDING],
+        schedule[:, number, SOC_TAKE_OFF],
+        schedule[:, number, SOC_LANDING],
     )
     charging = flown & (off > before + 1e-9)
     idle = 1.0 - float(weight[charging].sum()) / max(float(weight[flown].sum()), 1e-300)
@@ -218,7 +218,7 @@ def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
 
 @dataclass(frozen=True)
 class Bought:
-    """What the robust plan buys against another planner's, both in the worlds in which it was rehearsed.
+    """What the robust plan buys against another planner's, both in the worlds in which it was simulated.
 
     Attributes
     ----------
@@ -235,7 +235,7 @@ class Bought:
     stops, stops_there : int
         Stops on the way.
     recharge_s, recharge_there_s : float
-        Time on pads on the typical course.
+        Time on pads on the typical schedule.
     """
 
     planner: str

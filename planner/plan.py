@@ -50,7 +50,7 @@ class Search(Protocol):
     """A planner at work on one problem."""
 
     @property
-    def looked_at(self) -> int:
+    def labels_expanded(self) -> int:
         """How much it evaluated."""
 
     def solve(self) -> Itinerary:
@@ -140,7 +140,7 @@ def plan(
     return replace(
         answers[best],
         rejected=rejected,
-        looked_at=sum(answer.looked_at for answer in answers),
+        labels_expanded=sum(answer.labels_expanded for answer in answers),
         planning_time_s=sum(answer.planning_time_s for answer in answers),
     )
 
@@ -231,8 +231,10 @@ def _none(errors: dict[str, InfeasibleError]) -> InfeasibleError:
     return NoRouteError(message, constraint=errors[first].constraint)
 
 
-def _doubts(problem: Problem, course: NDArray[np.float64], summary: Outcome, *, simulated: int = 0) -> tuple[str, ...]:
-    """Say where the plan promises less than was asked for: more than chance explains in so many rehearsed runs."""
+def _doubts(
+    problem: Problem, schedule: NDArray[np.float64], summary: Outcome, *, simulated: int = 0
+) -> tuple[str, ...]:
+    """Say where the plan promises less than was asked for: more than chance explains in so many simulated runs."""
     doubts = []
     broken = 1.0 - summary.p_success
     if simulated and broken > problem.epsilon + 2.0 * math.sqrt(problem.epsilon / simulated):
@@ -250,7 +252,7 @@ def _doubts(problem: Problem, course: NDArray[np.float64], summary: Outcome, *, 
             f"in {100.0 * (1.0 - summary.p_arrive):.2g} % of deliveries the wind forbids the first leg now, and a drone in the "
             "air cannot hold: be ready to divert"
         )
-    if not np.isfinite(course[-1, TOUCH_DOWN]) or course[-1, TOUCH_DOWN] > problem.depart_s + HORIZON_H * S_PER_H:
+    if not np.isfinite(schedule[-1, TOUCH_DOWN]) or schedule[-1, TOUCH_DOWN] > problem.depart_s + HORIZON_H * S_PER_H:
         doubts.append(f"the delivery takes longer than the {HORIZON_H} h that the forecast covers: do not rely on it")
     return tuple(doubts)
 
@@ -279,18 +281,18 @@ def _solve(
         spent = time.perf_counter() - started
         same = problem.thinned(MEMBERS)  # the worlds in which the figures of `robust` are counted
         runs = simulate_fixed(same, itinerary, USUAL_ERRORS, FINAL_RUNS)
-        if not np.isfinite(runs.course[:, -1, TOUCH_DOWN]).any():
-            raise never_leaves(problem, itinerary, grounded_leg(runs.course))
+        if not np.isfinite(runs.schedule[:, -1, TOUCH_DOWN]).any():
+            raise never_leaves(problem, itinerary, grounded_leg(runs.schedule))
         typical = typical_fixed(same, itinerary, runs)
-        emptied = emptied_leg(typical.course)
+        emptied = emptied_leg(typical.schedule)
         if emptied is not None:
             raise runs_empty(same, itinerary, emptied, "; the planner robust waits on the ground")
-        summary = outcome(same, runs.course, runs.weight, (runs.member, runs.queue))
-        notes = _doubts(problem, typical.course, summary)
+        summary = outcome(same, runs.schedule, runs.weight, (runs.member, runs.queue))
+        notes = _doubts(problem, typical.schedule, summary)
         composition = compose(
             same,
             itinerary,
-            typical.course,
+            typical.schedule,
             typical.member,
             summary,
             planner=planner,
@@ -298,7 +300,7 @@ def _solve(
             notes=notes,
         )
         audit(composition, same, itinerary, world_of(same, itinerary, typical))
-        return PlanResult(composition, itinerary, same, summary, spent, search.looked_at, {})
+        return PlanResult(composition, itinerary, same, summary, spent, search.labels_expanded, {})
     queues = problem.queue_paths(range(len(problem.network)), 0)
     if planner == "exact":
         clairvoyant: ExactSearch | ExhaustiveSearch = ExactSearch(problem, queues, cut_off_s=time_limit_s)
@@ -308,16 +310,16 @@ def _solve(
     itinerary = clairvoyant.solve()
     spent = time.perf_counter() - started
     complete = clairvoyant.complete
-    course = fly_true(problem, itinerary, queues)
-    if not np.isfinite(course[0, -1, TOUCH_DOWN]):
+    schedule = fly_true(problem, itinerary, queues)
+    if not np.isfinite(schedule[0, -1, TOUCH_DOWN]):
         raise AuditError(planner, None, "arrival, POSIX s", clairvoyant.best_s, "the wind never lets it leave")
-    summary = outcome(problem, course, np.ones(1))
+    summary = outcome(problem, schedule, np.ones(1))
     notes = () if complete else (_cut_off(clairvoyant, time_limit_s),)
     composition = compose(
-        problem, itinerary, course[0], 0, summary, planner=planner, planning_time_s=spent, notes=notes
+        problem, itinerary, schedule[0], 0, summary, planner=planner, planning_time_s=spent, notes=notes
     )
     audit(composition, problem, itinerary, World(0, queues, clairvoyant.best_s))
-    return PlanResult(composition, itinerary, problem, summary, spent, clairvoyant.looked_at, {}, complete)
+    return PlanResult(composition, itinerary, problem, summary, spent, clairvoyant.labels_expanded, {}, complete)
 
 
 def _cut_off(search: ExactSearch | ExhaustiveSearch, time_limit_s: float) -> str:
@@ -329,7 +331,7 @@ def _cut_off(search: ExactSearch | ExhaustiveSearch, time_limit_s: float) -> str
 
 
 def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: dict[str, str]) -> PlanResult:
-    """Compare routes for every drone, and finish the best: the composition tells its typical course."""
+    """Compare routes for every drone, and finish the best: the composition tells its typical schedule."""
     searches: list[RobustSearch] = []
     outcomes: list[Outcome] = []
     errors: dict[str, InfeasibleError] = {}
@@ -343,7 +345,7 @@ def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: di
         except InfeasibleError as error:
             errors[problem.drone.id] = error
         spent += time.perf_counter() - started
-    looked_at = 0
+    labels_expanded = 0
     while True:
         drones = [search.problem.drone.id for search in searches]
         told: dict[str, str] = {}
@@ -353,34 +355,34 @@ def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: di
             answer = searches[best].solve()
         except InfeasibleError as error:  # looked at closely, none of its routes will do: the next best drone may
             errors[drones[best]] = error
-            looked_at += searches.pop(best).looked_at
+            labels_expanded += searches.pop(best).labels_expanded
             outcomes.pop(best)
         else:
             spent += time.perf_counter() - started
-            looked_at += sum(search.looked_at for search in searches)
-            return _told(answer, spent, looked_at, rejected | told)
+            labels_expanded += sum(search.labels_expanded for search in searches)
+            return _told(answer, spent, labels_expanded, rejected | told)
         spent += time.perf_counter() - started
 
 
-def _told(answer: RobustAnswer, spent_s: float, looked_at: int, rejected: dict[str, str]) -> PlanResult:
-    """Tell a robust answer as a composition: its typical course."""
+def _told(answer: RobustAnswer, spent_s: float, labels_expanded: int, rejected: dict[str, str]) -> PlanResult:
+    """Tell a robust answer as a composition: its typical schedule."""
     problem, itinerary, summary = answer.policy.problem, answer.policy.itinerary, answer.outcome
     composition = compose(
         problem,
         itinerary,
-        answer.typical.course,
+        answer.typical.schedule,
         answer.typical.member,
         summary,
         planner=ROBUST,
         planning_time_s=spent_s,
-        notes=_doubts(problem, answer.typical.course, summary, simulated=len(answer.out_of_sample.weight)),
+        notes=_doubts(problem, answer.typical.schedule, summary, simulated=len(answer.out_of_sample.weight)),
     )
     audit(composition, problem, itinerary, world_of(problem, itinerary, answer.typical))
     objective = problem.request.objective
     if objective.deadline is not None:
         on_time = summary.on_time(objective.deadline.timestamp())
         composition = replace(composition, on_time_probability=on_time.value, on_time=on_time)
-    return PlanResult(composition, itinerary, problem, summary, spent_s, looked_at, rejected, robust=answer)
+    return PlanResult(composition, itinerary, problem, summary, spent_s, labels_expanded, rejected, robust=answer)
 
 
 def alternative_plans(result: PlanResult, count: int) -> list[PlanResult]:
@@ -395,5 +397,5 @@ def alternative_plans(result: PlanResult, count: int) -> list[PlanResult]:
             answer = RobustSearch(result.problem).finish([candidate, *others])
         except NoRouteError:  # with its margin calibrated it never leaves
             continue
-        plans.append(_told(answer, time.perf_counter() - started, result.looked_at, {}))
+        plans.append(_told(answer, time.perf_counter() - started, result.labels_expanded, {}))
     return plans

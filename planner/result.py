@@ -30,7 +30,7 @@ class PlanResult:
         What the forecast makes of the itinerary.
     planning_time_s : float
         Wall time of the search.
-    looked_at : int
+    labels_expanded : int
         Flights or sequences evaluated, see the planner.
     rejected : dict of str to str
         Drones not chosen, and why.
@@ -46,7 +46,7 @@ class PlanResult:
     problem: Problem
     outcome: Outcome
     planning_time_s: float
-    looked_at: int
+    labels_expanded: int
     rejected: dict[str, str] = field(default_factory=dict)
     complete: bool = True
     robust: RobustAnswer | None = None

@@ -129,7 +129,7 @@ class LegSegment:
 
 @dataclass(frozen=True, slots=True)
 class DroneService:
-    """One flight of the drone (Definition 1): function and qualities, on the typical course.
+    """One flight of the drone (Definition 1): function and qualities, on the typical schedule.
 
     Attributes
     ----------
@@ -164,7 +164,7 @@ class DroneService:
     segments : tuple of LegSegment
         In order; empty is unknown.
     course_wind : Wind or None
-        The wind of the typical course itself, averaged as a vector over the flight: times, ground speed and charge are
+        The wind of the typical schedule itself, averaged as a vector over the flight: times, ground speed and charge are
         those in it. None is unknown.
     diverts : tuple of str
         Stations that stay in reach along the flight, nearest first.
@@ -200,7 +200,7 @@ class DroneService:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """A stay at a station between two services, on the typical course.
+    """A stay at a station between two services, on the typical schedule.
 
     Attributes
     ----------
@@ -356,7 +356,7 @@ class Composition:
 
     @property
     def arrive(self) -> datetime:
-        """Touch-down at the destination on the typical course."""
+        """Touch-down at the destination on the typical schedule."""
         return self.services[-1].arrive if self.services else self.depart
 
     @property

@@ -51,7 +51,7 @@ class ExhaustiveSearch:
 
     Attributes
     ----------
-    looked_at : int
+    labels_expanded : int
         Sequences continued so far.
     complete : bool
         Whether the search came to its end.
@@ -73,7 +73,7 @@ class ExhaustiveSearch:
         self.time_limit_s = time_limit_s
         self.progress = progress
         self.complete = True
-        self.looked_at = 0
+        self.labels_expanded = 0
         needed = needed_at_destination(problem, TrueSpeeds(problem.air), 0.0, math.inf)
         self._stop_labels = StopLabels(
             problem, queues, whole_subnetwork(problem, queues), needed, single_segments=single_segments
@@ -109,14 +109,14 @@ class ExhaustiveSearch:
 
     def _visit(self, path: list[StopLabel]) -> None:
         """Continue a sequence with every station it has not stopped at."""
-        self.looked_at += 1
+        self.labels_expanded += 1
         now = time.monotonic()
         if now > self._deadline:
             self.complete = False
             return
         if self.progress is not None and now - self._last_progress > 1.0:
             self._last_progress = now
-            self.progress(self.looked_at, self.best_s - self.problem.depart_s)
+            self.progress(self.labels_expanded, self.best_s - self.problem.depart_s)
         useful = self._stop_labels.useful_from(path[-1])
         pieces_of = self._stop_labels.pieces_from(path[-1], useful)
         destination = self.problem.destination

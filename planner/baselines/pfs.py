@@ -48,9 +48,9 @@ class ForwardSearch:
         self.overfly = charge_aware
 
     @property
-    def looked_at(self) -> int:
+    def labels_expanded(self) -> int:
         """Flights evaluated."""
-        return self.lookahead.looked_at
+        return self.lookahead.labels_expanded
 
     def solve(self) -> Itinerary:
         """Search depth first, best first.

@@ -50,7 +50,7 @@ class Frames(NamedTuple):
     limited : ndarray of bool
         Wind or charge closed a way at or beyond this station: only then can an earlier arrival fare better.
     segment, charge_to, not_before_s
-        Hop that led here.
+        Leg that led here.
     depth : ndarray of int
         Number of the last frame; -1 before the first.
     """

@@ -31,7 +31,7 @@ class StrictForwardSearch:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.looked_at = 0
+        self.labels_expanded = 0
         self._cruise_wind = problem.ensemble.at_height(
             problem.rules.cruise_height_m, problem.rules.wind_profile_exponent
         )
@@ -78,7 +78,7 @@ class StrictForwardSearch:
         slot = int(slot_of(air, time_s))
         key = (segment, slot)
         if key not in self._memory:
-            self.looked_at += 1
+            self.labels_expanded += 1
             lat, lon = (float(values[segment]) for values in self.problem.network.midpoints)
             self._memory[key] = self._over_marginal(
                 slot,

@@ -23,9 +23,9 @@ class ShortestFlight:
         self.lookahead = Lookahead(problem, full=True)
 
     @property
-    def looked_at(self) -> int:
+    def labels_expanded(self) -> int:
         """Flights evaluated."""
-        return self.lookahead.looked_at
+        return self.lookahead.labels_expanded
 
     def solve(self) -> Itinerary:
         """Find the route, then charge to full at each stop and hold where the wind asks for it.

@@ -1,4 +1,4 @@
-"""Deliveries flown through sampled truths decision by decision, by a policy."""
+"""Deliveries flown through realizations decision by decision, by a policy."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import next_opening
-from skyway.planner.evaluation.flights import DELIVERED, GAVE_UP, Flown, courses, pooled, tally
+from skyway.planner.evaluation.flights import DELIVERED, GAVE_UP, Flown, pooled, schedules, tally
 from skyway.planner.evaluation.policies import Adaptive, Policy, Standing
 from skyway.planner.online.turn_back_kernels import out_or_back
 from skyway.planner.problem.problem import HORIZON_H, check_apart
@@ -45,7 +45,7 @@ def fly_policy(
     *,
     watch: Callable[[Again], None] | None = None,
 ) -> tuple[Flown, list[Itinerary]]:
-    """Fly a policy in some truths (all by default), run by run; also returns what it did in each.
+    """Fly a policy in some realizations (all by default), run by run; also returns what it did in each.
 
     `watch` is told of each flight of an adaptive policy how to fly it again in other gusts.
 
@@ -80,7 +80,7 @@ def _fly_decisions(
     node, time_s, soc = problem.origin, problem.depart_s, problem.soc
     visited: tuple[str, ...] = ()
     flown: Flown | None = None
-    course: NDArray[np.float64] | None = None
+    schedule: NDArray[np.float64] | None = None
     while len(legs) < MAX_STOPS:
         station = network.stations[node].id
         stop_label = _StopLabel(run, node, station, time_s, soc, visited)
@@ -91,19 +91,19 @@ def _fly_decisions(
             leg, flight = found
             legs = (*legs, leg)
             _land(realizations, problem, run, int(network.head[leg.segments[-1]]), flight)
-            course = flight if course is None else np.concatenate((course, flight), axis=1)
+            schedule = flight if schedule is None else np.concatenate((schedule, flight), axis=1)
         else:
             decided = policy.decide(_standing(realizations, problem, stop_label, time_s, soc))
             if decided is None:
                 break
             legs = (*legs, decided)
-            course = courses(realizations, problem, legs, one)
+            schedule = schedules(realizations, problem, legs, one)
         visited = (*visited, station)
-        flown = tally(problem, legs, block, course)
+        flown = tally(problem, legs, block, schedule)
         node = int(network.head[legs[-1].segments[-1]])
         if node == problem.destination or flown.ending[0] != DELIVERED:
             return flown, legs
-        time_s, soc = float(course[0, -1, TOUCH_DOWN]), float(course[0, -1, SOC_LANDING])
+        time_s, soc = float(schedule[0, -1, TOUCH_DOWN]), float(schedule[0, -1, SOC_LANDING])
     return _given_up(flown, block, problem.soc), legs
 
 
@@ -181,7 +181,7 @@ def _fly_adaptive(
     stop_label: _StopLabel,
     watch: Callable[[Again], None] | None,
 ) -> tuple[Leg, NDArray[np.float64]] | None:
-    """Take off as the policy says, decided anew whenever the wind is: (hop, its course, shape (1, 1, 7))."""
+    """Take off as the policy says, decided again whenever the wind is: (leg, its schedule, shape (1, 1, 7))."""
     now, soc = stop_label.landed_s, stop_label.soc
     queue = realizations.queues(problem, [stop_label.node], int(realizations.queue[stop_label.run]))[stop_label.node]
     pad_s = float(queue.pad_time(stop_label.landed_s)) if problem.has_pads(stop_label.node) else math.inf
@@ -253,9 +253,9 @@ def _flight(
             )
             rest = policy.over(_standing(realizations, problem, over, as_off, soc), rest)
     soc = charge - float(disturbance.energy[run]) * (problem.soc_fixed + problem.soc_per_s * (down - off))
-    course = np.full((1, 1, COLUMNS), off)
-    course[0, 0, [PAD, TOUCH_DOWN, SOC_TAKE_OFF, SOC_LANDING, ROOM]] = min(pad_s, off), down, charge, soc, 0.0
-    return Leg(flown, charge if charge > stop_label.soc else None), course
+    schedule = np.full((1, 1, COLUMNS), off)
+    schedule[0, 0, [PAD, TOUCH_DOWN, SOC_TAKE_OFF, SOC_LANDING, ROOM]] = min(pad_s, off), down, charge, soc, 0.0
+    return Leg(flown, charge if charge > stop_label.soc else None), schedule
 
 
 def _given_up(flown: Flown | None, block: NDArray[np.int64], soc: float) -> Flown:

@@ -1,4 +1,4 @@
-"""How good a plan or planner is: Monte Carlo over truths that it did not know, with an interval on every figure."""
+"""How good a plan or planner is: Monte Carlo over realizations that it did not know, with an interval on every figure."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Evaluation:
     counts : dict of str to int
         Runs: ``delivered``, ``stranded``, ``unflyable``, ``gave_up``, ``below_reserve``.
     calibration : tuple of (promised, Estimate)
-        Probability promised in the mean of a deadline, and how often it was kept; empty without promises. Deadlines are
+        Probability promised on average of a deadline, and how often it was kept; empty without promises. Deadlines are
         the quantiles `planner.evaluation.flights.LEVELS` of what each plan promises.
     calibration_error : Estimate
         Mean absolute difference between both, 0 to 1.
@@ -140,7 +140,7 @@ class Evaluation:
             lines.append(f"  {label:<16} {self.counts[name]} of {self.runs:,} ({rate.scaled(100.0).text('.2f')} %)")
         if self.calibration:
             error = self.calibration_error.scaled(100.0).text()
-            lines.append(f"  {'promise off by':<16} {error} points in the mean")
+            lines.append(f"  {'promise off by':<16} {error} points on average")
         if self.clairvoyant_runs:
             regret = self.regret.scaled(100.0).text()
             lines.append(f"  {'above best':<16} {regret} % (clairvoyant, {self.clairvoyant_runs} runs)")
@@ -172,13 +172,13 @@ class Evaluation:
 def evaluate(
     result: PlanResult, realizations: Realizations, *, clairvoyant_s: NDArray[np.float64] | None = None, seed: int = 0
 ) -> Evaluation:
-    """Fly a plan in sampled truths: as it stands, or, of ``robust``, with the charge decided at each stop.
+    """Fly a plan in realizations: as it stands, or, of ``robust``, with the charge decided at each stop.
 
     Parameters
     ----------
     result : PlanResult
-        Of a planner that did not know the truths.
-    truths : Truths
+        Of a planner that did not know the realizations.
+    realizations : Realizations
         Of the same request.
     clairvoyant_s : ndarray, shape (runs,), optional
         See `clairvoyant_times`.
@@ -188,7 +188,7 @@ def evaluate(
     Raises
     ------
     InputError
-        The plan's forecast contains a day of the truths.
+        The plan's forecast contains a day of the realizations.
     """
     check_held_out(realizations, result.problem.ensemble)
     drone = result.composition.drone
@@ -247,8 +247,8 @@ def clairvoyant_times(
 
     Parameters
     ----------
-    truths : Truths
-        The truths.
+    realizations : Realizations
+        The realizations.
     drone : str
         Drone that it plans for.
     planner : str
@@ -260,7 +260,7 @@ def clairvoyant_times(
 
     Returns
     -------
-    delivery_s : ndarray, shape (runs of the truths,)
+    delivery_s : ndarray, shape (runs of the realizations,)
         NaN where unknown or without a route.
     spent_s : float
         Planning time, all together.

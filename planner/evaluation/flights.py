@@ -1,4 +1,4 @@
-"""What becomes of deliveries in sampled truths; fixed itineraries are flown in all of them at once."""
+"""What becomes of deliveries in realizations; fixed itineraries are flown in all of them at once."""
 
 from __future__ import annotations
 
@@ -99,14 +99,14 @@ def pooled(parts: Sequence[Flown]) -> Flown:
 
 
 def fly_itinerary(realizations: Realizations, drone: str, itinerary: Itinerary) -> Flown:
-    """Fly a fixed itinerary in all truths."""
+    """Fly a fixed itinerary in all realizations."""
     problem = realizations.problem(drone)
     runs = np.arange(len(realizations))
-    return tally(problem, itinerary, realizations.block, courses(realizations, problem, itinerary, runs))
+    return tally(problem, itinerary, realizations.block, schedules(realizations, problem, itinerary, runs))
 
 
 def fly_charging(realizations: Realizations, drone: str, policy: ChargePolicy) -> Flown:
-    """Fly a route that charges by what is known at each stop in all truths."""
+    """Fly a route that charges by what is known at each stop in all realizations."""
     problem = realizations.problem(drone)
     nodes = place_nodes(problem, policy.itinerary)
     wanted, position = np.unique(realizations.queue, return_inverse=True)
@@ -115,14 +115,14 @@ def fly_charging(realizations: Realizations, drone: str, policy: ChargePolicy) -
         found = realizations.queues(problem, nodes, queue)
         paths += [found[node] for node in nodes]
     disturbance = realizations.disturbance()._replace(queue=position.astype(np.int64))
-    course, _ = policy.fly(problem, disturbance, realizations.day, paths)
-    return tally(problem, policy.itinerary, realizations.block, course)
+    schedule, _ = policy.fly(problem, disturbance, realizations.day, paths)
+    return tally(problem, policy.itinerary, realizations.block, schedule)
 
 
-def courses(
+def schedules(
     realizations: Realizations, problem: Problem, itinerary: Itinerary, runs: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Course of an itinerary in some truths, shape (runs, hops, 7); see `course_kernels`."""
+    """Schedule of an itinerary in some realizations, shape (runs, legs, 7); see `schedule_kernels`."""
     nodes = place_nodes(problem, itinerary)
     wanted, position = np.unique(realizations.queue[runs], return_inverse=True)
     paths = []
@@ -133,16 +133,16 @@ def courses(
     return fly_as_it_stands(problem, itinerary, realizations.day[runs], disturbance, paths)
 
 
-def tally(problem: Problem, itinerary: Itinerary, block: NDArray[np.int64], course: NDArray[np.float64]) -> Flown:
-    """Tell what became of runs of one itinerary from their courses, shape (runs, hops, 7)."""
-    down, soc = course[:, :, TOUCH_DOWN], course[:, :, SOC_LANDING]
+def tally(problem: Problem, itinerary: Itinerary, block: NDArray[np.int64], schedule: NDArray[np.float64]) -> Flown:
+    """Tell what became of runs of one itinerary from their schedules, shape (runs, legs, 7)."""
+    down, soc = schedule[:, :, TOUCH_DOWN], schedule[:, :, SOC_LANDING]
     begun = np.isfinite(down)
     lowest = np.where(begun, soc, np.inf).min(axis=1)
-    ending = np.full(len(course), DELIVERED)
+    ending = np.full(len(schedule), DELIVERED)
     ending[~begun.all(axis=1)] = UNFLYABLE
     ending[lowest < 0.0] = STRANDED
     whole = ending == DELIVERED
-    flown = course[whole]
+    flown = schedule[whole]
     recharge = np.zeros(len(flown))
     for number, node in enumerate(stop_nodes(problem, itinerary)):
         before = flown[:, number - 1, SOC_LANDING] if number else np.full(len(flown), problem.soc)
@@ -153,7 +153,7 @@ def tally(problem: Problem, itinerary: Itinerary, block: NDArray[np.int64], cour
     flight = (flown[:, :, TOUCH_DOWN] - flown[:, :, TAKE_OFF]).sum(axis=1)
 
     def spread(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        out = np.full(len(course), np.nan)
+        out = np.full(len(schedule), np.nan)
         out[whole] = values
         return out
 

@@ -1,4 +1,4 @@
-"""Policies: what decides anew while a delivery is under way, and what it knows when it does."""
+"""Policies that decide while a delivery is under way, and what they know when they do."""
 
 from __future__ import annotations
 
@@ -90,14 +90,14 @@ class OpenLoop:
     itinerary: Itinerary
 
     def decide(self, standing: Standing) -> Leg | None:
-        """The hop that the itinerary has at this stop."""
+        """The leg that the itinerary has at this stop."""
         number = len(standing.visited)
         return self.itinerary[number] if number < len(self.itinerary) else None
 
 
 @dataclass(frozen=True)
 class Rolling:
-    """Plans anew at every stop with a planner by name, and flies the first hop of each plan.
+    """Plans again at every stop with a named planner, and flies the first leg of each plan.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Rolling:
     forecast: Callable[[Standing], WindEnsemble]
 
     def decide(self, standing: Standing) -> Leg | None:
-        """The first hop of the plan from here."""
+        """The first leg of the plan from here."""
         request = replace(self.request, state=standing.state())
         try:
             return plan(self.scenario, request, planner=self.planner, forecast=self.forecast(standing)).itinerary[0]

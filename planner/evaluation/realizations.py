@@ -1,4 +1,4 @@
-"""Sampled truths: what deliveries are evaluated in, the same for all planners.
+"""Realizations that deliveries are evaluated in, the same for all planners.
 
 A truth is the wind of a day of the record that the planner's forecast did not contain, gusts about it, a set of queues,
 and the error of one vehicle's energy model. Run `r` of a day is the same truth whoever flies in it: gusts, queues and
@@ -40,7 +40,7 @@ _QUEUES, _VEHICLE = 0x51, 0x56  # words of seeds, so that streams are apart
 
 @dataclass(frozen=True, eq=False)
 class Realizations:
-    """Sampled truths of one request; make them with `sample_realizations`.
+    """Realizations of one request; make them with `sample_realizations`.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class Realizations:
         )
 
     def queues(self, problem: Problem, nodes: Sequence[int], queue: int) -> dict[int, QueuePath]:
-        """One set of queues at some nodes; kept, since all who fly in these truths meet the same ones."""
+        """One set of queues at some nodes; kept, since all who fly in these realizations meet the same ones."""
         missing = [node for node in dict.fromkeys(nodes) if (queue, node) not in self._met]
         if missing:
             if len(self._met) > MAX_KEPT:
@@ -142,7 +142,7 @@ def sample_realizations(
     errors: Errors = USUAL_ERRORS,
     seed: int = 0,
 ) -> Realizations:
-    """Sample truths of a request.
+    """Sample realizations of a request.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def season_days(scenario: Scenario, request: Request, count: int, *, seed: int =
 
 
 def check_held_out(realizations: Realizations, forecast: WindEnsemble) -> None:
-    """Raise an `InputError` where a forecast contains a day that the truths are of."""
+    """Raise an `InputError` where a forecast contains a day that the realizations are of."""
     known = {day.isoformat() for day in realizations.days} & set(forecast.labels)
     if known:
         remedy = "forecast with held_out_forecast, or name the day as --truth"

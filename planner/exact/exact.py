@@ -85,7 +85,7 @@ class ExactSearch:
 
     Attributes
     ----------
-    looked_at : int
+    labels_expanded : int
         Labels continued so far.
     complete : bool
         Whether the search ended with a proof: that the answer is the best, or that there is none.
@@ -109,7 +109,7 @@ class ExactSearch:
     ) -> None:
         self.problem = problem
         self.queues = queues
-        self.looked_at = 0
+        self.labels_expanded = 0
         self.complete = True
         self.best_s = math.inf
         self.lower_bound_s = problem.depart_s
@@ -183,7 +183,7 @@ class ExactSearch:
 
     @property
     def _given_up(self) -> bool:
-        return self.looked_at >= self._most_labels or time.perf_counter() >= self._end_at
+        return self.labels_expanded >= self._most_labels or time.perf_counter() >= self._end_at
 
     def _come_by_s(self, land_by_s: float) -> float:
         return come_by_s(self.problem, self.queues, land_by_s)
@@ -306,12 +306,12 @@ class ExactSearch:
             needed,
             stop_at,
             answered=self._answer is not None,
-            most=self._most_labels - self.looked_at,
+            most=self._most_labels - self.labels_expanded,
             least_s=self.lower_bound_s,
             end_at=self._end_at,
         )
         one.run()
-        self.looked_at += one.looked_at
+        self.labels_expanded += one.labels_expanded
         if one.best is not None:
             self.best_s = stop_labels.best_s
             self._answer = stop_labels.trace(*one.best)

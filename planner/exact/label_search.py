@@ -103,7 +103,7 @@ class Round:
     ----------
     best : (list of Stay, float) or None
         Stays and last take-off of the best composition found, which arrives at ``stays.best_s``.
-    looked_at : int
+    labels_expanded : int
         Labels continued.
     complete : bool
         Whether the search came to its end.
@@ -132,7 +132,7 @@ class Round:
         self.least_s = least_s
         self.end_at = end_at
         self.complete = True
-        self.looked_at = 0
+        self.labels_expanded = 0
         self.best: tuple[list[StopLabel], float] | None = None
         self._settled: dict[int, _Envelope] = {}
         self._flights: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
@@ -147,7 +147,7 @@ class Round:
             after = self._expand(label)
             if self.best is not None and self.stop_labels.best_s <= self.least_s + GAIN_S:
                 return
-            if self.looked_at >= self.most or self._late():
+            if self.labels_expanded >= self.most or self._late():
                 self.complete = False
                 return
             # Until there is an answer the best continuation is followed at once.
@@ -212,7 +212,7 @@ class Round:
         stop_label, stop_labels = label.stop_label, self.stop_labels
         if not self._settle(stop_label):
             return None
-        self.looked_at += 1
+        self.labels_expanded += 1
         subnetwork, guide = stop_labels.subnetwork, self.guide
         offset, pieces = self._flights_from(stop_label.node)
         if stop_labels.leaves_at_once(stop_label):

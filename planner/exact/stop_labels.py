@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class StopLabel:
-    """A stop and its profiles; see `planner.schedule.profile_kernels`. Its node is that of the terrain."""
+    """A stop and its profiles; see `planner.schedule.profile_kernels`. Its node is that of the subnetwork."""
 
     node: int
     z: NDArray[np.float64]
@@ -89,7 +89,7 @@ class StopLabels:
         The delivery.
     queues : mapping of int to QueuePath
         The true queue at each station with pads.
-    terrain : Terrain
+    subnetwork : Subnetwork
         Where and in which wind flights are looked at.
     needed : ndarray, shape (points, 2)
         See `planner.exact.escape.needed_at_destination`.
@@ -168,7 +168,7 @@ class StopLabels:
         return (max(1.0, p.soc) - p.reserve - p.soc_fixed) / p.soc_per_s
 
     def curve(self, node: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Charging curve of a node of the terrain."""
+        """Charging curve of a node of the subnetwork."""
         return self.problem.curve(int(self.subnetwork.nodes[node]))
 
     def origin(self) -> StopLabel:

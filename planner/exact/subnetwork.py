@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Subnetwork:
-    """Some nodes of a network with the segments between them, numbered anew, over some slots.
+    """Some nodes of a network with the segments between them, renumbered, over some slots.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Subnetwork:
     place_m : ndarray, shape (nodes, 3)
         Where the nodes are, for `places`.
     origin, destination : int
-        Of the delivery, in the numbers of this terrain.
+        Of the delivery, in the numbers of this subnetwork.
     horizon_s : float
         No drone takes off after this.
     """
@@ -149,7 +149,7 @@ def whole_subnetwork(problem: Problem, queues: Mapping[int, QueuePath]) -> Subne
 
 
 def narrowed(all_of_it: Subnetwork, keep: NDArray[np.bool_]) -> Subnetwork:
-    """Cut a terrain down to some of its nodes, origin and destination among them."""
+    """Cut a subnetwork down to some of its nodes, origin and destination among them."""
     nodes = np.flatnonzero(keep)
     old = all_of_it.table
     first, head, segments = _cut(old.first, old.head, nodes)

@@ -55,7 +55,7 @@ class Lookahead:
         self._tally = np.zeros(2, dtype=np.int64)
 
     @property
-    def looked_at(self) -> int:
+    def labels_expanded(self) -> int:
         """Flights evaluated so far."""
         return int(self._tally[FLIGHTS])
 

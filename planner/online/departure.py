@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Departure:
-    """How to leave a stop, until the wind is measured anew or it is time to look again.
+    """How to leave a stop, until the wind is measured again or it is time to look again.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Departure:
     need : callable
         Charge without which the flight is not begun at a time, POSIX seconds.
     look_s : float
-        Decide anew then, POSIX seconds.
+        Decide again then, POSIX seconds.
     turning : Turning or None
         How it may turn back on the first segment.
     """

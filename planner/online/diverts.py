@@ -188,7 +188,7 @@ class Reach:
         )
 
     def mean_load(self, way: Sequence[Place], time_s: float) -> float:
-        """Power over that of the model in the mean of a way's cruise."""
+        """Power over that of the model, averaged over the cruise of a way."""
         flown = self.along(way, time_s)
         time_mean = float(self.expected(flown.time_s[:, -1]))
         return float(self.expected(flown.soc[:, -1])) / (self.soc_per_s * time_mean) if time_mean > 0.0 else 1.0

@@ -377,7 +377,7 @@ class Hindsight:
 
     @cached_property
     def _new_wind_s(self) -> float:
-        """When the wind is measured anew."""
+        """When the wind is measured again."""
         return float(slot_end(self.problem.air, slot_of(self.problem.air, self.problem.depart_s)))
 
     def _charged_s(self, future: Future, charge: float) -> float:

@@ -56,7 +56,7 @@ class ReplanSettings:
     epsilon_flight : float
         In flight, above this probability of landing below the reserve what else can be done is weighed.
     epsilon_later : float
-        Charges of later legs, which are decided anew when they are near, may be too low in this share of the forecast.
+        Charges of later legs, which are decided again when they are near, may be too low in this share of the forecast.
     plan_sigmas, strict_sigmas : float
         Plans are made with the energy factor so many standard deviations above its mean; with the second where no plan of
         the first can be flown.
@@ -293,7 +293,7 @@ class GroundReplanner:
         return found or Candidate(itinerary, outcome), ""
 
     def _composed(self, problem: Problem, forecast: WindEnsemble) -> tuple[Itinerary, Outcome]:
-        """Compose; of ``robust`` the way is taken, for its charges and its promise are worked out anew here."""
+        """Compose; of ``robust`` the way is taken, for its charges and its promise are worked out again here."""
         if self.planner == ROBUST:
             best = RobustSearch(problem).candidates()[0]
             return best.policy.itinerary, best.outcome
@@ -343,11 +343,11 @@ class GroundReplanner:
         """Complete a candidate: enough charge for the next leg and its diverts, and wind that lets it leave."""
         settings = self.settings
         try:
-            member, course = typical_member(problem, chosen.itinerary)
+            member, schedule = typical_member(problem, chosen.itinerary)
         except NoRouteError as error:
             return Decision("stop", str(error), {"station": standing.station, "soc": standing.soc})
         told = compose(
-            problem, chosen.itinerary, course, member, chosen.outcome, planner=self.planner, planning_time_s=0.0
+            problem, chosen.itinerary, schedule, member, chosen.outcome, planner=self.planner, planning_time_s=0.0
         )
         service = told.services[0]
         planned = chosen.itinerary[0].charge_to or 0.0

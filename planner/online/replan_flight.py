@@ -149,7 +149,7 @@ class FlightReplanner:
         )
 
     def _due(self, airborne: Airborne, now: Option) -> bool:
-        """Whether to weigh anew: some time after the last time, or as soon as the risk has grown."""
+        """Whether to weigh again: some time after the last time, or as soon as the risk has grown."""
         at_s, risk = self._weighed
         return airborne.sudden or airborne.time_s >= at_s + WEIGHED_AGAIN_S or now.p_reserve > WEIGHED_AGAIN * risk
 

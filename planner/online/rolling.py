@@ -1,4 +1,4 @@
-"""The robust planner anew at every stop, with what is known there."""
+"""The robust planner in a rolling horizon: it decides again at every stop with what is known there."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def with_measured(forecast: WindEnsemble, standing: Standing) -> WindEnsemble:
 
 @dataclass(frozen=True)
 class RollingRobust:
-    """A policy for `planner.evaluation.evaluate.fly_policy`: decides anew at every stop and over the stations on its way.
+    """A policy for `planner.evaluation.evaluate.fly_policy`: decides again at every stop and over the stations on its way.
 
     Attributes
     ----------
     start : Problem
-        As at the departure, with a forecast that does not hold the truths.
+        As at the departure, with a forecast that does not hold the realizations.
     errors : Errors
         What the truth has beyond the forecast.
     """

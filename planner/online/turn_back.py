@@ -34,7 +34,7 @@ MAX_MORE = 0.5
 SPARE = 0.01
 """So much more energy than a flight takes without gusts is what is tried at least: so well is the wind known."""
 CHANCES = 2.0
-"""A flight's epsilon is shared out among so many: it is judged anew again and again on the way out."""
+"""A flight's epsilon is shared out among so many: it is judged again and again on the way out."""
 LIKELY = 0.5
 """Least chance to get there that is worth a try."""
 

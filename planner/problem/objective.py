@@ -1,4 +1,4 @@
-"""What a delivery is planned for: an early arrival in the mean, or hardly ever a late one, or a deadline."""
+"""What a delivery is planned for: an early arrival on average, or hardly ever a late one, or a deadline."""
 
 from __future__ import annotations
 

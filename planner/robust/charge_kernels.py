@@ -154,26 +154,26 @@ def fly_by_required_soc(
     learned: bool,
     at_once: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Fly a sequence of hops in several runs, charging by what is known at each stop.
+    """Fly a sequence of legs in several runs, charging by what is known at each stop.
 
-    Takes members, rows and sets of queues that are there, and a segment or more for each hop; `planner.problem.kernel_inputs` checks them in
+    Takes members, rows and sets of queues that are there, and a segment or more for each leg; `planner.problem.kernel_inputs` checks them in
     `ChargePolicy.fly`.
 
     Parameters
     ----------
     known : Known
         The rule.
-    landing : ndarray, shape (hops,)
+    landing : ndarray, shape (legs,)
         Least charge at the end of each: the reserve, and at the last the way on.
     sky, truth, member
         What is true in each run: see `planner.schedule.schedule_kernels.fly_under`.
     row : ndarray of int, shape (runs,)
         Row of `Known.share` of each run.
-    hops, queues, waits, start, cost
+    legs, queues, waits, start, cost
         As there; of `Legs` the segments, curves and pads are read.
     room, there : Room, Present
-        Of the stations at the ends of the hops, and who is at those before them; looked at where queues are sampled.
-    tables : ndarray, shape (members, hops, points)
+        Of the stations at the ends of the legs, and who is at those before them; looked at where queues are sampled.
+    tables : ndarray, shape (members, legs, points)
         Needs found so far, NaN where not yet; written to. They hold for the same truth, flights and forecast, whatever
         the margin. See `required_soc_tables`.
     learned : bool
@@ -183,9 +183,9 @@ def fly_by_required_soc(
 
     Returns
     -------
-    course : ndarray, shape (runs, hops, 7)
-        As `fly_under`; infinite from the hop on that is never flown.
-    strain : ndarray, shape (runs, hops)
+    schedule : ndarray, shape (runs, legs, 7)
+        As `fly_under`; infinite from the leg on that is never flown.
+    energy_ratio : ndarray, shape (runs, legs)
         Energy that the flight took as a share of what the rule without its margin charges for; 0 where not flown.
     """
     count = len(landing)

@@ -25,11 +25,11 @@ from skyway.planner.robust.free_capacity import present_in, room_at
 from skyway.planner.robust.required_soc_kernels import Known, required_soc_tables
 from skyway.planner.schedule.audit import World
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
-from skyway.planner.schedule.itinerary import fly_as_it_stands, held_in_the_air, hops_of, no_waits, place_nodes
+from skyway.planner.schedule.itinerary import fly_as_it_stands, held_in_the_air, legs_of, no_waits, place_nodes
 from skyway.planner.schedule.no_route import grounded_leg, never_leaves
 from skyway.planner.schedule.outcome import outcome
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN, Queues, Waits, no_queues
-from skyway.planner.schedule.typical import Runs, typical_course
+from skyway.planner.schedule.typical import Runs, typical_schedule
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -104,7 +104,7 @@ def simulated_realizations(
 ) -> tuple[NDArray[np.int64], Disturbance, list[QueuePath]]:
     """Worlds in which routes are tried, the same for all of one request: (member of each run, its sky, queue paths).
 
-    Paths are those of `QUEUES` sets at the stop before each flight, in order (set, hop). See `ChargePolicy.rehearse`.
+    Paths are those of `QUEUES` sets at the stop before each flight, in order (set, leg). See `ChargePolicy.simulate`.
     """
     count = len(problem.probability)
     chosen = evenly(count, count if max_realizations is None else max_realizations)
@@ -126,7 +126,7 @@ def queue_sets(problem: Problem, itinerary: Itinerary, worlds: int) -> list[Queu
 
 
 def world_of(problem: Problem, itinerary: Itinerary, typical: Typical) -> World:
-    """In which world of ``PROMISING`` a typical course was flown, for its audit."""
+    """In which world of ``PROMISING`` a typical schedule was flown, for its audit."""
     queues = None
     if typical.queue is not None:
         sample = sum(QUEUES[:PROMISING]) + typical.queue
@@ -137,19 +137,19 @@ def world_of(problem: Problem, itinerary: Itinerary, typical: Typical) -> World:
 def simulate_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Runs:
     """Fly an itinerary as it stands in the worlds in which is counted what a `ChargePolicy` promises."""
     members, disturbance, paths = simulated_realizations(problem, itinerary, errors, runs, worlds=PROMISING)
-    course = fly_as_it_stands(problem, itinerary, members, disturbance, paths)
+    schedule = fly_as_it_stands(problem, itinerary, members, disturbance, paths)
     weight = problem.probability[members]
-    return Runs(course, weight / weight.sum(), members, disturbance.queue)
+    return Runs(schedule, weight / weight.sum(), members, disturbance.queue)
 
 
 def typical_fixed(problem: Problem, itinerary: Itinerary, runs: Runs) -> Typical:
-    """Choose the typical course of an itinerary that is flown as it stands; see `planner.schedule.typical`."""
+    """Choose the typical schedule of an itinerary that is flown as it stands; see `planner.schedule.typical`."""
     paths = queue_sets(problem, itinerary, PROMISING)
 
     def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
         return fly_as_it_stands(problem, itinerary, members, no_disturbance(len(members))._replace(queue=queues), paths)
 
-    return typical_course(runs, problem.reserve, fly)
+    return typical_schedule(runs, problem.reserve, fly)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ class ChargePolicy:
     problem : Problem
         With the forecast at the time of planning.
     itinerary : Itinerary
-        The flights; ``charge_to`` is the charge of the typical course.
+        The flights; ``charge_to`` is the charge of the typical schedule.
     known : Known
         The rule.
     most_full : float
@@ -178,7 +178,7 @@ class ChargePolicy:
 
     @cached_property
     def landing(self) -> NDArray[np.float64]:
-        """Least charge at the end of each flight, shape (hops,)."""
+        """Least charge at the end of each flight, shape (legs,)."""
         least = np.full(len(self), self.problem.reserve)
         if self.problem.needs_escape:
             least[-1] += self._escape
@@ -209,7 +209,7 @@ class ChargePolicy:
         learned: bool = False,
         tables: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Fly it in truths: (course, strain), see `planner.robust.charge_kernels.fly_by_required_soc`.
+        """Fly it in realizations: (schedule, energy_ratio), see `planner.robust.charge_kernels.fly_by_required_soc`.
 
         Parameters
         ----------
@@ -232,7 +232,7 @@ class ChargePolicy:
         """
         row = np.zeros(len(member), dtype=np.int64) if share is None else member
         known = self.known if share is None else self.known._replace(share=share)
-        legs = hops_of(truth, self.itinerary)
+        legs = legs_of(truth, self.itinerary)
         realizations = len(truth.air.north)
         check_runs(member, realizations, disturbance, paths, len(self) + 1)
         check_shape(
@@ -263,11 +263,11 @@ class ChargePolicy:
             learned,
             truth.in_flight,
         )
-        course, energy_ratio = flown[0], flown[1]
+        schedule, energy_ratio = flown[0], flown[1]
         if start is None:
-            held = held_in_the_air(truth, course)
-            course[held], energy_ratio[held] = np.inf, 0.0
-        return course, energy_ratio
+            held = held_in_the_air(truth, schedule)
+            schedule[held], energy_ratio[held] = np.inf, 0.0
+        return schedule, energy_ratio
 
     def simulate(
         self,
@@ -283,10 +283,10 @@ class ChargePolicy:
         Parameters
         ----------
         errors : Errors
-            What the truths have beyond the forecast.
+            What the realizations have beyond the forecast.
         runs : int
             How many, about.
-        most_truths : int, optional
+        max_members : int, optional
             At most so many members are the truth.
         before : Rehearsal, optional
             Of the same flights, whose tables are used again.
@@ -297,12 +297,12 @@ class ChargePolicy:
         p = self.problem
         members, disturbance, paths = simulated_realizations(p, self.itinerary, errors, runs, max_realizations, worlds)
         tables = before.tables if before is not None else required_soc_tables(p.air, len(self))
-        course, energy_ratio = self.fly(p, disturbance, members, paths, share=left_out(p.ensemble), tables=tables)
+        schedule, energy_ratio = self.fly(p, disturbance, members, paths, share=left_out(p.ensemble), tables=tables)
         weight = p.probability[members]
-        return OutOfSample(course, weight / weight.sum(), members, disturbance.queue, energy_ratio, tables)
+        return OutOfSample(schedule, weight / weight.sum(), members, disturbance.queue, energy_ratio, tables)
 
     def typical(self, before: OutOfSample) -> Typical:
-        """Choose the typical course; see `planner.schedule.typical`.
+        """Choose the typical schedule; see `planner.schedule.typical`.
 
         `before` is of the same flights, in the worlds of ``PROMISING``; its tables are used again.
         """
@@ -313,27 +313,27 @@ class ChargePolicy:
             disturbance = no_disturbance(len(members))._replace(queue=queues)
             return self.fly(p, disturbance, members, paths, share=share, tables=before.tables)[0]
 
-        return typical_course(before, p.reserve, fly)
+        return typical_schedule(before, p.reserve, fly)
 
     def grounded(self, out_of_sample: OutOfSample) -> NoRouteError:
-        """Say why no run of a rehearsal of this policy arrives."""
-        leg = grounded_leg(out_of_sample.course)
+        """Say why no run of an out-of-sample simulation of this policy arrives."""
+        leg = grounded_leg(out_of_sample.schedule)
         slots = self.problem.air.north.shape[1]
         bases = out_of_sample.tables[:, leg, : out_of_sample.tables.shape[2] - 2 * slots]
         least = float(np.nanmin(np.where(np.isnan(bases), math.inf, bases)))
         required = self.landing[leg] + (1.0 + self.known.energy_error) * (1.0 + self.known.margin) * least
         return never_leaves(self.problem, self.itinerary, leg, required)
 
-    def with_charges(self, course: NDArray[np.float64]) -> ChargePolicy:
-        """The same policy whose itinerary names the charges of a course, shape (hops, 7)."""
+    def with_charges(self, schedule: NDArray[np.float64]) -> ChargePolicy:
+        """The same policy whose itinerary names the charges of a schedule, shape (legs, 7)."""
         p = self.problem
         legs = []
         before = p.soc
         for number, leg in enumerate(self.itinerary):
-            leave = float(course[number, SOC_TAKE_OFF])
+            leave = float(schedule[number, SOC_TAKE_OFF])
             charged = math.isfinite(leave) and leave > before + 1e-9
             legs.append(replace(leg, charge_to=leave if charged else None, not_before_s=-math.inf))
-            before = float(course[number, SOC_LANDING])
+            before = float(schedule[number, SOC_LANDING])
         return replace(self, itinerary=tuple(legs))
 
 
@@ -343,7 +343,7 @@ class OutOfSample(Runs):
 
     Attributes
     ----------
-    strain : ndarray, shape (runs, hops)
+    energy_ratio : ndarray, shape (runs, legs)
         Energy of each flight as a share of what it was charged for.
     tables : ndarray
         See `planner.robust.required_soc_kernels.required_soc_tables`.
@@ -355,34 +355,34 @@ class OutOfSample(Runs):
     @property
     def arrival_s(self) -> NDArray[np.float64]:
         """Arrival of each run, POSIX seconds, infinite where there is none."""
-        return self.course[:, -1, TOUCH_DOWN]
+        return self.schedule[:, -1, TOUCH_DOWN]
 
     @property
     def charging(self) -> NDArray[np.float64]:
-        """Share of the runs that charge at the stop before each flight, shape (hops,); the first one counts always."""
-        charged = np.ones(self.course.shape[:2], dtype=bool)
-        charged[:, 1:] = self.course[:, 1:, SOC_TAKE_OFF] > self.course[:, :-1, SOC_LANDING] + 1e-9
+        """Share of the runs that charge at the stop before each flight, shape (legs,); the first one counts always."""
+        charged = np.ones(self.schedule.shape[:2], dtype=bool)
+        charged[:, 1:] = self.schedule[:, 1:, SOC_TAKE_OFF] > self.schedule[:, :-1, SOC_LANDING] + 1e-9
         return np.asarray(self.weight @ charged)
 
     @property
     def charge_used(self) -> float:
         """Mean charge that the flights of a run take together, as SoC."""
-        flown = np.isfinite(self.course[:, :, TOUCH_DOWN])
-        used = np.where(flown, self.course[:, :, SOC_TAKE_OFF], 0.0) - np.where(
-            flown, self.course[:, :, SOC_LANDING], 0.0
+        flown = np.isfinite(self.schedule[:, :, TOUCH_DOWN])
+        used = np.where(flown, self.schedule[:, :, SOC_TAKE_OFF], 0.0) - np.where(
+            flown, self.schedule[:, :, SOC_LANDING], 0.0
         )
         return float(self.weight @ used.sum(axis=1))
 
     def outcome(self, problem: Problem) -> Outcome:
         """Sum the runs up."""
-        return outcome(problem, self.course, self.weight, (self.member, self.queue))
+        return outcome(problem, self.schedule, self.weight, (self.member, self.queue))
 
 
 def margin_for(simulations: Sequence[OutOfSample], epsilon: float) -> float:
-    """Least margin with which at most a share epsilon of rehearsed deliveries would have broken the reserve.
+    """Least margin with which at most a share epsilon of simulated deliveries would have broken the reserve.
 
-    A delivery breaks it where one of its flights takes more energy than was charged for, which the flight's strain
-    tells; the margin is the strain that a share epsilon of the deliveries exceeds, 0 where that is below 1.
+    A delivery breaks it where one of its flights takes more energy than was charged for, which the flight's energy ratio
+    tells; the margin is the energy ratio that a share epsilon of the deliveries exceeds, 0 where that is below 1.
     """
     worst = np.concatenate([found.energy_ratio.max(axis=1) for found in simulations])
     weight = np.concatenate([found.weight for found in simulations])

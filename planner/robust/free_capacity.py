@@ -38,7 +38,7 @@ def _rates(problem: Problem) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def room_at(problem: Problem, nodes: Sequence[int], most: float) -> FreeCapacity:
-    """Room of the stations at the end of each hop, to be looked at before it; where there are no pads is always room."""
+    """Room of the stations at the end of each leg, to be looked at before it; where there are no pads is always room."""
     arrivals, services = _rates(problem)
     at = np.asarray(nodes, dtype=np.int64)
     stations = [problem.network.stations[node] for node in at]

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.typical import Typical
 
 MEMBERS = 30
-"""Members of the forecast that routes are rehearsed in, at most."""
+"""Members of the forecast that routes are simulated in, at most."""
 SPEED_MEMBERS = 10
 """Members whose flight times are averaged on large networks."""
 LARGE = 200
@@ -97,7 +97,7 @@ class Candidate:
         It breaks the reserve more often than allowed, by more than chance may explain.
     loss : tuple of float
         See `planner.problem.objective.Objective.loss`.
-    rehearsal : Rehearsal
+    out_of_sample : OutOfSample
         The runs behind the outcome; the same worlds for all candidates of a comparison.
     """
 
@@ -121,10 +121,10 @@ class RobustAnswer:
     Attributes
     ----------
     policy : ChargePolicy
-        Its itinerary names the charges of the typical course.
+        Its itinerary names the charges of the typical schedule.
     typical : Typical
-        The typical course and the world that it is flown in.
-    rehearsal : Rehearsal
+        The typical schedule and the world that it is flown in.
+    out_of_sample : OutOfSample
         Runs behind the outcome.
     outcome : Outcome
         Out of sample.
@@ -153,7 +153,7 @@ class RobustSearch:
 
     Attributes
     ----------
-    looked_at : int
+    labels_expanded : int
         Stays looked at by the exact searches and simulated deliveries.
     """
 
@@ -166,7 +166,7 @@ class RobustSearch:
     ) -> None:
         self.problem = problem.thinned(members)
         self.errors = errors
-        self.looked_at = 0
+        self.labels_expanded = 0
         self._large = len(problem.network) > LARGE
 
     def solve(self) -> RobustAnswer:
@@ -187,7 +187,7 @@ class RobustSearch:
         raise AssertionError
 
     def finalists(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Order candidates anew after more runs of the first few, and of those that beat them but for the reserve."""
+        """Order candidates again after more runs of the first few, and of those that beat them but for the reserve."""
         if len(candidates) == 1 or self._large:
             return candidates
         first, others = candidates[:FINALISTS], candidates[FINALISTS:]
@@ -210,7 +210,7 @@ class RobustSearch:
         Raises
         ------
         NoRouteError
-            Calibrated, it never arrives, or its typical course runs out of charge.
+            Calibrated, it never arrives, or its typical schedule runs out of charge.
         """
         policy = candidates[0].policy
         out_of_sample = policy.simulate(self.errors, FINAL_RUNS, before=candidates[0].out_of_sample, worlds=PROMISING)
@@ -226,10 +226,10 @@ class RobustSearch:
         if outcome.p_arrive <= 0.0:
             raise policy.grounded(out_of_sample)
         typical = policy.typical(out_of_sample)
-        emptied = emptied_leg(typical.course)
+        emptied = emptied_leg(typical.schedule)
         if emptied is not None:
             raise runs_empty(self.problem, policy.itinerary, emptied)
-        return RobustAnswer(policy.with_charges(typical.course), typical, out_of_sample, outcome, tuple(candidates))
+        return RobustAnswer(policy.with_charges(typical.schedule), typical, out_of_sample, outcome, tuple(candidates))
 
     def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:
         """Routes of all worlds, each once, best first.
@@ -357,7 +357,7 @@ class RobustSearch:
             most_labels=most_labels,
         )
         found = search.find()
-        self.looked_at += search.looked_at
+        self.labels_expanded += search.labels_expanded
         return found
 
     def _judged(
@@ -378,7 +378,7 @@ class RobustSearch:
 
     def _candidate(self, policy: ChargePolicy, out_of_sample: OutOfSample) -> Candidate:
         p = self.problem
-        self.looked_at += len(out_of_sample.weight)
+        self.labels_expanded += len(out_of_sample.weight)
         outcome = out_of_sample.outcome(p)
         unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(out_of_sample.weight)
         return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome), out_of_sample)

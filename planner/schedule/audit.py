@@ -7,7 +7,7 @@ the searches that are told the truth must keep the reserve at every landing and 
 
 Nothing of the searches is used here: the wind triangle, the walk through the slots of the wind, energy by phases of flight
 and the charging curve in closed form are written out once more, in plain Python. Read are data only: the network, the wind
-over its segments, the rules, the drone's power and the times of the queues. The course of a composition is one in the wind of
+over its segments, the rules, the drone's power and the times of the queues. The schedule of a composition is one in the wind of
 one member of the forecast and one set of queues (`World`); under gusts and an energy that is not the model's, nothing but
 its own sums can be compared.
 """
@@ -43,14 +43,14 @@ _EDGE_S = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """What the course of a composition was flown in.
+    """What the schedule of a composition was flown in.
 
     Attributes
     ----------
     member : int
         Of the forecast.
     queues : mapping of int to QueuePath, or None
-        At the node of each stop; None: the course is one with gusts, which is not flown again.
+        At the node of each stop; None: the schedule is one with gusts, which is not flown again.
     arrival_s : float or None
         When the search said that the drone arrives, POSIX seconds, of one that was told the truth.
     """
@@ -70,7 +70,7 @@ def audit(composition: Composition, problem: Problem, itinerary: Itinerary, worl
     """
     one = _Audit(composition, problem, itinerary, world)
     one.decisions()
-    one.course()
+    one.schedule()
     one.sums()
     if world.arrival_s is not None:
         one.proven(world.arrival_s)
@@ -129,7 +129,7 @@ class _Audit:
         if node != self.problem.destination:
             raise self._differ(len(services), "destination", services[-1].destination, network.stations[node].id)
 
-    def course(self) -> None:
+    def schedule(self) -> None:
         """Spend each stop from the landing before it and fly each leg from its take-off."""
         time_s, soc, joined_s = self.begin_s, self.soc, self.begin_s
         node = self.problem.origin

@@ -1,4 +1,4 @@
-"""A course told as a composition: legs with the wind that may blow on them, stops with what is waited for."""
+"""A schedule as a composition: legs with the wind that may blow on them, stops with what is waited for."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ DIVERTS = 3
 def compose(
     problem: Problem,
     itinerary: Itinerary,
-    course: NDArray[np.float64],
+    schedule: NDArray[np.float64],
     member: int,
     result: Outcome,
     *,
@@ -55,10 +55,10 @@ def compose(
     planning_time_s: float,
     notes: tuple[str, ...] = (),
 ) -> Composition:
-    """Tell an itinerary as a composition whose typical course is `course`, flown in one member."""
+    """Return an itinerary as a composition whose typical schedule is `schedule`, flown in one member."""
     network, request, drone = problem.network, problem.request, problem.drone
-    services = [_service(problem, itinerary, course, member, result, number) for number in range(len(itinerary))]
-    stops = [_stop(problem, itinerary, course, number) for number in range(len(itinerary))]
+    services = [_service(problem, itinerary, schedule, member, result, number) for number in range(len(itinerary))]
+    stops = [_stop(problem, itinerary, schedule, number) for number in range(len(itinerary))]
     named = {problem.origin, problem.destination}
     for leg in itinerary:
         for segment in leg.segments:
@@ -128,35 +128,35 @@ def _parameters(drone: Drone) -> dict[str, float | str | None]:
     }
 
 
-def _take_off(problem: Problem, course: NDArray[np.float64], number: int) -> tuple[float, float]:
+def _take_off(problem: Problem, schedule: NDArray[np.float64], number: int) -> tuple[float, float]:
     """Time and charge at the start of a flight; a drone already in the air does not climb again."""
-    time, soc = float(course[number, TAKE_OFF]), float(course[number, SOC_TAKE_OFF])
+    time, soc = float(schedule[number, TAKE_OFF]), float(schedule[number, SOC_TAKE_OFF])
     if number == 0 and problem.in_flight:
         return problem.request.state.time.timestamp(), problem.request.state.soc
     return time, soc
 
 
 def _service(
-    problem: Problem, itinerary: Itinerary, course: NDArray[np.float64], member: int, result: Outcome, number: int
+    problem: Problem, itinerary: Itinerary, schedule: NDArray[np.float64], member: int, result: Outcome, number: int
 ) -> DroneService:
     network = problem.network
     segments = np.array(itinerary[number].segments, dtype=np.int64)
     nodes = [int(network.tail[segments[0]]), *(int(node) for node in network.head[segments])]
     ids = [network.stations[node].id for node in nodes]
-    parts = flight_parts(problem.air, member, segments, float(course[number, TAKE_OFF]))
-    winds = _winds(problem, segments, parts, float(course[number, TAKE_OFF]))
+    parts = flight_parts(problem.air, member, segments, float(schedule[number, TAKE_OFF]))
+    winds = _winds(problem, segments, parts, float(schedule[number, TAKE_OFF]))
     each = [_segment(problem, segment, wind) for segment, wind in zip(segments.tolist(), winds[1:], strict=True)]
     flown = np.array([parts[parts[:, 0] == segment, 2].sum() for segment in segments])
     share = flown / flown.sum()
-    off, soc_off = _take_off(problem, course, number)
-    soc_down = float(course[number, SOC_LANDING])
+    off, soc_off = _take_off(problem, schedule, number)
+    soc_down = float(schedule[number, SOC_LANDING])
     return DroneService(
         id=f"leg-{number + 1}",
         origin=ids[0],
         destination=ids[-1],
         via=tuple(ids[1:-1]),
         depart=_instant(off),
-        arrive=_instant(course[number, TOUCH_DOWN]),
+        arrive=_instant(schedule[number, TOUCH_DOWN]),
         distance_m=float(network.distance_m[segments].sum()),
         bearing_deg=float(network.bearing_deg[segments[0]]),
         ground_speed_mps=float(parts[:, 2] @ parts[:, 3] / parts[:, 2].sum()),
@@ -213,13 +213,13 @@ def _segment(problem: Problem, segment: int, wind: WindSummary) -> LegSegment:
     return LegSegment(head, float(network.distance_m[segment]), bearing, wind.wind, along, across)
 
 
-def _stop(problem: Problem, itinerary: Itinerary, course: NDArray[np.float64], number: int) -> Stop | None:
+def _stop(problem: Problem, itinerary: Itinerary, schedule: NDArray[np.float64], number: int) -> Stop | None:
     """The stay before a flight; None before the first one where the drone leaves at once."""
     node = int(problem.network.tail[itinerary[number].segments[0]])
-    arrive = problem.depart_s if number == 0 else float(course[number - 1, TOUCH_DOWN])
-    soc_from = problem.soc if number == 0 else float(course[number - 1, SOC_LANDING])
-    leave, soc_to = float(course[number, TAKE_OFF]), float(course[number, SOC_TAKE_OFF])
-    pad = float(course[number, PAD])
+    arrive = problem.depart_s if number == 0 else float(schedule[number - 1, TOUCH_DOWN])
+    soc_from = problem.soc if number == 0 else float(schedule[number - 1, SOC_LANDING])
+    leave, soc_to = float(schedule[number, TAKE_OFF]), float(schedule[number, SOC_TAKE_OFF])
+    pad = float(schedule[number, PAD])
     if number == 0 and (problem.in_flight or leave <= arrive + 5e-4):
         return None
     charges = soc_to > soc_from + 1e-12
@@ -233,7 +233,7 @@ def _stop(problem: Problem, itinerary: Itinerary, course: NDArray[np.float64], n
         wait_s=(marks[1] - marks[0]) / 1000.0,
         recharge_s=(marks[2] - marks[1]) / 1000.0,
         hold_s=held_s,
-        hold_room_s=min(round(float(course[number, ROOM]), 3), held_s),
+        hold_room_s=min(round(float(schedule[number, ROOM]), 3), held_s),
         soc_from=soc_from,
         soc_to=soc_to,
         p_pad_free=min(max(p_free, 0.0), 1.0),

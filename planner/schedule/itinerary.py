@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 SAMPLES_PER_MEMBER = 8
 """Sampled queues that each member of the forecast is flown with."""
 TYPICAL_SLOTS = 8
-"""Slots of the forecast in which the winds of members are compared for the typical course."""
+"""Slots of the forecast in which the winds of members are compared for the typical schedule."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ Itinerary = tuple[Leg, ...]
 
 
 def fly_expected(problem: Problem, itinerary: Itinerary) -> NDArray[np.float64]:
-    """Fly an itinerary in every member with expected waits, shape (members, hops, 7); see `course_kernels`."""
+    """Fly an itinerary in every member with expected waits, shape (members, legs, 7); see `schedule_kernels`."""
     nodes = stop_nodes(problem, itinerary)
     problem.waits.need(nodes)
     waits = Waits(problem.waits.start_s, problem.waits.step_s, problem.waits.wait_s[nodes])
@@ -72,7 +72,7 @@ def fly_expected(problem: Problem, itinerary: Itinerary) -> NDArray[np.float64]:
 def fly_sampled(
     problem: Problem, itinerary: Itinerary, samples: int = SAMPLES_PER_MEMBER
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Fly an itinerary in every member with sampled queues: (runs, shape (runs, hops, 7); probability, shape (runs,))."""
+    """Fly an itinerary in every member with sampled queues: (runs, shape (runs, legs, 7); probability, shape (runs,))."""
     nodes = place_nodes(problem, itinerary)
     paths = [found[node] for found in problem.queue_sets(nodes, range(samples)) for node in nodes]
     members = np.repeat(np.arange(len(problem.probability)), samples)
@@ -82,7 +82,7 @@ def fly_sampled(
 
 
 def fly_true(problem: Problem, itinerary: Itinerary, queues: dict[int, QueuePath]) -> NDArray[np.float64]:
-    """Fly an itinerary in the first member with given queues, shape (1, hops, 7)."""
+    """Fly an itinerary in the first member with given queues, shape (1, legs, 7)."""
     paths = [queues.get(node) or no_queue() for node in place_nodes(problem, itinerary)]
     return _fly(problem, itinerary, np.zeros(1, dtype=np.int64), paths, no_waits(len(itinerary)))
 
@@ -94,7 +94,7 @@ def fly_as_it_stands(
     disturbance: Disturbance,
     paths: Sequence[QueuePath],
 ) -> NDArray[np.float64]:
-    """Fly an itinerary in members with sampled queues: sets that `sky` names, paths in order (set, hop)."""
+    """Fly an itinerary in members with sampled queues: sets that `sky` names, paths in order (set, leg)."""
     return _fly(problem, itinerary, members, paths, no_waits(len(itinerary)), disturbance)
 
 
@@ -104,12 +104,12 @@ def no_waits(legs: int) -> Waits:
 
 
 def place_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
-    """Node of the stop before each hop, and the one where the last hop ends: whose queues a delivery meets."""
+    """Node of the stop before each leg, and the one where the last leg ends: whose queues a delivery meets."""
     return [*stop_nodes(problem, itinerary), int(problem.network.head[itinerary[-1].segments[-1]])]
 
 
 def stop_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
-    """Node of the stop before each hop; an `InputError` where the itinerary is none."""
+    """Node of the stop before each leg; an `InputError` where the itinerary is none."""
     check_itinerary(problem.network, itinerary)
     return [int(problem.network.tail[leg.segments[0]]) for leg in itinerary]
 
@@ -125,22 +125,22 @@ def _fly(
     start = (float(problem.depart_s), float(problem.soc))
     cost = (float(problem.soc_per_s), float(problem.soc_fixed))
     disturbance = disturbance or no_disturbance(len(members))
-    legs = hops_of(problem, itinerary)
+    legs = legs_of(problem, itinerary)
     check_runs(members, len(problem.air.north), disturbance, paths, len(itinerary) + 1)
     queues = Queues(*pack(paths)) if paths else no_queues()
-    course = fly_under(disturbance, problem.air, members, legs, queues, waits, start, cost)
-    course[held_in_the_air(problem, course)] = math.inf
-    return course
+    schedule = fly_under(disturbance, problem.air, members, legs, queues, waits, start, cost)
+    schedule[held_in_the_air(problem, schedule)] = math.inf
+    return schedule
 
 
-def held_in_the_air(problem: Problem, course: NDArray[np.float64]) -> NDArray[np.bool_]:
+def held_in_the_air(problem: Problem, schedule: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which runs the wind lets begin only later, though the drone is in the air and cannot hold, shape (runs,)."""
-    late = course[:, 0, TAKE_OFF] > problem.depart_s + 1e-3
+    late = schedule[:, 0, TAKE_OFF] > problem.depart_s + 1e-3
     return np.asarray(late if problem.in_flight else np.zeros_like(late))
 
 
-def hops_of(problem: Problem, itinerary: Itinerary) -> Legs:
-    """Lay an itinerary out as arrays for `course_kernels`."""
+def legs_of(problem: Problem, itinerary: Itinerary) -> Legs:
+    """Lay an itinerary out as arrays for `schedule_kernels`."""
     stops = stop_nodes(problem, itinerary)
     offset = np.cumsum([0, *(len(leg.segments) for leg in itinerary)])
     curves = [problem.curve(node) for node in stops]
@@ -157,7 +157,7 @@ def hops_of(problem: Problem, itinerary: Itinerary) -> Legs:
 
 
 def typical_member(problem: Problem, itinerary: Itinerary) -> tuple[int, NDArray[np.float64]]:
-    """Member for the typical course, and that course with expected waits, shape (hops, 7).
+    """Member for the typical schedule, and that schedule with expected waits, shape (legs, 7).
 
     Of the tenth of the members whose arrival is nearest to the median arrival, the one whose wind is nearest to that
     of all the others (least mean vector distance over the first hours).

@@ -37,15 +37,15 @@ def joined(problem: Problem) -> bool:
     return bool(_reached(problem, np.ones(len(problem.network.tail), dtype=np.bool_))[problem.destination])
 
 
-def grounded_leg(courses: NDArray[np.float64]) -> int:
-    """Number of the leg at which most runs end, of courses of shape (runs, hops, 6) of which none arrives."""
-    first = np.argmin(np.isfinite(courses[:, :, TOUCH_DOWN]), axis=1)
+def grounded_leg(schedules: NDArray[np.float64]) -> int:
+    """Number of the leg at which most runs end, of schedules of shape (runs, legs, 6) of which none arrives."""
+    first = np.argmin(np.isfinite(schedules[:, :, TOUCH_DOWN]), axis=1)
     return int(np.argmax(np.bincount(first)))
 
 
-def emptied_leg(course: NDArray[np.float64]) -> int | None:
-    """Number of the first leg that a course of shape (hops, 6) lands from below an empty battery; None where there is none."""
-    empty = course[:, SOC_LANDING] < 0.0
+def emptied_leg(schedule: NDArray[np.float64]) -> int | None:
+    """Number of the first leg that a schedule of shape (legs, 6) lands from below an empty battery; None where there is none."""
+    empty = schedule[:, SOC_LANDING] < 0.0
     return int(np.argmax(empty)) if empty.any() else None
 
 

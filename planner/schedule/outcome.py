@@ -35,9 +35,9 @@ class Outcome:
         Departure asked for, POSIX seconds.
     arrival_s, weight : ndarray, shape (runs that arrive,)
         Arrival of each run, POSIX seconds, and its probability.
-    p_reserve : ndarray, shape (hops,)
+    p_reserve : ndarray, shape (legs,)
         Probability that the landing keeps the reserve, given that the flight is flown at all.
-    p_hold, p_hold_room : ndarray, shape (hops,)
+    p_hold, p_hold_room : ndarray, shape (legs,)
         Probabilities that the drone, ready to leave, holds before the flight for the wind, and for room at the next
         station; given likewise.
     p_success : float

@@ -30,12 +30,12 @@ class Legs(NamedTuple):
     Attributes
     ----------
     offset, segments : ndarray of int
-        Segments of hop i are ``segments[offset[i] : offset[i + 1]]``.
-    charge_to, not_before_s : ndarray, shape (hops,)
+        Segments of leg i are ``segments[offset[i] : offset[i + 1]]``.
+    charge_to, not_before_s : ndarray, shape (legs,)
         At the stop before: charge to this SoC (NaN: use no pad) and stay until this time (-inf: do not).
-    curve_s, curve_soc : ndarray, shape (hops, points)
+    curve_s, curve_soc : ndarray, shape (legs, points)
         Charging curve at the stop before; rows padded by repeating the last point.
-    has_pads : ndarray of bool, shape (hops,)
+    has_pads : ndarray of bool, shape (legs,)
         Whether there is a pad at the stop before at all.
     """
 
@@ -51,7 +51,7 @@ class Legs(NamedTuple):
 class Queues(NamedTuple):
     """Sets of queue paths, packed by `models.queues.sampling.pack` in order (set, place).
 
-    The places of a set are the stop before each hop and, last, the station where the route ends: one more than hops.
+    The places of a set are the stop before each leg and, last, the station where the route ends: one more than legs.
     """
 
     offset: NDArray[np.int64]
@@ -67,7 +67,7 @@ def no_queues() -> Queues:
 
 
 class Waits(NamedTuple):
-    """Expected waits at the stop before each hop, shape (hops, times)."""
+    """Expected waits at the stop before each leg, shape (legs, times)."""
 
     start_s: float
     step_s: float
@@ -119,7 +119,7 @@ def fly_under(
 ) -> NDArray[np.float64]:
     """Fly an itinerary in several runs, through gusts and with errors of energy.
 
-    Takes members and sets of queues that are there, and a segment or more for each hop (`planner.problem.kernel_inputs`, in `planner.schedule.itinerary`); it charges
+    Takes members and sets of queues that are there, and a segment or more for each leg (`planner.problem.kernel_inputs`, in `planner.schedule.itinerary`); it charges
     nowhere without pads.
 
     Parameters
@@ -130,7 +130,7 @@ def fly_under(
         The wind.
     members : ndarray of int, shape (runs,)
         Member of the ensemble that each run flies in.
-    hops : Hops
+    legs : Legs
         The itinerary.
     queues : Queues
         One sampled path per set and place; with no entries, the expected waits are used instead.
@@ -143,8 +143,8 @@ def fly_under(
 
     Returns
     -------
-    ndarray, shape (runs, hops, 7)
-        See the column names of this module; infinite from the hop on that the wind never opens for.
+    ndarray, shape (runs, legs, 7)
+        See the column names of this module; infinite from the leg on that the wind never opens for.
     """
     count = len(legs.charge_to)
     out = np.full((len(members), count, COLUMNS), NEVER)

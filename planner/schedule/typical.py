@@ -1,4 +1,4 @@
-"""The typical course of a delivery: the one whose times are nearest to the medians of all simulated ones.
+"""The typical schedule of a delivery: the one whose times are nearest to the medians of all simulated ones.
 
 What is shown as one schedule must be one that may well happen. It is chosen among simulated deliveries, each in one wind
 and one set of queues: those nearest to the median delivery, and to the median landings on the way, are flown once more
@@ -32,7 +32,7 @@ class Runs:
 
     Attributes
     ----------
-    course : ndarray, shape (runs, hops, 7)
+    schedule : ndarray, shape (runs, legs, 7)
         See `planner.schedule.schedule_kernels`.
     weight : ndarray, shape (runs,)
         Probability of each.
@@ -40,34 +40,34 @@ class Runs:
         Member of the forecast and set of queues of each.
     """
 
-    course: NDArray[np.float64]
+    schedule: NDArray[np.float64]
     weight: NDArray[np.float64]
     member: NDArray[np.int64]
     queue: NDArray[np.int64]
 
 
 class Typical(NamedTuple):
-    """The typical course.
+    """The typical schedule.
 
     Attributes
     ----------
     member : int
         Of the forecast.
     queue : int or None
-        Set of queues; None: no course without gusts arrives, and it is one with gusts.
-    course : ndarray, shape (hops, 7)
+        Set of queues; None: no schedule without gusts arrives, and it is one with gusts.
+    schedule : ndarray, shape (legs, 7)
         See `planner.schedule.schedule_kernels`.
     """
 
     member: int
     queue: int | None
-    course: NDArray[np.float64]
+    schedule: NDArray[np.float64]
 
 
-def typical_course(
+def typical_schedule(
     runs: Runs, reserve: float, fly: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]]
 ) -> Typical:
-    """Choose the typical course.
+    """Choose the typical schedule.
 
     Parameters
     ----------
@@ -77,13 +77,13 @@ def typical_course(
     reserve : float
         SoC.
     fly : callable
-        Flies given members and sets of queues without gusts: (members, queues) to courses, shape (pairs, hops, 7).
+        Flies given members and sets of queues without gusts: (members, queues) to schedules, shape (pairs, legs, 7).
     """
-    landings = runs.course[:, :, TOUCH_DOWN]
+    landings = runs.schedule[:, :, TOUCH_DOWN]
     arrived = np.flatnonzero(np.isfinite(landings[:, -1]))
     weight = runs.weight[arrived]
     median = np.array([weighted_quantile(times, weight, 0.5) for times in landings[arrived].T])
-    low = _shortfall(runs.course[arrived], reserve)
+    low = _shortfall(runs.schedule[arrived], reserve)
     nearest = arrived[np.lexsort((_distance(landings[arrived], median), low))[:CANDIDATES]]
     member, queue = runs.member[nearest], runs.queue[nearest]
     calm = fly(member, queue)
@@ -91,18 +91,18 @@ def typical_course(
     away = _distance(calm[:, :, TOUCH_DOWN], median)
     best = int(np.lexsort((away, low, ~np.isfinite(away)))[0])
     if not np.isfinite(away[best]):
-        return Typical(int(member[0]), None, runs.course[nearest[0]])
+        return Typical(int(member[0]), None, runs.schedule[nearest[0]])
     return Typical(int(member[best]), int(queue[best]), calm[best])
 
 
-def _shortfall(courses: NDArray[np.float64], reserve: float) -> NDArray[np.int64]:
-    """Whether each run, shape (runs, hops, 7), keeps the reserve (0), uses some of it (1) or runs empty (2)."""
-    least = courses[:, :, SOC_LANDING].min(axis=1)
+def _shortfall(schedules: NDArray[np.float64], reserve: float) -> NDArray[np.int64]:
+    """Whether each run, shape (runs, legs, 7), keeps the reserve (0), uses some of it (1) or runs empty (2)."""
+    least = schedules[:, :, SOC_LANDING].min(axis=1)
     return np.asarray((least < reserve - 1e-9).astype(np.int64) + (least < 0.0), dtype=np.int64)
 
 
 def _distance(landings: NDArray[np.float64], median: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far the landings of each run, shape (runs, hops), are from the median ones, s; infinite where it does not arrive."""
+    """How far the landings of each run, shape (runs, legs), are from the median ones, s; infinite where it does not arrive."""
     off = np.abs(np.where(np.isfinite(landings), landings, np.inf) - median)
     found: NDArray[np.float64] = off[:, -1] + ON_THE_WAY * off[:, :-1].sum(axis=1) / max(off.shape[1] - 1, 1)
     return found

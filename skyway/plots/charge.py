@@ -48,7 +48,7 @@ def draw_charge(axes: Any, composition: Composition, zone: ZoneInfo, band: Charg
     axes.set_xlabel(f"time of day, {local:%Z} ({local:%Y-%m-%d})", fontsize=8)
     axes.set_ylabel("state of charge, %", fontsize=8)
     axes.set_title(
-        "typical course" + (", and the spread of others" if band is not None else ""), fontsize=8, loc="left"
+        "typical schedule" + (", and the spread of others" if band is not None else ""), fontsize=8, loc="left"
     )
     axes.grid(color=MUTED, alpha=0.3, linewidth=0.5)
     axes.legend(fontsize=7, ncols=3, loc="upper right", frameon=True, edgecolor="none", framealpha=0.8)

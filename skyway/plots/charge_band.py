@@ -43,30 +43,30 @@ def charge_band(result: PlanResult) -> ChargeBand | None:
     """Return the spread of the charge over the simulated deliveries of a plan; None where none arrives."""
     robust = result.robust
     if robust is not None:
-        course, weight = robust.out_of_sample.course, robust.out_of_sample.weight
+        schedule, weight = robust.out_of_sample.schedule, robust.out_of_sample.weight
     else:
-        course, weight = fly_sampled(result.problem, result.itinerary)
-    arrives = np.isfinite(course).all(axis=(1, 2))
+        schedule, weight = fly_sampled(result.problem, result.itinerary)
+    arrives = np.isfinite(schedule).all(axis=(1, 2))
     if not arrives.any():
         return None
-    return band_of(course[arrives], weight[arrives], float(result.problem.depart_s), float(result.problem.soc))
+    return band_of(schedule[arrives], weight[arrives], float(result.problem.depart_s), float(result.problem.soc))
 
 
-def band_of(course: NDArray[np.float64], weight: NDArray[np.float64], depart_s: float, soc: float) -> ChargeBand:
+def band_of(schedule: NDArray[np.float64], weight: NDArray[np.float64], depart_s: float, soc: float) -> ChargeBand:
     """Return the band of some runs.
 
     Parameters
     ----------
-    course : ndarray, shape (runs, hops, columns)
+    schedule : ndarray, shape (runs, legs, columns)
         See `planner.schedule.schedule_kernels`.
     weight : ndarray, shape (runs,)
         Probability of each.
     depart_s, soc : float
         When and with which charge all of them begin.
     """
-    end_s = course[:, -1, TOUCH_DOWN]
+    end_s = schedule[:, -1, TOUCH_DOWN]
     grid = np.linspace(depart_s, float(end_s.max()), TIMES)
-    charge = np.array([_over_time(run, grid, depart_s, soc) for run in course])
+    charge = np.array([_over_time(run, grid, depart_s, soc) for run in schedule])
     low, high, kept = [], [], []
     for at, time_s in enumerate(grid.tolist()):
         aloft = end_s >= time_s

@@ -75,7 +75,7 @@ def plot_composition(
     Parameters
     ----------
     composition : Composition
-        The plan: its typical course.
+        The plan: its typical schedule.
     scenario : Scenario
         Where it was made.
     path : Path, optional
@@ -99,7 +99,7 @@ def plot_composition(
 
 
 def _headline(composition: Composition, zone: ZoneInfo) -> str:
-    """What is to be expected first: on average, half and 95 % by when; the length of the typical course where that is unknown."""
+    """What is to be expected first: on average, half and 95 % by when; the length of the typical schedule where that is unknown."""
     who = f"{composition.origin} > {composition.destination}, {composition.payload_kg:g} kg by {composition.drone}"
     return f"{who}, {composition.distance_m / 1000:.1f} km\n{headline(composition, zone)}"
 

@@ -81,7 +81,7 @@ def _charge(document: dict[str, Any], common: dict[str, Any]) -> Chart:
             expected += [
                 (leg["depart_s"], 100.0 * leg["soc_depart"]), (landing_s, 100.0 * leg["planned_soc"]), (landing_s, None)
             ]  # fmt: skip
-    courses = [Course("first plan, typical course", "planned", planned), _actual(document, "soc", 100.0)]
+    courses = [Course("first plan, typical schedule", "planned", planned), _actual(document, "soc", 100.0)]
     if document["series"]["truth"]["time_s"]:
         true = Course("true (simulation)", "true", _points(document["series"]["truth"], "soc", 100.0), _GAP_S)
         courses.append(true)

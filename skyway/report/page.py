@@ -126,7 +126,7 @@ def _head(document: dict[str, Any]) -> str:
         ("lowest charge at a landing", "lowest_soc", percent),
     )  # fmt: skip
     cells = "".join(
-        f"<div><dt>{name}</dt><dd><b>{safe(show(actual[key]))}</b><span>typical course {safe(show(planned[key]))}</span></dd></div>"
+        f"<div><dt>{name}</dt><dd><b>{safe(show(actual[key]))}</b><span>typical schedule {safe(show(planned[key]))}</span></dd></div>"
         for name, key, show in lines
     )
     last = document["outcome"]["time"]

@@ -169,7 +169,7 @@ def test_the_table_shows_what_the_json_says(skyway, plan_json):
         r"Delivery in [0-9a-z ]+ on average: half of the deliveries by [0-9:]+, 95 % by [0-9:]+ EDT\b",
         " ".join(answer.out.split()),
     )
-    assert "A typical course" in answer.out
+    assert "A typical schedule" in answer.out
     mean = plan["arrival"]["delivery_mean_s"]
     assert mean["low"] < mean["value"] < mean["high"]
     told = re.search(r"on average +(?:(\d+) h)?(?: ?(\d+) min)?(?: ?(\d+) s)?", answer.out)

@@ -405,7 +405,7 @@ def test_the_page_begins_with_what_was_expected_and_what_came(flown, tmp_path):
         f"It took {told(took)}; expected at the first plan: {told(minutes['mean'])} on average, half within "
         f"{told(minutes['p50'])}, 95 % within {told(minutes['p95'])}." in text
     )
-    assert "typical course" in text
+    assert "typical schedule" in text
     assert ">planned 0:" not in text
 
 

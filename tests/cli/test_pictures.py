@@ -100,7 +100,7 @@ def test_a_picture_of_a_plan_says_what_is_expected_when_in_which_zone_and_names_
     text = (tmp_path / "p.svg").read_text()
     plan = json.loads((tmp_path / "p.json").read_text())
     said = " ".join(re.findall(r"<!-- (.*?) -->", text, re.DOTALL))
-    for word in ("on average", "95 % by", "time of day, EDT", "divert station", "typical course", "8 of 10 simulated deliveries",
+    for word in ("on average", "95 % by", "time of day, EDT", "divert station", "typical schedule", "8 of 10 simulated deliveries",
                  "14:00", "reserve, 20 %"):  # fmt: skip
         assert word in said, word
     diverts = {name for leg in plan["legs"] for name in leg["diverts"]} - {

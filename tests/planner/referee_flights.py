@@ -110,8 +110,8 @@ class Flights:
             blows, from_deg = math.hypot(north, east), math.degrees(math.atan2(-east, -north))
             if blows > drone.wind_limit_mps:
                 continue
-            for segment, course in enumerate(self.network.bearing_deg):
-                ground = wind_triangle(blows, from_deg, float(course), airspeed)
+            for segment, schedule in enumerate(self.network.bearing_deg):
+                ground = wind_triangle(blows, from_deg, float(schedule), airspeed)
                 out[slot, segment] = min(ground, drone.max_ground_speed_mps)
         return out
 

@@ -385,9 +385,9 @@ def _own_day(scenario: Scenario, request: Request) -> str | None:
     return day.isoformat()
 
 
-def _progress(looked_at: int, best_s: float) -> None:
+def _progress(labels_expanded: int, best_s: float) -> None:
     best = "none yet" if best_s == float("inf") else f"{best_s / 60:.1f} min"
-    typer.echo(f"\r  {looked_at} sequences, best {best} ", nl=False, err=True)
+    typer.echo(f"\r  {labels_expanded} sequences, best {best} ", nl=False, err=True)
 
 
 def _check_planners(names: list[str], option: str) -> None:

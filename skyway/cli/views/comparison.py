@@ -47,7 +47,7 @@ def print_comparison(answers: list[Comparison]) -> None:
         sheet.show()
         say("")
         say(
-            "flight, wait and recharge: of a typical course. The rest: counted in the same simulated deliveries for all"
+            "flight, wait and recharge: of a typical schedule. The rest: counted in the same simulated deliveries for all"
         )
         clairvoyant = [one.planner for one in answers if one.result and one.planner in CLAIRVOYANT_PLANNERS]
         for name in clairvoyant:
@@ -99,7 +99,7 @@ def _bought_by(one: Bought) -> str:
         reasons.append(f"robust takes {one.drone} instead of {one.drone_there}")
     less = round((one.recharge_there_s - one.recharge_s) / 60.0)
     if less:
-        reasons.append(f"{abs(less)} min {'less' if less > 0 else 'more'} on pads on a typical course")
+        reasons.append(f"{abs(less)} min {'less' if less > 0 else 'more'} on pads on a typical schedule")
     if one.stops != one.stops_there:
         reasons.append(f"{one.stops} {'stop' if one.stops == 1 else 'stops'} instead of {one.stops_there}")
     if one.stops:

@@ -1,4 +1,4 @@
-"""A plan as a pilot reads it: what to expect first, then a typical course, then what it depends on."""
+"""A plan as a pilot reads it: what to expect first, then a typical schedule, then what it depends on."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def print_plan(result: PlanResult) -> None:
     _print_expected(result, zone)
     say("")
     time = duration(c.delivery_time_s)
-    say(f"The course, {time}:" if c.arrival.delivery_mean is None else f"A typical course, {time}:")
-    course_sheet(c, zone).show()
+    say(f"The schedule, {time}:" if c.arrival.delivery_mean is None else f"A typical schedule, {time}:")
+    schedule_sheet(c, zone).show()
     say("")
     _print_totals(result)
 
@@ -74,8 +74,8 @@ def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
     )
 
 
-def course_sheet(c: Composition, zone: ZoneInfo) -> Sheet:
-    """The typical course, leg by leg and stop by stop."""
+def schedule_sheet(c: Composition, zone: ZoneInfo) -> Sheet:
+    """The typical schedule, leg by leg and stop by stop."""
     columns = [
         Column("time", justify="left"), Column("leg", justify="left"), Column("", "km"), Column("course"),
         Column("wind", "m/s"), Column("from"), Column("tail", "m/s"), Column("cross", "m/s"),
@@ -174,7 +174,7 @@ def _print_totals(result: PlanResult) -> None:
         say(f"Note: {note}")
     for drone, why in result.rejected.items():
         say(f"Not {drone}: {why}")
-    say(f"Planned in {spent(result.planning_time_s)}, {result.looked_at:,} evaluated")
+    say(f"Planned in {spent(result.planning_time_s)}, {result.labels_expanded:,} evaluated")
 
 
 def _print_choices(answer: RobustAnswer) -> None:

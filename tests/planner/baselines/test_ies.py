@@ -29,8 +29,8 @@ def solve(problem, queues):
         itinerary = search.solve()
     except NoRouteError:
         return None, math.inf
-    course = fly_true(problem, itinerary, queues)[0]
-    return course, float(course[-1, TOUCH_DOWN]) - problem.depart_s
+    schedule = fly_true(problem, itinerary, queues)[0]
+    return schedule, float(schedule[-1, TOUCH_DOWN]) - problem.depart_s
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -56,18 +56,19 @@ def test_its_plan_flown_in_the_truth_keeps_the_reserve_and_arrives_when_it_says(
         itinerary = search.solve()
     except NoRouteError:
         return
-    course = fly_true(problem, itinerary, queues)[0]
-    assert np.all(course[:, SOC_LANDING] >= problem.reserve - 1e-6)
-    assert course[-1, TOUCH_DOWN] == pytest.approx(search.best_s, abs=0.02)
+    schedule = fly_true(problem, itinerary, queues)[0]
+    assert np.all(schedule[:, SOC_LANDING] >= problem.reserve - 1e-6)
+    assert schedule[-1, TOUCH_DOWN] == pytest.approx(search.best_s, abs=0.02)
     assert search.complete
 
 
 def test_many_of_these_worlds_have_an_answer_with_recharging():
     legs = [
-        course for course, _ in (solve(*instance(seed, utilisation=0.8, target=seed % 4 == 3)) for seed in range(40))
+        schedule
+        for schedule, _ in (solve(*instance(seed, utilisation=0.8, target=seed % 4 == 3)) for seed in range(40))
     ]
-    assert sum(course is not None and len(course) > 1 for course in legs) >= 20
-    assert sum(course is None for course in legs) >= 3
+    assert sum(schedule is not None and len(schedule) > 1 for schedule in legs) >= 20
+    assert sum(schedule is None for schedule in legs) >= 3
 
 
 def test_a_time_limit_is_kept_and_told():

@@ -57,9 +57,9 @@ def test_in_a_known_wind_every_landing_keeps_the_reserve(seed, recharge):
             itinerary = search.solve()
         except NoRouteError:
             continue
-        course = fly_expected(problem, itinerary)[0]
-        assert np.all(np.isfinite(course[:, TOUCH_DOWN]))
-        assert np.all(course[:, SOC_LANDING] >= problem.reserve - 1e-6)
+        schedule = fly_expected(problem, itinerary)[0]
+        assert np.all(np.isfinite(schedule[:, TOUCH_DOWN]))
+        assert np.all(schedule[:, SOC_LANDING] >= problem.reserve - 1e-6)
         heads = [int(problem.network.head[leg.segments[-1]]) for leg in itinerary]
         assert heads[-1] == problem.destination
         assert len(set(heads)) == len(heads), "no station twice"

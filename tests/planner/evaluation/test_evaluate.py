@@ -24,7 +24,7 @@ from skyway.planner.evaluation.evaluate import (
     season_days,
     summarise,
 )
-from skyway.planner.evaluation.flights import DELIVERED, GAVE_UP, Flown, courses
+from skyway.planner.evaluation.flights import DELIVERED, GAVE_UP, Flown, schedules
 from skyway.planner.evaluation.statistics import DayBootstrap, Estimate
 from skyway.planner.online.departure import Departure
 from skyway.planner.plan import plan
@@ -172,21 +172,21 @@ def plain_run(realizations, problem, itinerary, run):
 
 def test_runs_are_what_plain_python_makes_of_the_same_truth(realizations, planned):
     problem = realizations.problem("m200")
-    course = courses(realizations, problem, planned.itinerary, np.arange(len(realizations)))
+    schedule = schedules(realizations, problem, planned.itinerary, np.arange(len(realizations)))
     for run in range(0, 60, 7):
         expected = plain_run(realizations, problem, planned.itinerary, run)
-        assert course[run, :, TOUCH_DOWN] == pytest.approx([t for t, _ in expected], abs=1e-3)
-        assert course[run, :, SOC_LANDING] == pytest.approx([s for _, s in expected], abs=1e-7)
+        assert schedule[run, :, TOUCH_DOWN] == pytest.approx([t for t, _ in expected], abs=1e-3)
+        assert schedule[run, :, SOC_LANDING] == pytest.approx([s for _, s in expected], abs=1e-7)
 
 
 def test_without_gusts_and_errors_a_truth_is_the_hourly_wind_of_its_day(newyork, request_, days, planned):
     realizations = sample_realizations(newyork, request_, days[:1], runs=3, errors=NO_ERRORS)
     problem = realizations.problem("m200")
-    course = courses(realizations, problem, planned.itinerary, np.arange(3))
+    schedule = schedules(realizations, problem, planned.itinerary, np.arange(3))
     for run in range(3):
         queues = realizations.queues(problem, range(len(problem.network)), int(realizations.queue[run]))
         alone = fly_true(problem, planned.itinerary, queues)
-        assert np.array_equal(course[run], alone[0])
+        assert np.array_equal(schedule[run], alone[0])
 
 
 def test_gusts_have_the_spread_and_the_memory_that_were_asked_for():

@@ -152,7 +152,7 @@ def assert_each_leg_can_be_flown(composition, raw) -> None:
 
 
 def triangle(leg) -> tuple[float, float]:
-    """Tail and cross component of the wind a leg names, on the course it names."""
+    """Tail and cross component of the wind a leg names, on the schedule it names."""
     angle = math.radians(leg.course_wind.from_deg + 180.0 - leg.bearing_deg)
     return leg.course_wind.speed_mps * math.cos(angle), leg.course_wind.speed_mps * math.sin(angle)
 

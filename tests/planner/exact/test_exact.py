@@ -62,9 +62,9 @@ def compare(seeds, **state):
             assert math.isinf(referee), seed
             infeasible += 1
             continue
-        course = fly_true(problem, itinerary, queues)[0]
-        assert course[-1, TOUCH_DOWN] - problem.depart_s == pytest.approx(exact, abs=0.02), seed
-        assert np.all(course[:, SOC_LANDING] >= problem.reserve - 1e-6), seed
+        schedule = fly_true(problem, itinerary, queues)[0]
+        assert schedule[-1, TOUCH_DOWN] - problem.depart_s == pytest.approx(exact, abs=0.02), seed
+        assert np.all(schedule[:, SOC_LANDING] >= problem.reserve - 1e-6), seed
         differences.append((exact - referee) / referee)
     return np.array(differences), infeasible
 
@@ -98,8 +98,8 @@ def test_what_it_finds_first_is_no_better_than_the_best_and_its_bound_no_worse()
         assert at_once.gap == pytest.approx((first - bound) / bound, abs=1e-9)
         assert at_once.gap == 0.0 or not at_once.complete
         unproved += not at_once.complete
-        course = fly_true(problem, itinerary, queues)[0]
-        assert course[-1, TOUCH_DOWN] - problem.depart_s == pytest.approx(first, abs=0.02), seed
+        schedule = fly_true(problem, itinerary, queues)[0]
+        assert schedule[-1, TOUCH_DOWN] - problem.depart_s == pytest.approx(first, abs=0.02), seed
     assert unproved >= 3
 
 
@@ -205,8 +205,10 @@ def test_a_margin_per_second_of_flight_is_kept_on_every_landing(seeds):
         assert without <= time
         changed += without < time - 1.0
         if itinerary is not None:
-            course = fly_true(problem, itinerary, queues)[0]
-            spare = course[:, SOC_LANDING] - problem.reserve - margin * (course[:, TOUCH_DOWN] - course[:, TAKE_OFF])
+            schedule = fly_true(problem, itinerary, queues)[0]
+            spare = (
+                schedule[:, SOC_LANDING] - problem.reserve - margin * (schedule[:, TOUCH_DOWN] - schedule[:, TAKE_OFF])
+            )
             assert np.all(spare >= -1e-6), seed
     assert changed >= len(seeds) // 3
 
@@ -223,9 +225,9 @@ def test_expected_waits_delay_the_pad(seeds):
         assert close_to_the_grid(time, problem, queues), seed
         waited += math.isfinite(time) and time > best_time(ExactSearch(problem, free))[1] + 60.0
         if itinerary is not None:
-            course = fly_true(problem, itinerary, queues)[0]
-            assert course[-1, TOUCH_DOWN] - problem.depart_s == pytest.approx(time, abs=0.02), seed
-            assert np.all(course[:, SOC_LANDING] >= problem.reserve - 1e-6), seed
+            schedule = fly_true(problem, itinerary, queues)[0]
+            assert schedule[-1, TOUCH_DOWN] - problem.depart_s == pytest.approx(time, abs=0.02), seed
+            assert np.all(schedule[:, SOC_LANDING] >= problem.reserve - 1e-6), seed
     assert waited >= len(seeds) // 4
 
 
@@ -246,8 +248,8 @@ def test_with_a_destination_that_opens_late_it_equals_the_exhaustive_search():
         if referee.complete:
             assert exact == pytest.approx(best, rel=RELATIVE), seed
         if itinerary is not None:
-            course = fly_true(problem, itinerary, queues)[0]
-            assert course[-1, TOUCH_DOWN] == pytest.approx(search.best_s, abs=1e-3), seed
+            schedule = fly_true(problem, itinerary, queues)[0]
+            assert schedule[-1, TOUCH_DOWN] == pytest.approx(search.best_s, abs=1e-3), seed
             assert search.lower_bound_s <= search.best_s + 1e-5
             compared += referee.complete
     assert compared >= 8
@@ -258,7 +260,7 @@ def test_a_search_that_is_cut_off_says_so_and_bounds_what_it_has():
     for seed in range(30):
         problem, queues = instance(seed)
         whole = ExactSearch(problem, queues)
-        if whole.find() is not None and whole.looked_at > 5:
+        if whole.find() is not None and whole.labels_expanded > 5:
             break
     cut, answered = 0, 0
     for limit_s in (0.0, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0):

@@ -25,7 +25,7 @@ from skyway.planner.problem.flight_table import FlightTable, table_slot
 from skyway.planner.problem.problem import Problem
 from skyway.planner.robust.free_capacity_kernels import chance_full, chances
 from skyway.planner.schedule.gust_kernels import no_disturbance
-from skyway.planner.schedule.itinerary import Leg, fly_as_it_stands, fly_sampled, hops_of, no_waits, place_nodes
+from skyway.planner.schedule.itinerary import Leg, fly_as_it_stands, fly_sampled, legs_of, no_waits, place_nodes
 from skyway.planner.schedule.profile_kernels import covers, profile_at, upper_profile
 from skyway.planner.schedule.schedule_kernels import SOC_TAKE_OFF, fly_under, no_queues
 
@@ -65,8 +65,8 @@ def test_a_policy_is_flown_with_one_path_for_each_place_and_set(policy):
     paths = paths_of(policy, 2)
     members = np.zeros(4, dtype=np.int64)
     disturbance = no_disturbance(4)._replace(queue=np.array([0, 1, 0, 1]))
-    course, _ = policy.fly(policy.problem, disturbance, members, paths)
-    assert len(course) == 4
+    schedule, _ = policy.fly(policy.problem, disturbance, members, paths)
+    assert len(schedule) == 4
     for wrong in (paths[:-1], paths[: len(policy) + 1], [*paths, paths[0]]):
         with pytest.raises(InputError, match=r"paths|sky\.queue"):
             policy.fly(policy.problem, disturbance, members, wrong)
@@ -102,16 +102,16 @@ def test_hostile_runs_are_refused_or_flown(policy, members, queue, energy, gusts
 def test_hostile_itineraries_are_refused_or_flown(policy, legs):
     itinerary = tuple(Leg(tuple(segments), charge, wait) for segments, charge, wait in legs)
     try:
-        course, weight = fly_sampled(policy.problem, itinerary, 1)
+        schedule, weight = fly_sampled(policy.problem, itinerary, 1)
     except InputError:
         return
-    assert len(course) == len(weight) == 3
+    assert len(schedule) == len(weight) == 3
 
 
 def test_nobody_charges_where_there_are_no_pads(policy):
     """An itinerary says "charge to 90 %" at a stop whose pads are gone: it leaves with what it has."""
     p = policy.problem
-    legs = hops_of(p, (Leg(policy.itinerary[0].segments, 0.9),))
+    legs = legs_of(p, (Leg(policy.itinerary[0].segments, 0.9),))
     low = (p.depart_s, 0.5)
     given = (p.air, np.zeros(1, dtype=np.int64))
     cost = (p.soc_per_s, p.soc_fixed)

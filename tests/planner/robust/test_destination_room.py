@@ -137,7 +137,7 @@ def test_a_search_does_not_look_at_hours_in_which_nothing_can_land(quiet):
         problem = Problem(quiet, ask(), quiet.drone("m200"), CALM)
         search = ExactSearch(problem, room_from(problem, hours))
         itinerary = search.solve()
-        labels[hours] = search.looked_at
+        labels[hours] = search.labels_expanded
         assert search.complete
         assert search.best_s >= problem.depart_s + 3600.0 * hours
         flown = fly_true(problem, itinerary, search.queues)[0]
@@ -154,7 +154,7 @@ def test_a_destination_without_room_within_the_forecast_is_named_at_once(quiet):
     with pytest.raises(NoRouteError, match="neither a pad nor a holding spot free at jacobi") as refused:
         search.solve()
     assert refused.value.constraint == "room"
-    assert search.looked_at == 0
+    assert search.labels_expanded == 0
 
 
 @settings(max_examples=60, deadline=None)

@@ -194,7 +194,7 @@ def test_the_reserve_is_kept_on_days_that_nobody_knew(realizations, planned):
 
 def test_what_is_promised_is_what_was_rehearsed(planned):
     answer = planned.robust
-    arrival = answer.out_of_sample.course[:, -1, TOUCH_DOWN]
+    arrival = answer.out_of_sample.schedule[:, -1, TOUCH_DOWN]
     assert planned.outcome.mean_s == pytest.approx(np.average(arrival, weights=answer.out_of_sample.weight))
     assert planned.composition.success_probability == planned.outcome.p_success
     assert planned.outcome.p_success >= 1.0 - 0.005
@@ -259,7 +259,7 @@ def test_a_drone_in_the_air_flies_on_at_once(newyork, held_out):
     result = plan(newyork, replace(ask(), state=state), planner="robust", forecast=forecast)
     assert result.itinerary[0].charge_to is None
     assert result.composition.services[0].depart == DEPART
-    assert np.allclose(result.robust.out_of_sample.course[:, 0, TAKE_OFF], result.problem.depart_s)
+    assert np.allclose(result.robust.out_of_sample.schedule[:, 0, TAKE_OFF], result.problem.depart_s)
 
 
 def test_no_route_is_said_where_there_is_none(newyork, held_out):

@@ -1,4 +1,4 @@
-"""Figures of a plan: as sure as they say, from the same simulated deliveries, with a typical course among them."""
+"""Figures of a plan: as sure as they say, from the same simulated deliveries, with a typical schedule among them."""
 
 from copy import copy
 from dataclasses import replace
@@ -174,5 +174,5 @@ def test_the_wind_of_a_leg_is_that_of_the_forecast_where_and_when_it_is_flown(ne
         assert [segment.head for segment in leg.segments] == [*leg.via, leg.destination]
         assert sum(segment.distance_m for segment in leg.segments) == pytest.approx(leg.distance_m)
     bent = next(leg for leg in composition.services if leg.via)
-    courses = {round(segment.bearing_deg) for segment in bent.segments}
-    assert len(courses) > 1
+    schedules = {round(segment.bearing_deg) for segment in bent.segments}
+    assert len(schedules) > 1
