@@ -15,6 +15,7 @@ from skyway.models.composition.composition import Place
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from skyway.link.supervisor.flight.lookahead import Lookahead
     from skyway.link.supervisor.soc.modelled_use import ModelledUse
     from skyway.missions.builder.mission_options import MissionOptions
     from skyway.missions.items.document import MissionDocument
@@ -67,6 +68,8 @@ class Leg:
         Charge that it should have taken so far.
     last, learns : bool
         It ends at the destination; the energy of the whole flight is to be learnt.
+    lookahead : Lookahead or None
+        What was expected of it last.
     """
 
     origin: str
@@ -83,6 +86,33 @@ class Leg:
     modelled: ModelledUse | None = None
     last: bool = False
     learns: bool = True
+    lookahead: Lookahead | None = None
+
+    def begin(self, time_s: float, soc: float, told_soc: float) -> None:
+        """Begin with the take-off."""
+        self.start_s, self.soc_start, self.told_start = time_s, soc, told_soc
+        if self.modelled is not None:
+            self.modelled.begin(time_s)
+
+    def command(self, speed_mps: float) -> None:
+        """Take a ground speed that was sent."""
+        self.commanded_mps = speed_mps
+
+    def expect(self, lookahead: Lookahead) -> None:
+        """Take what is expected of it now."""
+        self.lookahead = lookahead
+
+    def lose(self, soc: float) -> None:
+        """Take charge that was lost, not used, from what it began with."""
+        self.soc_start -= soc
+
+    def lose_told(self, soc: float) -> None:
+        """Take a fall of the vehicle's own report that was no use from what it began with."""
+        self.told_start -= soc
+
+    def learn_nothing(self) -> None:
+        """Leave the whole flight out of what is learnt: part of it is learnt from already."""
+        self.learns = False
 
 
 def with_places(composition: Composition, scenario: Scenario, stations: Sequence[str]) -> Composition:

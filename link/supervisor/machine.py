@@ -5,14 +5,18 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from skyway.link.supervisor import contact
+from skyway.link.supervisor import connect, holding, lost_link
+from skyway.link.supervisor import resume as resuming
 from skyway.link.supervisor.context import Context
+from skyway.link.supervisor.conversation import Conversation
 from skyway.link.supervisor.departure import charging, departure, ground
 from skyway.link.supervisor.departure.parameter_changes import restore_at_end
 from skyway.link.supervisor.flight import air, landing
 from skyway.link.supervisor.job import Outcome
 from skyway.link.supervisor.journal import SCHEMA, read_journal
-from skyway.link.supervisor.states import ENDS, IN_AIR, State, Turn, check
+from skyway.link.supervisor.progress import DeliveryProgress
+from skyway.link.supervisor.soc.energy_learning import EnergyLearning
+from skyway.link.supervisor.states import ENDS, IN_AIR, State, Status, Turn
 from skyway.link.supervisor.wind_book import WindBook
 from skyway.models.base.errors import LinkError, StationConflictError
 from skyway.models.composition.file import to_json
@@ -30,7 +34,7 @@ if TYPE_CHECKING:
     from skyway.models.queues.pad_service import PadService
 
 STEPS: Mapping[State, Callable[[Context], After]] = {
-    State.CONNECTING: contact.connecting,
+    State.CONNECTING: connect.connecting,
     State.REPLANNING: ground.replanning,
     State.WAITING: charging.waiting,
     State.CHARGING: charging.charging,
@@ -41,8 +45,8 @@ STEPS: Mapping[State, Callable[[Context], After]] = {
     State.FLYING: air.flying,
     State.DIVERTING: air.diverting,
     State.LANDED: landing.after_landing,
-    State.LOST_LINK: contact.lost_link,
-    State.HOLDING: contact.holding,
+    State.LOST_LINK: lost_link.lost_link,
+    State.HOLDING: holding.holding,
 }
 """What is done in each state that is no end."""
 
@@ -52,7 +56,7 @@ class Supervisor:
 
     Parameters
     ----------
-    mandate : Mandate
+    job : DeliveryJob
         The plan, and how to go about it.
     vehicle : Vehicle
         Over any driver.
@@ -85,12 +89,13 @@ class Supervisor:
         rules = job.scenario.rules
         wind = WindBook(job.forecast, rules.cruise_height_m, rules.wind_profile_exponent, drag=job.drag)
         belief = EnergyBelief.first(loaded=job.drag is not None)
-        self.context = Context(vehicle, clock, journal, pads, operator, job, wind, on_tick=on_tick, belief=belief)
-        self.context.entered_s = clock.now_s()
-        self.context.resumed = resume
+        self.context = Context(
+            vehicle, clock, journal, pads, operator, job, wind, Status(clock.now_s()), DeliveryProgress(resumed=resume),
+            EnergyLearning(belief), Conversation(operator), on_tick=on_tick,
+        )  # fmt: skip
         if resume:
             records = read_journal(journal.path).records
-            contact.restore(self.context, records)
+            resuming.restore(self.context, records)
             self.context.note("resume", f"the journal ends in state {records[-1].state}", last=records[-1].n)
         else:
             self.context.note("start", f"delivery {job.composition}", **self._start(job))
@@ -135,20 +140,16 @@ class Supervisor:
                 after, reason = self._failed(error)
             self._go(after, reason)
         restore_at_end(ctx)
-        ctx.note("end", self.reason, outcome=str(ctx.state), station=ctx.station, flights=ctx.flight)
-        return Outcome(str(ctx.state), self.reason, ctx.station, ctx.flight)
+        ctx.note("end", self.reason, outcome=str(ctx.state), station=ctx.delivery.station, flights=ctx.delivery.flight)
+        return Outcome(str(ctx.state), self.reason, ctx.delivery.station, ctx.delivery.flight)
 
     reason = ""
 
     def _go(self, after: State, reason: str) -> None:
         """Enter the next state, if the table has the way there."""
         ctx = self.context
-        check(ctx.state, after)
-        if ctx.state not in (State.LOST_LINK, State.HOLDING) or after not in (State.LOST_LINK, State.HOLDING):
-            ctx.before = ctx.state
-        if after is not ctx.state:
-            ctx.entered_s = ctx.clock.now_s()
-        before, ctx.state = ctx.state, after
+        before = ctx.state
+        ctx.status.enter(after, ctx.clock.now_s())
         self.reason = reason
         ctx.note("state", reason, before=str(before), after=str(after))
         if after in (State.HOLDING, State.LOST_LINK) or after in ENDS:

@@ -172,6 +172,41 @@ class Turn(Exception):  # noqa: N818  not an error: the next state, from whereve
         self.state, self.reason, self.data = state, reason, data
 
 
+@dataclass(slots=True)
+class Status:
+    """The state of one delivery; written by `enter` alone.
+
+    Attributes
+    ----------
+    state : State
+        Now.
+    before : State
+        The state before a lost link or a hold.
+    entered_s : float
+        When the present state began, by the clock.
+    """
+
+    entered_s: float = 0.0
+    state: State = State.CONNECTING
+    before: State = State.CONNECTING
+
+    def enter(self, after: State, now_s: float) -> None:
+        """Enter the next state, if the table has the way there.
+
+        Raises
+        ------
+        OffTableError
+            It has not.
+        """
+        check(self.state, after)
+        aside = (State.LOST_LINK, State.HOLDING)
+        if self.state not in aside or after not in aside:
+            self.before = self.state
+        if after is not self.state:
+            self.entered_s = now_s
+        self.state = after
+
+
 def check(before: State, after: State) -> None:
     """Raise `OffTableError` for a step that the table does not allow."""
     if after not in TABLE[before].following:

@@ -85,6 +85,17 @@ class WindBook:
             (found.north_mps, found.east_mps), found.noise, place, gap * gap * np.outer(along, along), SAME_ERROR
         )
 
+    def restore(self, data: Sequence[dict[str, Any]]) -> None:
+        """Bring back what a journal says was measured."""
+        self.earlier = observations_of(data)
+
+    def here(self, sample: TelemetrySample) -> tuple[float, float]:
+        """Return the wind at the vehicle, (north, east), m/s: measured where it is, else as the first forecast has it."""
+        now = self.estimate
+        if now is not None:
+            return now.north_mps, now.east_mps
+        return self.expected(sample.time_s, sample.lat_deg, sample.lon_deg)
+
     @property
     def estimate(self) -> WindEstimate | None:
         """Newest estimate of the wind at the vehicle; None before the first, and where it is not to be believed."""

@@ -56,8 +56,8 @@ class Checklist:
 
 def brief(ctx: Context, leg: Leg) -> None:
     """Tell everything that a take-off is decided by: the flight, wind, diverts, parameters, and what happens by itself."""
-    family, first = ctx.vehicle.family.name, ctx.flight == 0
-    alone = by_itself(family, ctx.failsafes)
+    family, first = ctx.vehicle.family.name, ctx.delivery.flight == 0
+    alone = by_itself(family, ctx.failsafes.values)
     changes = ctx.parameters.proposed
     wind = ctx.wind.on_way(leg.mission.way, ctx.now_s, leg.planned_s)
     lines = [
@@ -79,19 +79,19 @@ def brief(ctx: Context, leg: Leg) -> None:
 
 def _flight_line(ctx: Context, leg: Leg) -> str:
     """The flight that is asked for; legs are numbered from 1."""
-    left = len(ctx.plan.services) if ctx.plan is not None else 1
-    number = ctx.flight + 1
+    left = len(ctx.delivery.plan.services) if ctx.delivery.plan is not None else 1
+    number = ctx.delivery.flight + 1
     kept = f" (reserve {100 * ctx.job.request.reserve_soc:.0f} %)"
     via = f" over {', '.join(leg.via)}" if leg.via else ""
     return (
         f"leg {number} of {number + left - 1}: {leg.origin} > {leg.destination}{via}, on average {leg.planned_s / 60:.0f} min, "
-        f"from {_percent(ctx.soc)} to {_percent(leg.planned_soc)}{kept}"
+        f"from {_percent(ctx.battery.soc)} to {_percent(leg.planned_soc)}{kept}"
     )
 
 
 def _delivery_lines(ctx: Context) -> list[str]:
     """When the package arrives, by the plan in force."""
-    plan = ctx.plan
+    plan = ctx.delivery.plan
     if plan is None:
         return []
     zone = ZoneInfo(ctx.job.scenario.timezone)

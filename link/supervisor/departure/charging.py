@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.link.pads import ManualPads
-from skyway.link.supervisor.soc.soc_estimator import learn_gauge
+from skyway.link.supervisor.observed.link_watch import ask
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import CommandRefusedError
 from skyway.models.queues.pad_service import DroneOnPad, PadServiceError
@@ -29,7 +29,7 @@ def waiting(ctx: Context) -> After:
     said = ""
     while True:
         try:
-            told = ctx.pads.charge(ctx.station or "", _drone(ctx), ctx.charge_to or 1.0)
+            told = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, ctx.delivery.charge_to or 1.0)
         except PadServiceError as error:
             if str(error) != said:
                 said = str(error)
@@ -38,8 +38,8 @@ def waiting(ctx: Context) -> After:
         else:
             if told.state in ("charging", "done"):
                 _note_pad(ctx, told)
-                return State.CHARGING, f"on a pad of {ctx.station}"
-            line = f"waits for a pad at {ctx.station}, {told.place_in_line} before it"
+                return State.CHARGING, f"on a pad of {ctx.delivery.station}"
+            line = f"waits for a pad at {ctx.delivery.station}, {told.place_in_line} before it"
             if line != said:
                 said = line
                 _note_pad(ctx, told)
@@ -51,15 +51,15 @@ def waiting(ctx: Context) -> After:
 
 def charging(ctx: Context) -> After:
     """Wait until it is charged."""
-    target = ctx.charge_to or 1.0
-    compared = ctx.charged
-    begun_s, soc = ctx.now_s, ctx.soc
+    target = ctx.delivery.charge_to or 1.0
+    compared = ctx.delivery.charged
+    begun_s, soc = ctx.now_s, ctx.battery.soc
     while True:
         _hear_charged(ctx)
-        if isinstance(ctx.pads, ManualPads) and not ctx.attended:
-            return State.STOPPED, f"it must be charged at {ctx.station}, and nobody is there to say charged"
+        if isinstance(ctx.pads, ManualPads) and not ctx.conversation.attended:
+            return State.STOPPED, f"it must be charged at {ctx.delivery.station}, and nobody is there to say charged"
         try:
-            told = ctx.pads.charge(ctx.station or "", _drone(ctx), target)
+            told = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, target)
         except PadServiceError as error:
             ctx.note("pad", str(error), answer="refused")
             return State.REPLANNING, f"charging ended: {error}"
@@ -72,19 +72,19 @@ def charging(ctx: Context) -> After:
         if told.soc is not None:
             if not compared:
                 compared = True
-                learn_gauge(ctx, ctx.told_soc, told.soc)
-            ctx.soc, ctx.soc_source = told.soc, "the pad"
+                ctx.battery.compare(ctx, told.soc)
+            ctx.battery.measured(told.soc)
         if told.state == "done" or (told.soc is not None and told.soc >= target - 1e-6):
             break
         left = POLL_S if told.done_s is None else told.done_s - ctx.now_s
         ctx.wait_until(ctx.now_s + min(max(left + 0.5, 1.0), 60.0))
         if told.soc is not None:
-            ctx.soc = told.soc
+            ctx.battery.measured(told.soc)
     _note_pad(ctx, told)
     _reset_counter(ctx, told.soc)
-    ctx.charged = True
-    ctx.tell(f"charged to {100 * ctx.soc:.0f} % at {ctx.station}")
-    return State.REPLANNING, f"charged to {100 * ctx.soc:.0f} %"
+    ctx.delivery.charge_done()
+    ctx.tell(f"charged to {100 * ctx.battery.soc:.0f} % at {ctx.delivery.station}")
+    return State.REPLANNING, f"charged to {100 * ctx.battery.soc:.0f} %"
 
 
 def _least_s(ctx: Context, before: float, after: float) -> float:
@@ -101,39 +101,34 @@ def _doubted(ctx: Context, told: DroneOnPad, why: str) -> DroneOnPad:
 
 def _hear_charged(ctx: Context) -> None:
     """Where people charge, they say ``charged``, or ``charged 83`` for 83 %."""
-    while ctx.words and isinstance(ctx.pads, ManualPads):
-        word, _, percent = ctx.words.pop(0).partition(" ")
+    while isinstance(ctx.pads, ManualPads) and (said := ctx.conversation.next_word()) is not None:
+        word, _, percent = said.partition(" ")
         if word != "charged":
             ctx.operator.ask("say charged when it is done")
             continue
         known = percent.strip(" %").replace(".", "", 1).isdigit()
-        ctx.pads.charged(_drone(ctx), float(percent.strip(" %")) / 100.0 if known else ctx.charge_to or 1.0)
+        ctx.pads.charged(
+            ctx.observed.system, float(percent.strip(" %")) / 100.0 if known else ctx.delivery.charge_to or 1.0
+        )
 
 
 def _reset_counter(ctx: Context, soc: float | None) -> None:
     """Tell an autopilot that counts charge what the battery holds; one that estimates it refuses, and that is right."""
     if soc is None:
         return
-    ctx.voltage.forget()
-    ctx.told.forget()
+    ctx.battery.forget()
     try:
-        reported = ctx.ask(lambda: ctx.vehicle.reset_battery(soc))
+        reported = ask(ctx, lambda: ctx.vehicle.reset_battery(soc))
     except CommandRefusedError:
         ctx.wait(2.0)
         return
     ctx.note("battery", f"the vehicle's counter was set to {100 * soc:.0f} %", soc=soc, reported=reported)
     if math.isfinite(reported):
-        ctx.told.measured(ctx.now_s, reported)
-        ctx.soc, ctx.told_soc, ctx.soc_source = reported, reported, "the vehicle"
-
-
-def _drone(ctx: Context) -> str:
-    s = ctx.sample
-    return str(1 if s is None else s.system)
+        ctx.battery.counter_set(ctx.now_s, reported)
 
 
 def _note_pad(ctx: Context, told: DroneOnPad) -> None:
     ctx.note(
-        "pad", f"{told.state} at {ctx.station}", answer=told.state, soc=told.soc, to_soc=told.to_soc,
+        "pad", f"{told.state} at {ctx.delivery.station}", answer=told.state, soc=told.soc, to_soc=told.to_soc,
         place_in_line=told.place_in_line, pad_free_s=told.pad_free_s, done_s=told.done_s,
     )  # fmt: skip

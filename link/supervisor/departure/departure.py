@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,9 @@ from skyway.link.supervisor.departure.preflight import run_checks
 from skyway.link.supervisor.flight.crash import crashed
 from skyway.link.supervisor.flight.pilot_intervention import refuse_foreign
 from skyway.link.supervisor.legs import Leg, plan_leg, with_places
+from skyway.link.supervisor.observed.link_watch import must_answer, unanswered
 from skyway.link.supervisor.soc.modelled_use import ModelledUse
+from skyway.link.supervisor.standing import standing
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base.errors import CommandRefusedError, LinkError, VehicleTimeoutError
 
@@ -39,25 +40,28 @@ STARTS = 3
 
 def next_service(ctx: Context, speed_mps: float | None = None) -> DroneService:
     """Return the leg to be flown next, with its divert stations and the ground speed that the wind gives, or this one."""
-    if ctx.plan is None or not ctx.plan.services:
+    if ctx.delivery.plan is None or not ctx.delivery.plan.services:
         raise Turn(State.STOPPED, "there is no plan from here")
-    service = ctx.plan.services[0]
+    service = ctx.delivery.plan.services[0]
     if speed_mps is not None:
-        return replace(service, diverts=ctx.diverts, ground_speed_mps=speed_mps)
-    reach = ctx.replanner().reach(ctx.wind.forecast(ctx.now_s), ctx.belief)
+        return replace(service, diverts=ctx.delivery.diverts, ground_speed_mps=speed_mps)
+    reach = ctx.replanner().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief)
     way = reach.way(service.origin, service.via, service.destination)
     cruise_s = float(reach.expected(reach.along(way, ctx.now_s).time_s[:, -1]))
     speed = min(service.distance_m / max(cruise_s, 1.0), reach.drone.max_ground_speed_mps)
-    return replace(service, diverts=ctx.diverts, ground_speed_mps=round(speed, 2))
+    return replace(service, diverts=ctx.delivery.diverts, ground_speed_mps=round(speed, 2))
 
 
 def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService, LegMission]:
     """Make the mission of the next leg."""
     service = next_service(ctx, speed_mps)
-    if ctx.plan is None:
+    if ctx.delivery.plan is None:
         raise Turn(State.STOPPED, "there is no plan from here")
     job = ctx.job
-    plan = replace(with_places(ctx.plan, job.scenario, service.diverts), services=(service, *ctx.plan.services[1:]))
+    plan = replace(
+        with_places(ctx.delivery.plan, job.scenario, service.diverts),
+        services=(service, *ctx.delivery.plan.services[1:]),
+    )
     last = service.destination == job.request.destination
     return service, plan_leg(plan, service, ctx.vehicle.family.name, job.options, last=last)
 
@@ -72,7 +76,7 @@ def preflight(ctx: Context) -> After:
             checks = [shown.take(check) for check in run_checks(ctx, service, leg)]
         except LinkError as error:
             if isinstance(error, VehicleTimeoutError):
-                ctx.unanswered(error)
+                unanswered(ctx, error)
             if waited_s >= (UNKNOWN_PATIENCE_S if isinstance(error, VehicleTimeoutError) else CHECK_PATIENCE_S):
                 return State.STOPPED, f"preflight: {error}"
             shown.waits(f"the list is not finished: {error}", CHECK_PATIENCE_S - waited_s)
@@ -81,7 +85,7 @@ def preflight(ctx: Context) -> After:
         wrong = [check for check in checks if not check.ok]
         unknown = [check for check in wrong if check.verdict == "unknown" and check.waits]
         if unknown:
-            ctx.must_answer("; ".join(map(str, unknown)))
+            must_answer(ctx, "; ".join(map(str, unknown)))
         elif not wrong or any(not check.waits for check in wrong):
             break  # else what is wrong may follow from what is not known
         patience_s = UNKNOWN_PATIENCE_S if len(unknown) == len(wrong) else CHECK_PATIENCE_S
@@ -90,7 +94,7 @@ def preflight(ctx: Context) -> After:
         shown.waits("; ".join(map(str, wrong)), patience_s - waited_s)
         ctx.wait(CHECK_AGAIN_S)
     data = [{"name": c.name, "verdict": c.verdict, "said": c.said} for c in checks]
-    ctx.note("preflight", "; ".join(map(str, wrong)) or "all in order", checks=data, failsafes=ctx.failsafes)
+    ctx.note("preflight", "; ".join(map(str, wrong)) or "all in order", checks=data, failsafes=ctx.failsafes.values)
     if not wrong:
         return State.UPLOADING, "preflight in order"
     return _after_preflight(ctx, wrong[0], "; ".join(map(str, wrong)), service)
@@ -103,7 +107,7 @@ def _after_preflight(ctx: Context, first: Check, reason: str, service: DroneServ
     if first.name == "attitude":
         return State.CRASHED, first.said
     if first.name == "pads":
-        ctx.unusable[service.destination] = ctx.now_s
+        ctx.delivery.avoid(service.destination, ctx.now_s)
         return State.REPLANNING, reason
     if first.name in ("battery", "wind"):
         ctx.wait(REPLAN_AGAIN_S)
@@ -124,7 +128,7 @@ def uploading(ctx: Context) -> After:
         if reason:
             return State.STOPPED, f"the {kind.word} could not be uploaded: {reason}"
     ctx.vehicle.changes()  # what we have just sent
-    ctx.leg = _new_leg(ctx, service, leg)
+    ctx.delivery.take_leg(_new_leg(ctx, service, leg))
     return State.READY, f"the leg to {service.destination} is uploaded and verified"
 
 
@@ -144,13 +148,13 @@ def _upload(ctx: Context, kind: MissionKind, part: Part | None) -> str:
             ctx.note("upload", str(outcome), part=kind.word, verified=outcome.verified, attempts=outcome.attempts)
             if outcome.verified or outcome.state is UploadState.REFUSED:
                 return reason
-        ctx.must_answer(f"the {kind.word} could not be uploaded: {reason}")
+        must_answer(ctx, f"the {kind.word} could not be uploaded: {reason}")
         ctx.wait(2.0)
     return reason
 
 
 def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
-    reach = ctx.replanner().reach(ctx.wind.forecast(ctx.now_s), ctx.belief.next_flight())
+    reach = ctx.replanner().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief.next_flight())
     flown = reach.to_the_end(reach.way(service.origin, service.via, service.destination), ctx.now_s, climbs=True)
     return Leg(
         origin=service.origin,
@@ -160,22 +164,22 @@ def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
         mission=mission,
         commanded_mps=service.ground_speed_mps,
         planned_s=float(reach.expected(flown.time_s)),
-        planned_soc=ctx.soc - float(reach.expected(flown.soc)) * ctx.belief.factor,
-        modelled=ModelledUse(reach.soc_per_s, reach.soc_climb - reach.soc_per_s * reach.rules.climb_s, reach.load),
+        planned_soc=ctx.battery.soc - float(reach.expected(flown.soc)) * ctx.energy.belief.factor,
+        modelled=ModelledUse.by(reach),
         last=service.destination == ctx.job.request.destination,
     )
 
 
 def ready(ctx: Context) -> After:
     """Ask before the take-off where that was asked for."""
-    leg = ctx.leg
+    leg = ctx.delivery.leg
     if leg is None:
         return State.PREFLIGHT, "the leg is prepared anew"
     job = ctx.job
     brief(ctx, leg)
-    must = job.asking == "each" or (job.asking == "once" and not ctx.asked_once)
+    must = job.asking == "each" or (job.asking == "once" and not ctx.conversation.asked_once)
     if must or (job.asking != "never" and ctx.parameters.unasked):
-        if not ctx.attended:
+        if not ctx.conversation.attended:
             return State.STOPPED, "nobody is there to allow the take-off (--yes for rehearsals)"
         count = len(ctx.parameters.proposed)
         sets = "" if not count else f"set {count} parameter{'s' if count > 1 else ''} as listed, and "
@@ -183,15 +187,15 @@ def ready(ctx: Context) -> After:
             f"{sets}take off from {leg.origin} to {leg.destination}: {leg.planned_s / 60:.0f} min, landing with about "
             f"{100 * leg.planned_soc:.0f} %; yes or no?"
         )
-        answer = ctx.answer(question, ("yes", "y", "no", "n"))
+        answer = ctx.conversation.answer(ctx, question, ("yes", "y", "no", "n"))
         ctx.note("operator", f"asked to {question} answered {answer}")
         if answer.startswith("n"):
             return State.STOPPED, f"the operator does not allow the take-off to {leg.destination}"
-        ctx.asked_once = True
-        if ctx.soc < (ctx.charge_to or 0.0) - 0.03:
+        ctx.conversation.allow()
+        if ctx.battery.soc < (ctx.delivery.charge_to or 0.0) - 0.03:
             return State.REPLANNING, "the charge has fallen while waiting for the operator"
-    if ctx.stop_after_leg:
-        return State.STOPPED, f"the operator asked to stay at {ctx.station}"
+    if ctx.conversation.stays:
+        return State.STOPPED, f"the operator asked to stay at {ctx.delivery.station}"
     try:
         apply(ctx)
     except LinkError as error:
@@ -201,32 +205,26 @@ def ready(ctx: Context) -> After:
 
 def arming(ctx: Context) -> After:
     """Arm and start, until it is in the air."""
-    leg = ctx.leg
-    if leg is None or ctx.plan is None:
+    leg = ctx.delivery.leg
+    if leg is None or ctx.delivery.plan is None:
         return State.PREFLIGHT, "the leg is prepared anew"
     ctx.wait(FRESH_S)
-    ctx.flight += 1
-    ctx.landed_at = None
+    ctx.delivery.begin_flight()
     ctx.lean.begin()
-    leg.start_s, leg.soc_start, leg.told_start = ctx.now_s, ctx.soc, ctx.told_soc
-    if leg.modelled is not None:
-        leg.modelled.begin(ctx.now_s)
-    if ctx.charged or not math.isfinite(ctx.flown_from[0]):
-        ctx.flown_from = (ctx.told_soc, ctx.soc)
+    leg.begin(ctx.now_s, ctx.battery.soc, ctx.battery.told_soc)
+    ctx.battery.begin_flight(charged=ctx.delivery.charged)
     ctx.note(
-        "leg", f"flight {ctx.flight}: {leg.origin} to {leg.destination}",
+        "leg", f"flight {ctx.delivery.flight}: {leg.origin} to {leg.destination}",
         origin=leg.origin, destination=leg.destination, via=list(leg.via),
         planned_s=leg.planned_s, planned_soc=leg.planned_soc,
         wind=ctx.wind.on_way(leg.mission.way, ctx.now_s, leg.planned_s).as_data(), wind_origin=ctx.wind.origin,
-        soc=ctx.soc, told_soc=ctx.told_soc, ground_speed_mps=leg.commanded_mps,
-        way=[list(point) for point in leg.mission.way], last=leg.last, **ctx.standing(),
+        soc=ctx.battery.soc, told_soc=ctx.battery.told_soc, ground_speed_mps=leg.commanded_mps,
+        way=[list(point) for point in leg.mission.way], last=leg.last, **standing(ctx),
     )  # fmt: skip
     problem = _start(ctx)
     if problem and not ctx.in_air:
         return _disarmed(ctx, f"the take-off to {leg.destination} failed: {problem}")
-    ctx.station = None
-    ctx.charged = False
-    ctx.charge_to = None
+    ctx.delivery.take_off()
     return State.FLYING, f"in the air to {leg.destination}"
 
 
@@ -244,7 +242,7 @@ def _start(ctx: Context) -> str:
     problem, tries = "", 0
     end = ctx.clock.now_s() + ARM_PATIENCE_S
     while tries < STARTS:
-        if ctx.stop_after_leg:
+        if ctx.conversation.stays:
             return "the operator asked to stay"
         try:
             ctx.vehicle.start()
@@ -254,7 +252,7 @@ def _start(ctx: Context) -> str:
             refused = isinstance(error, CommandRefusedError)
             tries += int(not refused or ctx.clock.now_s() >= end)
             if isinstance(error, VehicleTimeoutError):
-                ctx.unanswered(error)
+                unanswered(ctx, error)
             elif str(error) != problem:
                 ctx.note("start", str(error))
                 ctx.tell(str(error))
@@ -271,7 +269,7 @@ def _took_off(ctx: Context) -> bool:
     end = ctx.clock.now_s() + TAKE_OFF_S
     while ctx.clock.now_s() < end:
         refuse_foreign(ctx, ctx.tick(), ("mission", "takeoff", "guided"))
-        s = ctx.sample
+        s = ctx.observed.sample
         if ctx.in_air and s is not None and s.height_m > 2.0:
             return True
     return False
@@ -287,8 +285,8 @@ def _disarmed(ctx: Context, reason: str) -> After:
         except LinkError as error:
             ctx.note("start", str(error))
         ctx.wait(2.0)
-    ctx.flight -= 1
+    ctx.delivery.not_begun()
     if not ctx.on_ground:
         return State.HOLDING, reason
-    crash = crashed(ctx, ctx.entered_s)
+    crash = crashed(ctx, ctx.status.entered_s)
     return (State.CRASHED, f"{reason}; {crash}") if crash else (State.STOPPED, reason)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from skyway.missions.dialects import dialect
@@ -10,6 +11,7 @@ from skyway.missions.items.parameters import UNITS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from skyway.link.supervisor.context import Context
     from skyway.link.vehicle.vehicle import Vehicle
 
 READ = {
@@ -53,9 +55,22 @@ _ARDUPILOT_BATTERY = {
 _RC_CONTINUES_IN_AUTO, _CONTINUES_IN_AUTO = 1, 2
 
 
-def read_failsafes(vehicle: Vehicle) -> dict[str, float]:
-    """Read the settings that decide it; one that its firmware does not have is left out."""
-    return vehicle.read_settings(READ[vehicle.family.name])
+@dataclass(slots=True)
+class Failsafes:
+    """The settings of one vehicle that decide what it does by itself.
+
+    Attributes
+    ----------
+    values : dict
+        By key, in our units, as they will be in the flight; one that its firmware does not have is left out.
+    """
+
+    values: dict[str, float] = field(default_factory=dict)
+
+    def read(self, vehicle: Vehicle, proposed: Mapping[str, float]) -> None:
+        """Read them, those that are to be set (by key, in our units) as they will be."""
+        found = vehicle.read_settings(READ[vehicle.family.name])
+        self.values = {key: proposed.get(key, value) for key, value in found.items()}
 
 
 def in_our_units(family: str, values: Mapping[str, float]) -> dict[str, float]:
@@ -71,6 +86,15 @@ def when_left(family: str, values: Mapping[str, float]) -> str:
         return "what it does then is not known: its failsafe parameters could not be read"
     low = _px4_low(values) if family == "px4" else _ardupilot_stage("low", values)
     return f"{without_us(family, values)}; {low}"
+
+
+def left_words(ctx: Context) -> str:
+    """Say what the vehicle does when it is left to itself now."""
+    if ctx.on_ground:
+        return "it stands disarmed on the ground"
+    if ctx.vehicle.mode != "mission":
+        return f"it is in mode {ctx.vehicle.mode} and stays in it until its battery failsafe, or a pilot, ends it"
+    return when_left(ctx.vehicle.family.name, ctx.failsafes.values)
 
 
 def by_itself(family: str, values: Mapping[str, float]) -> list[str]:

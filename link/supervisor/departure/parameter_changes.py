@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from skyway.link.supervisor.observed.link_watch import ask
 from skyway.models.base.errors import CommandRefusedError, LinkError, VehicleTimeoutError
 
 if TYPE_CHECKING:
@@ -64,6 +65,21 @@ class ParameterChanges:
         """Those proposed that this delivery has not changed before: the operator has not been asked about them."""
         return tuple(setting for setting in self.proposed if setting.name not in self.ours)
 
+    def propose(self, proposed: Iterable[ParameterChange]) -> None:
+        """Take what the leg to come needs."""
+        self.proposed = tuple(proposed)
+
+    def take_proposed(self) -> tuple[ParameterChange, ...]:
+        """Return what was proposed, which is about to be set, and propose nothing more."""
+        proposed, self.proposed = self.proposed, ()
+        return proposed
+
+    def follow(self, records: Iterable[Record]) -> None:
+        """Follow the ``parameter`` records of a journal."""
+        for record in records:
+            if record.event == "parameter":
+                self.take(record.data)
+
     def take(self, data: Mapping[str, Any]) -> None:
         """Follow a ``parameter`` record of the journal."""
         name, done = data.get("name"), data.get("done")
@@ -84,9 +100,7 @@ class ParameterChanges:
 def changes_of(records: Iterable[Record]) -> ParameterChanges:
     """Return what a journal says is still changed on the vehicle."""
     found = ParameterChanges()
-    for record in records:
-        if record.event == "parameter":
-            found.take(record.data)
+    found.follow(records)
     return found
 
 
@@ -103,13 +117,13 @@ def apply(ctx: Context) -> None:
     LinkError
         The vehicle refuses one, or does not answer.
     """
-    proposed, ctx.parameters.proposed = ctx.parameters.proposed, ()
+    proposed = ctx.parameters.take_proposed()
     for setting in proposed:
         _note(
             ctx, setting.name, "setting", f"{setting.name} is set from {setting.before:g} to {setting.after:g}: {setting.why}",
             before=setting.before, after=setting.after,
         )  # fmt: skip
-        ctx.ask(partial(ctx.vehicle.set_parameter, setting.name, setting.after))
+        ask(ctx, partial(ctx.vehicle.set_parameter, setting.name, setting.after))
         ctx.note(
             "parameter", f"{setting.name} {setting.after:g}, read back", name=setting.name, done="set",
             before=setting.before, after=setting.after,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from skyway.link.supervisor.departure.failsafes import finishes_alone, in_our_units, read_failsafes, when_left
+from skyway.link.supervisor.departure.failsafes import finishes_alone, in_our_units, when_left
 from skyway.link.supervisor.departure.parameter_changes import ParameterChange
 from skyway.link.supervisor.flight.crash import LIES_DEG, leans_deg
 from skyway.link.supervisor.flight.lean import airspeed_at_lean
@@ -87,10 +87,10 @@ def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator
 
 def _identity(ctx: Context) -> Iterator[Check]:
     who = ctx.vehicle.identify()
-    if ctx.uid and who.uid and who.uid != ctx.uid:
+    if ctx.observed.is_another(who.uid):
         yield Check("vehicle", "no", f"{who} has another hardware id than the one this delivery began with")
     else:
-        ctx.uid = ctx.uid or who.uid
+        ctx.observed.identify(ctx.observed.uid or who.uid)
         yield Check("vehicle", "ok", str(who))
     try:
         ctx.vehicle.check_ground_station()
@@ -107,7 +107,7 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
     if lean > LIES_DEG:
         yield Check("attitude", "no", f"it lies there, leaning by {lean:.0f}°", waits=True)
     place = ctx.place
-    station = ctx.plan.stations[service.origin] if ctx.plan is not None else None
+    station = ctx.delivery.plan.stations[service.origin] if ctx.delivery.plan is not None else None
     if place is None or station is None:
         yield Check("position", "unknown", "the vehicle does not tell where it is", waits=True)
         return
@@ -117,7 +117,7 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
         yield Check("position", "no", f"{away:.0f} m from {service.origin}, at most {AT_PLACE_M:.0f} m", waits=True)
     elif doubt is not None:
         yield Check("position", "no", doubt, waits=True)
-    elif ctx.sample is not None and ctx.sample.gps_ok == 0.0:
+    elif ctx.observed.sample is not None and ctx.observed.sample.gps_ok == 0.0:
         yield Check("position", "no", "its receiver has no fix that it trusts", waits=True)
     else:
         yield Check("position", "ok", f"{away:.0f} m from {service.origin}")
@@ -129,7 +129,7 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
     off = geodesy.distance_m(home.lat_deg, home.lon_deg, *place)
     moves = "moves here at arming" if off > HOME_M else f"{off:.0f} m away"
     ground = station.elevation_m
-    height = ctx.sample.alt_msl_m if ctx.sample is not None else math.nan
+    height = ctx.observed.sample.alt_msl_m if ctx.observed.sample is not None else math.nan
     if ground is not None and math.isfinite(height) and abs(height - ground) > HOME_HEIGHT_M:
         said = (
             f"the vehicle puts the ground at {height:.0f} m above the sea, {service.origin} has {ground:.0f} m: set its home "
@@ -146,18 +146,20 @@ def _doubts(ctx: Context) -> dict[str, str]:
 
 
 def _battery(ctx: Context, service: DroneService) -> Check:
-    wanted = ctx.charge_to if ctx.charge_to is not None else service.soc_depart
-    if not math.isfinite(ctx.soc) or (ctx.sample is not None and not math.isfinite(ctx.sample.soc)):
+    wanted = ctx.delivery.charge_to if ctx.delivery.charge_to is not None else service.soc_depart
+    if not math.isfinite(ctx.battery.soc) or (
+        ctx.observed.sample is not None and not math.isfinite(ctx.observed.sample.soc)
+    ):
         return Check("battery", "unknown", "the vehicle does not tell its state of charge", waits=True)
-    said = f"{100 * ctx.soc:.0f} %, {100 * wanted:.0f} % wanted for {service.destination}"
+    said = f"{100 * ctx.battery.soc:.0f} %, {100 * wanted:.0f} % wanted for {service.destination}"
     doubt = _doubts(ctx).get("soc")
     if doubt is not None and ("stuck" in doubt or "know" in doubt):
         return Check("battery", "unknown", doubt, waits=True)
-    return Check("battery", "ok" if ctx.soc >= wanted - SOC_SLACK else "no", said)
+    return Check("battery", "ok" if ctx.battery.soc >= wanted - SOC_SLACK else "no", said)
 
 
 def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:
-    plan, drone = ctx.plan, ctx.job.scenario.drone(ctx.job.request.drone or "")
+    plan, drone = ctx.delivery.plan, ctx.job.scenario.drone(ctx.job.request.drone or "")
     if plan is None:
         return
     wind = ctx.wind.forecast(ctx.now_s, now=True)
@@ -190,7 +192,7 @@ def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:
             proposed.append(ParameterChange(name, check.actual, check.to_set, check.wanted.why))
         elif not check.ok:
             yield Check(f"parameter {name}", "no", check.problem)
-    ctx.parameters.proposed = tuple(proposed)
+    ctx.parameters.propose(proposed)
     names = ", ".join(setting.name for setting in proposed)
     yield Check(
         "parameters", "ok", f"{len(leg.parameters)} read" + (f", {len(proposed)} to set: {names}" if names else "")
@@ -204,7 +206,7 @@ def _lean(ctx: Context) -> Check:
     drone = ctx.job.scenario.drone(ctx.job.request.drone or "")
     if not known:
         return Check("lean limit", "ok", "this firmware does not tell it: whether it limits the airspeed is not known")
-    ctx.lean.limit_deg, ctx.lean.top_airspeed_mps = min(known), drone.max_airspeed_mps
+    ctx.lean.know_limits(min(known), drone.max_airspeed_mps)
     said = f"{min(known):.0f}°"
     if ctx.job.drag is None:
         return Check("lean limit", "ok", f"{said}; what airspeed it allows is not known without --drag")
@@ -220,9 +222,9 @@ def _failsafe(ctx: Context) -> Check:
     """Tell what it does without us, as it will be with the parameters that are to be set."""
     family = ctx.vehicle.family.name
     proposed = in_our_units(family, {setting.name: setting.after for setting in ctx.parameters.proposed})
-    ctx.failsafes = {key: proposed.get(key, value) for key, value in read_failsafes(ctx.vehicle).items()}
-    alone = finishes_alone(family, ctx.failsafes)
-    said = when_left(family, ctx.failsafes)
+    ctx.failsafes.read(ctx.vehicle, proposed)
+    alone = finishes_alone(family, ctx.failsafes.values)
+    said = when_left(family, ctx.failsafes.values)
     if alone is None:
         return Check("link loss", "unknown", said, waits=True)
     return Check("link loss", "ok" if alone else "no", said)
@@ -244,9 +246,9 @@ def _mission(ctx: Context, leg: LegMission) -> Check:
 
 
 def _diverts(ctx: Context, service: DroneService) -> Check:
-    if not ctx.diverts:
+    if not ctx.delivery.diverts:
         return Check("diverts", "no", f"no station stays in reach on the way to {service.destination}")
-    return Check("diverts", "ok", ", ".join(ctx.diverts))
+    return Check("diverts", "ok", ", ".join(ctx.delivery.diverts))
 
 
 def _pads(ctx: Context, service: DroneService) -> Check:

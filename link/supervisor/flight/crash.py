@@ -21,7 +21,7 @@ _WORDS = re.compile(r"\bcrash|attitude failure|\bleaning\b", re.IGNORECASE)
 
 def leans_deg(ctx: Context) -> float:
     """How far it leans; NaN where that is not known."""
-    s = ctx.sample
+    s = ctx.observed.sample
     if s is None:
         return math.nan
     return math.degrees(math.acos(max(-1.0, min(1.0, math.cos(s.roll_rad) * math.cos(s.pitch_rad)))))
@@ -54,6 +54,7 @@ def crash_end(ctx: Context, since_s: float) -> After | None:
     crash = crashed(ctx, since_s)
     if not crash:
         return None
-    ctx.station = ctx.here_station()
-    where = ctx.station or ("a place that it does not tell" if ctx.place is None else "no station")
+    station = ctx.here_station()
+    ctx.delivery.stand_at(station)
+    where = station or ("a place that it does not tell" if ctx.place is None else "no station")
     return State.CRASHED, f"it has crashed, and is at {where}: {crash}"

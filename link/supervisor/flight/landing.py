@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from skyway.link.supervisor.flight.air import LEARN_SOC
 from skyway.link.supervisor.flight.crash import crash_end
+from skyway.link.supervisor.observed.link_watch import ask, must_answer, request_telemetry
+from skyway.link.supervisor.standing import standing
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import LinkError
 
@@ -21,11 +21,11 @@ PLACE_S = 90.0
 
 def after_landing(ctx: Context) -> After:
     """Find out where it stands, learn what the flight took, and go on from there."""
-    leg = ctx.leg
+    leg = ctx.delivery.leg
     ctx.wait(3.0)
     if ctx.in_air:
         return State.HOLDING, "it is in the air again"
-    ctx.request_telemetry()
+    request_telemetry(ctx)
     if not _found(ctx):
         return State.HOLDING, "it is in the air again"
     flown_s = 0.0 if leg is None or not math.isfinite(leg.start_s) else ctx.now_s - leg.start_s
@@ -33,28 +33,24 @@ def after_landing(ctx: Context) -> After:
     if crash is not None:
         return crash
     if ctx.place is None:
-        ctx.must_answer("it has landed, and does not answer")
+        must_answer(ctx, "it has landed, and does not answer")
         return State.HOLDING, "it has landed, and does not tell where"
     station = ctx.here_station()
-    ctx.station = station
+    ctx.delivery.stand_at(station)
     if leg is not None and math.isfinite(leg.soc_start) and leg.learns:
-        _learn(ctx)
+        ctx.energy.learn(ctx, leg)
     where = station or f"{ctx.place[0]:.5f}, {ctx.place[1]:.5f}"
     planned = leg is not None and station == leg.destination
-    if ctx.landed_at is None or leg is not None:
+    if ctx.delivery.landed_at is None or leg is not None:
         _note_landing(ctx, where, planned=planned)
     if station is None:
         return State.ENDED_ELSEWHERE, f"it stands disarmed at {where}, away from any station"
-    ctx.visited.add(station)
-    if ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].destination == station:
-        rest = ctx.plan.services[1:]
-        ctx.plan = replace(ctx.plan, services=rest, origin=station) if rest else None
-    elif not (ctx.plan is not None and ctx.plan.services and ctx.plan.services[0].origin == station):
-        ctx.plan = None
-    ctx.leg, ctx.outlook = None, {}
+    ctx.delivery.visit(station)
+    ctx.delivery.reach(station)
+    ctx.delivery.take_leg(None)
     if station == ctx.job.request.destination:
         return _deliver(ctx)
-    if ctx.stop_after_leg:
+    if ctx.conversation.stays:
         return State.STOPPED, f"the operator asked to stay; it stands disarmed at {station}"
     return State.REPLANNING, f"at {station}"
 
@@ -69,29 +65,15 @@ def _found(ctx: Context) -> bool:
 
 def _note_landing(ctx: Context, where: str, *, planned: bool) -> None:
     """Write down where a flight has ended; once, however often it is found standing there."""
-    leg = ctx.leg
-    ctx.landed_at = ctx.station or where
+    leg = ctx.delivery.leg
+    ctx.delivery.note_landing(ctx.delivery.station or where)
     ctx.note(
-        "landed", f"at {where} with {100 * ctx.soc:.0f} %", soc=ctx.soc, planned=planned,
+        "landed", f"at {where} with {100 * ctx.battery.soc:.0f} %", soc=ctx.battery.soc, planned=planned,
         planned_soc=math.nan if leg is None else leg.planned_soc,
         planned_s=math.nan if leg is None else leg.planned_s,
-        flight_s=math.nan if leg is None else ctx.now_s - leg.start_s, **ctx.standing(),
+        flight_s=math.nan if leg is None else ctx.now_s - leg.start_s, **standing(ctx),
     )  # fmt: skip
-    ctx.tell(f"landed at {where} with {100 * ctx.soc:.0f} %")
-
-
-def _learn(ctx: Context) -> None:
-    """Learn the energy factor from the whole flight."""
-    leg = ctx.leg
-    if leg is None:
-        return
-    used, expected = leg.soc_start - ctx.soc, 0.0 if leg.modelled is None else leg.modelled.total
-    if used > LEARN_SOC and expected > 0.0:
-        ctx.belief = ctx.belief.learnt(used, expected)
-        reason = f"the flight took {100 * used:.0f} %, the model says {100 * expected:.0f} %"
-        ctx.note(
-            "energy", reason, used_soc=used, modelled_soc=expected, factor=ctx.belief.factor, sigma=ctx.belief.sigma
-        )
+    ctx.tell(f"landed at {where} with {100 * ctx.battery.soc:.0f} %")
 
 
 def _deliver(ctx: Context) -> After:
@@ -100,7 +82,7 @@ def _deliver(ctx: Context) -> After:
     if ctx.job.options.release == "gripper":
         for attempt in range(RELEASES):
             try:
-                ctx.ask(ctx.vehicle.release)
+                ask(ctx, ctx.vehicle.release)
             except LinkError as error:
                 ctx.note("release", f"the gripper was not opened: {error}")
                 if attempt == RELEASES - 1:
@@ -109,7 +91,7 @@ def _deliver(ctx: Context) -> After:
             else:
                 break
         ctx.note("release", "the gripper is open")
-        return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.soc:.0f} %"
-    ctx.answer(f"is the package taken off at {destination}? done", ("done",))
+        return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.battery.soc:.0f} %"
+    ctx.conversation.answer(ctx, f"is the package taken off at {destination}? done", ("done",))
     ctx.note("release", "by a person")
-    return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.soc:.0f} %"
+    return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.battery.soc:.0f} %"

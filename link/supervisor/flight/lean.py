@@ -99,6 +99,10 @@ class LeanWatch:
     _rows: deque[tuple[float, ...]] = field(default_factory=deque)
     _velocity: np.ndarray | None = None
 
+    def know_limits(self, limit_deg: float, top_airspeed_mps: float) -> None:
+        """Take the limits of this vehicle."""
+        self.limit_deg, self.top_airspeed_mps = limit_deg, top_airspeed_mps
+
     def begin(self) -> None:
         """Begin a flight."""
         self.limited, self.taken, self._velocity = False, 0, None
@@ -180,7 +184,7 @@ class LeanWatch:
 
 def watch_lean(ctx: Context, s: TelemetrySample) -> None:
     """Look at a sample of the flight; tell when the lean begins or ends to limit it, and take the wind that this measures."""
-    leg, watch = ctx.leg, ctx.lean
+    leg, watch = ctx.delivery.leg, ctx.lean
     cruises = s.height_m > 0.6 * ctx.job.scenario.rules.cruise_height_m
     if leg is None or not ctx.in_air or not cruises or ctx.vehicle.mode != "mission":
         return

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def follows_a_landing(ctx: Context, change: Change) -> bool:
     """Whether a change is what an autopilot does by itself at the end of a flight: it disarms, and leaves the mission's mode."""
-    s = ctx.sample
+    s = ctx.observed.sample
     down = s is not None and s.landed == 1.0 and not ctx.in_air
     ends = (change.what == "armed" and change.after == "disarmed") or (change.what == "mode" and not ctx.vehicle.armed)
     return down and ends and ctx.state in (*IN_AIR, State.LANDED)

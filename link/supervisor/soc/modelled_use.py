@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from skyway.link.supervisor.context import Context
     from skyway.models.drones.airspeed_load import AirspeedLoad
+    from skyway.planner.online.diverts import Reach
 
 
 @dataclass(slots=True)
@@ -32,6 +34,11 @@ class ModelledUse:
     soc: float = 0.0
     heard_s: float = math.nan
 
+    @classmethod
+    def by(cls, reach: Reach) -> ModelledUse:
+        """Return that of a flight which what can be reached is worked out by."""
+        return cls(reach.soc_per_s, reach.soc_climb - reach.soc_per_s * reach.rules.climb_s, reach.load)
+
     @property
     def total(self) -> float:
         """Charge of the flight so far."""
@@ -40,6 +47,10 @@ class ModelledUse:
     def begin(self, time_s: float) -> None:
         """Begin with the take-off."""
         self.soc, self.heard_s = 0.0, time_s
+
+    def restore(self, soc: float, time_s: float) -> None:
+        """Bring back what a journal says was used until an instant."""
+        self.soc, self.heard_s = soc, time_s
 
     def hear(self, time_s: float, velocity: tuple[float, float], wind: tuple[float, float]) -> None:
         """Count the time since the last call, with the airspeed of now.
@@ -56,3 +67,11 @@ class ModelledUse:
         factor = 1.0 if self.load is None or not math.isfinite(airspeed) else float(self.load.factor(airspeed))
         self.soc += self.per_s * factor * duration_s
         self.heard_s = time_s
+
+
+def count_use(ctx: Context) -> None:
+    """Count what the flight should have taken by the model, at the airspeed that wind and ground speed give."""
+    s, use = ctx.observed.sample, None if ctx.delivery.leg is None else ctx.delivery.leg.modelled
+    if use is None or s is None or not ctx.in_air:
+        return
+    use.hear(ctx.now_s, (s.vel_north_mps, s.vel_east_mps), ctx.wind.here(s))

@@ -284,8 +284,12 @@ class VoltageWatch:
         self._seen.clear()
         return lost
 
+    def restore(self, lost: float) -> None:
+        """Bring back what was lost before the program was begun again."""
+        self.lost = lost
+
     def forget(self) -> None:
-        """Begin anew: the battery was measured, or another one put in."""
+        """Begin again: the battery was measured, or another one put in."""
         self.lost = 0.0
         self._falls.clear()
         self._seen.clear()

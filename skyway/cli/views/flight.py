@@ -133,10 +133,10 @@ class FlightView:
         if self._leg and track is not None:
             parts.append(self.table(track))
         parts += [Text(line, no_wrap=True, overflow="ellipsis") for line in self._now(context)]
-        if context is not None and context.question:
-            parts.append(Text(f"? {context.question}", style="bold"))
+        if context is not None and context.conversation.question:
+            parts.append(Text(f"? {context.conversation.question}", style="bold"))
         typed = self.typed()
-        if typed or (context is not None and context.question):
+        if typed or (context is not None and context.conversation.question):
             parts.append(Text(f"> {typed}", style="bold"))
         return Group(*parts)
 
@@ -150,12 +150,12 @@ class FlightView:
         """What is known now, besides the table of a flight."""
         if context is None:
             return []
-        sample, silent_s = context.sample, context.vehicle.silent_s
+        sample, silent_s = context.observed.sample, context.vehicle.silent_s
         heard = f"not heard for {silent_s:.0f} s" if silent_s > 2.0 else "heard"
         found = [f"vehicle: {context.vehicle.mode}, {'armed' if context.vehicle.armed else 'disarmed'}, {heard}"]
         if sample is not None and not self._leg:
-            aim = "" if context.charge_to is None else f", to be {100 * context.charge_to:.0f} %"
-            found[0] += f"; at {context.station or 'no known station'}; charge {_percent(_finite(context.soc))}{aim}"
+            aim = "" if context.delivery.charge_to is None else f", to be {100 * context.delivery.charge_to:.0f} %"
+            found[0] += f"; at {context.delivery.station or 'no known station'}; charge {_percent(_finite(context.battery.soc))}{aim}"
         if self._checks and not self._leg:
             found += self._open_checks()
         if context.texts.latest is not None:

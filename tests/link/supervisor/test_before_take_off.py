@@ -10,7 +10,7 @@ from benchmarks.deliveries import Stage, Story, newyork
 from skyway.link.supervisor import NobodyThere, Scripted, read_journal
 from skyway.link.supervisor.departure.failsafes import by_itself, in_our_units
 from skyway.link.supervisor.departure.parameter_changes import changes_of
-from skyway.link.supervisor.vehicle_texts import TextLog
+from skyway.link.supervisor.observed.vehicle_texts import TextLog
 from skyway.sim_stub.faults import parse_fault
 
 SHORT = {"start": "bellevue", "to": "city-hall"}
@@ -117,7 +117,7 @@ def test_left_in_the_air_it_keeps_its_failsafes_and_the_way_back_is_told(tmp_pat
     stage.operator = NobodyThere(show=lines.append)
 
     def press(ctx):
-        ctx.operator.interrupts = (ctx.flight and ctx.in_air) * (1 + (ctx.operator.interrupts > 0))
+        ctx.operator.interrupts = (ctx.delivery.flight and ctx.in_air) * (1 + (ctx.operator.interrupts > 0))
 
     assert stage.fly(on_tick=press).state == "left-to-itself"
     assert held(stage)["COM_DLL_EXCEPT"] == 1.0
@@ -179,7 +179,7 @@ def test_ctrl_c_on_the_ground_ends_it_there_and_puts_the_parameters_back(tmp_pat
     stage.operator = Scripted(lambda _q, _n: None, stage.lockstep.clock.now_s)
 
     def press(ctx):
-        stage.operator.interrupts = int(ctx.question is not None)
+        stage.operator.interrupts = int(ctx.conversation.question is not None)
 
     outcome = stage.fly(on_tick=press)
     assert outcome.state == "stopped-safe"
@@ -193,7 +193,7 @@ def test_an_operator_who_goes_away_while_asked_ends_it_and_is_not_waited_for(tmp
     stage.operator = Scripted(lambda _q, _n: None, stage.lockstep.clock.now_s)
 
     def leave(ctx):
-        stage.operator.present = ctx.question is None
+        stage.operator.present = ctx.conversation.question is None
 
     outcome = stage.fly(on_tick=leave)
     assert outcome.state == "stopped-safe"

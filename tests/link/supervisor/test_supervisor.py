@@ -199,7 +199,7 @@ def test_left_in_the_air_it_finishes_its_leg_by_its_own_parameters(tmp_path):
     stage = Stage(Story(**SHORT), tmp_path)
 
     def press(ctx):
-        ctx.operator.interrupts = (ctx.flight and ctx.in_air) * (1 + (ctx.operator.interrupts > 0))
+        ctx.operator.interrupts = (ctx.delivery.flight and ctx.in_air) * (1 + (ctx.operator.interrupts > 0))
 
     outcome = stage.fly(on_tick=press)
     assert outcome.state == "left-to-itself"

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from skyway.link.supervisor.context import Context
+
 NOTICE = 5
 """MAV_SEVERITY from which on (downwards) a person is told: emergency 0 to notice 5; info 6 and debug 7 are journaled."""
 SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
@@ -85,3 +87,12 @@ class TextLog:
                 said.wait_s *= 2.0
             said.told_s, said.told_count = now_s, said.count
             yield said
+
+
+def tell_texts(ctx: Context) -> None:
+    """Tell what the vehicle says: a refusal that is repeated 200 times is one line, with its count."""
+    for said in ctx.texts.hear(ctx.vehicle.new_texts(), ctx.clock.now_s()):
+        word = SEVERITIES[min(max(said.severity, 0), len(SEVERITIES) - 1)]
+        ctx.note("text", str(said), text=said.text, severity=word, count=said.count)
+        if said.severity <= NOTICE:
+            ctx.tell(f"the vehicle says: {said}")

@@ -1,0 +1,116 @@
+"""What is said between the supervisor and the operator: questions, answers, Ctrl-C."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.departure.failsafes import left_words
+from skyway.link.supervisor.states import ON_GROUND, State, Turn
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import Context
+    from skyway.link.supervisor.operators import Operator
+
+
+@dataclass(slots=True)
+class Conversation:
+    """The conversation with one operator.
+
+    Attributes
+    ----------
+    operator : Operator
+        Who watches.
+    question : str or None
+        What was asked and is not answered.
+    stays : bool
+        The operator wants the vehicle to stay at the next landing.
+    asked_once : bool
+        A take-off of this delivery was allowed.
+    """
+
+    operator: Operator
+    question: str | None = None
+    stays: bool = False
+    asked_once: bool = False
+    _words: list[str] = field(default_factory=list)
+    _interrupts: int = 0
+
+    @property
+    def attended(self) -> bool:
+        """Whether an answer may come: somebody is there, or has said something that is not yet taken."""
+        return self.operator.present or bool(self._words)
+
+    def next_word(self) -> str | None:
+        """Take the next thing said, in small letters; None where there is none."""
+        return self._words.pop(0) if self._words else None
+
+    def forget(self) -> None:
+        """Forget what was said so far: it was no answer to what is asked now."""
+        self._words.clear()
+
+    def allow(self, *, once: bool = True) -> None:
+        """Note that a take-off was allowed."""
+        self.asked_once = once
+
+    def listen(self, ctx: Context) -> None:
+        """Take what the operator says at any time.
+
+        Raises
+        ------
+        Turn
+            Ctrl-C on the ground, or twice in the air.
+        """
+        word = self.operator.heard()
+        if word:
+            self._words.append(word.strip().lower())
+        if self.operator.interrupts > self._interrupts:
+            self._interrupts = self.operator.interrupts
+            self._interrupted(ctx)
+        if self.stays and self._words and self._words[-1] == "go":
+            self._words.pop()
+            self.stays = False
+            ctx.note("operator", "go: the delivery goes on")
+
+    def _interrupted(self, ctx: Context) -> None:
+        if self.stays:
+            raise Turn(State.LEFT, f"Ctrl-C twice: left to itself; {left_words(ctx)}")
+        if ctx.on_ground and ctx.state in (State.CONNECTING, *ON_GROUND):
+            ctx.note("operator", "Ctrl-C on the ground")
+            raise Turn(State.STOPPED, f"Ctrl-C: the vehicle stays at {_heading_for(ctx)}, disarmed")
+        self.stays = True
+        ctx.note("operator", "Ctrl-C: the vehicle stays at the next landing")
+        self.operator.ask(
+            f"Ctrl-C: the vehicle stays at {_heading_for(ctx)}; Ctrl-C again leaves it now, then {left_words(ctx)}. "
+            "Type go to go on after all."
+        )
+
+    def answer(self, ctx: Context, question: str, words: tuple[str, ...]) -> str:
+        """Let time pass until the operator says one of some words.
+
+        Raises
+        ------
+        Turn
+            Nobody is there any more who could say one.
+        """
+        ctx.note("operator", f"asked: {question}", question=question, answers=list(words))
+        self.operator.ask(question)
+        self.question = question
+        try:
+            while True:
+                while (word := self.next_word()) is not None:
+                    if word in words:
+                        return word
+                    self.operator.ask(f"please answer {', '.join(words)}")
+                if not self.attended:
+                    raise Turn(State.STOPPED, f"nobody is there any more to answer: {question}")
+                ctx.tick()
+        finally:
+            self.question = None
+
+
+def _heading_for(ctx: Context) -> str:
+    """Where it will stand next, for a person."""
+    if ctx.delivery.leg is not None and ctx.in_air:
+        return ctx.delivery.leg.destination
+    return ctx.delivery.station or "this place"

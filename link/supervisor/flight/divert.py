@@ -1,0 +1,33 @@
+"""A divert under way: which station the vehicle is sent to, and whether it holds that mission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class Divert:
+    """The divert of one flight.
+
+    Attributes
+    ----------
+    station : str or None
+        Where it is sent; None where it is not, or lands where it is.
+    turned : bool
+        The vehicle holds the mission to that station.
+    """
+
+    station: str | None = None
+    turned: bool = False
+
+    def to(self, station: str, *, turned: bool = False) -> None:
+        """Send it to a station."""
+        self.station, self.turned = station, turned
+
+    def done(self) -> None:
+        """Note that the vehicle holds the mission."""
+        self.turned = True
+
+    def call_off(self) -> None:
+        """Send it nowhere: it flies its leg, or lands where it is."""
+        self.station, self.turned = None, False

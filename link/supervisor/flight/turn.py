@@ -1,0 +1,100 @@
+"""Sending the vehicle elsewhere in flight: by another mission, or where that is not verified by reposition; landing where it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from skyway.link.supervisor.flight.pilot_intervention import landed, refuse_foreign
+from skyway.link.supervisor.legs import turn_leg, with_places
+from skyway.link.supervisor.states import State, Turn
+from skyway.link.vehicle.divert import Diversion, Refuge
+from skyway.models.base.errors import LinkError, VehicleTimeoutError
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import After, Context
+    from skyway.link.supervisor.legs import LegMission
+
+LAND_AGAIN_S = 5.0
+
+
+def intend(ctx: Context, station: str | None) -> None:
+    """Keep in the leg where it is going now: the last thing on disk before it is commanded."""
+    leg = ctx.delivery.leg
+    if leg is None:
+        return
+    ctx.delivery.take_leg(replace(leg, destination=station or "here", via=(), last=False))
+    ctx.note("turn", f"turns to {station}" if station else "lands here", destination=station, begun=True)
+
+
+def turn(ctx: Context, station: str, state: State) -> After:
+    """Change the mission in flight so that it lands at another station."""
+    leg, s = ctx.delivery.leg, ctx.observed.sample
+    if leg is None or s is None or ctx.place is None or ctx.delivery.plan is None:
+        return State.HOLDING, "it cannot be turned: where it is is not known"
+    intend(ctx, station)
+    plan = with_places(ctx.delivery.plan, ctx.job.scenario, [station])
+    last = station == ctx.job.request.destination
+    home_ground = s.alt_msl_m - s.height_m
+    here = (*ctx.place, s.height_m)
+    mission = turn_leg(
+        plan, station, here, home_ground, leg.commanded_mps, ctx.vehicle.family.name, ctx.job.options,
+        last=last, home=leg.mission.document.mission.home,
+    )  # fmt: skip
+    try:
+        outcome = ctx.vehicle.change_in_flight(mission.document.mission, 0)
+    except VehicleTimeoutError as error:
+        _unfinished(ctx, station, error)
+    except LinkError as error:
+        ctx.note("turn", f"not by a mission: {error}", verified=False)
+        return _reposition(ctx, station, plan, mission)
+    ctx.note("upload", str(outcome), part="mission", verified=outcome.verified, attempts=outcome.attempts)
+    if not outcome.verified:
+        return _reposition(ctx, station, plan, mission)
+    ctx.vehicle.changes()
+    ctx.delivery.take_leg(replace(leg, destination=station, via=(), mission=mission, last=last, lookahead=None))
+    ctx.divert.done()
+    ctx.note("turn", f"turned to {station}", destination=station, begun=False)
+    return state, f"turned to {station}"
+
+
+def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> After:
+    """Fly to a station by reposition or GUIDED, as high as the mission there would, and land."""
+    place = plan.stations[station]
+    height_m = mission.document.mission.items[0].z
+    diversion = Diversion(ctx.vehicle, Refuge(place.lat, place.lon, height_m))
+    try:
+        diversion.begin()
+        while not diversion.state.over:
+            ctx.tick()
+            if ctx.observed.sample is not None:
+                diversion.hear(ctx.observed.sample)
+    except VehicleTimeoutError as error:
+        _unfinished(ctx, station, error)
+    except LinkError as error:
+        return State.HOLDING, f"it could not be turned to {station}: {error}"
+    if landed(ctx):
+        return State.LANDED, f"landed by reposition at {station}"
+    return State.HOLDING, f"the divert to {station} by reposition ended: {diversion.reason}"
+
+
+def _unfinished(ctx: Context, station: str, error: VehicleTimeoutError) -> NoReturn:
+    """A turn whose orders are not answered is begun again when the link is back."""
+    ctx.divert.to(station)
+    raise Turn(State.LOST_LINK, f"while it was turned to {station}: {error}") from error
+
+
+def land_here(ctx: Context) -> After:
+    """Land where it is; told again until it does."""
+    told_s = -math.inf
+    while True:
+        if ctx.vehicle.mode != "land" and ctx.vehicle.armed and ctx.now_s >= told_s + LAND_AGAIN_S:
+            try:
+                ctx.vehicle.land()
+            except LinkError as error:
+                ctx.note("turn", f"landing was not taken over: {error}")
+            told_s = ctx.now_s
+        refuse_foreign(ctx, ctx.tick(), ("land", "mission"))
+        if landed(ctx):
+            return State.LANDED, "landed where it was"

@@ -1,0 +1,88 @@
+"""Somebody else has control: nothing is commanded, all is watched, until the operator gives the word."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.departure.failsafes import left_words
+from skyway.link.supervisor.flight.crash import crash_end
+from skyway.link.supervisor.resume import take_up
+from skyway.link.supervisor.states import State
+from skyway.models.base.errors import LinkError
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import After, Context
+
+WORDS = "go, land, leave"
+
+
+def holding(ctx: Context) -> After:
+    """Command nothing; watch, record, and go on only on the operator's word."""
+    ctx.conversation.forget()
+    if ctx.operator.present:
+        ctx.operator.ask(f"nothing is commanded any more; say {WORDS} when it is ours again")
+    else:
+        ctx.tell("nothing is commanded any more; nobody is there to give the word")
+    ground_s = math.nan
+    while True:
+        ctx.tick()
+        word = ctx.conversation.next_word()
+        after = None if word is None else _word(ctx, word)
+        if after is not None:
+            return after
+        if ctx.operator.present:
+            continue
+        ground_s = (ctx.clock.now_s() if math.isnan(ground_s) else ground_s) if ctx.on_ground else math.nan
+        if ctx.clock.now_s() - ground_s > 30.0:
+            crash = crash_end(ctx, ctx.status.entered_s)
+            if crash is not None:
+                return crash
+            station = ctx.here_station()
+            ctx.delivery.stand_at(station)
+            if station is None:
+                return State.ENDED_ELSEWHERE, "it was landed away from any station, not by us"
+            return State.STOPPED, f"it was landed at {station}, not by us; nobody is there to give the word"
+
+
+def _word(ctx: Context, word: str) -> After | None:
+    ctx.note("operator", f"said {word}")
+    if word == "leave":
+        return State.LEFT, f"left by the operator's word; {left_words(ctx)}"
+    if word == "land" and ctx.in_air:
+        ctx.divert.call_off()
+        return State.DIVERTING, "the operator wants it to land here"
+    if word == "go":
+        return _go_on(ctx)
+    ctx.operator.ask(f"please say {WORDS}")
+    return None
+
+
+def _restored_turn(ctx: Context) -> bool:
+    """Whether it was turned before the program was begun anew: then its mission is not the leg's, and is not known here."""
+    leg = ctx.delivery.leg
+    return ctx.divert.turned and leg is not None and leg.destination != ctx.divert.station
+
+
+def _go_on(ctx: Context) -> After | None:
+    """Take the vehicle over again by the operator's word."""
+    ctx.vehicle.changes()
+    if ctx.on_ground:
+        return take_up(ctx)
+    leg = ctx.delivery.leg
+    if not ctx.in_air or leg is None or ctx.delivery.plan is None:
+        ctx.operator.ask("it is not on a leg of this delivery; land it, then say go")
+        return None
+    try:
+        if not _restored_turn(ctx) and ctx.vehicle.verify(leg.mission.document.mission):
+            outcome = ctx.vehicle.upload(leg.mission.document.mission)
+            if not outcome.verified:
+                ctx.operator.ask(f"its mission is not ours and could not be sent anew ({outcome}); say {WORDS}")
+                return None
+        ctx.vehicle.resume()
+        ctx.wait(3.0)
+    except LinkError as error:
+        ctx.operator.ask(f"it cannot be taken over: {error}; say {WORDS}")
+        return None
+    ctx.vehicle.changes()
+    return (State.DIVERTING if ctx.divert.station is not None else State.FLYING), "ours again, by the operator's word"

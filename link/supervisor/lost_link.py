@@ -1,0 +1,45 @@
+"""A lost link: nothing is commanded, we listen until the vehicle is heard and answers again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.departure.failsafes import left_words
+from skyway.link.supervisor.observed.link_watch import request_telemetry
+from skyway.link.supervisor.resume import take_up
+from skyway.link.supervisor.states import IN_AIR, State
+from skyway.models.base.errors import VehicleTimeoutError
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import After, Context
+
+BACK_S = 3.0
+"""Heard within so long, it is heard again."""
+
+
+def lost_link(ctx: Context) -> After:
+    """Listen until it is heard and answers again, then find it where it is."""
+    before = ctx.status.before
+    ctx.tell(f"link lost; {left_words(ctx)}" if before in IN_AIR else "link lost")
+    begun = ctx.clock.now_s()
+    while True:
+        ctx.tick()
+        if ctx.vehicle.silent_s >= BACK_S or not ctx.vehicle.answers():
+            continue
+        try:
+            return _found_again(ctx, before, ctx.clock.now_s() - begun)
+        except VehicleTimeoutError as error:
+            ctx.note("link", f"lost again: {error}")
+
+
+def _found_again(ctx: Context, before: State, gone_s: float) -> After:
+    ctx.note("link", f"back after {gone_s:.0f} s", gone_s=gone_s)
+    ctx.tell(f"link back after {gone_s:.0f} s")
+    ctx.link.found_again()
+    if before is State.CONNECTING:
+        return State.CONNECTING, "heard again"
+    request_telemetry(ctx)
+    ctx.wait(3.0)
+    if before is State.HOLDING:
+        return State.HOLDING, "heard again; somebody else has had control"
+    return take_up(ctx)

@@ -1,0 +1,105 @@
+"""Whether the vehicle is heard and answers: a question is repeated while it has time, and a silent vehicle is a lost link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+from skyway.link.supervisor.states import IN_AIR, State, Turn
+from skyway.models.base.errors import LinkError, VehicleTimeoutError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from skyway.link.supervisor.context import Context
+
+T = TypeVar("T")
+SILENT_S = 5.0
+"""Not heard for so long, the link is lost."""
+ASK_AGAIN_S, ASK_FOR_S = 2.0, 900.0
+"""A question without an answer is asked again after so long, for so long."""
+FLYING_RATES: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 1.0, 2: 1.0, 168: 1.0}
+GROUND_RATES: Mapping[int, float] = {30: 1.0, 33: 2.0, 74: 0.5, 1: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 0.2, 24: 0.5}
+"""Messages a second on the ground, where nothing moves for hours."""
+
+
+@dataclass(slots=True)
+class LinkWatch:
+    """What the operator has been told of missing answers."""
+
+    _told: str = ""
+
+    def is_new(self, missing: str) -> bool:
+        """Whether the operator has not yet been told that this is missing; from now on he has."""
+        new, self._told = missing != self._told, missing
+        return new
+
+    def found_again(self) -> None:
+        """Forget what was missing: the link is back."""
+        self._told = ""
+
+
+def ask(ctx: Context, question: Callable[[], T]) -> T:
+    """Put a question to a vehicle that has time, and put it again until it is answered.
+
+    Raises
+    ------
+    Turn
+        To the lost link, where nothing is answered any more.
+    VehicleTimeoutError
+        All else is answered, and this has not been for `ASK_FOR_S`.
+    """
+    end = ctx.clock.now_s() + ASK_FOR_S
+    while True:
+        try:
+            return question()
+        except VehicleTimeoutError as error:
+            unanswered(ctx, error)
+            if ctx.clock.now_s() >= end:
+                raise
+            ctx.wait(ASK_AGAIN_S)
+
+
+def unanswered(ctx: Context, what: VehicleTimeoutError | str) -> None:
+    """Say what was not answered, or is not told; the link counts as lost where nothing else is answered either.
+
+    Raises
+    ------
+    Turn
+        To the lost link.
+    """
+    must_answer(ctx, str(what))
+    if ctx.link.is_new(str(what)):
+        ctx.say("link", f"{what}: asked again")
+
+
+def must_answer(ctx: Context, reason: str) -> None:
+    """Go on where the vehicle answers at all.
+
+    Raises
+    ------
+    Turn
+        To the lost link, with this reason.
+    """
+    if not ctx.vehicle.answers():
+        raise Turn(State.LOST_LINK, reason)
+
+
+def must_be_heard(ctx: Context) -> None:
+    """Go on where the vehicle is heard, or the link is known to be lost.
+
+    Raises
+    ------
+    Turn
+        To the lost link.
+    """
+    if ctx.state is not State.LOST_LINK and ctx.vehicle.silent_s > SILENT_S:
+        raise Turn(State.LOST_LINK, f"nothing was heard of the vehicle for {ctx.vehicle.silent_s:.0f} s")
+
+
+def request_telemetry(ctx: Context) -> None:
+    """Ask for the messages of the state we are in."""
+    try:
+        ctx.vehicle.request_telemetry(FLYING_RATES if ctx.state in IN_AIR or ctx.in_air else GROUND_RATES)
+    except LinkError as error:
+        ctx.note("link", f"telemetry could not be asked for: {error}")

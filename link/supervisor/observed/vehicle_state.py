@@ -1,0 +1,82 @@
+"""What is known of the vehicle itself: who it is, where it is, whether it flies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.observed.flies import flies
+
+if TYPE_CHECKING:
+    from skyway.models.drones.telemetry import TelemetrySample
+
+PLACE_FRESH_S = 10.0
+"""A position told so long ago still counts: over bad radios many are lost."""
+
+
+@dataclass(slots=True)
+class VehicleState:
+    """What one vehicle has told of itself.
+
+    Attributes
+    ----------
+    sample : TelemetrySample or None
+        The newest.
+    uid : int
+        Hardware id; 0 where it is not known.
+    """
+
+    sample: TelemetrySample | None = None
+    uid: int = 0
+    _reboots: int = 0
+    _position: tuple[float, float, float] = (math.nan, math.nan, -math.inf)
+
+    def hear(self, sample: TelemetrySample) -> None:
+        """Take a sample."""
+        self.sample = sample
+        if math.isfinite(sample.lat_deg) and math.isfinite(sample.lon_deg):
+            self._position = (sample.lat_deg, sample.lon_deg, sample.time_s)
+
+    # Identity
+
+    def identify(self, uid: int) -> None:
+        """Take the hardware id that this delivery belongs to."""
+        self.uid = uid
+
+    def is_another(self, uid: int) -> bool:
+        """Whether a hardware id is known to be that of another vehicle."""
+        return bool(self.uid and uid and uid != self.uid)
+
+    def restarted(self, reboots: int) -> bool:
+        """Whether the vehicle has restarted since this was asked last, by the number of its restarts."""
+        changed, self._reboots = reboots != self._reboots, reboots
+        return changed
+
+    @property
+    def system(self) -> str:
+        """MAVLink system id, by which pads know it; ``1`` until it is known."""
+        return str(1 if self.sample is None else self.sample.system)
+
+    # Place
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether it is known to stand disarmed on the ground."""
+        s = self.sample
+        return s is not None and s.armed == 0.0 and not flies(s)
+
+    @property
+    def in_air(self) -> bool:
+        """Whether it flies, or is armed and not known to be on the ground."""
+        s = self.sample
+        known = None if s is None else flies(s)
+        return s is not None and (s.armed == 1.0 if known is None else known)
+
+    @property
+    def place(self) -> tuple[float, float] | None:
+        """Latitude and longitude; None where they are not known."""
+        lat, lon, time_s = self._position
+        if self.sample is None or self.sample.time_s > time_s + PLACE_FRESH_S:
+            return None
+        return lat, lon

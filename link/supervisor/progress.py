@@ -1,0 +1,152 @@
+"""How far a delivery is: the plan in force, the leg under way, where the vehicle stands and where it has been."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.legs import station_at
+from skyway.models.composition.composition import Place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from skyway.link.supervisor.legs import Leg
+    from skyway.models.composition.composition import Composition
+    from skyway.models.scenario.scenario import Scenario
+
+AT_STATION_M = 60.0
+UNUSABLE_S = 900.0
+"""A station that could not be used is not tried again for so long."""
+
+
+@dataclass(slots=True)
+class DeliveryProgress:
+    """The progress of one delivery; written by the methods here alone.
+
+    Attributes
+    ----------
+    resumed : bool
+        It was begun by an earlier run of the program.
+    plan : Composition or None
+        From where the vehicle stands, or from the leg under way, on.
+    leg : Leg or None
+        Uploaded, or under way.
+    flight : int
+        Flights begun.
+    station : str or None
+        Where it stands; None in the air and away from stations.
+    visited : set of str
+        Stations landed at.
+    landed_at : str or None
+        Where the last flight ended, once that is written down.
+    diverts : tuple of str
+        Stations that the next leg may go to instead.
+    charge_to : float or None
+        Charge to leave with.
+    charged : bool
+        It has been charged here.
+    unusable : dict
+        Stations that could not be used, and since when, POSIX seconds.
+    """
+
+    resumed: bool = False
+    plan: Composition | None = None
+    leg: Leg | None = None
+    flight: int = 0
+    station: str | None = None
+    visited: set[str] = field(default_factory=set)
+    landed_at: str | None = None
+    diverts: tuple[str, ...] = ()
+    charge_to: float | None = None
+    charged: bool = False
+    unusable: dict[str, float] = field(default_factory=dict)
+
+    # The plan
+
+    def take_plan(self, plan: Composition | None) -> None:
+        """Put a plan in force; None is none."""
+        self.plan = plan
+
+    def begins_at(self, station: str | None) -> bool:
+        """Whether the plan in force has a leg that begins at a station."""
+        return self.plan is not None and bool(self.plan.services) and self.plan.services[0].origin == station
+
+    def reach(self, station: str | None) -> None:
+        """Take the flown leg from the plan; a plan that does not go on from this station is dropped."""
+        plan = self.plan
+        if plan is not None and plan.services and plan.services[0].destination == station:
+            rest = plan.services[1:]
+            self.plan = replace(plan, services=rest, origin=str(station)) if rest else None
+        elif not self.begins_at(station):
+            self.plan = None
+
+    def prepare(self, diverts: Iterable[str], charge_to: float | None) -> None:
+        """Take what was decided for the next leg besides the plan."""
+        self.diverts, self.charge_to = tuple(diverts), charge_to
+
+    def charge_done(self) -> None:
+        """Note that it has been charged here."""
+        self.charged = True
+
+    def avoid(self, station: str, now_s: float) -> None:
+        """Note that a station could not be used."""
+        self.unusable[station] = now_s
+
+    def forget_unusable(self, now_s: float) -> None:
+        """Give stations another chance that could not be used long ago."""
+        self.unusable = {name: since for name, since in self.unusable.items() if now_s < since + UNUSABLE_S}
+
+    # The leg
+
+    def take_leg(self, leg: Leg | None) -> None:
+        """Take the leg that is uploaded or under way; None where there is none."""
+        self.leg = leg
+
+    def begin_flight(self) -> None:
+        """Count a flight, before its take-off is commanded."""
+        self.flight += 1
+        self.landed_at = None
+
+    def take_off(self) -> None:
+        """Leave the station."""
+        self.station, self.charged, self.charge_to = None, False, None
+
+    def not_begun(self) -> None:
+        """Take back a flight that did not take off."""
+        self.flight -= 1
+
+    # Where it stands
+
+    def stand_at(self, station: str | None) -> None:
+        """Take the station where it stands."""
+        self.station = station
+
+    def note_landing(self, where: str | None) -> None:
+        """Take where a flight has ended; None where that is not written down yet."""
+        self.landed_at = where
+
+    def visit(self, station: str) -> None:
+        """Note that it has been at a station."""
+        self.visited.add(station)
+
+    def restore(
+        self, station: str | None, visited: Iterable[str], diverts: Iterable[str], charge_to: float | None
+    ) -> None:
+        """Bring back what a journal says."""
+        self.station = station or self.station
+        self.visited = set(visited)
+        self.prepare(diverts, charge_to)
+
+    def restore_flight(self, flight: int) -> None:
+        """Bring back how many flights were begun."""
+        self.flight = flight
+
+    def station_at(self, place: tuple[float, float] | None, scenario: Scenario) -> str | None:
+        """Name the station at a place, of all that are known; None where there is none."""
+        if place is None:
+            return None
+        known = {s.id: Place(s.lat, s.lon, s.elevation_m, s.name, s.pads) for s in scenario.network.stations}
+        if self.plan is not None:
+            known |= dict(self.plan.stations)
+        return station_at(known, *place, AT_STATION_M)

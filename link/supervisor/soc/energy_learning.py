@@ -1,0 +1,58 @@
+"""How much energy flights take, learnt from each flight."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from skyway.planner.online.energy_belief import EnergyBelief
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from skyway.link.supervisor.context import Context
+    from skyway.link.supervisor.legs import Leg
+
+LEARN_SOC = 0.04
+"""From so much charge used on, the energy of this very flight is counted in."""
+
+
+@dataclass(slots=True)
+class EnergyLearning:
+    """The belief of one delivery.
+
+    Attributes
+    ----------
+    belief : EnergyBelief
+        From all flights that have ended.
+    """
+
+    belief: EnergyBelief = field(default_factory=EnergyBelief)
+
+    def now(self, leg: Leg | None, soc: float) -> EnergyBelief:
+        """Return the belief with the flight under way counted in, where it has used enough."""
+        if leg is None or not math.isfinite(leg.soc_start):
+            return self.belief.next_flight()
+        used = leg.soc_start - soc
+        if leg.modelled is None or not used > LEARN_SOC:
+            return self.belief.next_flight()
+        return self.belief.in_flight(used, leg.modelled.total)
+
+    def keep(self, leg: Leg | None, soc: float) -> None:
+        """Keep what the flight under way has taught so far."""
+        self.belief = self.now(leg, soc)
+
+    def learn(self, ctx: Context, leg: Leg) -> None:
+        """Learn from a whole flight."""
+        used, expected = leg.soc_start - ctx.battery.soc, 0.0 if leg.modelled is None else leg.modelled.total
+        if not (used > LEARN_SOC and expected > 0.0):
+            return
+        self.belief = self.belief.learnt(used, expected)
+        reason = f"the flight took {100 * used:.0f} %, the model says {100 * expected:.0f} %"
+        figures = {"used_soc": used, "modelled_soc": expected}
+        ctx.note("energy", reason, **figures, factor=self.belief.factor, sigma=self.belief.sigma)
+
+    def restore(self, belief: Mapping[str, float]) -> None:
+        """Bring back what a journal says."""
+        self.belief = EnergyBelief(**belief)
