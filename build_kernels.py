@@ -2,7 +2,7 @@
 
 ``models/jit/kernels.json`` lists which kernels, for which types of arguments. ``python build_kernels.py FOLDER`` writes the
 library there; `setup.py` calls `build`. ``python build_kernels.py list FOLDER`` writes the list. `entries` says which kernels Python code calls, and `observed` for which types
-a process has called them: that is how the tests keep the list complete (``make kernels`` writes it anew).
+a process has called them: that is how the tests keep the list complete (``make kernels`` writes it again).
 """
 
 from __future__ import annotations
@@ -31,14 +31,19 @@ def build(folder: Path, name: str = "_kernels") -> Path:
     from numba.pycc import CC
 
     sys.path.insert(0, str(ROOT))
-    from skyway.models.jit.library import symbol
+    from skyway.models.jit.library import stamps_of, symbol
 
     folder.mkdir(parents=True, exist_ok=True)
+    for old in (*folder.glob(f"{name}.*.so"), stamps_of(folder, name)):
+        old.unlink(missing_ok=True)  # a process that has it open keeps it
     compiler = CC(name, source_module="skyway.models")
     compiler.output_dir = str(folder)
+    stamps = {}
     for kernel_name, all_kinds in json.loads(LIST.read_text(encoding="utf-8")).items():
         module, _, function = kernel_name.rpartition(".")
         kernel = getattr(import_module(module), function)
+        stamps[kernel_name] = kernel.skyway_stamp
+        kernel = getattr(kernel, "compiled", kernel)  # where another library is in use
         for number, kinds in enumerate(all_kinds):
             exported = symbol(kernel_name, number)
             try:
@@ -49,6 +54,7 @@ def build(folder: Path, name: str = "_kernels") -> Path:
             answer = kernel.overloads[_overload(kernel, arguments)].signature.return_type
             compiler.export(exported, Signature(answer, arguments, None))(_wrapper(kernel, exported, len(kinds)))
     compiler.compile()
+    stamps_of(folder, name).write_text(json.dumps(stamps, indent=0), encoding="utf-8")
     return Path(compiler.output_dir) / compiler.output_file
 
 
@@ -137,13 +143,15 @@ def _referred(module: str, tree: ast.Module) -> set[str]:
 
 
 def observed() -> dict[str, list[list[Any]]]:
-    """Return for which types of arguments this process has compiled or loaded each kernel that Python code calls."""
+    """Return for which types of arguments this process has called, compiled or loaded each kernel that Python code calls."""
     from numba import types
 
     found: dict[str, list[list[Any]]] = {}
     for name in sorted(entries()):
         module, _, function = name.rpartition(".")
         kernel = getattr(sys.modules.get(module), function, None)
+        if called := getattr(kernel, "called", None):
+            found[name] = json.loads(json.dumps(called))
         for signature in getattr(kernel, "nopython_signatures", []):
             given = [argument for argument in signature.args if not isinstance(argument, types.Omitted)]
             found.setdefault(name, []).append([_kind(argument) for argument in given])

@@ -13,7 +13,7 @@ LIBRARY = "skyway.models.jit._kernels"
 
 
 class BuildKernels(build_ext):
-    """Compile the kernels into the wheel; an editable installation compiles each when it is called."""
+    """Compile the kernels into the wheel; ``make setup`` does it for an editable installation."""
 
     def run(self) -> None:
         """Compile the library into the folder of what is built."""
@@ -28,7 +28,10 @@ class BuildKernels(build_ext):
 
     def get_outputs(self) -> list[str]:
         """Return the files made."""
-        return [] if self.inplace or self.editable_mode else [self.get_ext_fullpath(LIBRARY)]
+        if self.inplace or self.editable_mode:
+            return []
+        library = Path(self.get_ext_fullpath(LIBRARY))
+        return [str(library), str(library.with_name("_kernels.stamps.json"))]
 
 
 setup(ext_modules=[Extension(LIBRARY, sources=[])], cmdclass={"build_ext": BuildKernels})

@@ -1,15 +1,17 @@
-"""Kernels compiled by numba, under one set of options; from the library of the installed package where there is one.
+"""Kernels compiled by numba, under one set of options; from a library compiled ahead of time where there is one.
 
-The first kernel that is compiled imports numba (a few tenths of a second), so modules with kernels are imported late. The
-compiled code is cached beside the source (`models.jit.cache`).
+The first kernel that numba compiles imports it (a few tenths of a second), so modules with kernels are imported late. What
+is compiled is kept by numba's own cache (`models.jit.cache` says when it is forgotten).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import update_wrapper
+from functools import cache, update_wrapper
 from types import CodeType, FunctionType
 from typing import Any, TypeVar, cast
+
+from skyway.models.jit.cache import forget_stale, stamp_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -34,43 +36,66 @@ def compiled_lean(function: F) -> F:
 def _kernel(function: F, *, counting: bool) -> F:
     from skyway.models.jit.library import LibraryKernel, library  # imported late: numpy
 
+    stamp = stamp_of(function)
     if library() is None:
-        return _compile(function, counting=counting)
-    return cast("F", LibraryKernel(function, lambda: _compile(function, counting=counting)))
+        return _compile(function, stamp, counting=counting)
+    return cast("F", LibraryKernel(function, stamp, lambda: _compile(function, stamp, counting=counting)))
 
 
-def _compile(function: F, *, counting: bool) -> F:
+def _compile(function: F, stamp: str, *, counting: bool) -> F:
     import numba
 
-    from skyway.models.jit.cache import KernelCache
     from skyway.models.jit.library import LibraryKernel
 
+    _tell_watchers()
     names = {name: function.__globals__.get(name) for name in _names(function.__code__)}
-    callees = {
-        name: value.compiled if isinstance(value, LibraryKernel) else value
-        for name, value in names.items()
-        if hasattr(value, "py_func")
-    }
+    ahead = {name: value.compiled for name, value in names.items() if isinstance(value, LibraryKernel)}
     source: Any = function
-    if any(isinstance(names[name], LibraryKernel) for name in callees):  # numba compiles calls of its own kernels only
-        source = FunctionType(
-            function.__code__, function.__globals__ | callees, function.__name__, function.__defaults__
-        )
+    if ahead:  # numba compiles calls of its own kernels only
+        source = FunctionType(function.__code__, function.__globals__ | ahead, function.__name__, function.__defaults__)
         update_wrapper(source, function)
-    options: dict[str, Any] = {"_nrt": counting}
-    kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False, **options)(source)
-    own = function.__code__.co_filename
-    kernel.skyway_sources = frozenset({own, *(path for callee in callees.values() for path in sources(callee))})
-    kernel._cache = KernelCache(function, kernel.skyway_sources, watchers)  # noqa: SLF001  numba offers no public way
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": counting}
+    try:
+        kernel: Any = numba.njit(cache=True, **options)(source)
+        forget_stale(kernel, stamp)
+    except RuntimeError:  # no folder can be written: compiled in each process
+        kernel = numba.njit(**options)(source)
+    kernel.skyway_stamp = stamp
     return cast("F", kernel)
+
+
+@cache
+def _tell_watchers() -> None:
+    """Hear from now on of every kernel of ours that numba compiles, and pass it on to `watchers`."""
+    from numba.core import event
+
+    class Compilations(event.Listener):
+        """Knows which kernels are being compiled, the outermost first."""
+
+        def __init__(self) -> None:
+            self.under_way: list[str] = []
+
+        def on_start(self, event: Any) -> None:
+            self._tell(event, start=True)
+
+        def on_end(self, event: Any) -> None:
+            self._tell(event, start=False)
+
+        def _tell(self, event: Any, *, start: bool) -> None:
+            function = event.data["dispatcher"].py_func
+            if not hasattr(event.data["dispatcher"], "skyway_stamp"):
+                return
+            if start:
+                self.under_way.append(function.__name__)
+            elif self.under_way:
+                self.under_way.pop()
+            for watcher in watchers:
+                watcher(function.__name__ if start else "")
+
+    event.register("numba:compile", Compilations())  # type: ignore[no-untyped-call]  # numba has none
 
 
 def _names(code: CodeType) -> set[str]:
     """Return the global names that a function may read, those of its comprehensions included."""
     inner = [part for part in code.co_consts if isinstance(part, CodeType)]
     return set(code.co_names).union(*map(_names, inner))
-
-
-def sources(kernel: Any) -> frozenset[str]:
-    """Return the files that a kernel's compiled code depends on: its own and those of all its callees."""
-    return cast("frozenset[str]", getattr(kernel, "skyway_sources", frozenset({kernel.py_func.__code__.co_filename})))

@@ -2,7 +2,8 @@
 
 A wheel of skyway holds one shared library, ``_kernels``, made from the kernels of this source by ``build_kernels.py``
 (numba's ahead-of-time compiler), and ``kernels.json``, the list of what is in it: for each kernel the types of arguments
-that it was compiled for. A checkout has the list, but no library; there numba compiles each kernel when it is called.
+that it was compiled for. ``make setup`` builds the same library into a checkout. A kernel whose source has changed since
+(``_kernels.stamps.json`` tells) is compiled by numba when it is called.
 
 Types are written as JSON: ``"float64"``, ``["array", "float64", 2, "C", true]`` (element, dimensions, layout, writeable),
 ``["tuple", …]``, and ``["named", "module:Class", …]`` for named tuples.
@@ -20,6 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import numpy as np
 
 from skyway.models.base.errors import SkywayError
+from skyway.models.jit.cache import checks_bounds
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,8 +43,25 @@ class KernelError(SkywayError):
 
 @cache
 def library() -> ModuleType | None:
-    """Return the library of compiled kernels; None in a checkout, which has none."""
-    return import_module(_LIBRARY) if find_spec(_LIBRARY) else None
+    """Return the library of compiled kernels; None where there is none, and where kernels are to check every index."""
+    return import_module(_LIBRARY) if find_spec(_LIBRARY) and not checks_bounds() else None
+
+
+@cache
+def _stamps(library: ModuleType) -> dict[str, str]:
+    path = stamps_of(Path(cast("str", library.__file__)).parent, library.__name__.rpartition(".")[2])
+    return cast("dict[str, str]", json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else {}
+
+
+def stamps_of(folder: Path, name: str) -> Path:
+    """Return the path of the stamps of the kernels that a library was built from."""
+    return folder / f"{name}.stamps.json"
+
+
+def in_library(name: str, stamp: str) -> bool:
+    """Whether the library has a kernel, ``module.function``, built from this source (`models.jit.cache.stamp_of`)."""
+    found = library()
+    return found is not None and _stamps(found).get(name) == stamp
 
 
 @cache
@@ -100,16 +119,20 @@ class LibraryKernel:
     ----------
     function : callable
         Its source, for its name and documentation.
+    stamp : str
+        Of its source, see `models.jit.cache.stamp_of`.
     compile_it : callable
-        Compiles the source where its arguments are of other types; raises ImportError where numba is not installed.
+        Compiles the source where the library has it not, or for other types of arguments; raises ImportError where numba is not installed.
     """
 
-    def __init__(self, function: Callable[..., Any], compile_it: Callable[[], Callable[..., Any]]) -> None:
+    def __init__(self, function: Callable[..., Any], stamp: str, compile_it: Callable[[], Callable[..., Any]]) -> None:
         update_wrapper(self, function)
         self.py_func = function
+        self.skyway_stamp = stamp
         self._name = f"{function.__module__}.{function.__qualname__}"
         self._compile_it = compile_it
         self._by_look: dict[Any, Callable[..., Any]] = {}
+        self.called: list[Kind] = []
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the machine code for these arguments."""
@@ -126,7 +149,8 @@ class LibraryKernel:
 
     def _for(self, kinds: tuple[Kind, ...]) -> Callable[..., Any]:
         """Return the machine code for these types of arguments; compiled now where the library has none."""
-        compiled_for = listed().get(self._name, [])
+        self.called.append(kinds)
+        compiled_for = listed().get(self._name, []) if in_library(self._name, self.skyway_stamp) else []
         if kinds in compiled_for:
             return cast("Callable[..., Any]", getattr(library(), symbol(self._name, compiled_for.index(kinds))))
         try:

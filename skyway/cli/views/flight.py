@@ -155,7 +155,9 @@ class FlightView:
         found = [f"vehicle: {context.vehicle.mode}, {'armed' if context.vehicle.armed else 'disarmed'}, {heard}"]
         if sample is not None and not self._leg:
             aim = "" if context.delivery.charge_to is None else f", to be {100 * context.delivery.charge_to:.0f} %"
-            found[0] += f"; at {context.delivery.station or 'no known station'}; charge {_percent(_finite(context.battery.soc))}{aim}"
+            found[0] += (
+                f"; at {context.delivery.station or 'no known station'}; charge {_percent(_finite(context.battery.soc))}{aim}"
+            )
         if self._checks and not self._leg:
             found += self._open_checks()
         if context.texts.latest is not None:

@@ -161,6 +161,17 @@ def test_with_numba_beside_a_library_kernels_take_any_types_and_so_do_those_that
         assert _python(use, built) == "[3.5, 6.5] False [3.5, 6.5] [4.0, 7.0] 3.0\n"
 
 
+def test_a_kernel_whose_source_has_changed_since_the_library_was_built_is_compiled(built, tmp_path):
+    for path in built.iterdir():
+        if path.is_file():
+            (tmp_path / path.name).write_bytes(path.read_bytes())
+    use = f"{USE.format(folder=tmp_path)}print(scaled(Pair(numpy.array([1.0, 2.0]), 3.0), 0.5).tolist())"
+    assert _python(use, tmp_path) == "[3.5, 6.5]\n"
+    source = tmp_path / "some_kernels.py"
+    source.write_text(source.read_text().replace("value * factor", "value / (factor + 1.0)"))
+    assert _python(use, tmp_path) != "[3.5, 6.5]\n"
+
+
 PLAN = """
 import contextlib, io
 from skyway.models.jit import library as k
