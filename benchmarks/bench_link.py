@@ -25,6 +25,7 @@ from skyway.link.protocol.exchange import Target
 from skyway.link.protocol.mission_words import MissionKind
 from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.protocol.verified import UploadJob, encode, upload_verified
+from skyway.missions.autopilots.registry import family_named
 from skyway.missions.items.commands import Command, Frame
 from skyway.missions.items.mission import Mission, MissionItem
 from skyway.sim_stub.config import VehicleConfig
@@ -136,7 +137,9 @@ def verified_s(family: str, items: int, loss: float, seed: int) -> float:
     """All of a verified upload: what is there is read first, and PX4 is asked for its verdict."""
     connection = scene(family, loss, seed)
     peer = connection.peers[1]
-    job = UploadJob(peer.target, family, mission(items), round_trip=peer.round_trip, may_roll_back=lambda: True)
+    job = UploadJob(
+        peer.target, family_named(family), mission(items), round_trip=peer.round_trip, may_roll_back=lambda: True
+    )
     begun = connection.clock.now_s()
     outcome = connection.perform(upload_verified(job))
     if not outcome.verified:
@@ -155,7 +158,7 @@ def plain_s(family: str, wire: tuple[WireItem, ...], loss: float, seed: int) -> 
 
 def compare(family: str, items: int, loss: float, runs: int) -> Figure:
     """Ours beside the plain client's and the bounds."""
-    wire = encode(mission(items), family)
+    wire = encode(mission(items), family_named(family))
     seeds = range(1, runs + 1)
     ours = [ours_s(family, wire, loss, seed) for seed in seeds]
     whole = [verified_s(family, items, loss, seed) for seed in seeds]

@@ -70,8 +70,9 @@ def server(seed: int) -> Iterator[tuple[int, Callable[[float], None]]]:
 
 def _wire(items: int) -> Any:
     from skyway.link.protocol.verified import encode
+    from skyway.missions.autopilots.registry import family_named
 
-    return encode(mission(items - 1), _FAMILY)  # home is the first
+    return encode(mission(items - 1), family_named(_FAMILY))  # home is the first
 
 
 @contextmanager

@@ -1,7 +1,8 @@
 """Missions: what a vehicle flies, and the files operators keep it in.
 
 `read` and `write` files, `check` any mission, `diff` what was sent with what was read back, `leg_mission`,
-`whole_mission` and `armed_mission` make missions of a composition, `dialect` is one autopilot's way with them.
+`whole_mission` and `armed_mission` make missions of a composition, `family_named` is all in which one autopilot differs from
+another.
 """
 
 from __future__ import annotations
@@ -10,15 +11,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from skyway.missions.autopilots.comparison import Difference, diff
+    from skyway.missions.autopilots.family import Dialect
+    from skyway.missions.autopilots.registry import family_named
+    from skyway.missions.autopilots.wire import WireItem
     from skyway.missions.builder.from_composition import Export, armed_mission, leg_mission, whole_mission
     from skyway.missions.builder.mission_options import MissionOptions
     from skyway.missions.checks.energy import FlightConditions, LegEnergy
     from skyway.missions.checks.report import CheckReport, check
     from skyway.missions.checks.weather import ForecastWind, SteadyWind
-    from skyway.missions.dialects import dialect
-    from skyway.missions.dialects.comparison import Difference, diff
-    from skyway.missions.dialects.protocol import Dialect
-    from skyway.missions.dialects.wire import WireItem
     from skyway.missions.files.mission_file import read, write
     from skyway.missions.items.commands import Command, Frame
     from skyway.missions.items.coordinates import Point
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "CheckReport": "checks.report",
     "Command": "items.commands",
-    "Dialect": "dialects.protocol",
-    "Difference": "dialects.comparison",
+    "Dialect": "autopilots.family",
+    "Difference": "autopilots.comparison",
     "Export": "builder.from_composition",
     "FenceCircle": "items.geofence",
     "FencePolygon": "items.geofence",
@@ -53,11 +54,11 @@ _HOMES = {
     "RallyPoint": "items.rally",
     "RallyPoints": "items.rally",
     "SteadyWind": "checks.weather",
-    "WireItem": "dialects.wire",
+    "WireItem": "autopilots.wire",
     "armed_mission": "builder.from_composition",
     "check": "checks.report",
-    "dialect": "dialects",
-    "diff": "dialects.comparison",
+    "diff": "autopilots.comparison",
+    "family_named": "autopilots.registry",
     "leg_mission": "builder.from_composition",
     "read": "files.mission_file",
     "whole_mission": "builder.from_composition",
@@ -91,8 +92,8 @@ __all__ = [
     "WireItem",
     "armed_mission",
     "check",
-    "dialect",
     "diff",
+    "family_named",
     "leg_mission",
     "read",
     "whole_mission",
@@ -102,6 +103,8 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     """Import what is asked for, and no sooner: `from skyway import missions` costs nothing."""
+    if name == "dialect":  # its name until 0.17
+        name = "family_named"
     if name not in _HOMES:
         raise AttributeError(f"module 'missions' has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

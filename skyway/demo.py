@@ -7,6 +7,8 @@ from datetime import date, datetime, time
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
+from skyway.missions.autopilots import NAMES
+
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
@@ -38,7 +40,7 @@ class DemoOptions:
     seed : int
         Of gusts, other drones and errors.
     autopilot : str
-        ``px4`` or ``ardupilot``.
+        Name of its family (`missions.autopilots.NAMES`).
     planner : str
         Of the plan and of replanning; empty is the default one.
     """
@@ -46,7 +48,7 @@ class DemoOptions:
     folder: Path
     day: date = DAY
     seed: int = 1
-    autopilot: str = "px4"
+    autopilot: str = NAMES[0]
     planner: str = ""
 
 

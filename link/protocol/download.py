@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.protocol.exchange import SPREADS, Exchange
 from skyway.link.protocol.mission_words import ACCEPTED, ERROR, ITEM_FIELDS, MissionKind
-from skyway.missions.dialects.wire import WireItem
+from skyway.missions.autopilots.wire import WireItem
 
 if TYPE_CHECKING:
     from collections.abc import Callable

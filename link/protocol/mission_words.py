@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from enum import IntEnum
 
-from skyway.missions.dialects.wire import WireItem
+from skyway.missions.autopilots.wire import WireItem
 
 
 class MissionKind(IntEnum):

@@ -6,7 +6,7 @@ import math
 import re
 from typing import TYPE_CHECKING, cast
 
-from skyway.missions.dialects import DIALECTS
+from skyway.missions.autopilots.registry import FAMILIES
 from skyway.missions.items.parameters import UNITS, Parameter
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_text
@@ -14,7 +14,7 @@ from skyway.models.base.files import read_text
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from skyway.missions.dialects.settings import Name, Setting
+    from skyway.missions.autopilots.settings import Name, Setting
     from skyway.missions.items.parameters import Rule
 
 _MAX_BYTES = 2_000_000
@@ -120,7 +120,7 @@ def _every_name(parameter: Parameter) -> Parameter:
 
 def _setting(name: str) -> tuple[Setting, Name] | None:
     """The setting that a parameter of either autopilot is."""
-    return next((found for known in DIALECTS.values() if (found := known.settings.find(name)) is not None), None)
+    return next((found for known in FAMILIES.values() if (found := known.settings.find(name)) is not None), None)
 
 
 def _pair(text: str) -> tuple[str, str]:

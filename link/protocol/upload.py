@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from skyway.link.protocol.exchange import RoundTrip, Target
     from skyway.link.wire.frames import Message
-    from skyway.missions.dialects.wire import WireItem
+    from skyway.missions.autopilots.wire import WireItem
 
 GIVE_UP_S = 10.0
 """Silence after which the transfer is over: both autopilots have given up before (5 s and 8 s)."""

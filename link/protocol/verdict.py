@@ -1,21 +1,18 @@
-"""What a vehicle says of a mission that it has taken: PX4 acknowledges missions that it will not fly.
+"""What a vehicle says of a mission that it has taken: some acknowledge missions that they will not fly.
 
-PX4 judges a mission after it has taken it over, says so in words (STATUSTEXT), and newer versions in
-MISSION_CURRENT.mission_state. ArduPilot judges nothing before it flies.
+Such a vehicle (`Family.judges_missions`) judges a mission after it has taken it over, says so in words (STATUSTEXT), and in newer
+versions in MISSION_CURRENT.mission_state.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from typing import TYPE_CHECKING
 
 from skyway.link.protocol.command import ACCEPTED, IN_PROGRESS
 from skyway.link.protocol.exchange import Exchange
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from skyway.link.protocol.exchange import RoundTrip, Target
     from skyway.link.wire.frames import Message
 
@@ -29,11 +26,6 @@ WORDS_S = 1.0
 _MISSION_CURRENT, _REQUEST_MESSAGE = 42, 512
 _UNKNOWN, _NO_MISSION = 0, 1
 _YES = (ACCEPTED, IN_PROGRESS)
-_REFUSING = re.compile(
-    r"mission reject|infeasible|not feasible|too far|geofence violat|no valid mission|mission (is )?invalid",
-    re.IGNORECASE,
-)
-_NUMBER = re.compile(r"\b(?:WP|waypoint|item|at) #?(\d+)", re.IGNORECASE)
 
 
 class AskVerdict(Exchange):
@@ -93,14 +85,3 @@ class AskVerdict(Exchange):
             self._tries += 1
             self.send("COMMAND_LONG", command=_REQUEST_MESSAGE, param1=float(_MISSION_CURRENT))
             self.next_s = min(now_s + max(self.round_trip.retry_s(self._tries), 0.1), self._end_s)
-
-
-def refusing(texts: Sequence[str]) -> list[str]:
-    """Those of a vehicle's words that refuse a mission."""
-    return [text for text in texts if _REFUSING.search(text)]
-
-
-def items_named(texts: Sequence[str]) -> tuple[int, ...]:
-    """Numbers of the items that words concern, from 0: PX4 counts from 1 when it speaks."""
-    found = (_NUMBER.search(text) for text in texts)
-    return tuple(sorted({int(hit[1]) - 1 for hit in found if hit is not None and int(hit[1]) > 0}))

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 from skyway.link.protocol.download import Download
 from skyway.link.protocol.mission_words import MissionKind, in_words
 from skyway.link.protocol.upload import Upload, UploadEnd
-from skyway.link.protocol.verdict import AskVerdict, items_named, refusing
-from skyway.missions.dialects import dialect
-from skyway.missions.dialects.comparison import Difference, diff
-from skyway.missions.dialects.wire import (
+from skyway.link.protocol.verdict import AskVerdict
+from skyway.missions.autopilots.comparison import Difference, diff
+from skyway.missions.autopilots.wire import (
     WireItem,
     fence_from_wire,
     fence_to_wire,
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from skyway.link.protocol.exchange import RoundTrip, Steps, Target
+    from skyway.missions.autopilots.family import Family
 
 Part = Mission | Geofence | RallyPoints
 """What can be uploaded."""
@@ -105,8 +105,8 @@ class UploadJob:
     ----------
     target : Target
         The vehicle.
-    family : str
-        ``px4`` or ``ardupilot``.
+    family : Family
+        The vehicle's.
     part : Mission, Geofence or RallyPoints
         What it shall hold.
     current : int
@@ -120,7 +120,7 @@ class UploadJob:
     """
 
     target: Target
-    family: str
+    family: Family
     part: Part
     current: int = 0
     round_trip: RoundTrip | None = None
@@ -136,7 +136,7 @@ class UploadJob:
     @property
     def shift(self) -> int:
         """What the autopilot's numbers are above ours."""
-        return int(self.family == "ardupilot" and self.kind is MissionKind.MISSION)
+        return self.family.home_items if self.kind is MissionKind.MISSION else 0
 
 
 def kind_of(part: Part) -> MissionKind:
@@ -146,14 +146,14 @@ def kind_of(part: Part) -> MissionKind:
     return MissionKind.FENCE if isinstance(part, Geofence) else MissionKind.RALLY
 
 
-def encode(part: Part, family: str, current: int = 0) -> tuple[WireItem, ...]:
+def encode(part: Part, family: Family, current: int = 0) -> tuple[WireItem, ...]:
     """Put something on the wire as an autopilot wants it."""
     if isinstance(part, Mission):
-        return dialect(family).to_wire(part, current=current)
+        return family.to_wire(part, current=current)
     return fence_to_wire(part) if isinstance(part, Geofence) else rally_to_wire(part)
 
 
-def decode(items: Sequence[WireItem], kind: MissionKind, family: str) -> Part:
+def decode(items: Sequence[WireItem], kind: MissionKind, family: Family) -> Part:
     """Take something from the wire.
 
     Raises
@@ -162,14 +162,14 @@ def decode(items: Sequence[WireItem], kind: MissionKind, family: str) -> Part:
         The items make no fence, or no rally points.
     """
     if kind is MissionKind.MISSION:
-        return dialect(family).from_wire(items)
+        return family.from_wire(items)
     return fence_from_wire(items) if kind is MissionKind.FENCE else rally_from_wire(items)
 
 
-def compare(sent: Part, items: Sequence[WireItem], family: str) -> tuple[Difference, ...]:
+def compare(sent: Part, items: Sequence[WireItem], family: Family) -> tuple[Difference, ...]:
     """Tell what differs in meaning between what was sent and the items read back."""
     try:
-        return diff(sent, decode(items, kind_of(sent), family), family)
+        return diff(sent, decode(items, kind_of(sent), family), family.name)
     except InputError as error:
         return (Difference(None, "items", "valid", str(error)),)
 
@@ -240,15 +240,17 @@ class _Run:
         """Verified, unless it is a mission that the vehicle says it will not fly, in its words since so many."""
         holds = f"what was sent, {self._count()}"
         job = self.job
-        if job.kind is not MissionKind.MISSION or job.family != "px4" or not self.wire:
+        if job.kind is not MissionKind.MISSION or not job.family.judges_missions or not self.wire:
             return self.outcome(UploadState.VERIFIED, holds)
         asked = AskVerdict(job.target, taken_s, round_trip=job.round_trip)
         yield asked
-        words = refusing(job.texts()[said:])
+        words = job.family.refusals(job.texts()[said:])
         if asked.refused is False or (asked.refused is None and not words):
             return self.outcome(UploadState.VERIFIED, holds)
         why = " / ".join(dict.fromkeys(words)) or "it says that there is no mission to fly, and not why"
-        refused = self.outcome(UploadState.REFUSED, f"{holds}, which it will not fly", why, items_named(words))
+        refused = self.outcome(
+            UploadState.REFUSED, f"{holds}, which it will not fly", why, job.family.items_refused(words)
+        )
         return replace(refused, infeasible=True)
 
     def _read_back(self, wanted: Part) -> Steps[tuple[WireItem, ...] | None]:
@@ -320,9 +322,9 @@ class _Run:
     def _may_hold(self) -> str:
         """What the vehicle may hold after a transfer whose end was not seen."""
         total, sent = len(self.wire), self._sent + 1
-        if self.job.family == "px4":
+        if self.job.family.takes_uploads_whole:
             if sent < total:
-                return "what it held before: PX4 takes an upload over whole or not at all, and not all was sent"
+                return "what it held before: it takes an upload over whole or not at all, and not all was sent"
             return f"either what it held before or all of the {self._count()} sent"
         first = max(sent - self.job.shift, 0)
         kept = "what it held before" if self.job.kind is MissionKind.FENCE else f"its old items, cut to {self._count()}"

@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from skyway.missions.builder.leg_builder import LegBuilder
-from skyway.missions.dialects import dialect
 from skyway.models.base import geodesy
 from skyway.models.composition.composition import Place
 
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
 
     from skyway.link.supervisor.flight.lookahead import Lookahead
     from skyway.link.supervisor.soc.modelled_use import ModelledUse
+    from skyway.missions.autopilots.family import Family
     from skyway.missions.builder.mission_options import MissionOptions
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.mission import Home
@@ -127,13 +127,13 @@ def with_places(composition: Composition, scenario: Scenario, stations: Sequence
 
 
 def plan_leg(
-    composition: Composition, service: DroneService, family: str, options: MissionOptions, *, last: bool
+    composition: Composition, service: DroneService, family: Family, options: MissionOptions, *, last: bool
 ) -> LegMission:
     """Make the mission of a leg that begins at a station; the last one releases the package.
 
     The parameters allow the greatest ground speed of the plan, not only that of the leg: the speed is sent again in flight.
     """
-    build = LegBuilder(composition, dialect(family), options)
+    build = LegBuilder(composition, family, options)
     build.check_elevations((service,))
     return _leg(build, service, build.leg(service, last=last))
 
@@ -153,7 +153,7 @@ def turn_leg(
     here: tuple[float, float, float],
     home_ground_m: float,
     speed_mps: float,
-    family: str,
+    family: Family,
     options: MissionOptions,
     *,
     last: bool,
@@ -163,7 +163,7 @@ def turn_leg(
 
     `here` is where the vehicle is (lat, lon, height above home); see `LegBuilder.turn`.
     """
-    build = LegBuilder(composition, dialect(family), options)
+    build = LegBuilder(composition, family, options)
     place = build.place(station)
     document = build.turn(station, here, home_ground_m, speed_mps, last=last, home=home)
     return LegMission(document, (), (here[:2], (place.lat, place.lon)))

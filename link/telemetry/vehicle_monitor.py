@@ -7,9 +7,9 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.link.protocol.autopilots import family_named, family_of
-from skyway.link.telemetry.live import RATES_HZ, WIND, WIND_COV, LiveTelemetry
+from skyway.link.telemetry.live import RATES_HZ, WIND, LiveTelemetry
 from skyway.link.telemetry.rates import RateKeeper
+from skyway.missions.autopilots.registry import FAMILIES, family_named, family_of
 from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
 
 if TYPE_CHECKING:
@@ -34,8 +34,7 @@ _WISHES = 2
 _MAX_SAMPLES, _MAX_CHANGES = 1000, 200
 _ARMED = 128
 _KINDS = ("mission", "fence", "rally points")
-_TAKEN, _UNTOLD = "Flight plan received", "untold"
-"""What ArduPilot says when a mission was uploaded, to every station."""
+_UNTOLD = "untold"
 _IDS = struct.Struct("<III")
 _IDS_AT = 6
 """Where MISSION_CURRENT tells the ids of what is stored (added to MAVLink in 2023; pymavlink's tables are older)."""
@@ -68,7 +67,7 @@ class Change:
         ``mode``, ``armed``, ``mission``, ``fence``, ``rally points`` (what it holds of these) or ``boot``.
     before, after : str
         For a person; of a mission its id and number of items. Where a vehicle tells no ids, a different number of items
-        is noticed, and on ArduPilot its words.
+        is noticed, and the words of one that has any for it.
     ours : bool
         Whether an order of ours in the seconds before, or since it was last told otherwise, asks for it. What is not ours did the vehicle by itself (the end of
         a mission, a failsafe), its pilot, or another ground station: the texts tell more.
@@ -97,14 +96,14 @@ class VehicleMonitor:
     system : int or None
         Which one; None is the only one heard.
     autopilot : str or None
-        ``px4`` or ``ardupilot`` where its heartbeat shall not decide.
+        Name of its family where its heartbeat shall not decide.
 
     Attributes
     ----------
     peer : Peer
         What the connection knows of it.
     family : Family
-        Its autopilot's ways.
+        Its autopilot's.
     live : LiveTelemetry
         Its telemetry.
     rates : RateKeeper
@@ -123,7 +122,7 @@ class VehicleMonitor:
         self.peer: Peer = _find(connection, system)
         family = family_named(autopilot) if autopilot else family_of(self.peer.autopilot)
         if family is None:
-            remedy = "say which one it resembles with --autopilot px4 or ardupilot"
+            remedy = f"say which one it resembles with --autopilot {' or '.join(FAMILIES)}"
             raise InputError(Fault("an autopilot that we do not know", value=self.peer.autopilot, remedy=remedy))
         self.family = family
         self.live = LiveTelemetry(self.peer.system)
@@ -166,11 +165,16 @@ class VehicleMonitor:
             self._note_state(message)
         elif name == "MISSION_CURRENT":
             self._note_stored(message)
-        elif name == "STATUSTEXT" and message["text"].startswith(_TAKEN) and not self._tells_ids:
+        elif name == "STATUSTEXT" and self._tells_taken(message) and not self._tells_ids:
             self._changed("mission", _UNTOLD, "taken over, by its words")
 
+    def _tells_taken(self, message: Message) -> bool:
+        """Whether a text says that a mission was uploaded, by whomever."""
+        begin = self.family.taken_text
+        return bool(begin) and str(message["text"]).startswith(begin)
+
     def _note_state(self, beat: Message) -> None:
-        self._note("mode", self.family.mode_name(beat["custom_mode"]))
+        self._note("mode", self.family.modes.name(beat["custom_mode"]))
         self._note("armed", "armed" if beat["base_mode"] & _ARMED else "disarmed")
 
     def _note_stored(self, message: Message) -> None:
@@ -273,9 +277,8 @@ class VehicleMonitor:
         return peer.texts[max(end - fresh, 0) : end]
 
     def its_messages(self, rates_hz: Mapping[int, float] = RATES_HZ) -> dict[int, float]:
-        """Return the messages that telemetry is made of, as its autopilot has them: PX4 tells the wind by another."""
-        px4 = self.family.name == "px4"
-        return {WIND_COV if px4 and number == WIND else number: rate for number, rate in rates_hz.items()}
+        """Return the messages that telemetry is made of, as its autopilot has them: not all tell the wind by the same."""
+        return {self.family.wind_message if number == WIND else number: rate for number, rate in rates_hz.items()}
 
     def nudge_telemetry(self) -> None:
         """Ask for telemetry without waiting for answers; to be done again as long as nothing comes."""

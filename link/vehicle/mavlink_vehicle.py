@@ -32,7 +32,6 @@ from skyway.link.protocol.verified import (
 from skyway.link.telemetry.live import RATES_HZ
 from skyway.link.telemetry.vehicle_monitor import INTERVAL, Home, VehicleMonitor
 from skyway.link.vehicle.vehicle import Identity, version_text
-from skyway.missions.dialects import dialect
 from skyway.missions.items.parameters import UNITS
 from skyway.models.base.errors import (
     CommandRefusedError,
@@ -50,8 +49,8 @@ if TYPE_CHECKING:
     from skyway.link.protocol.connection import Connection
     from skyway.link.protocol.exchange import Exchange, Steps
     from skyway.link.protocol.verified import Part
-    from skyway.missions.dialects.comparison import Difference
-    from skyway.missions.dialects.wire import WireItem
+    from skyway.missions.autopilots.comparison import Difference
+    from skyway.missions.autopilots.wire import WireItem
     from skyway.missions.items.mission import Mission
     from skyway.missions.items.parameters import Parameter
 
@@ -88,7 +87,7 @@ class MavlinkVehicle(VehicleMonitor):
     system : int or None
         Which one; None is the only one heard.
     autopilot : str or None
-        ``px4`` or ``ardupilot`` where its heartbeat shall not decide.
+        Name of its family where its heartbeat shall not decide.
 
     Raises
     ------
@@ -167,7 +166,7 @@ class MavlinkVehicle(VehicleMonitor):
 
     def read_parameters(self, names: Sequence[str]) -> ReadParameters:
         """Read parameters by name, and tell which of them the vehicle does not have."""
-        bytewise, trip = self.family.bytewise, self.peer.round_trip
+        bytewise, trip = self.family.bytewise_parameters, self.peer.round_trip
         return self._do(ReadParameters(self.peer.target, names, bytewise=bytewise, round_trip=trip))
 
     def parameter(self, name: str) -> ParameterValue:
@@ -196,7 +195,7 @@ class MavlinkVehicle(VehicleMonitor):
         if not math.isfinite(value):
             raise InputError(Fault("not a finite number", field=name, value=value))
         kind = self.parameter(name).kind
-        bytewise, trip = self.family.bytewise, self.peer.round_trip
+        bytewise, trip = self.family.bytewise_parameters, self.peer.round_trip
         for _ in range(SETS):
             given = SetParameter(self.peer.target, name, value, kind, bytewise=bytewise, round_trip=trip)
             refused = self._do(given).refused
@@ -211,7 +210,7 @@ class MavlinkVehicle(VehicleMonitor):
     def parameters(self) -> dict[str, ParameterValue]:
         """Read all parameters, by name."""
         found = self._do(
-            ListParameters(self.peer.target, bytewise=self.family.bytewise, round_trip=self.peer.round_trip)
+            ListParameters(self.peer.target, bytewise=self.family.bytewise_parameters, round_trip=self.peer.round_trip)
         )
         if not found.complete:
             raise VehicleTimeoutError(f"all parameters: {len(found.found)} of {found.total or 'unknown'} came", 8.0)
@@ -234,14 +233,14 @@ class MavlinkVehicle(VehicleMonitor):
         return checks
 
     def read_settings(self, keys: Sequence[str]) -> dict[str, float]:
-        """Read settings by their keys (`missions.dialects.settings`), in our units; what this firmware has not is left out.
+        """Read settings by their keys (`missions.autopilots.settings`), in our units; what this firmware has not is left out.
 
         Raises
         ------
         VehicleTimeoutError
             It did not tell one, and may have it.
         """
-        settings = dialect(self.family.name).settings
+        settings = self.family.settings
         checks = self.check_required([settings[key].need("read", None, "") for key in keys])
         silent = [check.wanted.name for check in checks if check.actual is None and not check.absent]
         if silent:
@@ -249,9 +248,9 @@ class MavlinkVehicle(VehicleMonitor):
         return {c.wanted.key: c.actual / UNITS[c.wanted.unit] for c in checks if c.actual is not None and c.ok}
 
     def check_ground_station(self) -> None:
-        """Make sure that the vehicle's failsafe counts our heartbeat: ArduPilot counts only that of one system.
+        """Make sure that the vehicle's failsafe counts our heartbeat: some count only that of one system.
 
-        From ArduPilot 4.7 on it may be a range of systems. A vehicle that has no such parameter is taken as it is.
+        In newer versions it may be a range of systems. A vehicle that has no such parameter is taken as it is.
 
         Raises
         ------
@@ -261,10 +260,9 @@ class MavlinkVehicle(VehicleMonitor):
             It does not tell whose it minds.
         """
         self.connection.refuse_conflict()
-        if self.family.name != "ardupilot":
+        if not self.family.ground_station_settings:
             return
-        settings = dialect(self.family.name).settings
-        needs = [settings[key].need("read", None, "") for key in ("ground-station", "ground-station-last")]
+        needs = [self.family.settings[key].need("read", None, "") for key in self.family.ground_station_settings]
         first, last = self.check_required(needs)
         if first.absent:
             return
@@ -324,14 +322,11 @@ class MavlinkVehicle(VehicleMonitor):
 
     def set_mode(self, name: str) -> None:
         """Switch the mode, and wait until a heartbeat says so."""
-        number = self.family.modes.get(name)
+        number = self.family.modes.numbers.get(name)
         if number is None:
-            raise InputError(Fault("no such mode", value=name, remedy=f"one of {', '.join(self.family.modes)}"))
-        self.expect("mode", self.family.mode_name(number))
-        if self.family.name == "px4":
-            self.command(f"switch to {name}", _SET_MODE, 1.0, float(number >> 16 & 0xFF), float(number >> 24))
-        else:
-            self.command(f"switch to {name}", _SET_MODE, 1.0, float(number))
+            raise InputError(Fault("no such mode", value=name, remedy=f"one of {', '.join(self.family.modes.numbers)}"))
+        self.expect("mode", self.family.modes.name(number))
+        self.command(f"switch to {name}", _SET_MODE, 1.0, *self.family.modes.command(number))
         beats = self.peer.latest
         if not self.connection.wait(lambda: beats["HEARTBEAT"]["custom_mode"] == number, _MODE_S):
             raise CommandRefusedError(f"switch to {name}", f"it stays in {self.mode}")
@@ -377,8 +372,8 @@ class MavlinkVehicle(VehicleMonitor):
         relative = self.family.heeds_frames
         height_m += 0.0 if relative else self.home().alt_msl_m
         place = Place(round(lat_deg * 1e7), round(lon_deg * 1e7), height_m, _ABOVE_HOME if relative else _ABOVE_SEA)
-        yaw = math.nan if self.family.name == "px4" else 0.0
-        guided = self.family.mode_name(self.family.modes["guided"])
+        modes, yaw = self.family.modes, self.family.open_yaw_deg
+        guided = modes.name(modes.numbers["guided"])
         self._order("go there", (guided,), _REPOSITION, -1.0, 1.0, 0.0, yaw, place=place)
 
     def _order(
@@ -405,7 +400,7 @@ class MavlinkVehicle(VehicleMonitor):
         self.command("release the package", _GRIPPER, 1.0, 0.0)
 
     def reset_battery(self, soc: float) -> float:
-        """Tell ArduPilot's counter what the battery holds; PX4 has no such command and refuses it.
+        """Tell the counter of its battery what that holds; a vehicle without such a command refuses it.
 
         Returns
         -------
@@ -434,7 +429,7 @@ class MavlinkVehicle(VehicleMonitor):
         said = self.peer.said
         job = UploadJob(
             self.peer.target,
-            self.family.name,
+            self.family,
             part,
             current,
             self.peer.round_trip,
@@ -477,11 +472,11 @@ class MavlinkVehicle(VehicleMonitor):
 
     def download(self, kind: MissionKind) -> Part:
         """Read what it holds, in our numbering."""
-        return decode(self._download(kind), kind, self.family.name)
+        return decode(self._download(kind), kind, self.family)
 
     def verify(self, part: Part) -> tuple[Difference, ...]:
         """Tell how what it holds differs in meaning."""
-        return compare(part, self._download(kind_of(part)), self.family.name)
+        return compare(part, self._download(kind_of(part)), self.family)
 
     def clear(self, kind: MissionKind) -> None:
         """Clear one kind, and read back that it is gone."""
@@ -490,7 +485,7 @@ class MavlinkVehicle(VehicleMonitor):
         cleared = self._do(Clear(self.peer.target, kind, round_trip=self.peer.round_trip))
         down = self._do(Download(self.peer.target, kind, round_trip=self.peer.round_trip))
         left = None if down.items is None else len(down.items)
-        home = int(self.family.name == "ardupilot" and kind is MissionKind.MISSION)
+        home = self.family.home_items if kind is MissionKind.MISSION else 0
         if left is not None and left <= home:
             self._blocked.pop(kind, None)
             return
@@ -500,7 +495,7 @@ class MavlinkVehicle(VehicleMonitor):
 
     def set_current(self, item: int) -> None:
         """Make one of our items the next to be flown."""
-        self._set_current(item + int(self.family.name == "ardupilot"))
+        self._set_current(item + self.family.home_items)
 
     def _set_current(self, number: int) -> None:
         if not self._do(SetCurrent(self.peer.target, number, round_trip=self.peer.round_trip)).confirmed:

@@ -25,7 +25,7 @@ from skyway.link.protocol.parameters import REAL32, ListParameters, ParameterVal
 from skyway.link.protocol.set_current import SetCurrent
 from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.wire.frames import MAGIC_2, FrameWriter
-from skyway.missions.dialects.wire import WireItem
+from skyway.missions.autopilots.wire import WireItem
 from skyway.models.base.errors import LinkLostError, VehicleTimeoutError
 
 if TYPE_CHECKING:

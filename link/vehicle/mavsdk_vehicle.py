@@ -26,7 +26,7 @@ class MavsdkVehicle(MavlinkVehicle):
     system : int or None
         Which vehicle; None is the only one heard.
     autopilot : str or None
-        ``px4`` or ``ardupilot`` where its heartbeat shall not decide.
+        Name of its family where its heartbeat shall not decide.
 
     Raises
     ------

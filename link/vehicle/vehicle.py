@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from skyway.link.protocol.autopilots import Family
     from skyway.link.protocol.mission_words import MissionKind
     from skyway.link.protocol.parameters import ParameterCheck, ParameterValue
     from skyway.link.protocol.verified import Part, UploadOutcome
     from skyway.link.telemetry.vehicle_monitor import Change, Home
-    from skyway.missions.dialects.comparison import Difference
+    from skyway.missions.autopilots.comparison import Difference
+    from skyway.missions.autopilots.family import Family
     from skyway.missions.items.mission import Mission
     from skyway.missions.items.parameters import Parameter
     from skyway.models.drones.telemetry import TelemetrySample
@@ -40,7 +40,7 @@ class Identity:
     system : int
         MAVLink system id.
     autopilot : str
-        ``px4`` or ``ardupilot``.
+        Name of its family.
     kind : int
         MAV_TYPE.
     version : str
@@ -160,7 +160,7 @@ class Vehicle(Protocol):
         ...
 
     def read_settings(self, keys: Sequence[str]) -> dict[str, float]:
-        """Read settings by their keys (`missions.dialects.settings`), in our units; what this firmware has not is left out."""
+        """Read settings by their keys (`missions.autopilots.settings`), in our units; what this firmware has not is left out."""
         ...
 
     def check_required(self, wanted: Sequence[Parameter]) -> tuple[ParameterCheck, ...]:

@@ -16,7 +16,7 @@ from skyway.models.base.errors import Fault, InputError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from skyway.missions.dialects.protocol import Dialect
+    from skyway.missions.autopilots.family import Dialect
     from skyway.missions.items.parameters import Parameter
     from skyway.models.composition.composition import Composition, Stop
 

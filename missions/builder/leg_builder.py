@@ -28,8 +28,8 @@ from skyway.models.base.errors import Fault, InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from skyway.missions.autopilots.family import Dialect
     from skyway.missions.builder.mission_options import MissionOptions
-    from skyway.missions.dialects.protocol import Dialect
     from skyway.models.composition.composition import Composition, DroneService, Place
 
 MAV_TYPE_QUADROTOR = 2

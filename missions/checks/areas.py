@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import shapely
     from numpy.typing import NDArray
 
+    from skyway.missions.autopilots.family import Dialect
     from skyway.missions.checks.route import Route
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.geofence import FenceCircle, Geofence
@@ -31,13 +32,14 @@ _CIRCLE_CORNERS = 128
 _M_PER_DEG = math.pi * geodesy.EARTH_RADIUS_M / 180.0
 
 
-def check_fence(document: MissionDocument, route: Route, autopilot: str | None) -> Iterator[Finding]:
+def check_fence(document: MissionDocument, route: Route, autopilot: Dialect | None) -> Iterator[Finding]:
     """Check the fence itself, and that route, rally points and the ways to them lie in it.
 
-    With several inclusion areas ArduPilot means all of them and PX4 any; without an autopilot it is any.
+    Whether several inclusion areas mean all of them or any says the autopilot; without one it is any.
     """
     import shapely
 
+    every = autopilot is not None and autopilot.within_every_inclusion_area
     fence = document.fence
     if not fence.areas:
         return
@@ -49,10 +51,10 @@ def check_fence(document: MissionDocument, route: Route, autopilot: str | None) 
     outside = [_shape(area) for area in fence.areas if not area.inclusion]
     allowed = None
     if inside:
-        allowed = shapely.intersection_all(inside) if autopilot == "ardupilot" else shapely.union_all(inside)
+        allowed = shapely.intersection_all(inside) if every else shapely.union_all(inside)
     forbidden = shapely.union_all(outside) if outside else None
     ends, items = _segments(route)
-    which = "all inclusion areas at once" if autopilot == "ardupilot" else "any inclusion area"
+    which = "all inclusion areas at once" if every else "any inclusion area"
     breaches = _outside(_lines(ends), allowed)
     message = f"the way to this item leaves {which}" if len(inside) > 1 else "the way to this item leaves the fence"
     yield from _breaches(items, breaches, "outside-fence", message, "move the item, or widen the fence")

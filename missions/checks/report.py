@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from skyway.missions.autopilots.registry import family_of
 from skyway.missions.checks.areas import check_fence, check_zones
 from skyway.missions.checks.clearance import check_clearance
 from skyway.missions.checks.energy import FlightConditions, LegEnergy, leg_energies
@@ -19,7 +20,6 @@ from skyway.missions.checks.limits import (
 )
 from skyway.missions.checks.route import fly
 from skyway.missions.checks.structure import check_structure
-from skyway.missions.dialects import dialect_of_firmware
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.finding import Finding
 from skyway.missions.items.mission import Mission
@@ -29,8 +29,8 @@ from skyway.models.drones.drone import M200_V2
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from skyway.missions.autopilots.family import Dialect
     from skyway.missions.checks.route import Route
-    from skyway.missions.dialects.protocol import Dialect
     from skyway.models.network.zones import NoFlyZones
 
 SCHEMA = "skyway.check/1"
@@ -116,14 +116,14 @@ def check(
         document = MissionDocument(document)
     mission = document.mission
     flown_by = conditions or FlightConditions(M200_V2, drone_is_assumed=True)
-    autopilot = dialect or dialect_of_firmware(mission.firmware)
+    autopilot = dialect or family_of(mission.firmware)
     route = fly(mission, autopilot=autopilot)
     legs = leg_energies(mission, route, flown_by)
     findings = [
         *check_structure(mission, route),
         *check_home_distance(mission, route),
         *check_rally_distances(document, route),
-        *check_fence(document, route, autopilot.name if autopilot else None),
+        *check_fence(document, route, autopilot),
     ]
     judged = not (flown_by.drone_is_assumed and (mission.is_for_the_surface or mission.is_for_wings))
     if mission.is_for_the_surface and not judged:

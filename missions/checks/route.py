@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
 
 if TYPE_CHECKING:
-    from skyway.missions.dialects.protocol import Dialect
+    from skyway.missions.autopilots.family import Dialect
     from skyway.missions.items.coordinates import Point
     from skyway.missions.items.mission import Mission, MissionItem
 

@@ -6,6 +6,7 @@ import json
 import math
 from typing import TYPE_CHECKING, Any
 
+from skyway.missions.autopilots.registry import default_family
 from skyway.missions.files.plan_reader import MISSION_VERSION, PLAN_VERSION, UNKNOWN_KEY, loads
 from skyway.missions.items.commands import GLOBAL_FRAMES, LOCATED_COMMANDS, Command, Frame
 from skyway.missions.items.coordinates import from_e7
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from skyway.missions.items.mission import ComplexItem, Mission, MissionItem
 
 MAV_TYPE_QUADROTOR = 2
-MAV_AUTOPILOT_PX4 = 12
 _ALTITUDE_MODES: dict[int, int] = {
     Frame.GLOBAL_RELATIVE_ALT: 1,
     Frame.GLOBAL_RELATIVE_ALT_INT: 1,
@@ -86,7 +86,7 @@ def _stand_ins(mission: Mission) -> dict[str, Any]:
     point = next((item.point for item in mission.items if item.point is not None), None)
     return {
         "plannedHomePosition": [point.lat, point.lon, 0] if point else [0, 0, 0],
-        "firmwareType": MAV_AUTOPILOT_PX4,
+        "firmwareType": default_family().firmware,
         "vehicleType": MAV_TYPE_QUADROTOR,
         "cruiseSpeed": 15,
         "hoverSpeed": 5,

@@ -31,7 +31,7 @@ class Parameter:
     why : str
         What happens otherwise.
     key, words : str
-        Which setting it is, and that in words (`missions.dialects.settings`); empty for a parameter of no known meaning.
+        Which setting it is, and that in words (`missions.autopilots.settings`); empty for a parameter of no known meaning.
     unit : str
         The autopilot's.
     paired : str

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from skyway.cli.options import FamilyNameOrAuto
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -20,14 +21,11 @@ if TYPE_CHECKING:
 
     from skyway.link.protocol.connection import Connection
     from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+    from skyway.missions.autopilots.family import Family
 
 
-class Autopilot(StrEnum):
-    """Whose way with missions."""
-
-    AUTO = "auto"
-    PX4 = "px4"
-    ARDUPILOT = "ardupilot"
+_ASKED = "auto"
+"""Autopilot that the vehicle names itself."""
 
 
 class Driver(StrEnum):
@@ -81,8 +79,8 @@ class Link(Line):
         typer.Option("--system", help="System id of the vehicle, where several are heard.", show_default=False),
     ] = None
     autopilot: Annotated[
-        Autopilot, typer.Option("--autopilot", help="Whose way with missions; auto asks the vehicle.")
-    ] = Autopilot.AUTO
+        FamilyNameOrAuto, typer.Option("--autopilot", help="Whose way with missions; auto asks the vehicle.")
+    ] = _ASKED
     driver: Annotated[
         Driver, typer.Option("--driver", help="Who speaks the protocols; mavsdk knows no signed links.")
     ] = Driver.PYMAVLINK
@@ -99,11 +97,11 @@ class Link(Line):
     @contextmanager
     def aboard(self) -> Iterator[MavlinkVehicle]:
         """Open the connection and find the vehicle."""
-        family = None if self.autopilot is Autopilot.AUTO else self.autopilot.value
+        family = None if self.autopilot == _ASKED else self.autopilot
         with self.opened() as connection, closing(self._driver()(connection, self.system, family)) as vehicle:
             if connection.wants_key:
                 typer.echo("the vehicle signs its packets; without its key (--key-file) it may not listen", err=True)
-            vehicle.own_names = own_names(self.parameter_name or (), vehicle.family.name)
+            vehicle.own_names = own_names(self.parameter_name or (), vehicle.family)
             yield vehicle
 
     def _driver(self) -> type[MavlinkVehicle]:
@@ -116,18 +114,18 @@ class Link(Line):
         return MavlinkVehicle
 
 
-def own_names(given: Sequence[str], family: str) -> dict[str, tuple[str, str]]:
+def own_names(given: Sequence[str], family: Family) -> dict[str, tuple[str, str]]:
     """Read names that a person gives to settings: ``mission-speed=WP_SPEED:m/s``."""
-    from skyway.missions.dialects import dialect
-
-    settings = dialect(family).settings
+    settings = family.settings
     found: dict[str, tuple[str, str]] = {}
     for text in given:
         key, _, rest = text.partition("=")
         name, _, unit = rest.partition(":")
         if key not in settings.keys:
             known = ", ".join(settings.keys)
-            raise InputError(Fault(f"no such setting of {family}", field="--parameter-name", value=key, remedy=known))
+            raise InputError(
+                Fault(f"no such setting of {family.name}", field="--parameter-name", value=key, remedy=known)
+            )
         if not re.fullmatch(r"[A-Z][A-Z0-9_]{0,15}", name):
             remedy = "for example mission-speed=WP_SPD:m/s"
             raise InputError(Fault("is not SETTING=NAME:UNIT", field="--parameter-name", value=text, remedy=remedy))

@@ -8,10 +8,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
+from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import Fault, InputError, NoRouteError
 from skyway.models.base.ranges import percent_faults
 
@@ -22,6 +23,14 @@ if TYPE_CHECKING:
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.models.wind.history import WindSite
     from skyway.planner.problem.objective import Objective
+
+if TYPE_CHECKING:
+    FamilyName = str
+    FamilyNameOrAuto = str
+else:  # choices for typer
+    FamilyName = Literal[NAMES]
+    FamilyNameOrAuto = Literal[("auto", *NAMES)]
+"""Name of an autopilot family; ``auto`` asks the vehicle."""
 
 WIND = re.compile(r"^\s*([0-9]+(?:\.[0-9]*)?)\s*@\s*([0-9]+(?:\.[0-9]*)?)\s*$")
 POSITION = re.compile(r"^\s*(-?[0-9]+(?:\.[0-9]*)?)\s*,\s*(-?[0-9]+(?:\.[0-9]*)?)\s*$")

@@ -4,7 +4,7 @@ import contextlib
 
 from skyway.link.protocol.opening import open_connection
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
-from skyway.missions.dialects.wire import WireItem
+from skyway.missions.autopilots.wire import WireItem
 from skyway.sim_stub.transports.channel import Impairment
 from skyway.sim_stub.transports.relay import Relay
 

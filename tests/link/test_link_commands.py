@@ -13,11 +13,10 @@ from sim_serving import free_port, served
 from wires import a_fence, a_mission, some_rally_points
 
 from skyway.cli.commands import link as link_commands
-from skyway.link.protocol.autopilots import FAMILIES
 from skyway.link.protocol.parameter_file import read_required
 from skyway.link.wire.frames import FrameWriter
 from skyway.missions import write
-from skyway.missions.dialects import dialect
+from skyway.missions.autopilots.registry import FAMILIES, family_named
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.mission import Mission
 from skyway.missions.items.parameters import Parameter, dumps
@@ -87,7 +86,7 @@ def test_parameters_are_read_set_and_compared(run, tmp_path):
 
 
 def test_a_mission_comes_with_the_parameters_it_needs(run, plan, tmp_path):
-    settings = dialect("ardupilot").settings
+    settings = family_named("ardupilot").settings
     needs = (
         settings["return-height"].need("at-least", 70.0, "clears the ground"),
         settings["ground-station"].need("read", None, "ours"),

@@ -5,6 +5,7 @@ import math
 from skyway.link.protocol.connection import Connection
 from skyway.link.protocol.verified import UploadJob, upload_verified
 from skyway.link.wire.frames import FrameReader, FrameWriter
+from skyway.missions.autopilots.registry import family_named
 from skyway.missions.items.commands import Command, Frame
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.geofence import FencePolygon, Geofence
@@ -112,7 +113,7 @@ class Scene:
         peer = self.meet()
         more.setdefault("may_roll_back", lambda: True)
         texts = lambda: [text for _, text in peer.texts]  # noqa: E731
-        return UploadJob(peer.target, self.family, part, round_trip=peer.round_trip, texts=texts, **more)
+        return UploadJob(peer.target, family_named(self.family), part, round_trip=peer.round_trip, texts=texts, **more)
 
     def upload(self, part, **more):
         return self.connection.perform(upload_verified(self.job(part, **more)))

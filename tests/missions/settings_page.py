@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from skyway.missions.dialects import DIALECTS
-from skyway.missions.dialects.settings import MAIN
+from skyway.missions.autopilots.registry import FAMILIES
+from skyway.missions.autopilots.settings import MAIN
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "parameters.md"
 HEAD = """# Parameters by firmware version
 
-Made from the tables that skyway itself uses (`missions/dialects/*_settings.py`). A setting has one meaning; firmware calls
+Made from the tables that skyway itself uses (`settings.py` in `missions/autopilots/px4` and `ardupilot`). A setting has one meaning; firmware calls
 it by one name or another, in one unit or another. skyway asks a vehicle for every name that it knows: builds between two
 versions have some of the new ones. Where a vehicle has none of them, that is known within seconds, and preflight ends with
 the names that were tried. A firmware that is newer than this table is flown by giving its name, here with the plan of
@@ -38,7 +38,7 @@ def _number(text):
 
 def page():
     lines = [HEAD]
-    for autopilot in sorted(DIALECTS.values(), key=lambda found: found.name):
+    for autopilot in sorted(FAMILIES.values(), key=lambda found: found.name):
         known = ", ".join(autopilot.firmwares)
         lines += [
             f"## {autopilot.name} ({known})",

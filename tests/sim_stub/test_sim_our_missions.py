@@ -89,7 +89,7 @@ class Delivery:
         self.vehicle = self.world.add(config)
         self.lockstep = Lockstep(self.world)
         self.station = Station(self.lockstep, self.lockstep.connect(self.vehicle))
-        self.dialect = missions.dialect(autopilot)
+        self.dialect = missions.family_named(autopilot)
         store = self.vehicle.autopilot.parameters
         for asked in (parameter for export in exports for parameter in export.parameters):
             needed = next((way for way in asked.ways if store.find(way.name) is not None and not way.paired), asked)
@@ -122,7 +122,7 @@ class Delivery:
 
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_leg_by_leg_with_the_package_released_at_the_end(plan, autopilot):
-    dialect = missions.dialect(autopilot)
+    dialect = missions.family_named(autopilot)
     exports = [missions.leg_mission(plan, number, dialect) for number in (0, 1)]
     delivery = Delivery(autopilot, *exports)
     for number, place in ((0, "harbour"), (1, "park")):
@@ -134,7 +134,7 @@ def test_leg_by_leg_with_the_package_released_at_the_end(plan, autopilot):
 
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_the_whole_mission_disarmed_on_every_pad(plan, autopilot):
-    export = missions.whole_mission(plan, missions.dialect(autopilot))
+    export = missions.whole_mission(plan, missions.family_named(autopilot))
     delivery = Delivery(autopilot, export)
     if autopilot == "px4":
         delivery.fly(export.documents[0])
@@ -153,7 +153,7 @@ def test_the_whole_mission_disarmed_on_every_pad(plan, autopilot):
 
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_the_armed_mission_stays_armed_on_the_pad_and_leaves_by_the_clock(plan, autopilot):
-    export = missions.armed_mission(plan, missions.dialect(autopilot))
+    export = missions.armed_mission(plan, missions.family_named(autopilot))
     delivery = Delivery(autopilot, export)
     delivery.fly(export.documents[0])
     delivery.station.until(lambda: delivery.at("harbour") and delivery.vehicle.autopilot.landed, 900.0)

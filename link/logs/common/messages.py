@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.link.logs.common.modes import ARDUPILOT, HOVER_MODES
+from skyway.link.logs.common.modes import on_rotors
 from skyway.link.logs.common.trust import estimate_ok, receiver_ok
 from skyway.link.logs.common.vehicle_kind import MAV_KINDS
 from skyway.models.drones.telemetry import NEITHER
@@ -181,12 +181,13 @@ def _heartbeat(fields: Any) -> Columns:
     armed = (np.asarray(fields["base_mode"]) & ARMED_FLAG) != 0
     columns = {"armed": _real(armed, nobody), "mode": _real(fields["custom_mode"], nobody)}
     autopilot, mode = (_numbers(fields[name]) for name in ("autopilot", "custom_mode"))
-    by_mode = _among(kind, PLANE_TYPES + VTOL_TYPES) & (np.asarray(autopilot) == ARDUPILOT)
+    tells, stands = on_rotors(autopilot, mode)
+    by_mode = _among(kind, PLANE_TYPES + VTOL_TYPES) & tells
     wings = _among(kind, PLANE_TYPES) | by_mode
-    hover = by_mode & np.isin(mode, list(HOVER_MODES))
+    hover = by_mode & stands
     known = _among(kind, PLANE_TYPES + ROTOR_TYPES + OTHER_TYPES) | by_mode
     if np.any(known):
-        hangs = np.where(wings & ~hover, 1.0, np.where(_among(kind, OTHER_TYPES), NEITHER, 0.0))
+        hangs = np.where(wings & np.logical_not(hover), 1.0, np.where(_among(kind, OTHER_TYPES), NEITHER, 0.0))
         columns["fixed_wing"] = np.where(np.logical_not(known) | nobody, np.nan, hangs)
     return columns
 

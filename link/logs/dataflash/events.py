@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.link.logs.common.doubted import DoubtedSpans
 from skyway.link.logs.common.log import MAX_EVENTS
-from skyway.link.logs.common.modes import ardupilot_mode
 from skyway.link.logs.dataflash.messages import (
     ARMED,
     CRASH_CHECK,
@@ -19,6 +18,7 @@ from skyway.link.logs.dataflash.messages import (
     error_text,
     mode_numbers,
 )
+from skyway.missions.autopilots.ardupilot.modes import MODES
 from skyway.models.base.errors import one_line
 
 if TYPE_CHECKING:
@@ -114,4 +114,4 @@ class DataFlashEvents:
         if math.isnan(number) or self._lasting.get("mode") == number:
             return
         self._lasting["mode"] = number
-        self._say(time_s, lambda kind: f"mode {ardupilot_mode(kind, int(number))}")
+        self._say(time_s, lambda kind: f"mode {MODES.log_name(kind, int(number))}")

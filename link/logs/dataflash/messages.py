@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.link.logs.common.modes import HOVER_MODES, ardupilot_mode
 from skyway.link.logs.common.trust import MAX_SPEED_ERROR_MPS, estimate_ok, receiver_ok
+from skyway.missions.autopilots.ardupilot.modes import MODES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -135,7 +135,7 @@ def error_text(kind: Kind, subsystem: int, code: int) -> str:
     if known is not None:
         return known
     if subsystem == 10:
-        return f"flight mode: change to {ardupilot_mode(kind, code)} refused"
+        return f"flight mode: change to {MODES.log_name(kind, code)} refused"
     if subsystem == 24:
         return f"EKF primary: changed to core {code}"
     if code == 0:
@@ -288,8 +288,8 @@ def _mode(fields: Fields) -> Columns:
 
 
 def hovering(mode: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`models.drones.telemetry` ``fixed_wing`` of a VTOL of ArduPilot by its mode."""
-    hover = np.isin(mode, list(HOVER_MODES))
+    """`models.drones.telemetry` ``fixed_wing`` of a VTOL by its mode."""
+    hover = np.isin(mode, MODES.on_rotors)
     return np.where(np.isnan(mode), np.nan, np.where(hover, 0.0, 1.0))
 
 

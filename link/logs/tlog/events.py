@@ -10,7 +10,7 @@ import numpy as np
 from skyway.link.logs.common.doubted import DoubtedSpans, doubt_in
 from skyway.link.logs.common.log import MAX_EVENTS, LogEvent
 from skyway.link.logs.common.messages import ARMED_FLAG, GROUND_TYPES
-from skyway.link.logs.common.modes import ARDUPILOT, HOVER_MODES, mavlink_mode
+from skyway.link.logs.common.modes import mode_name, on_rotors
 from skyway.link.logs.common.vehicle_kind import WATCHED, KindEvidence, Vehicle
 from skyway.models.base.errors import one_line
 
@@ -84,8 +84,7 @@ class TlogEvents:
             evidence = self._evidence[system]
             for kind in np.unique(beats["type"])[:8].tolist():
                 evidence.types.setdefault(kind, None)
-            plane = (beats["type"] == 1) & (beats["autopilot"] == ARDUPILOT)
-            if np.any(plane & np.isin(beats["custom_mode"], list(HOVER_MODES))):
+            if np.any((beats["type"] == 1) & on_rotors(beats["autopilot"], beats["custom_mode"])[1]):
                 evidence.hovers = "its modes of flight"
             armed = ((beats["base_mode"] & ARMED_FLAG) != 0).astype(np.int64)
             self._changes(system, "armed", times[rows], armed, lambda _, now: "armed" if now else "disarmed")
@@ -166,7 +165,7 @@ class TlogEvents:
 
 
 def _mode_text(_: int | None, mode: int) -> Callable[[Kind], str]:
-    return lambda kind: f"mode {mavlink_mode(mode >> 32, kind, mode & 0xFFFFFFFF)}"
+    return lambda kind: f"mode {mode_name(mode >> 32, kind, mode & 0xFFFFFFFF)}"
 
 
 def _state_text(before: int | None, state: int) -> str:

@@ -9,7 +9,6 @@ import numpy as np
 
 from skyway.link.logs.common.doubted import SETTLE_S, DoubtedSpans, doubt_in
 from skyway.link.logs.common.log import MAX_EVENTS
-from skyway.link.logs.common.modes import PX4_NAV_STATES
 from skyway.link.logs.common.stamps import EDGE_S
 from skyway.link.logs.ulog.messages import ARMED
 from skyway.link.logs.ulog.px4_events import EventReports
@@ -39,6 +38,31 @@ _DISARMED_BY = {
     10: "by lockdown",
     11: "by the failure detector",
 }
+_NAV_STATES = {
+    0: "manual",
+    1: "altitude",
+    2: "position",
+    3: "mission",
+    4: "hold",
+    5: "return",
+    6: "position slow",
+    8: "altitude cruise",
+    9: "landing after GPS failure",
+    10: "acro",
+    11: "land",
+    12: "descend",
+    13: "termination",
+    14: "offboard",
+    15: "stabilized",
+    17: "takeoff",
+    18: "land",
+    19: "follow",
+    20: "precision land",
+    21: "orbit",
+    22: "VTOL takeoff",
+    **{number: f"external {number - 22}" for number in range(23, 31)},
+}
+"""``vehicle_status.nav_state``."""
 _WATCHED = ("nav_state", "arming_state", "failsafe", "failure_detector_status", "in_transition_mode")
 
 
@@ -180,7 +204,7 @@ class ULogEvents:
         """What a change means; empty where it is only the first value, and the usual one."""
         number = int(value)
         if name == "nav_state":
-            return f"mode {PX4_NAV_STATES.get(number, f'number {number}')}"
+            return f"mode {_NAV_STATES.get(number, f'number {number}')}"
         if name == "arming_state":
             if value == ARMED:
                 return "armed"

@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
-from skyway.link.supervisor.departure.failsafes import by_itself
 from skyway.link.supervisor.departure.parameter_changes import told
 from skyway.models.base.units import clock_text
 
@@ -56,8 +55,8 @@ class Checklist:
 
 def brief(ctx: Context, leg: Leg) -> None:
     """Tell everything that a take-off is decided by: the flight, wind, diverts, parameters, and what happens by itself."""
-    family, first = ctx.vehicle.family.name, ctx.delivery.flight == 0
-    alone = by_itself(family, ctx.failsafes.values)
+    first = ctx.delivery.flight == 0
+    alone = ctx.vehicle.family.failsafes.by_itself(ctx.failsafes.values)
     changes = ctx.parameters.proposed
     wind = ctx.wind.on_way(leg.mission.way, ctx.now_s, leg.planned_s)
     lines = [

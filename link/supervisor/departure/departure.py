@@ -63,7 +63,7 @@ def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService
         services=(service, *ctx.delivery.plan.services[1:]),
     )
     last = service.destination == job.request.destination
-    return service, plan_leg(plan, service, ctx.vehicle.family.name, job.options, last=last)
+    return service, plan_leg(plan, service, ctx.vehicle.family, job.options, last=last)
 
 
 def preflight(ctx: Context) -> After:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from skyway.link.supervisor.departure.failsafes import finishes_alone, in_our_units, when_left
 from skyway.link.supervisor.departure.parameter_changes import ParameterChange
 from skyway.link.supervisor.flight.crash import LIES_DEG, leans_deg
 from skyway.link.supervisor.flight.lean import airspeed_at_lean
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
 Verdict = Literal["ok", "no", "unknown"]
 AT_PLACE_M = 60.0
 HOME_M = 60.0
-LEAN_LIMITS = {"px4": ("lean-limit",), "ardupilot": ("lean-limit", "position-lean-limit")}
-"""Settings of which the smallest limits it; 0 is no limit of its own."""
 LEAN_SLACK = 0.97
 HOME_HEIGHT_M = 30.0
 """Heights of stations and of a satellite fix differ by so much at most."""
@@ -201,7 +198,7 @@ def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:
 
 def _lean(ctx: Context) -> Check:
     """Whether its greatest lean lets it fly as fast through the air as is planned."""
-    limits = ctx.vehicle.read_settings(LEAN_LIMITS[ctx.vehicle.family.name])
+    limits = ctx.vehicle.read_settings(ctx.vehicle.family.lean_limits)
     known = [limit for limit in limits.values() if limit > 0.0]
     drone = ctx.job.scenario.drone(ctx.job.request.drone or "")
     if not known:
@@ -220,11 +217,11 @@ def _lean(ctx: Context) -> Check:
 
 def _failsafe(ctx: Context) -> Check:
     """Tell what it does without us, as it will be with the parameters that are to be set."""
-    family = ctx.vehicle.family.name
-    proposed = in_our_units(family, {setting.name: setting.after for setting in ctx.parameters.proposed})
+    family = ctx.vehicle.family
+    proposed = family.settings.in_our_units({setting.name: setting.after for setting in ctx.parameters.proposed})
     ctx.failsafes.read(ctx.vehicle, proposed)
-    alone = finishes_alone(family, ctx.failsafes.values)
-    said = when_left(family, ctx.failsafes.values)
+    alone = family.failsafes.finishes_alone(ctx.failsafes.values)
+    said = family.failsafes.when_left(ctx.failsafes.values)
     if alone is None:
         return Check("link loss", "unknown", said, waits=True)
     return Check("link loss", "ok" if alone else "no", said)
@@ -233,10 +230,9 @@ def _failsafe(ctx: Context) -> Check:
 def _mission(ctx: Context, leg: LegMission) -> Check:
     """Look at the mission, its fence and its rally points as ``skyway check`` does."""
     from skyway.missions.checks.report import check
-    from skyway.missions.dialects import dialect
 
     scenario = ctx.job.scenario
-    report = check(leg.document, dialect=dialect(ctx.vehicle.family.name), zones=scenario.network.zones)
+    report = check(leg.document, dialect=ctx.vehicle.family, zones=scenario.network.zones)
     errors = [finding for finding in report.findings if finding.severity == "error"]
     if errors:
         first = errors[0]

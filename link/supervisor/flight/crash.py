@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.states import State
@@ -15,8 +14,6 @@ LIES_DEG = 50.0
 """No pad leans as far."""
 LOOK_S = 120.0
 """So long an attitude is looked at: longer than it may be told wrongly."""
-_WORDS = re.compile(r"\bcrash|attitude failure|\bleaning\b", re.IGNORECASE)
-"""ArduPilot says ``Crash: Disarming`` and refuses to arm with ``Leaning``, PX4 with ``Attitude failure (roll)``."""
 
 
 def leans_deg(ctx: Context) -> float:
@@ -45,7 +42,7 @@ def crashed(ctx: Context, since_s: float) -> str:
     since_s : float
         What it has said since then counts, by the clock.
     """
-    said = ctx.texts.saying(_WORDS, since_s)
+    said = ctx.texts.saying(ctx.vehicle.family.crash_texts, since_s)
     return f'it says "{said}"' if said else lies(ctx)
 
 

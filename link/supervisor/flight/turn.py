@@ -39,7 +39,7 @@ def turn(ctx: Context, station: str, state: State) -> After:
     home_ground = s.alt_msl_m - s.height_m
     here = (*ctx.place, s.height_m)
     mission = turn_leg(
-        plan, station, here, home_ground, leg.commanded_mps, ctx.vehicle.family.name, ctx.job.options,
+        plan, station, here, home_ground, leg.commanded_mps, ctx.vehicle.family, ctx.job.options,
         last=last, home=leg.mission.document.mission.home,
     )  # fmt: skip
     try:

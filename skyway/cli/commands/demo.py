@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
+from skyway.cli.options import FamilyName
+from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.ranges import range_faults
 from skyway.scenarios import load_scenario
@@ -26,7 +28,7 @@ Examples:
 def demo(
     day: Annotated[str | None, typer.Option("--day", help="Day of 2013 whose wind blows.", show_default=False)] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of gusts, other drones and errors.")] = 1,
-    autopilot: Annotated[Literal["px4", "ardupilot"], typer.Option("--autopilot", help="Whose behaviour.")] = "px4",
+    autopilot: Annotated[FamilyName, typer.Option("--autopilot", help="Whose behaviour.")] = NAMES[0],
     planner: Annotated[str, typer.Option("--planner", help="Planner; without it the default one.")] = "",
     plan_only: Annotated[bool, typer.Option("--plan-only", help="Plan and do not fly: compiles the kernels.")] = False,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for plan, journal and report.")] = Path(

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from skyway.link.protocol.verified import Part, UploadOutcome
     from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
     from skyway.link.vehicle.vehicle import Identity
+    from skyway.missions.autopilots.family import Family
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.parameters import Parameter
 
@@ -79,7 +80,7 @@ def upload(
     document, parts = _read_parts(file)
     wanted = () if parameters is None else read_required(parameters)
     with link.aboard() as vehicle:
-        _refuse_what_cannot_be_flown(document, vehicle.family.name)
+        _refuse_what_cannot_be_flown(document, vehicle.family)
         identity = vehicle.identify()
         if not as_json:
             typer.echo(str(identity))
@@ -99,11 +100,10 @@ def upload(
         raise typer.Exit(3)
 
 
-def _refuse_what_cannot_be_flown(document: MissionDocument, family: str) -> None:
-    from skyway.missions import dialect
+def _refuse_what_cannot_be_flown(document: MissionDocument, family: Family) -> None:
     from skyway.models.base.errors import Fault, InputError
 
-    found = [finding for finding in dialect(family).cannot_fly(document) if finding.severity == "error"]
+    found = [finding for finding in family.cannot_fly(document) if finding.severity == "error"]
     faults = [Fault(f.message, field=None if f.item is None else f"item {f.item}", remedy=f.remedy) for f in found]
     if faults:
         raise InputError(faults)

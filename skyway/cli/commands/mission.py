@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skyway.cli.options import FamilyName
+from skyway.missions.autopilots import NAMES
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -20,13 +22,6 @@ if TYPE_CHECKING:
     from skyway.missions.items.document import MissionDocument
     from skyway.models.drones.drone import Drone
     from skyway.models.scenario.scenario import Scenario
-
-
-class Autopilot(StrEnum):
-    """Autopilots with a dialect."""
-
-    PX4 = "px4"
-    ARDUPILOT = "ardupilot"
 
 
 class Release(StrEnum):
@@ -49,7 +44,7 @@ def mission(
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .plan or .waypoints.")],
     whole: Annotated[bool, typer.Option("--whole", help="All legs (the default).")] = False,
     leg: Annotated[int | None, typer.Option("--leg", help="One leg alone, numbered from 1.")] = None,
-    autopilot: Annotated[Autopilot, typer.Option(help="Who will fly it.")] = Autopilot.PX4,
+    autopilot: Annotated[FamilyName, typer.Option(help="Who will fly it.")] = NAMES[0],
     firmware: Annotated[
         str,
         typer.Option(
@@ -79,10 +74,9 @@ def mission(
       skyway mission plan.json -o delivery.waypoints --autopilot ardupilot
       skyway mission plan.json -o leg1.plan --leg 1 --width 600
     """  # noqa: D301  \b keeps the lines of the examples
-    from skyway.missions import dialect
+    from skyway.missions import family_named
     from skyway.missions.builder.from_composition import armed_mission, leg_mission, whole_mission
     from skyway.missions.builder.mission_options import MissionOptions
-    from skyway.missions.dialects import dumps_for
     from skyway.models.base.errors import Fault, InputError
     from skyway.models.composition.file import load
 
@@ -98,14 +92,14 @@ def mission(
         "operator" if release is Release.OPERATOR else "gripper",
         elevation_m=_elevations(elevation or ()),
     )
-    composition, flown_by = load(plan), dialect(autopilot.value)
+    composition, flown_by = load(plan), family_named(autopilot)
     if leg is not None:
         export = leg_mission(composition, _leg_index(leg, len(composition.services)), flown_by, options)
     elif armed_hold:
         export = armed_mission(composition, flown_by, options)
     else:
         export = whole_mission(composition, flown_by, options)
-    settings = dumps_for(flown_by, export.parameters, firmware or flown_by.released)
+    settings = flown_by.parameter_file(export.parameters, firmware or flown_by.released)
     _write_export(export, settings, output, force=force)
 
 
@@ -204,7 +198,7 @@ def check(
     file: Annotated[Path, typer.Argument(help="Mission file of any known format.")],
     scenario: Annotated[Path | None, typer.Option(help="Scenario: its fleet, pads, zones, rules and wind.")] = None,
     drone: Annotated[str | None, typer.Option(help="Vehicle, by id; m200-v2 is built in.")] = None,
-    autopilot: Annotated[Autopilot | None, typer.Option(help="Check what this one cannot fly.")] = None,
+    autopilot: Annotated[FamilyName | None, typer.Option(help="Check what this one cannot fly.")] = None,
     wind: Annotated[
         str | None, typer.Option(help="Steady wind at flying height, m/s and where it blows from: 8@270.")
     ] = None,
@@ -227,14 +221,14 @@ def check(
       skyway check delivery.plan --scenario newyork --depart 2013-07-10T14:00-04:00 --json
     """  # noqa: D301
     from skyway.missions import check as check_mission
-    from skyway.missions import dialect, read
+    from skyway.missions import family_named, read
 
     document = read(file)
     region = _scenario(scenario)
     conditions = _conditions(region, drone, _weather(region, wind, depart), payload, soc, reserve)
     report = check_mission(
         document,
-        dialect=dialect(autopilot.value) if autopilot else None,
+        dialect=family_named(autopilot) if autopilot else None,
         conditions=conditions,
         zones=region.network.zones if region else None,
     )

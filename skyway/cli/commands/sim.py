@@ -6,12 +6,13 @@ import json
 import signal
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import typer
 
 from skyway.cli import options
 from skyway.cli.bare_values import BareValueCommand
+from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.json_text import json_text
 from skyway.scenarios import load_scenario
@@ -62,7 +63,7 @@ At = Annotated[
     list[str] | None,
     typer.Option("--at", help="Where they stand: station or lat,lon; several in turn.", show_default=False),
 ]
-Family = Annotated[Literal["px4", "ardupilot"], typer.Option("--autopilot", help="Whose behaviour.")]
+Family = Annotated[options.FamilyName, typer.Option("--autopilot", help="Whose behaviour.")]
 Firmware = Annotated[
     str,
     typer.Option(
@@ -125,7 +126,7 @@ def sim(
     scenario: ScenarioArgument = None,
     vehicles: Vehicles = 1,
     at: At = None,
-    autopilot: Family = "px4",
+    autopilot: Family = NAMES[0],
     firmware: Firmware = "",
     connect: Connect = None,
     tcp: Tcp = None,

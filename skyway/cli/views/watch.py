@@ -80,8 +80,8 @@ class _Watch:
                 vehicle.nudge_telemetry()
 
     def _meet(self, system: int, autopilot: int) -> None:
-        from skyway.link.protocol.autopilots import family_of
         from skyway.link.telemetry.vehicle_monitor import VehicleMonitor
+        from skyway.missions.autopilots.registry import family_of
 
         if family_of(autopilot) is None:
             self.strange[system] = autopilot

@@ -5,7 +5,7 @@ import pytest
 from drone_truth import fly
 from log_factory import DataFlashWriter, dataflash, multirotor, tlog, ulog
 
-from skyway.link.logs.common.modes import ardupilot_mode, mavlink_mode
+from skyway.link.logs.common.modes import mode_name
 from skyway.link.logs.dataflash.messages import EVENTS, error_text
 from skyway.link.logs.reader import open_log
 from skyway.link.replay.replay import replay
@@ -186,8 +186,8 @@ def test_every_number_of_an_error_an_event_and_a_mode_has_words():
         for code in range(8):
             assert error_text("multirotor", subsystem, code)
     assert all(EVENTS.values())
-    assert ardupilot_mode("multirotor", 9) == "LAND"
-    assert ardupilot_mode("VTOL", 19) == "QLOITER"
-    assert ardupilot_mode("unknown", 19) == "number 19"
-    assert mavlink_mode(12, "multirotor", 4 << 16 | 5 << 24) == "return"
-    assert mavlink_mode(0, "unknown", 7) == "number 7"
+    assert mode_name(3, "multirotor", 9) == "LAND"
+    assert mode_name(3, "VTOL", 19) == "QLOITER"
+    assert mode_name(3, "unknown", 19) == "number 19"
+    assert mode_name(12, "multirotor", 4 << 16 | 5 << 24) == "return"
+    assert mode_name(0, "unknown", 7) == "number 7"

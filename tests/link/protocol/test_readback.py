@@ -7,6 +7,7 @@ import pytest
 from wires import FAMILIES, Scene, a_mission, as_stored, changed_frame, waypoint
 
 from skyway.link.protocol.verified import UploadState, compare, encode
+from skyway.missions.autopilots.registry import family_named
 from skyway.missions.items.commands import Command, Frame
 from skyway.missions.items.mission import Mission, MissionItem
 
@@ -75,7 +76,7 @@ def test_a_change_in_any_field_is_found_and_put_right(family, field, way):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_change_that_stays_is_named_and_never_called_verified(family, field):
     mission = new(family, field)
-    before_wire = encode(OLD, family)
+    before_wire = encode(OLD, family_named(family))
 
     def spoil(_number, message, frame, up):
         if not (up and message and message.name == "MISSION_ITEM_INT" and message["seq"] == AT):
@@ -124,8 +125,8 @@ def test_another_count_is_found_and_put_right(family, up, by):
 def test_every_field_of_every_item_is_compared_or_means_nothing(family):
     """Without a vehicle: what is read back differs in one field of one item, for all of them."""
     mission = Mission((waypoint(0, command=Command.NAV_TAKEOFF), waypoint(1), _DELAY, waypoint(2)))
-    wire = encode(mission, family)
-    assert compare(mission, wire, family) == ()
+    wire = encode(mission, family_named(family))
+    assert compare(mission, wire, family_named(family)) == ()
     shift = int(family == "ardupilot")
     missed = set()
     for number in range(shift, len(wire)):
@@ -133,7 +134,7 @@ def test_every_field_of_every_item_is_compared_or_means_nothing(family):
             was = getattr(wire[number], field)
             other = {"command": 18, "frame": 0, "autocontinue": 0}.get(field, 50.0 if math.isnan(was) else was + 50)
             read = [*wire[:number], replace(wire[number], **{field: other}), *wire[number + 1 :]]
-            if not compare(mission, read, family):
+            if not compare(mission, read, family_named(family)):
                 missed.add((mission.items[number - shift].name, field))
     assert missed == NOT_KEPT[family]
 

@@ -14,6 +14,7 @@ from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.protocol.verified import UploadJob, UploadState, upload_verified
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
 from skyway.link.wire.frames import FrameWriter, kind_named
+from skyway.missions.autopilots.registry import family_named
 from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence
@@ -264,7 +265,7 @@ def test_a_second_station_uploading_at_the_same_time_never_makes_a_mixture_that_
         theirs = a_mission(8, height=120.0)
         link = scene.lockstep.connect(scene.vehicle, bad_radio(loss), seed=seed + 50)
         rival = Connection(Meddler(link), scene.lockstep.clock, system=250)
-        job = UploadJob(Target(1, 1), family, theirs)
+        job = UploadJob(Target(1, 1), family_named(family), theirs)
         outcomes = rival_outcome, ours = side_by_side((rival, upload_verified(job)), scene, scene.job(NEW))
         assert all(outcome is not None for outcome in outcomes)
         holds = scene.stored()

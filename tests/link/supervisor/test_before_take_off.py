@@ -8,9 +8,9 @@ import pytest
 
 from benchmarks.deliveries import Stage, Story, newyork
 from skyway.link.supervisor import NobodyThere, Scripted, read_journal
-from skyway.link.supervisor.departure.failsafes import by_itself, in_our_units
 from skyway.link.supervisor.departure.parameter_changes import changes_of
 from skyway.link.supervisor.observed.vehicle_texts import TextLog
+from skyway.missions.autopilots.registry import family_named
 from skyway.sim_stub.faults import parse_fault
 
 SHORT = {"start": "bellevue", "to": "city-hall"}
@@ -229,7 +229,8 @@ def test_everything_that_a_yes_answers_to_is_told_before_it_is_asked(tmp_path):
     ],
 )  # fmt: skip
 def test_failsafes_are_told_in_words_and_what_was_not_told_is_unknown(family, values, words):
-    said = "\n".join(by_itself(family, in_our_units(family, values)))
+    autopilot = family_named(family)
+    said = "\n".join(autopilot.failsafes.by_itself(autopilot.settings.in_our_units(values)))
     for word in words:
         assert word in said, said
 

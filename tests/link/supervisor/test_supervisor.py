@@ -8,10 +8,10 @@ from supervision_page import PAGE, PICTURE, drawn
 
 from benchmarks.deliveries import Stage, Story, newyork
 from skyway.link.supervisor import Scripted, State, read_journal
-from skyway.link.supervisor.departure.failsafes import finishes_alone, when_left
 from skyway.link.supervisor.journal import Journal
 from skyway.link.supervisor.legs import plan_leg
 from skyway.link.supervisor.states import ENDS, TABLE, OffTableError, check
+from skyway.missions.autopilots.registry import family_named
 from skyway.missions.builder.mission_options import MissionOptions
 from skyway.missions.items.commands import Command
 from skyway.models.base.errors import InputError
@@ -95,7 +95,7 @@ def test_a_leg_is_flown_above_the_higher_of_its_ends_from_its_beginning_to_above
     stage = Stage(Story(start=start, to=to), tmp_path)
     plan, scenario = stage.composition, newyork()
     service = plan.services[0]
-    leg = plan_leg(plan, service, "ardupilot", MissionOptions(), last=True)
+    leg = plan_leg(plan, service, family_named("ardupilot"), MissionOptions(), last=True)
     ground = {
         name: scenario.network.stations[scenario.network.index[name]].elevation_m
         for name in (start, service.destination)
@@ -210,18 +210,19 @@ def test_left_in_the_air_it_finishes_its_leg_by_its_own_parameters(tmp_path):
 
 
 def test_what_a_vehicle_does_alone_is_told_from_its_parameters():
+    px4, ardupilot = (family_named(name).failsafes for name in ("px4", "ardupilot"))
     exceptions, action = "data-link-exceptions", "data-link-action"
-    assert finishes_alone("px4", {exceptions: 1.0}) is True
-    assert finishes_alone("px4", {exceptions: 2.0}) is False
-    assert finishes_alone("px4", {action: 0.0}) is True, "1.15 has no exceptions"
-    assert finishes_alone("px4", {}) is None
+    assert px4.finishes_alone({exceptions: 1.0}) is True
+    assert px4.finishes_alone({exceptions: 2.0}) is False
+    assert px4.finishes_alone({action: 0.0}) is True, "1.15 has no exceptions"
+    assert px4.finishes_alone({}) is None
     enabled, options = "ground-station-failsafe", "failsafe-options"
-    assert finishes_alone("ardupilot", {enabled: 1.0, options: 2.0}) is True
-    assert finishes_alone("ardupilot", {enabled: 1.0, options: 16.0}) is False
-    said = when_left("px4", {exceptions: 0.0, action: 2.0, "data-link-timeout": 10.0, "critical-battery": 0.07})
+    assert ardupilot.finishes_alone({enabled: 1.0, options: 2.0}) is True
+    assert ardupilot.finishes_alone({enabled: 1.0, options: 16.0}) is False
+    said = px4.when_left({exceptions: 0.0, action: 2.0, "data-link-timeout": 10.0, "critical-battery": 0.07})
     assert "after 10 s without us it returns" in said
     assert "7 %" in said
-    assert "returns" in when_left("ardupilot", {enabled: 1.0, options: 0.0, "battery-capacity": 15000.0})
+    assert "returns" in ardupilot.when_left({enabled: 1.0, options: 0.0, "battery-capacity": 15000.0})
 
 
 def test_a_torn_line_at_the_end_of_a_journal_is_left_out_and_cut_off(tmp_path):

@@ -6,7 +6,7 @@ from wires import LAT, LON, Scene, bad_radio
 from benchmarks.deliveries import Stage, Story
 from skyway.link.protocol.parameter_file import read_required
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
-from skyway.missions.dialects import DIALECTS, dialect, dumps_for
+from skyway.missions.autopilots.registry import FAMILIES, family_named
 from skyway.missions.items.parameters import FlightNeeds, Parameter
 from skyway.models.base.errors import InputError, LinkError, ParameterAbsentError, VehicleTimeoutError
 from skyway.sim_stub.config import FIRMWARES, VehicleConfig
@@ -24,7 +24,7 @@ def aboard(family, firmware="", **how):
 
 
 def needs_of(family, **more):
-    return dialect(family).parameters(EVERYTHING if not more else FlightNeeds(17.0, 4.0, 2.0, 95.0, **more))
+    return family_named(family).parameters(EVERYTHING if not more else FlightNeeds(17.0, 4.0, 2.0, 95.0, **more))
 
 
 def rename(scene, old, new):
@@ -123,7 +123,7 @@ def test_on_a_bad_radio_nothing_that_is_there_is_taken_for_absent(version, seed)
 @pytest.mark.parametrize("key", ["mission-speed", "return-height", "failsafe-options", "low-battery"])
 def test_a_name_of_the_future_is_known_at_once_and_can_be_given(key):
     scene = aboard("ardupilot", "4.8")
-    old = dialect("ardupilot").settings[key].names[0].name
+    old = family_named("ardupilot").settings[key].names[0].name
     rename(scene, old, "ZZ_FUTURE")
     begun = scene.lockstep.now_s
     (found,) = (c for c in scene.craft.check_required(needs_of("ardupilot")) if c.wanted.key == key)
@@ -149,8 +149,8 @@ def test_a_value_that_cannot_be_is_not_believed_nor_set():
 
 @pytest.mark.parametrize(("family", "version"), VERSIONS)
 def test_a_parameter_file_for_one_version_serves_every_other(family, version, tmp_path):
-    autopilot, file = DIALECTS[family], tmp_path / "m.param"
-    file.write_text(dumps_for(autopilot, needs_of(family), version))
+    autopilot, file = FAMILIES[family], tmp_path / "m.param"
+    file.write_text(autopilot.parameter_file(needs_of(family), version))
     wanted = read_required(file)
     has = aboard(family, version).vehicle.autopilot.parameters
     written = [line.split(",")[0] for line in file.read_text().splitlines() if not line.startswith("#")]

@@ -8,6 +8,7 @@ from wires import FAMILIES, a_mission
 
 from skyway.link.protocol.mission_words import MissionKind
 from skyway.link.protocol.verified import UploadState, compare
+from skyway.missions.autopilots.registry import family_named
 from skyway.sim_stub.transports.channel import Impairment
 
 pytest.importorskip("mavsdk")
@@ -31,7 +32,7 @@ def upload_and_compare(craft, there, mission, family):
     outcome = craft.upload(mission)
     if outcome.verified:
         assert wait_for(lambda: len(there.missions) > before), "verified, and the server has nothing"
-        assert wait_for(lambda: compare(mission, there.missions[-1], family) == ()), outcome
+        assert wait_for(lambda: compare(mission, there.missions[-1], family_named(family)) == ()), outcome
     else:
         assert outcome.state is UploadState.UNKNOWN, outcome
         assert outcome.reason

@@ -11,7 +11,7 @@ from skyway.link.protocol.mission_words import MissionKind
 from skyway.link.protocol.verified import UploadState
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
 from skyway.link.wire.frames import FrameWriter
-from skyway.missions.dialects import dialect
+from skyway.missions.autopilots.registry import family_named
 from skyway.missions.items.mission import Mission
 from skyway.missions.items.parameters import FlightNeeds
 from skyway.models.base.errors import (
@@ -200,7 +200,7 @@ def test_a_parameter_is_set_though_late_answers_still_tell_its_old_value(family)
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_no_parameter_is_taken_for_absent_because_its_answers_were_lost(family):
-    wanted = dialect(family).parameters(FlightNeeds(12.0, 3.0, 2.0, 60.0, fenced=True))
+    wanted = family_named(family).parameters(FlightNeeds(12.0, 3.0, 2.0, 60.0, fenced=True))
     for seed in range(25):
         scene = aboard(family, impairment=bad_radio(0.3), seed=seed)
         assert not [
@@ -210,12 +210,12 @@ def test_no_parameter_is_taken_for_absent_because_its_answers_were_lost(family):
 
 def test_required_parameters_are_checked_and_what_to_set_is_said(scene):
     needs = FlightNeeds(12.0, 3.0, 2.0, 60.0, fenced=True)
-    checks = scene.craft.check_required(dialect(scene.family).parameters(needs))
+    checks = scene.craft.check_required(family_named(scene.family).parameters(needs))
     assert any(not check.ok for check in checks)
     for check in checks:
         if check.to_set is not None:
             scene.craft.set_parameter(check.wanted.name, check.to_set)
-    again = scene.craft.check_required(dialect(scene.family).parameters(needs))
+    again = scene.craft.check_required(family_named(scene.family).parameters(needs))
     assert all(check.ok for check in again if check.actual is not None)
 
 

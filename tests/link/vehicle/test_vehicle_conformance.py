@@ -193,7 +193,7 @@ def test_it_arms_disarms_and_switches_modes(site):
     craft = site.craft
     for mode in ("position", "hold", "guided"):
         craft.set_mode(mode)
-        assert site.simulated.autopilot.custom_mode() == craft.family.modes[mode]
+        assert site.simulated.autopilot.custom_mode() == craft.family.modes.numbers[mode]
     craft.arm(patience_s=60.0)
     assert site.simulated.autopilot.armed
     assert site.wait(lambda: craft.armed, 5.0)

@@ -6,15 +6,15 @@ from itertools import pairwise
 
 import pytest
 
-from skyway.missions import MissionOptions, armed_mission, check, dialect, leg_mission, whole_mission
-from skyway.missions.dialects import DIALECTS
+from skyway.missions import MissionOptions, armed_mission, check, family_named, leg_mission, whole_mission
+from skyway.missions.autopilots.registry import FAMILIES
 from skyway.missions.items.commands import Command
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.models.composition.composition import Place, Stop
 
-PX4, ARDUPILOT = dialect("px4"), dialect("ardupilot")
-BOTH = pytest.mark.parametrize("autopilot", list(DIALECTS.values()), ids=list(DIALECTS))
+PX4, ARDUPILOT = family_named("px4"), family_named("ardupilot")
+BOTH = pytest.mark.parametrize("autopilot", list(FAMILIES.values()), ids=list(FAMILIES))
 
 
 def names(document):

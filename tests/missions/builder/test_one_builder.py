@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from skyway.link.supervisor.legs import plan_leg, turn_leg
-from skyway.missions import MissionOptions, armed_mission, dialect, leg_mission, whole_mission
+from skyway.missions import MissionOptions, armed_mission, family_named, leg_mission, whole_mission
 from skyway.missions.items.commands import Command
 from skyway.models.composition.composition import Place, Stop
 
 CRUISE_M = 60.0
-FORMS = {"px4": dialect("px4"), "ardupilot": dialect("ardupilot")}
+FORMS = {"px4": family_named("px4"), "ardupilot": family_named("ardupilot")}
 FLOWN = (Command.NAV_TAKEOFF, Command.NAV_WAYPOINT)
 
 
@@ -89,7 +89,7 @@ def test_a_thousand_legs_keep_their_clearance_and_are_the_same_in_every_form(sma
         whole = legs_of(whole[0]) if len(whole) == 1 else whole
         for number, service in enumerate(plan.services):
             alone = leg_mission(plan, number, autopilot, options).documents[0]
-            flies = plan_leg(plan, service, family, options, last=number == 1).document
+            flies = plan_leg(plan, service, autopilot, options, last=number == 1).document
             assert flies == alone
             assert_clear(alone.mission.items, service, plan, grounds[number])
             assert_clear(armed[number], service, plan, grounds[0])
@@ -111,7 +111,7 @@ def test_a_turn_in_the_air_clears_home_the_new_station_and_never_sinks_on_the_wa
         name, home = plan.services[0].diverts[0], float(rng.uniform(-10.0, 2000.0))
         height = float(rng.uniform(-500.0, 500.0))
         leg = turn_leg(
-            plan, name, (46.0, 8.0, height), home, 12.0, family, MissionOptions(), last=False, home=None
+            plan, name, (46.0, 8.0, height), home, 12.0, FORMS[family], MissionOptions(), last=False, home=None
         )  # fmt: skip
         items = leg.document.mission.items
         ground = plan.stations[name].elevation_m

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from test_one_builder import random_plan
 
-from skyway.missions import FlightConditions, MissionOptions, armed_mission, check, dialect, leg_mission, whole_mission
+from skyway.missions import (
+    FlightConditions,
+    MissionOptions,
+    armed_mission,
+    check,
+    family_named,
+    leg_mission,
+    whole_mission,
+)
 from skyway.missions.items.commands import Command, Frame
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.mission import Home, Mission, MissionItem
@@ -87,10 +95,10 @@ def test_own_missions_are_clear_in_every_form(small, family, form, end):
     one = small.service(0, "a", "c", via=("b",), depart=small.NOON, stations=stations)
     plan = small.compose((one,), (), stations)
     known = tuple(Station(name, name, p.lat, p.lon, p.elevation_m, pads=1) for name, p in stations.items())
-    documents = form(plan, dialect(family), MissionOptions()).documents
-    assert documents == leg_mission(plan, 0, dialect(family), MissionOptions()).documents
+    documents = form(plan, family_named(family), MissionOptions()).documents
+    assert documents == leg_mission(plan, 0, family_named(family), MissionOptions()).documents
     for conditions in (FlightConditions(M200_V2), FlightConditions(M200_V2, stations=known)):
-        report = check(documents[0], dialect=dialect(family), conditions=conditions)
+        report = check(documents[0], dialect=family_named(family), conditions=conditions)
         assert not [f for f in report.findings if f.code == "below-clearance"]
 
 
@@ -101,9 +109,9 @@ def test_heights_of_own_missions_over_wild_ground_are_never_blamed(small, family
     for _ in range(12):
         plan = random_plan(small, rng)
         known = tuple(Station(a, a, p.lat, p.lon, p.elevation_m, pads=1) for a, p in plan.stations.items())
-        for document in form(plan, dialect(family), MissionOptions(corridor_width_m=None)).documents:
+        for document in form(plan, family_named(family), MissionOptions(corridor_width_m=None)).documents:
             for stations in ((), known):
                 conditions = FlightConditions(M200_V2, stations=stations)
-                codes = {f.code for f in check(document, dialect=dialect(family), conditions=conditions).findings}
+                codes = {f.code for f in check(document, dialect=family_named(family), conditions=conditions).findings}
                 assert not codes & {"below-clearance", "takeoff-too-low"}
                 assert not (stations and "not-above-ground" in codes)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from skyway.missions import FlightConditions, check, dialect
+from skyway.missions import FlightConditions, check, family_named
 from skyway.missions.checks.route import MAX_REPEATED_STEPS, fly
 from skyway.missions.files import plan_reader, plan_writer
 from skyway.missions.files.dropped import dropped
@@ -194,8 +194,8 @@ def test_coordinates_that_an_item_does_not_use_are_not_judged():
 def test_the_place_of_a_take_off_that_ardupilot_ignores_is_not_judged():
     elsewhere = at(Command.NAV_TAKEOFF, 10.0, 20.0)
     fence = Geofence((square(47.01, 8.0, 0.05),))
-    assert found(elsewhere, AWAY, LAND, fence=fence, dialect=dialect("ardupilot")) == set()
-    assert ("error", "outside-fence", 0) in found(elsewhere, AWAY, LAND, fence=fence, dialect=dialect("px4"))
+    assert found(elsewhere, AWAY, LAND, fence=fence, dialect=family_named("ardupilot")) == set()
+    assert ("error", "outside-fence", 0) in found(elsewhere, AWAY, LAND, fence=fence, dialect=family_named("px4"))
 
 
 def test_jumps_are_followed_as_often_as_they_say():
@@ -301,8 +301,8 @@ def test_exclusion_areas_are_kept_out_of():
 
 def test_two_inclusion_areas_mean_any_to_px4_and_all_to_ardupilot():
     two = Geofence((square(47.01, 8.0, 0.02), square(48.0, 9.0, 0.02)))
-    assert found(TAKEOFF, AWAY, LAND, fence=two, dialect=dialect("px4")) == set()
-    codes = {code for _, code, _ in found(TAKEOFF, AWAY, LAND, fence=two, dialect=dialect("ardupilot"))}
+    assert found(TAKEOFF, AWAY, LAND, fence=two, dialect=family_named("px4")) == set()
+    codes = {code for _, code, _ in found(TAKEOFF, AWAY, LAND, fence=two, dialect=family_named("ardupilot"))}
     assert codes == {"outside-fence", "ardupilot-inclusion-areas"}
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from skyway.missions import dialect, whole_mission
+from skyway.missions import family_named, whole_mission
 from skyway.missions.files import mission_file
 from skyway.missions.items.commands import LOCATED_COMMANDS, Command, Frame
 
@@ -28,7 +28,7 @@ def test_frames_have_the_numbers_of_the_message_definitions():
 
 
 def test_pymavlink_reads_the_waypoint_files_that_we_write(two_legs, tmp_path):
-    document = whole_mission(two_legs, dialect("ardupilot")).documents[0]
+    document = whole_mission(two_legs, family_named("ardupilot")).documents[0]
     mission_file.write(document, tmp_path / "leg.waypoints")
     loader = mavwp.MAVWPLoader()
     assert loader.load(str(tmp_path / "leg.waypoints")) == len(document.mission.items) + 1
@@ -58,6 +58,6 @@ def test_we_and_pymavlink_read_the_same_real_files_alike(shared_data):
 
 
 def test_exports_for_ardupilot_have_no_nan_at_all(two_legs):
-    documents = whole_mission(two_legs, dialect("ardupilot")).documents
+    documents = whole_mission(two_legs, family_named("ardupilot")).documents
     values = [value for d in documents for item in d.mission.items for value in (*item.params, item.z)]
     assert all(value == value for value in values)  # noqa: PLR0124

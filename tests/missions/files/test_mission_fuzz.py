@@ -7,7 +7,7 @@ import tracemalloc
 
 import pytest
 
-from skyway.missions import check, dialect
+from skyway.missions import check, family_named
 from skyway.missions.files import mission_file, plan_writer, waypoints_file
 from skyway.missions.files.dropped import dropped
 from skyway.models.base.errors import InputError
@@ -166,7 +166,7 @@ def test_strange_values_of_keys_that_are_only_kept_do_no_harm(value):
         del plan["geoFence"]["polygons"][0]["claimedVertexCount"]
     document = mission_file.loads(json.dumps(plan).encode(), "strange.plan")
     for autopilot in ("px4", "ardupilot"):
-        json.dumps(check(document, dialect=dialect(autopilot)).to_json(), allow_nan=False)
+        json.dumps(check(document, dialect=family_named(autopilot)).to_json(), allow_nan=False)
     assert mission_file.loads(plan_writer.dumps(document).encode()) == document
     assert dropped(document, ".plan") is not None
     assert dropped(document, ".waypoints")

@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skyway.missions import diff
-from skyway.missions.dialects import DIALECTS
+from skyway.missions.autopilots.registry import FAMILIES
 from skyway.missions.files import mission_file, plan_writer, waypoints_file
-from skyway.missions.items.commands import FENCE_COMMANDS, INDEX_COMMANDS, LOCATED_COMMANDS, Command, Frame, command_of
+from skyway.missions.items import fence_items
+from skyway.missions.items.commands import INDEX_COMMANDS, LOCATED_COMMANDS, Command, Frame, command_of
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence
@@ -20,7 +21,7 @@ numbers = st.floats(-1e6, 1e6, allow_nan=False).map(lambda v: v + 0.0)
 parameters = numbers | st.just(math.nan)
 points = st.builds(Point, latitudes, longitudes)
 flags = st.booleans()
-outside_mission = FENCE_COMMANDS | {Command.NAV_RALLY_POINT}
+outside_mission = fence_items.COMMANDS
 commands = st.sampled_from([c for c in Command if c not in outside_mission]) | st.integers(1, 65535).map(command_of)
 frames = st.sampled_from([0, 2, 3, 5, 6, 10, 11]).map(Frame)
 
@@ -109,5 +110,5 @@ storable = st.builds(
 @given(st.lists(storable, max_size=10), homes)
 def test_a_mission_over_the_wire_has_no_difference(storables, home):
     mission = Mission(tuple(storables), home)
-    for name, dialect in DIALECTS.items():
+    for name, dialect in FAMILIES.items():
         assert diff(mission, dialect.from_wire(dialect.to_wire(mission)), name) == ()

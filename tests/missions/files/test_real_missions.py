@@ -78,9 +78,9 @@ def test_a_real_file_reads_and_comes_back_from_both_formats(real, name, tmp_path
 @pytest.mark.parametrize("name", EXPECTED)
 @pytest.mark.parametrize("autopilot", [None, "px4", "ardupilot"])
 def test_a_real_file_is_checked_to_the_end(real, name, autopilot):
-    from skyway.missions import dialect
+    from skyway.missions import family_named
 
-    report = check(real(name), dialect=dialect(autopilot) if autopilot else None)
+    report = check(real(name), dialect=family_named(autopilot) if autopilot else None)
     raw = report.to_json()
     bad = any(f["severity"] == "error" or f["code"] == "battery-empty" for f in raw["findings"])
     assert raw["ok"] is not bad
@@ -98,24 +98,24 @@ def codes(report, severity=None):
 
 
 def test_the_delivery_contest_is_legal_inside_any_area_and_a_breach_inside_all(real):
-    from skyway.missions import dialect
+    from skyway.missions import family_named
 
     document = real("luk8426__Mission1_Manching_2X.plan")
-    assert not any(code == "outside-fence" for code, _ in codes(check(document, dialect=dialect("px4"))))
-    breaches = [f for f in check(document, dialect=dialect("ardupilot")).findings if f.code == "outside-fence"]
+    assert not any(code == "outside-fence" for code, _ in codes(check(document, dialect=family_named("px4"))))
+    breaches = [f for f in check(document, dialect=family_named("ardupilot")).findings if f.code == "outside-fence"]
     assert {f.item for f in breaches} == set(range(12))
 
 
 def test_the_recharge_mission_of_another_planner_lands_delays_and_takes_off_again(real):
-    from skyway.missions import dialect
+    from skyway.missions import family_named
 
     name = "droneicarus__test2-Petite_mission_necssitant_une_recharge-generated.plan"
     assert check(real(name)).legs[0].soc_end is None  # planned for an aeroplane, and nobody named the drone
-    px4 = check(real(name), dialect=dialect("px4"), conditions=FlightConditions(M200_V2))
+    px4 = check(real(name), dialect=family_named("px4"), conditions=FlightConditions(M200_V2))
     assert ("px4-takeoff-not-first", 5) in codes(px4, "error")
     assert [(leg.item_from, leg.item_to) for leg in px4.legs] == [(0, 3), (5, 7)]
     assert px4.legs[1].soc_start > px4.legs[0].soc_end
-    ardupilot = check(real(name), dialect=dialect("ardupilot"))
+    ardupilot = check(real(name), dialect=family_named("ardupilot"))
     assert ("ardupilot-land-ends-mission", 3) in codes(ardupilot)
 
 

@@ -9,8 +9,9 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from skyway.missions.dialects.ardupilot.settings import FIRMWARES, RELEASED, SETTINGS
-from skyway.missions.dialects.wire import from_wire, no_such_command, to_wire
+from skyway.missions.autopilots.ardupilot.settings import SETTINGS
+from skyway.missions.autopilots.family import Dialect
+from skyway.missions.autopilots.wire import from_wire, no_such_command, to_wire
 from skyway.missions.items.commands import (
     INDEX_COMMANDS,
     LAND_COMMANDS,
@@ -26,8 +27,8 @@ from skyway.missions.items.mission import Home, Mission, MissionItem
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from skyway.missions.dialects.protocol import Meaning
-    from skyway.missions.dialects.wire import WireItem
+    from skyway.missions.autopilots.family import Meaning
+    from skyway.missions.autopilots.wire import WireItem
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.parameters import FlightNeeds, Parameter
 
@@ -134,14 +135,13 @@ _ALTITUDE_REFERENCE: dict[int, str] = {
 }
 
 
-class ArduPilot:
+class ArduPilotMissions(Dialect):
     """ArduPilot's way with missions: item 0 is home, in uploads too, so its numbers are ours plus one."""
 
     name = "ardupilot"
-    settings = SETTINGS
-    firmwares = FIRMWARES
-    released = RELEASED
     firmware = 3
+    home_items = 1
+    within_every_inclusion_area = True
     stays_in_mission_after_landing = False
     zero_means_as_it_is = True
     open_yaw_deg = 0.0
@@ -322,6 +322,3 @@ def _departures_without_takeoff(mission: Mission) -> Iterator[Finding]:
                 "put a TAKEOFF before it",
             )
             landed = False
-
-
-ARDUPILOT = ArduPilot()

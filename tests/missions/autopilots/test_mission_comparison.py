@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from skyway.missions import dialect, diff
-from skyway.missions.dialects.wire import fence_from_wire, fence_to_wire
+from skyway.missions import diff, family_named
+from skyway.missions.autopilots.wire import fence_from_wire, fence_to_wire
 from skyway.missions.items.commands import Command, Frame
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence
@@ -98,7 +98,7 @@ def test_the_frame_of_an_item_without_a_place_does_not_matter():
     start = MissionItem(Command.DO_LAND_START, Frame.GLOBAL_RELATIVE_ALT)
     for autopilot in ("px4", "ardupilot"):
         assert diff(speed_in_any_frame, SENT, autopilot) == ()
-        own = dialect(autopilot)
+        own = family_named(autopilot)
         assert diff(Mission((start,)), own.from_wire(own.to_wire(Mission((start,)))), autopilot) == ()
 
 

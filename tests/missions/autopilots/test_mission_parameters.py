@@ -3,8 +3,8 @@
 import pytest
 from settings_page import PAGE, page
 
-from skyway.missions.dialects import DIALECTS, dumps_for
-from skyway.missions.dialects.settings import version_of
+from skyway.missions.autopilots.registry import FAMILIES
+from skyway.missions.autopilots.settings import version_of
 from skyway.missions.items.parameters import FlightNeeds, Parameter, dumps
 from skyway.models.base.errors import InputError
 
@@ -39,13 +39,13 @@ def test_the_page_of_parameters_is_that_of_their_tables():
     assert PAGE.read_text() == page(), "run: python tests/missions/settings_page.py"
 
 
-@pytest.mark.parametrize("autopilot", DIALECTS.values(), ids=DIALECTS)
+@pytest.mark.parametrize("autopilot", FAMILIES.values(), ids=FAMILIES)
 def test_every_need_has_one_name_in_every_version(autopilot):
     needs = autopilot.parameters(FlightNeeds(10.0, 3.0, 2.0, 60.0, True, True, True, True, True))
     for version in autopilot.firmwares:
         chosen = [autopilot.settings.in_version(need, version_of(version)) for need in needs]
         assert None not in chosen
-        text = dumps_for(autopilot, needs, version)
+        text = autopilot.parameter_file(needs, version)
         written = [line.partition(",")[0] for line in text.splitlines() if not line.startswith("#")]
         assert written == [way.name for way in chosen if way.value is not None]
 
@@ -60,7 +60,7 @@ def test_a_version_is_read_or_refused():
 
 
 def test_a_name_that_a_person_gives_must_have_a_unit_of_that_meaning():
-    speed = DIALECTS["ardupilot"].settings["mission-speed"].need("at-least", 12.0, "why")
+    speed = FAMILIES["ardupilot"].settings["mission-speed"].need("at-least", 12.0, "why")
     assert speed.called("NEW", "cm/s").value == pytest.approx(1200.0)
     for unit in ("m", "deg", "", "knots"):
         with pytest.raises(InputError, match="no unit of ground speed"):

@@ -4,7 +4,7 @@ Version 4.7 renamed many, mostly to change their unit to SI (ArduPilot's page "P
 4.7 sources); its builds of 2025 have some of these names and not others.
 """
 
-from skyway.missions.dialects.settings import Name, Setting, Settings, Version
+from skyway.missions.autopilots.settings import Name, Setting, Settings, Version
 
 SI: Version = (4, 7)
 FIRMWARES = ("4.5", "4.6", "4.7", "4.8")

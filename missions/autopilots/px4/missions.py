@@ -10,8 +10,9 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from skyway.missions.dialects.px4.settings import FIRMWARES, RELEASED, SETTINGS
-from skyway.missions.dialects.wire import from_wire, no_such_command, to_wire
+from skyway.missions.autopilots.family import Dialect
+from skyway.missions.autopilots.px4.settings import SETTINGS
+from skyway.missions.autopilots.wire import from_wire, no_such_command, to_wire
 from skyway.missions.items.commands import FLOWN_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
 from skyway.missions.items.finding import Finding
 from skyway.missions.items.mission import Mission, MissionItem
@@ -19,8 +20,8 @@ from skyway.missions.items.mission import Mission, MissionItem
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from skyway.missions.dialects.protocol import Meaning
-    from skyway.missions.dialects.wire import WireItem
+    from skyway.missions.autopilots.family import Meaning
+    from skyway.missions.autopilots.wire import WireItem
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.parameters import FlightNeeds, Parameter
 
@@ -110,13 +111,10 @@ _ALTITUDE_REFERENCE: dict[int, str] = {
 }
 
 
-class Px4:
+class Px4Missions(Dialect):
     """PX4's way with missions: items from 0, home not among them."""
 
     name = "px4"
-    settings = SETTINGS
-    firmwares = FIRMWARES
-    released = RELEASED
     firmware = 12
     stays_in_mission_after_landing = True
     zero_means_as_it_is = False
@@ -266,6 +264,3 @@ def _sideways_departures(mission: Mission) -> Iterator[Finding]:
                     "put a WAYPOINT straight above the pad before it",
                 )
             landed_at = None
-
-
-PX4 = Px4()

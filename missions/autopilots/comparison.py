@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from skyway.missions.dialects import dialect as dialect_named
+from skyway.missions.autopilots.registry import family_named
 from skyway.missions.items.fence_items import CLAIMED_COUNT
 from skyway.missions.items.geofence import FencePolygon, Geofence
 from skyway.missions.items.mission import Mission
@@ -19,7 +19,7 @@ from skyway.missions.items.rally import RallyPoints
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from skyway.missions.dialects.protocol import Dialect, Meaning
+    from skyway.missions.autopilots.family import Dialect, Meaning
     from skyway.missions.items.geofence import FenceCircle
 
 TOLERANCE_E7 = 2
@@ -69,7 +69,7 @@ def diff(
     sent, read_back : Mission, Geofence or RallyPoints
         Of the same kind, in our numbering (see `Dialect.from_wire`).
     autopilot : str
-        ``px4`` or ``ardupilot``.
+        Name of its family.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def diff(
     TypeError
         The two are not of the same kind.
     """
-    dialect = dialect_named(autopilot)
+    dialect = family_named(autopilot)
     if isinstance(sent, Mission) and isinstance(read_back, Mission):
         return tuple(_missions(sent, read_back, dialect))
     if isinstance(sent, Geofence) and isinstance(read_back, Geofence):

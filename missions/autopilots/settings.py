@@ -2,7 +2,7 @@
 
 A setting has one meaning and one unit of ours; firmware calls it by one name or another. The version of a vehicle says which
 name is likely; which one it has is asked of the vehicle, since builds between two versions have some of the new names and
-not others. The tables are in ``missions.dialects.ardupilot_settings`` and ``px4_settings``.
+not others. Each family has its table in ``settings`` of its folder.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from skyway.missions.items.parameters import UNITS, Parameter
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from skyway.missions.items.parameters import Rule
 
@@ -138,6 +138,11 @@ class Settings:
     def find(self, name: str) -> tuple[Setting, Name] | None:
         """Return the setting that a parameter is, and its name; None for a parameter that is not in the table."""
         return self._by_name.get(name)
+
+    def in_our_units(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return parameters, by name and in the autopilot's units, as settings by key and in ours; others are left out."""
+        known = ((self.find(name), value) for name, value in values.items())
+        return {found[0].key: value / UNITS[found[1].unit] for found, value in known if found is not None}
 
     def in_version(self, wanted: Parameter, version: Version) -> Parameter | None:
         """Return the way of a need in a version of the firmware; None where that has none of its names."""

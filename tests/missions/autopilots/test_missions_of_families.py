@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from skyway.missions.dialects import dialect, dialect_of_firmware
-from skyway.missions.dialects.ardupilot import dialect as ardupilot
-from skyway.missions.dialects.px4 import dialect as px4
-from skyway.missions.dialects.wire import (
+from skyway.missions.autopilots.ardupilot import missions as ardupilot
+from skyway.missions.autopilots.px4 import missions as px4
+from skyway.missions.autopilots.registry import family_named, family_of
+from skyway.missions.autopilots.wire import (
     fence_from_wire,
     fence_to_wire,
     from_wire,
@@ -25,7 +25,7 @@ from skyway.missions.items.parameters import FlightNeeds
 from skyway.missions.items.rally import RallyPoint, RallyPoints
 from skyway.models.base.errors import InputError
 
-PX4, ARDUPILOT = dialect("px4"), dialect("ardupilot")
+PX4, ARDUPILOT = family_named("px4"), family_named("ardupilot")
 BOTH = pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT], ids=lambda d: d.name)
 
 
@@ -250,14 +250,14 @@ def test_no_autopilot_is_asked_for_more_than_20_metres_per_second():
 
 
 def test_dialects_are_found_by_name_and_by_number():
-    assert dialect_of_firmware(12) is PX4
-    assert dialect_of_firmware(3) is ARDUPILOT
-    assert dialect_of_firmware(None) is None
+    assert family_of(12) is PX4
+    assert family_of(3) is ARDUPILOT
+    assert family_of(None) is None
     with pytest.raises(InputError, match="px4 or ardupilot"):
-        dialect("betaflight")
+        family_named("betaflight")
 
 
 def test_a_command_that_only_the_newest_ardupilot_takes_is_a_warning():
     arc = MissionItem(Command.NAV_ARC_WAYPOINT, Frame.GLOBAL_RELATIVE_ALT, param2=90.0, x=1, y=1, z=9.0)
-    found = list(dialect("ardupilot").cannot_fly(MissionDocument(Mission((arc,)))))
+    found = list(family_named("ardupilot").cannot_fly(MissionDocument(Mission((arc,)))))
     assert [(f.severity, f.code) for f in found] == [("warning", "ardupilot-new-command")]

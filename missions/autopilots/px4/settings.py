@@ -4,7 +4,7 @@ Read in PX4's sources, release notes and pull requests: COM_DLL_EXCEPT came in M
 1.17 (25317), RTL_TYPE 5 got its final form together with NAV_LTR_LAST_DL in March 2026 (26774; 1.18).
 """
 
-from skyway.missions.dialects.settings import Name, Setting, Settings
+from skyway.missions.autopilots.settings import Name, Setting, Settings
 
 FIRMWARES = ("1.15", "1.16", "1.17", "main")
 RELEASED = "1.17"

@@ -1,0 +1,5 @@
+"""ArduPilot."""
+
+from skyway.missions.autopilots.ardupilot.family import ArduPilot
+
+FAMILY = ArduPilot()

@@ -1,0 +1,124 @@
+"""What a vehicle does by itself, told from the settings it has: without us, without its pilot, and with little charge."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from skyway.missions.autopilots.settings import Settings
+
+_NOT_TOLD = "not known: the parameters that decide it were not told"
+
+
+@dataclass(frozen=True, slots=True)
+class LinkLoss:
+    """What the settings of a family say about the loss of a link.
+
+    Attributes
+    ----------
+    action, exceptions : str
+        Keys of the settings that say what it does, and when it does nothing all the same.
+    in_mission : int
+        Bit of the exceptions that stands for a mission.
+    words : mapping
+        What each action is, for a person.
+    timeout : str
+        Key of the time that it waits; empty where none is told.
+    """
+
+    action: str
+    exceptions: str
+    in_mission: int
+    words: Mapping[int, str]
+    timeout: str = ""
+
+
+class Failsafes(ABC):
+    """The failsafes of one family; values are settings by key, in our units (`Settings.in_our_units`).
+
+    Parameters
+    ----------
+    settings : Settings
+        The family's.
+    keys : tuple of str
+        Settings that decide what it does by itself.
+    station, pilot : LinkLoss
+        Loss of the link to us, and of the remote control.
+    """
+
+    def __init__(self, settings: Settings, keys: tuple[str, ...], station: LinkLoss, pilot: LinkLoss) -> None:
+        self.settings, self.keys, self.station, self.pilot = settings, keys, station, pilot
+
+    @abstractmethod
+    def battery(self, values: Mapping[str, float]) -> list[str]:
+        """Say what it does at each threshold of the battery, a line each."""
+
+    @abstractmethod
+    def battery_first(self, values: Mapping[str, float]) -> str:
+        """Say what it does at the first threshold at which it does something."""
+
+    def by_itself(self, values: Mapping[str, float]) -> list[str]:
+        """Say what it does by itself in a mission, a line for each cause: what an operator reads before a take-off."""
+        if not values:
+            return ["what it does by itself is not known: its failsafe parameters could not be read"]
+        return [
+            f"link to us lost: {self.without_us(values)}",
+            f"remote control lost: {self._without_pilot(values)}",
+            *self.battery(values),
+        ]
+
+    def when_left(self, values: Mapping[str, float]) -> str:
+        """Say in one sentence what it does in its mission when our program ends, and with it its heartbeat."""
+        if not values:
+            return "what it does then is not known: its failsafe parameters could not be read"
+        return f"{self.without_us(values)}; {self.battery_first(values)}"
+
+    def finishes_alone(self, values: Mapping[str, float]) -> bool | None:
+        """Tell whether it finishes its leg and lands without us; None where that cannot be told.
+
+        It goes on where it does nothing, or nothing in a mission; without an exception, only the former is known to.
+        """
+        loss = self.station
+        if int(values.get(loss.action, -1)) == 0 or int(values.get(loss.exceptions, 0)) & loss.in_mission:
+            return True
+        return False if loss.action in values or loss.exceptions in values else None
+
+    def without_us(self, values: Mapping[str, float]) -> str:
+        """Say what it does in its mission without our heartbeat."""
+        loss, alone = self.station, self.finishes_alone(values)
+        if alone is None:
+            return _NOT_TOLD
+        if alone:
+            excepted = int(values.get(loss.exceptions, 0)) & loss.in_mission
+            why = self.name(loss.exceptions) if excepted else f"{self.name(loss.action)} 0"
+            return f"it finishes its mission, lands and disarms there ({why})"
+        wait = values.get(loss.timeout)
+        after = "some time" if wait is None else f"{wait:.0f} s"
+        return f"after {after} without us it {self.action(loss.action, loss.words, values)}"
+
+    def _without_pilot(self, values: Mapping[str, float]) -> str:
+        """Say what it does in its mission without its remote control."""
+        loss = self.pilot
+        if int(values.get(loss.exceptions, 0)) & loss.in_mission:
+            return f"it goes on with its mission ({self.name(loss.exceptions)})"
+        if loss.action not in values or (loss.exceptions not in values and values[loss.action] != 0):
+            return _NOT_TOLD
+        if values[loss.action] == 0:
+            return f"it goes on with its mission ({self.name(loss.action)} 0)"
+        return f"it {self.action(loss.action, loss.words, values)}"
+
+    def name(self, key: str) -> str:
+        """Name of a setting in the newest firmware."""
+        return self.settings[key].names[0].name
+
+    def action(self, key: str, words: Mapping[int, str], values: Mapping[str, float]) -> str:
+        """What a setting makes it do, with the name of its parameter."""
+        name = self.name(key)
+        if key not in values:
+            return f"does what {name} says, which was not told"
+        value = int(values[key])
+        return f"{words[value]} ({name})" if value in words else f"does what {name} {value} says"

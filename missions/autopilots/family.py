@@ -1,0 +1,127 @@
+"""What an autopilot family is: everything in which one autopilot differs from another, for missions, link and commands.
+
+A family is a folder here and its name in `missions.autopilots.FOLDERS`. No other code compares names or MAV_AUTOPILOT numbers:
+it asks the family.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, ClassVar
+
+from skyway.missions.autopilots.settings import version_of
+from skyway.missions.items.parameters import dumps
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from skyway.missions.autopilots.failsafes import Failsafes
+    from skyway.missions.autopilots.modes import Modes
+    from skyway.missions.autopilots.settings import Settings
+    from skyway.missions.autopilots.wire import WireItem
+    from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.finding import Finding
+    from skyway.missions.items.mission import Mission, MissionItem
+    from skyway.missions.items.parameters import FlightNeeds, Parameter
+
+Meaning = dict[str, float | str | None]
+"""What an item means to an autopilot, field by field; None is "not given"."""
+
+
+class Dialect(ABC):
+    """One family's way with missions."""
+
+    name: ClassVar[str]
+    """Such as ``px4``: in commands and files."""
+    firmware: ClassVar[int]
+    """MAV_AUTOPILOT."""
+    home_items: ClassVar[int] = 0
+    """Items that it counts before the first of a mission: 1 where item 0 is home."""
+    stays_in_mission_after_landing: ClassVar[bool]
+    """Whether a mission goes on after a landing that disarms."""
+    zero_means_as_it_is: ClassVar[bool]
+    """Whether a TAKEOFF climbs where the vehicle stands, whatever its place, and an altitude of 0 keeps the height."""
+    open_yaw_deg: ClassVar[float]
+    """What the yaw of an item, or of a command, says where the vehicle shall choose it."""
+    within_every_inclusion_area: ClassVar[bool] = False
+    """Whether several inclusion areas of a fence mean all of them at once; otherwise any of them."""
+
+    @abstractmethod
+    def to_wire(self, mission: Mission, *, current: int = 0) -> tuple[WireItem, ...]:
+        """Return the items to upload, in the autopilot's numbering; `current` is a number of ours."""
+
+    @abstractmethod
+    def from_wire(self, items: Sequence[WireItem]) -> Mission:
+        """Return the mission of downloaded items, in our numbering."""
+
+    @abstractmethod
+    def meaning(self, item: MissionItem) -> Meaning:
+        """Return the fields of an item that the autopilot keeps and acts on, in one form for all its spellings."""
+
+    @abstractmethod
+    def disarm(self) -> tuple[MissionItem, ...]:
+        """Return the items that disarm on the ground after a landing; empty where landing or its end does so."""
+
+    @abstractmethod
+    def leave_armed_hold(self, above: MissionItem) -> tuple[MissionItem, ...]:
+        """Return the items that leave a pad after a hold with turning propellers, to the waypoint above it."""
+
+    @abstractmethod
+    def cannot_fly(self, document: MissionDocument) -> Iterator[Finding]:
+        """Tell what this autopilot refuses, drops or takes otherwise than meant."""
+
+    @abstractmethod
+    def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:
+        """Return the parameters that a mission with these needs relies on."""
+
+
+class Family(Dialect):
+    """One autopilot family: its missions, and how its vehicles are commanded and understood."""
+
+    settings: ClassVar[Settings]
+    """What its parameters are called in each version."""
+    firmwares: ClassVar[tuple[str, ...]]
+    """Versions of its firmware that are known, the oldest first."""
+    released: ClassVar[str]
+    """The newest of them that is released."""
+    modes: ClassVar[Modes]
+    """Its flight modes."""
+    failsafes: ClassVar[Failsafes]
+    """What its vehicles do by themselves."""
+    arms_in: ClassVar[str | None] = None
+    """Mode to arm in before a mission is started; None arms in any."""
+    pauses_in_mission: ClassVar[bool]
+    """Whether it obeys DO_PAUSE_CONTINUE; otherwise a mission is paused by holding."""
+    heeds_frames: ClassVar[bool] = True
+    """Whether a command's height counts from what its frame says; otherwise it is above mean sea level whatever that says."""
+    bytewise_parameters: ClassVar[bool]
+    """Whether whole numbers of parameters travel as the bytes of a float."""
+    takes_uploads_whole: ClassVar[bool]
+    """Whether an upload replaces what was there whole or not at all; otherwise each item acts as it arrives."""
+    judges_missions: ClassVar[bool] = False
+    """Whether it says of a mission that it has taken that it will not fly it."""
+    ground_station_settings: ClassVar[tuple[str, ...]] = ()
+    """Settings that name the first and the last system that counts as a ground station; none where any does."""
+    lean_limits: ClassVar[tuple[str, ...]] = ()
+    """Settings of which the smallest limits its lean; 0 is no limit of its own."""
+    wind_message: ClassVar[int] = 168
+    """Id of the message that tells its estimate of the wind: WIND, or WIND_COV."""
+    taken_text: ClassVar[str] = ""
+    """How a text begins that tells every station of a mission that was uploaded; empty where it tells none."""
+    crash_texts: ClassVar[re.Pattern[str]] = re.compile(r"\bcrash", re.IGNORECASE)
+    """What its texts say where it has crashed."""
+
+    def parameter_file(self, parameters: Sequence[Parameter], firmware: str) -> str:
+        """Return the text of a parameter file for a version of its firmware, such as ``4.6`` or ``main``."""
+        version = version_of(firmware)
+        words = f"{self.name} {firmware} (another version: --firmware)"
+        return dumps(parameters, firmware=words, way=lambda need: self.settings.in_version(need, version))
+
+    def refusals(self, texts: Sequence[str]) -> list[str]:  # noqa: ARG002  of a family that says nothing
+        """Those of a vehicle's texts that refuse the mission that it has taken."""
+        return []
+
+    def items_refused(self, texts: Sequence[str]) -> tuple[int, ...]:  # noqa: ARG002
+        """Our numbers of the items that such texts concern."""
+        return ()

@@ -1,0 +1,44 @@
+"""Flight modes of an autopilot family: their numbers, and their names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """The flight modes of one family.
+
+    Attributes
+    ----------
+    numbers : mapping
+        ``custom_mode`` by the names that the families share: ``hold``, ``mission``, ``return``, ``land``, ``position``, and
+        ``guided``, in which it flies to a place that a command names.
+    names : mapping
+        Name for a person by ``custom_mode``.
+    command : callable
+        Parameters of DO_SET_MODE after the first, of a ``custom_mode``.
+    log_names : callable
+        Name as the family's own ground station writes it in logs, by kind of vehicle (`link.logs.common.vehicle_kind`) and
+        ``custom_mode``; None for one that it does not know.
+    on_rotors : tuple of int
+        Modes in which a plane stands on its rotors.
+    """
+
+    numbers: Mapping[str, int]
+    names: Mapping[int, str]
+    command: Callable[[int], tuple[float, ...]]
+    log_names: Callable[[str, int], str | None]
+    on_rotors: tuple[int, ...] = ()
+
+    def name(self, custom_mode: int) -> str:
+        """Name of a mode, for a person."""
+        return self.names.get(custom_mode, f"mode {custom_mode}")
+
+    def log_name(self, kind: str, custom_mode: int) -> str:
+        """Name of a mode, for a person who knows the family's own ground station."""
+        return self.log_names(kind, custom_mode) or f"number {custom_mode}"

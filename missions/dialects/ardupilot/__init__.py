@@ -1,1 +1,0 @@
-"""What ArduPilot takes."""

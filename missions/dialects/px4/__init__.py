@@ -1,1 +1,0 @@
-"""What PX4 takes."""
