@@ -52,7 +52,7 @@ class TcpPads:
         """Return the pads of a station now."""
         found = self._ask(PadRequest(op="status", station=station)).station
         if found is None:
-            raise PadServiceError(f"the pad service did not tell of {station}")
+            raise PadServiceError(f"the pad service did not report {station}")
         return found
 
     def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
@@ -66,7 +66,7 @@ class TcpPads:
     def _drone(self, request: PadRequest) -> DroneOnPad:
         found = self._ask(request).drone
         if found is None:
-            raise PadServiceError(f"the pad service did not tell of drone {request.drone}")
+            raise PadServiceError(f"the pad service did not report drone {request.drone}")
         return found
 
     def _ask(self, request: PadRequest) -> PadAnswer:
@@ -135,7 +135,7 @@ class ManualPads:
             self._asked[station, drone] = to_soc
             self._done.pop(drone, None)
             self.ask(
-                f"charge drone {drone} at {station} to {100 * to_soc:.0f} % (or swap its battery), then say charged"
+                f"charge drone {drone} at {station} to {100 * to_soc:.0f} % (or swap its battery), then type charged"
             )
         if drone in self._done:
             soc = self._done[drone]

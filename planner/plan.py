@@ -182,7 +182,7 @@ def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -
         if drone.max_payload_kg < request.payload_kg:
             rejected[drone.id] = f"lifts {drone.max_payload_kg:g} kg at most"
         elif drone not in chosen:
-            rejected[drone.id] = "another drone is at least as good in everything (skyline)"
+            rejected[drone.id] = "another drone is at least as good in every respect (skyline)"
     return chosen
 
 
@@ -261,10 +261,10 @@ def _truth(forecast: WindEnsemble, truth: WindEnsemble | None, planner: str) -> 
     if truth is None and len(forecast.probability) == 1:
         return forecast
     if truth is None:
-        remedy = "name a day of the record with --truth 2013-07-10, or give one wind with --wind 8@270"
-        raise InputError(Fault(f"{planner} must be told the truth", field="truth", remedy=remedy))
+        remedy = "name a day of the record with --actual-wind 2013-07-10, or give one wind with --wind 8@270"
+        raise InputError(Fault(f"{planner} needs perfect information", field="truth", remedy=remedy))
     if len(truth.probability) != 1:
-        raise InputError(Fault("the truth has more than one member", field="truth", value=len(truth.probability)))
+        raise InputError(Fault("the actual wind has more than one member", field="truth", value=len(truth.probability)))
     return truth
 
 
@@ -312,7 +312,7 @@ def _solve(
     complete = clairvoyant.complete
     schedule = fly_true(problem, itinerary, queues)
     if not np.isfinite(schedule[0, -1, TOUCH_DOWN]):
-        raise AuditError(planner, None, "arrival, POSIX s", clairvoyant.best_s, "the wind never lets it leave")
+        raise AuditError(planner, None, "arrival, POSIX s", clairvoyant.best_s, "the wind never allows the take-off")
     summary = outcome(problem, schedule, np.ones(1))
     notes = () if complete else (_cut_off(clairvoyant, time_limit_s),)
     composition = compose(

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
 KINDS = {
-    "gust": "extra wind of VALUE m/s (8), for 15 s unless it says how long",
+    "gust": "extra wind of VALUE m/s (8), for 15 s unless a duration is given",
     "wind-shift": "extra wind of VALUE m/s (5), for good",
     "battery-sag": "internal resistance times VALUE (4)",
     "battery-drop": "state of charge lower by VALUE (0.2) at once",
@@ -25,12 +25,12 @@ KINDS = {
     "soc-jump": "battery percentage reported as VALUE (0.5)",
     "link-loss": "no packet passes in either direction",
     "gps": "no position",
-    "gps-glitch": "the receiver is off by VALUE m (40), for 20 s unless it says how long",
+    "gps-glitch": "the receiver is off by VALUE m (40), for 20 s unless a duration is given",
     "rc-loss": "remote control lost",
     "prearm": "a pre-arm check fails",
     "reboot": "the autopilot restarts by itself",
     "pilot": "a pilot switches the mode to VALUE (position)",
-    "pads-taken": "other drones take every pad of station VALUE (all of them), for an hour unless it says how long",
+    "pads-taken": "other drones take every pad of station VALUE (all of them), for an hour unless a duration is given",
 }
 """Every fault with what it does and its default value."""
 AT_STATIONS = "pads-taken"
@@ -108,7 +108,7 @@ def parse_fault(text: str) -> Fault:
     befalls = int(system) if system else None
     if take_off and kind == AT_STATIONS:
         remedy = f"{kind}@60s: from the beginning of the simulation"
-        raise InputError(Wrong("befalls stations, which do not take off", field="--fault", value=text, remedy=remedy))
+        raise InputError(Wrong("concerns stations, which do not take off", field="--fault", value=text, remedy=remedy))
     told, value = (_word(kind, word, text), 0.0) if kind in _WORDS else ("", _value(kind, word, text))
     return Fault(kind, start_s, start_s + lasts_s, value, told, befalls, after_take_off=bool(take_off))
 

@@ -87,7 +87,7 @@ class FleetOptions:
             remedy = "1 to 255 for all vehicles"
             faults.append(Wrong("out of range", field="--system", value=self.first_system, remedy=remedy))
         if not self.places:
-            faults.append(Wrong("no place for the vehicles to stand", field="--at"))
+            faults.append(Wrong("no place for the vehicles", field="--at"))
         if faults:
             raise InputError(faults)
 

@@ -299,7 +299,9 @@ class Pads:
         if not 0.0 < to_soc <= 1.0:
             raise PadServiceError(f"cannot charge to {to_soc:g}: a state of charge is above 0 and at most 1")
         if vehicle.active or vehicle.station() != station:
-            raise PadServiceError(f"drone {drone} does not stand disarmed at {station}: land there and disarm first")
+            raise PadServiceError(
+                f"drone {drone} is not disarmed on the ground at {station}: land there and disarm first"
+            )
         guest = self._find(site, drone)
         if guest is None:
             free = len(site.on_pads) < site.station.pads

@@ -38,13 +38,13 @@ def scenario_of(composition: Composition, folder: Path | None) -> Scenario:
     if folder is None and path not in (None, BUILT_IN):
         folder = Path(str(path))
         if not folder.exists():
-            remedy = "name its folder with --scenario"
-            raise InputError(Fault("the scenario of the plan is not there", str(path), remedy=remedy))
+            remedy = "give its folder with --scenario"
+            raise InputError(Fault("the scenario of the plan was not found", str(path), remedy=remedy))
     scenario = load_scenario(folder)
     told, found = composition.scenario_sha256, scenario.sha256
     if told is not None and found is not None and told != found:
-        remedy = "plan anew, or name the scenario that it was made in with --scenario"
-        raise InputError(Fault("the scenario is not the one that the plan was made in", scenario.path, remedy=remedy))
+        remedy = "plan again, or give its scenario with --scenario"
+        raise InputError(Fault("the scenario differs from that of the plan", scenario.path, remedy=remedy))
     for name in (composition.origin, composition.destination):
         if name not in scenario.network.index:
             place = composition.stations[name]
@@ -114,7 +114,7 @@ def line_of(record: Record, zone: tzinfo = UTC) -> str | None:
             f"{clock}  {record.state:<12} {_figure(data, 'height_m')} m, {_figure(data, 'ground_speed_mps', 1)} m/s, "
             f"{_percent(of.share(data, 'soc'))}; {data.get('destination')} in {left_min:.1f} min "
             f"({of.number(data, 'late_s') or 0.0:+.0f} s), landing with {_percent(of.share(data, 'soc_land'))} "
-            f"(planned {_percent(of.share(data, 'planned_soc_land'))}), {_figure(data, 'cross_track_m')} m off the way, "
+            f"(planned {_percent(of.share(data, 'planned_soc_land'))}), {_figure(data, 'cross_track_m')} m off the route, "
             f"wind {of.measured_words(data) or 'not measured'} (forecast {of.forecast_words(data) or 'unknown'})"
             + (f"; {limited}" if (limited := of.text(data, "limited")) else "")
         )

@@ -57,7 +57,7 @@ def drag_of(drone: Drone, payload_kg: float) -> DragModel:
     """
     fit = identify_drag(blocks(TelemetryTrack.of_samples(_flown(drone, payload_kg))))
     if fit.drag is None:
-        raise LinkError(f"the proving flight does not tell the drag: {fit.reason}")
+        raise LinkError(f"the calibration flight does not determine the drag: {fit.reason}")
     return fit.drag
 
 
@@ -91,7 +91,7 @@ def _flown(drone: Drone, payload_kg: float, folder: Path | None = None) -> list[
     craft = MavlinkVehicle(connection)
     craft.request_telemetry()
     if not craft.upload(_square()).verified:
-        raise LinkError("the proving flight could not be uploaded")
+        raise LinkError("the mission of the calibration flight could not be uploaded")
     craft.start(30.0)
     samples = []
     for sample in craft.samples(_LONGEST_S):

@@ -210,9 +210,11 @@ class CsvLog:
                 payloads += [float(np.nanmedian(known))] if np.isfinite(known).any() else []
             count += len(kept)
         self.payload_kg = float(np.median(payloads)) if payloads else math.nan
-        doubts: tuple[str, ...] = (f"{back} rows are earlier than the ones before them and are held",) if back else ()
+        doubts: tuple[str, ...] = (
+            (f"{back} rows are earlier than their predecessors; the predecessors' times are used",) if back else ()
+        )
         if not self._absolute:
-            doubts += ("the times are no instants: they count from the log's own zero",)
+            doubts += ("the times are relative: they count from the start of the log",)
         self.summary = LogSummary(
             format="csv",
             messages=count,

@@ -53,7 +53,7 @@ def format_of(path: Path) -> str:
     found = {".tlog": "tlog", ".bin": "dataflash", ".ulg": "ulog"}.get(ending) or _inside(head)
     if found is None:
         remedy = "a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"
-        raise InputError(Fault("is no flight log that is known", str(path), remedy=remedy))
+        raise InputError(Fault("is not a known flight log format", str(path), remedy=remedy))
     return found
 
 

@@ -97,7 +97,7 @@ class Download(Exchange):
             self._tries = max(self._tries, _FORGOTTEN_TRIES - _DOUBTED_TRIES)
             self.next_s = min(self.next_s, now_s + self.round_trip.retry_s(1))
         elif message["type"] != ACCEPTED:
-            self._again(now_s, f"the vehicle broke the download off (answer {message['type']})")
+            self._again(now_s, f"the vehicle aborted the download (answer {message['type']})")
 
     def _next(self, now_s: float) -> None:
         if self._tries == 1:

@@ -62,7 +62,7 @@ def _key_of(data: bytes, where: str) -> bytes:
 
 
 def _no_key(where: str) -> InputError:
-    return InputError(Fault("holds no signing key", where, remedy="64 hexadecimal digits, or 32 bytes in a file"))
+    return InputError(Fault("has no signing key", where, remedy="64 hexadecimal digits, or 32 bytes in a file"))
 
 
 def open_connection(

@@ -29,7 +29,7 @@ _CHANCE = 1e-4
 _ANSWERS = ("PARAM_VALUE", "PARAM_ERROR")
 _DOES_NOT_EXIST = 1
 PARAMETER_ERRORS = {
-    1: "there is none of that name", 2: "out of range", 3: "not permitted", 4: "unknown component", 5: "read-only",
+    1: "there is no parameter of that name", 2: "out of range", 3: "not permitted", 4: "unknown component", 5: "read-only",
     6: "its type is not supported", 7: "another type",
 }  # fmt: skip
 """MAV_PARAM_ERROR in words."""
@@ -241,7 +241,7 @@ class ReadParameters(Exchange):
 
 def _check_name(name: str) -> None:
     if not 1 <= len(name.encode("ascii", "replace")) <= 16:
-        raise InputError(Fault("is no name of a parameter", field="parameter", value=name, remedy="1 to 16 letters"))
+        raise InputError(Fault("is not a parameter name", field="parameter", value=name, remedy="1 to 16 letters"))
 
 
 class ListParameters(Exchange):
@@ -343,11 +343,9 @@ class ParameterCheck:
             remedy = f"; if this firmware has it under another name: --parameter-name {wanted.key}=NAME:UNIT"
             return f"the vehicle has no {known} ({wanted.why}){remedy if wanted.key else ''}"
         if self.actual is None:
-            return f"the vehicle does not tell {wanted.name} ({wanted.why})"
+            return f"the vehicle does not report {wanted.name} ({wanted.why})"
         if not wanted.believes(self.actual):
-            return (
-                f"{wanted.name} is {self.actual:g} {wanted.unit}: that cannot be, does this firmware have another unit?"
-            )
+            return f"{wanted.name} is {self.actual:g} {wanted.unit}: that is impossible; does this firmware use another unit?"
         to_be = "must be checked by hand" if self.to_set is None else f"must be {self.to_set:g}"
         return f"{wanted.name} is {self.actual:g}, {to_be}: {wanted.why}"
 

@@ -247,7 +247,7 @@ class _Run:
         words = job.family.refusals(job.texts()[said:])
         if asked.refused is False or (asked.refused is None and not words):
             return self.outcome(UploadState.VERIFIED, holds)
-        why = " / ".join(dict.fromkeys(words)) or "it says that there is no mission to fly, and not why"
+        why = " / ".join(dict.fromkeys(words)) or "it reports that there is no valid mission, without a reason"
         refused = self.outcome(
             UploadState.REFUSED, f"{holds}, which it will not fly", why, job.family.items_refused(words)
         )
@@ -304,8 +304,8 @@ class _Run:
         if up.end is UploadEnd.REFUSED:
             return f"{self._named(self._ours(up))}{in_words(up.answer)}{words}"
         if up.end is UploadEnd.BROKEN:
-            return f"the transfer was broken off: {in_words(up.answer)}{words}"
-        return "the vehicle fell silent" if up.end is UploadEnd.SILENT else ""
+            return f"the transfer was aborted: {in_words(up.answer)}{words}"
+        return "the vehicle stopped answering" if up.end is UploadEnd.SILENT else ""
 
     def _ours(self, up: Upload) -> tuple[int, ...]:
         if up.end is not UploadEnd.REFUSED:

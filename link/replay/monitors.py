@@ -322,7 +322,7 @@ class WindWatch:
         if health.verdict == "overconfident" != self._verdict:
             low, high = health.band
             mean = f"mean NIS {health.mean:.1f}, 95 % band {low:.1f} to {high:.1f}"
-            why = mean if math.isfinite(health.mean) else "measurements far from what it believed"
+            why = mean if math.isfinite(health.mean) else "measurements far from its estimate"
             texts.append(f"the filter is overconfident ({why}): the wind is unknown until it is consistent")
         self._verdict = health.verdict
         return [Notice(time_s, "wind", text) for text in texts]

@@ -179,7 +179,7 @@ class Player:
     def seek(self, offset_s: float) -> None:
         """Go to so many seconds after the beginning."""
         if not math.isfinite(offset_s):
-            raise InputError(Fault("is no time to seek to", field="seek", value=offset_s))
+            raise InputError(Fault("is not a time to seek to", field="seek", value=offset_s))
         self.position_s = float(np.clip(self.source.start_s + offset_s, self.source.start_s, self.source.end_s))
 
     def status(self) -> dict[str, Any]:

@@ -277,9 +277,7 @@ def _find_air(log: Log, system: int | None, asked: ReplayOptions, vehicle: Vehic
     sensor = identify_airspeed(air) if air.winged[air.flying].any() else None
     found, source = (plain, "plain") if sensor is None or sensor.model is None else (sensor.model, "identified")
     if sensor is not None and not np.isfinite(air.airspeed_mps[air.flying & air.winged]).any():
-        reason = (
-            f"a {vehicle.kind} ({vehicle.told_by}) without an airspeed sensor that it believes: no wind on its wings"
-        )
+        reason = f"a {vehicle.kind} ({vehicle.told_by}) without a trusted airspeed sensor: in forward flight its wind is unknown"
         if vehicle.kind == "fixed wing":
             return _Air(None, "none", plain, "plain", reason)
     rotors = air.part(~air.winged)

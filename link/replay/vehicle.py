@@ -44,7 +44,9 @@ def vehicle_of(summary: LogSummary, system: int | None, given: Kind | None = Non
     if given is None:
         return Vehicle("multirotor", "the drag that was given") if drag and found.kind == "unknown" else found
     if given not in KINDS[:-1]:
-        raise InputError(Fault("is no kind of vehicle", field="--vehicle", value=given, remedy=", ".join(KINDS[:-1])))
+        raise InputError(
+            Fault("is not a kind of vehicle", field="--vehicle", value=given, remedy=", ".join(KINDS[:-1]))
+        )
     if found.kind not in ("unknown", given):
         raise InputError(Fault(f"but the log is of a {found.kind} ({found.told_by})", field="--vehicle", value=given))
     return Vehicle(given, "--vehicle", found.leans)
@@ -55,8 +57,8 @@ def no_wind(vehicle: Vehicle) -> str:
     if vehicle.kind in FLIES_BY_AIR:
         return ""
     if vehicle.kind == "unknown":
-        return f"the kind of vehicle is unknown ({vehicle.told_by}), so its lean tells no wind: say it with --vehicle"
-    return f"a {vehicle.kind} ({vehicle.told_by}) tells no wind"
+        return f"the kind of vehicle is unknown ({vehicle.told_by}), so its tilt does not measure the wind: give the kind with --vehicle"
+    return f"a {vehicle.kind} ({vehicle.told_by}) does not measure the wind"
 
 
 class VehicleView:

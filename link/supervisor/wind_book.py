@@ -39,7 +39,7 @@ class WindBook:
     cruise_height_m, exponent : float
         Where it is flown, and how wind grows with height.
     drag : DragModel or None
-        Of the drone; None: it is not known, so its tilt tells no wind, and only an estimate of the autopilot itself counts.
+        Of the drone; None: it is not known, so its tilt does not measure the wind, and only an estimate of the autopilot itself counts.
     earlier : sequence of WindObservation
         Measured before, as a journal has them.
     """

@@ -52,7 +52,7 @@ class RateCheck:
     def __str__(self) -> str:
         text = f"{self.message}: {self.measured_hz:.1f} of {self.wanted_hz:g} a second"
         if self.corrected_hz is not None:
-            text += f", asked for anew: {self.corrected_hz:.1f}"
+            text += f", requested again: {self.corrected_hz:.1f}"
         return text if self.ok else f"{text}; the vehicle does not keep to it"
 
 

@@ -123,7 +123,7 @@ class VehicleMonitor:
         family = family_named(autopilot) if autopilot else family_of(self.peer.autopilot)
         if family is None:
             remedy = f"say which one it resembles with --autopilot {' or '.join(FAMILIES)}"
-            raise InputError(Fault("an autopilot that we do not know", value=self.peer.autopilot, remedy=remedy))
+            raise InputError(Fault("an autopilot that skyway does not know", value=self.peer.autopilot, remedy=remedy))
         self.family = family
         self.live = LiveTelemetry(self.peer.system)
         self.rates = RateKeeper(self.live)
@@ -322,7 +322,7 @@ def _find(connection: Connection, system: int | None) -> Peer:
             raise InputError(Fault(problem, field="--gcs-system", value=connection.system, remedy=remedy))
         doubted = connection.rejected.unsigned + connection.rejected.forged + connection.rejected.replayed
         if doubted:
-            problem = f"no packet is signed with our key: {doubted} were not believed"
+            problem = f"no packet is signed with our key: {doubted} were rejected"
             raise InputError(Fault(problem, field="--key-file", remedy="the key that the vehicle has"))
         others = f" of system {system}, only of {', '.join(map(str, sorted(known)))}" if known else ""
         raise VehicleTimeoutError(f"no heartbeat{others}", FIND_S)
@@ -332,5 +332,7 @@ def _find(connection: Connection, system: int | None) -> Peer:
         return known[system]
     if len(known) > 1:
         heard = ", ".join(map(str, sorted(known)))
-        raise InputError(Fault("several vehicles are heard", field="--system", remedy=f"one of {heard}"))
+        raise InputError(
+            Fault("there are several vehicles on this connection", field="--system", remedy=f"one of {heard}")
+        )
     return next(iter(known.values()))

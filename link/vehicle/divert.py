@@ -180,7 +180,7 @@ class Diversion:
             self._overdue(f"it is still {away:.0f} m away")
         elif away > ARRIVED_M and sample.time_s > self._closer_s + STALLED_S:
             if self._orders >= _ORDERS:
-                self._overdue(f"it stays {away:.0f} m away, though told {self._orders} times where to go")
+                self._overdue(f"it stays {away:.0f} m away, though it was sent there {self._orders} times")
                 return
             self._closer_s = sample.time_s
             self._order_again()

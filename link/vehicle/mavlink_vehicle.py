@@ -99,7 +99,7 @@ class MavlinkVehicle(VehicleMonitor):
     Attributes
     ----------
     own_names : dict
-        Name and unit of settings, by their key, for firmware that calls them by a name that we do not know.
+        Name and unit of settings, by their key, for firmware that calls them by a name that skyway does not know.
     """
 
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
@@ -271,7 +271,7 @@ class MavlinkVehicle(VehicleMonitor):
         ours = self.connection.system
         highest = first.actual if last.actual is None else max(first.actual, last.actual)
         if not first.actual <= ours <= highest:
-            mine = f"it counts only the heartbeat of system {first.actual:g} ({first.wanted.name}), ours is {ours}"
+            mine = f"its failsafe counts only the heartbeat of system {first.actual:g} ({first.wanted.name}), ours is {ours}"
             raise CommandRefusedError("be watched by us", f"{mine}: use --gcs-system {first.actual:g}")
 
     def command(self, what: str, number: int, *parameters: float, place: Place | None = None) -> None:
@@ -362,7 +362,7 @@ class MavlinkVehicle(VehicleMonitor):
     def change_speed(self, ground_speed_mps: float) -> None:
         """Fly the mission on at another ground speed; the vehicle's own limit caps it."""
         if not 0.0 < ground_speed_mps < math.inf:
-            raise InputError(Fault("is no speed", field="ground_speed_mps", value=ground_speed_mps))
+            raise InputError(Fault("is not a speed", field="ground_speed_mps", value=ground_speed_mps))
         self.command("change its speed", _SPEED, _GROUND_SPEED, ground_speed_mps, _SAME_THROTTLE)
 
     def go_to(self, lat_deg: float, lon_deg: float, height_m: float) -> None:

@@ -113,7 +113,7 @@ class MavsdkRunner:
 
         if not self.connection.wait(there, FIND_S):
             self.close()
-            raise VehicleTimeoutError("MAVSDK hears no heartbeat", FIND_S)
+            raise VehicleTimeoutError("MAVSDK receives no heartbeat", FIND_S)
         return _Plugins(found[-1])
 
     def close(self) -> None:

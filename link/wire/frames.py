@@ -144,7 +144,7 @@ def _first_values(layout: str, values: int) -> str:
 
 
 def unpack(kind: MessageKind, payload: bytes) -> dict[str, Any]:
-    """Fields of a payload; bytes that the sender cut off are zero, bytes that we do not know are ignored."""
+    """Fields of a payload; bytes that the sender cut off are zero, bytes that skyway does not know are ignored."""
     size = kind.layout.size
     if len(payload) < size:
         payload += bytes(size - len(payload))
@@ -314,7 +314,7 @@ class FrameReader:
     _rest: bytes = b""
 
     def feed(self, data: bytes) -> Iterator[tuple[bytes, Message | None]]:
-        """Yield each whole frame with its message; None for a message that we do not know."""
+        """Yield each whole frame with its message; None for a message that skyway does not know."""
         if self._rest:
             data = self._rest + data
             self._rest = b""

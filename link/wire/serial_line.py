@@ -56,7 +56,7 @@ class SerialLine:
             termios.tcsetattr(descriptor, termios.TCSANOW, settings)
         except termios.error as error:
             os.close(descriptor)
-            return f"is no serial line: {error.args[-1]}"
+            return f"is not a serial line: {error.args[-1]}"
         self._descriptor = descriptor
         return None
 

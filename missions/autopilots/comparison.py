@@ -79,7 +79,7 @@ def diff(
     Raises
     ------
     InputError
-        An autopilot that we do not know.
+        An autopilot that skyway does not know.
     TypeError
         The two are not of the same kind.
     """

@@ -26,9 +26,9 @@ def family_named(name: str) -> Family:
         return FAMILIES[name]
     except KeyError:
         known = " or ".join(FAMILIES)
-        raise InputError(Fault("is no autopilot that we know", None, None, "autopilot", name, known)) from None
+        raise InputError(Fault("is not a known autopilot", None, None, "autopilot", name, known)) from None
 
 
 def family_of(firmware: int | None) -> Family | None:
-    """Return the family of a MAV_AUTOPILOT number; None for one that we do not know."""
+    """Return the family of a MAV_AUTOPILOT number; None for one that skyway does not know."""
     return next((family for family in FAMILIES.values() if family.firmware == firmware), None)

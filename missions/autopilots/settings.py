@@ -41,7 +41,7 @@ def version_of(text: str) -> Version:
     found = _VERSION.fullmatch(text.strip())
     if found is None:
         remedy = "major and minor number such as 4.6 or 1.16, or main"
-        raise InputError(Fault("is no version of a firmware", field="--firmware", value=text, remedy=remedy))
+        raise InputError(Fault("is not a firmware version", field="--firmware", value=text, remedy=remedy))
     return int(found[1]), int(found[2])
 
 

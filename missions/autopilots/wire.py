@@ -144,4 +144,4 @@ def rally_from_wire(items: Sequence[WireItem]) -> RallyPoints:
 
 def no_such_command(item: MissionItem) -> str:
     """Say that an autopilot has no such command; of one without a name here, that no version we know has it."""
-    return f"it has no {item.name}" if isinstance(item.command, Command) else f"no version that we know has {item.name}"
+    return f"it has no {item.name}" if isinstance(item.command, Command) else f"no known version has {item.name}"

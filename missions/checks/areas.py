@@ -195,7 +195,7 @@ def _check_rally(
     spots = np.asarray(shapely.points(at), dtype=object)
     bad = _outside(spots, allowed) | _crossing(spots, forbidden)
     for number in np.flatnonzero(bad)[:MAX_FINDINGS]:
-        message = f"rally point {number} lies outside the fence: going there is a breach"
+        message = f"rally point {number} lies outside the fence: flying there breaches the fence"
         yield Finding("error", None, "rally-outside-fence", message, "move it, or widen the fence")
     if bad.any() or not route.steps:
         return

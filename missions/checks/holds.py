@@ -40,7 +40,7 @@ def _wind(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
             "error",
             leg.worst_item,
             "wind-too-strong",
-            f"the wind lets nobody fly here: above {drone.wind_limit_mps:g} m/s, or too strong across or against the"
+            f"this leg cannot be flown: the wind is above {drone.wind_limit_mps:g} m/s, or too strong across or against the"
             " course",
             "wait for less wind",
         )

@@ -34,7 +34,7 @@ def plot(document: MissionDocument, path: Path, *, title: str = "", force: bool 
         Another suffix, a file that exists (without `force`), nothing to draw, or matplotlib is not installed.
     """
     if path.suffix not in FORMATS:
-        raise InputError(Fault("is no picture format that we draw", str(path), remedy="name it .png, .svg or .pdf"))
+        raise InputError(Fault("is not a picture format that we draw", str(path), remedy="name it .png, .svg or .pdf"))
     if path.exists() and not force:
         raise InputError(Fault("exists already", str(path), remedy="give another name, or --force to overwrite it"))
     try:

@@ -53,7 +53,7 @@ def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
             "warning",
             number,
             "endless-jump",
-            f"jumps back to item {target} for ever: only a person or a failsafe ends the flight",
+            f"jumps back to item {target} forever: only a person or a failsafe ends the flight",
             "give the jump a number of repeats",
         )
     if route.is_cut:
@@ -74,9 +74,7 @@ def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
     for number, item in enumerate(mission.items):
         yield from _not_numbers(number, item)
         if _has_a_place_in_no_global_frame(item):
-            message = (
-                f"{item.name} has a place in frame {item.frame:d}: autopilots refuse it, or take it for another place"
-            )
+            message = f"{item.name} has a place in frame {item.frame:d}: autopilots refuse it, or misread the place"
             yield Finding("error", number, "not-global", message, "give it in frame 0, 3 or 10: latitude and longitude")
 
 

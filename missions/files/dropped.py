@@ -44,9 +44,9 @@ def _of_waypoints(document: MissionDocument) -> Iterator[str]:
     if told:
         yield f"what it was planned for: {', '.join(told)}"
     if mission.home is None:
-        yield "home is unknown: row 0 says 0, 0"
+        yield "home is unknown: row 0 is 0, 0"
     elif mission.home.altitude_m is None:
-        yield "the height of home is unknown: row 0 says NaN"
+        yield "the height of home is unknown: row 0 has NaN"
     comments = sum(COMMENT in item.extra for item in mission.items)
     if comments:
         yield f"comments of {comments} items: QGroundControl opens no file that has them"

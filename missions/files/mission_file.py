@@ -68,7 +68,7 @@ def loads(data: bytes, file: str = "mission") -> MissionDocument:
     if words and len(words[0]) == 2 and _is_number(words[0][0]):
         return legacy_files.loads_fence(text, file)
     remedy = "expected a .plan, a QGC WPL 110 file, or an ArduPilot fence or rally file"
-    raise InputError(Fault("is not a mission file that we know", file, None, None, head[:40], remedy))
+    raise InputError(Fault("is not a known mission format", file, None, None, head[:40], remedy))
 
 
 def _is_number(cell: str) -> bool:
@@ -111,7 +111,7 @@ def _files(document: MissionDocument, path: Path) -> dict[Path, Callable[[Missio
         return {path: plan_writer.dumps}
     if kind != "waypoints":
         remedy = "name it .plan (QGroundControl) or .waypoints (Mission Planner, QGroundControl)"
-        raise InputError(Fault("has a suffix that is no mission format", str(path), remedy=remedy))
+        raise InputError(Fault("has a suffix that is not a mission format", str(path), remedy=remedy))
     files: dict[Path, Callable[[MissionDocument], str]] = {path: waypoints_file.dumps_mission}
     fence_path, rally_path = _siblings(path)
     # A fence left over from another mission would be read with this one: replace it, or refuse.

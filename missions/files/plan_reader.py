@@ -94,7 +94,7 @@ def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
         raise fault("is not a mission plan: it has no mission", file, "mission", remedy=remedy)
     version = plan.get("version", PLAN_VERSION)
     if version != PLAN_VERSION:
-        raise fault("is a plan version we do not know", file, "version", version, f"expected {PLAN_VERSION}")
+        raise fault("is an unknown plan version", file, "version", version, f"expected {PLAN_VERSION}")
     mission, strays = _read_mission(mapping(plan["mission"], file, "mission"), file, "mission.")
     document = MissionDocument(
         mission,
@@ -123,7 +123,7 @@ def _read_mission(source: Mapping[str, Any], file: str, at: str) -> tuple[Missio
     version = source.get("version", MISSION_VERSION)
     if version not in (MISSION_VERSION, "1.0"):
         remedy = f"version {MISSION_VERSION} is understood"
-        raise fault("is a mission version we do not know", file, f"{at}version", version, remedy)
+        raise fault("is an unknown mission version", file, f"{at}version", version, remedy)
     raw_items = sequence(source.get("items"), file, f"{at}items")
     if len(raw_items) > MAX_ITEMS:
         raise fault(f"has more than {MAX_ITEMS} items", file, f"{at}items", len(raw_items))
@@ -211,7 +211,7 @@ def _parameters(source: Mapping[str, Any], file: str, field: str) -> list[Any]:
     else:
         raw = [source.get(f"param{i}", 0) for i in (1, 2, 3, 4)]
     if "coordinate" in source and len(raw) == 7:
-        problem = "says again, and maybe otherwise, what the seven parameters say: QGroundControl opens no such plan"
+        problem = "repeats, perhaps differently, the seven parameters: QGroundControl refuses such a plan"
         raise fault(problem, file, f"{field}.coordinate", source["coordinate"], "remove it, or parameters 5 to 7")
     if "coordinate" in source:
         raw += [*sequence(source["coordinate"], file, f"{field}.coordinate")]
@@ -286,7 +286,7 @@ def _resolve_jumps(items: list[MissionItem], ids: list[int | None], file: str, a
 def _read_fence(source: Mapping[str, Any], file: str) -> Geofence:
     version = source.get("version", 2)
     if version not in (1, 2):
-        raise fault("is a fence version we do not know", file, "geoFence.version", version, "1 and 2 are understood")
+        raise fault("is an unknown fence version", file, "geoFence.version", version, "1 and 2 are understood")
     polygons: list[FencePolygon] = []
     old = source.get("polygon")  # version 1: one polygon to stay inside
     if old:
@@ -350,7 +350,7 @@ def _read_rally(source: Mapping[str, Any], file: str) -> RallyPoints:
     version = source.get("version", 2)
     if version not in (1, 2):
         raise fault(
-            "is a rally version we do not know",
+            "is an unknown rally version",
             file,
             "rallyPoints.version",
             version,

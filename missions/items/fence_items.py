@@ -95,7 +95,7 @@ def to_fence(items: Sequence[MissionItem], file: str = "fence") -> Geofence:
             problem = "not supported: a fence circle around wherever home is"
             raise InputError(Fault(problem, file, None, f"item {position}", HOME_CIRCLE, remedy))
         else:
-            raise InputError(Fault(f"{item.name} is no part of a fence", file, None, f"item {position}"))
+            raise InputError(Fault(f"{item.name} is not part of a fence", file, None, f"item {position}"))
     return Geofence(tuple(polygons), tuple(circles), return_point, return_altitude)
 
 
@@ -125,7 +125,7 @@ def to_rally(items: Sequence[MissionItem], file: str = "rally") -> RallyPoints:
     points = []
     for position, item in enumerate(items):
         if item.command != Command.NAV_RALLY_POINT:
-            raise InputError(Fault(f"{item.name} is no rally point", file, None, f"item {position}"))
+            raise InputError(Fault(f"{item.name} is not a rally point", file, None, f"item {position}"))
         points.append(RallyPoint(_point(item, position, file), 0.0 if math.isnan(item.z) else item.z))
     return RallyPoints(tuple(points))
 

@@ -78,7 +78,7 @@ class Parameter:
         if unit not in known:
             remedy = " or ".join(known) or "no unit"
             raise InputError(
-                Fault(f"is no unit of {self.meaning}", field="--parameter-name", value=unit, remedy=remedy)
+                Fault(f"is not a unit of {self.meaning}", field="--parameter-name", value=unit, remedy=remedy)
             )
         scale = UNITS[unit] / UNITS[self.unit]
         value = None if self.value is None else self.value * scale

@@ -75,4 +75,4 @@ def _check_version(kind: str, source: Mapping[str, Any], field: str, file: str) 
     version = source.get("version", 0 if kind == "TransectStyleComplexItem" else None)
     if known is not None and (isinstance(version, bool) or version not in known):
         remedy = f"known: {', '.join(map(str, known))}; open and save the plan in QGroundControl"
-        raise fault(f"is a version of {kind} that we do not know", file, f"{field}.version", version, remedy)
+        raise fault(f"is a version of {kind} that skyway does not know", file, f"{field}.version", version, remedy)

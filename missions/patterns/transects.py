@@ -201,7 +201,7 @@ def _frame(mode: object, file: str, field: str) -> Frame:
     if mode == 3:
         problem = "not supported: a pattern above terrain without the items it expands to"
         raise fault(problem, file, field, mode, "open and save the plan in QGroundControl: it knows the terrain")
-    raise fault("is an altitude mode we do not know", file, field, mode, "known: 1, 2 and 4")
+    raise fault("is an unknown altitude mode", file, field, mode, "known: 1, 2 and 4")
 
 
 def _entry(source: Mapping[str, Any], key: str, file: str, field: str) -> int:

@@ -125,7 +125,7 @@ class AuditError(SkywayError):
         said, found = (f"{one:.12g}" if isinstance(one, float) else str(one) for one in (claimed, flown))
         super().__init__(
             one_line(
-                f"the answer of {planner} is wrong and is not given: {where}: {what}: claimed {said}, flown {found}; "
+                f"the plan of {planner} failed its audit and is withheld: {where}: {what}: claimed {said}, flown {found}; "
                 "another planner may have one (--planner); please report this request"
             )
         )

@@ -131,7 +131,7 @@ def headline(c: Composition, zone: ZoneInfo) -> str:
     mean, middle, late = figures
     if mean is None or middle is None or late is None:
         at = f"{clock(c.arrive, zone, c.depart)} {name}"
-        return f"Delivery in {duration(c.delivery_time_s)}, at {at}, if wind and queues are as told"
+        return f"Delivery in {duration(c.delivery_time_s)}, at {at}, if wind and queues are as given"
     half, most = (by(figure, c, zone) for figure in (middle, late))
     return f"Delivery in {about(mean)} on average: half of the deliveries by {half}, 95 % by {most} {name}"
 

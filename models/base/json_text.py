@@ -1,4 +1,4 @@
-"""JSON as everybody can read it: what is no number is null."""
+"""JSON as everybody can read it: what is not a number is null."""
 
 from __future__ import annotations
 

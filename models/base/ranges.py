@@ -20,7 +20,7 @@ def range_faults(
 ) -> list[Fault]:
     """Faults of a number that must lie in a range; `meant` is what it may mean in another unit."""
     if not _is_number(value):
-        return [Fault("is no number", field=field, value=value, remedy=remedy)]
+        return [Fault("is not a number", field=field, value=value, remedy=remedy)]
     if low <= value <= high:
         return []
     return [Fault("out of range", field=field, value=value, remedy=f"{remedy}{meant or ''}")]

@@ -124,7 +124,7 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
         remedy = "a log with battery voltage and current, or a CSV with a power column"
         raise InputError(Fault("has no battery power", name, remedy=remedy))
     if not 0.0 < mass_kg < math.inf:
-        raise InputError(Fault("is no take-off mass", name, None, "mass", mass_kg, "kg, above 0"))
+        raise InputError(Fault("is not a take-off mass", name, None, "mass", mass_kg, "kg, above 0"))
     track = track.part(known)
     time_s, power, rise = track.time_s, track["power_w"], -track["vel_down_mps"]
     duration = np.minimum(np.gradient(time_s), LONGEST_GAP_S)

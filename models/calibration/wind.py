@@ -83,7 +83,9 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
     good = air.flying & ~air.winged & np.isfinite(air.drag).all(axis=1) & np.isfinite(air.velocity).all(axis=1)
     count = int(good.sum())
     if air.flying.any() and air.winged[air.flying].mean() > 0.5:
-        return DragFit(identified=False, reason="the vehicle flies on wings: its tilt tells no wind", blocks=count)
+        return DragFit(
+            identified=False, reason="the vehicle flies on wings: its tilt does not measure the wind", blocks=count
+        )
     if count < MIN_BLOCKS:
         reason = f"only {count * period_s:.0f} s of flight with attitude and velocity, at least {MIN_BLOCKS} are needed"
         return DragFit(identified=False, reason=reason, blocks=count)

@@ -349,7 +349,7 @@ class Composition:
     on_time: Figure | None = None
 
     def __post_init__(self) -> None:
-        """Refuse an answer with a figure that is no number, whoever made it."""
+        """Refuse an answer with a figure that is not a number, whoever made it."""
         for where, value in _figures(self, ""):
             if not math.isfinite(value):
                 raise AuditError(self.planner, None, where, value, "a finite figure")

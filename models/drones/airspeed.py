@@ -51,7 +51,7 @@ class AirspeedModel:
     def __post_init__(self) -> None:
         if not (0.2 <= self.factor <= 5.0 and abs(self.heading_offset_rad) <= math.pi):
             value = (self.factor, self.heading_offset_rad)
-            raise InputError(Fault("is no airspeed calibration", field="airspeed", value=value))
+            raise InputError(Fault("is not an airspeed calibration", field="airspeed", value=value))
         if not (self.sigma_mps > 0.0 and self.slip_sigma_rad > 0.0):
             value = (self.sigma_mps, self.slip_sigma_rad)
             raise InputError(Fault("must be above 0", field="airspeed sigma", value=value))

@@ -74,7 +74,7 @@ class DragModel:
                 Fault("drag must not be negative", field="drag", value=(self.linear_per_s, self.quadratic_per_m))
             )
         if not self.linear_per_s + self.quadratic_per_m > 0.0:
-            raise InputError(Fault("a drag of 0 tells no wind", field="drag"))
+            raise InputError(Fault("with a drag of 0 the wind cannot be estimated", field="drag"))
 
     def another_flight(self) -> DragModel:
         """Return the same drag, as sure as it is for another flight of the same aircraft."""

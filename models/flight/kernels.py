@@ -20,7 +20,7 @@ SLOT_EDGE_S = 1e-6  # a time this close below a boundary counts as beyond it, so
 
 @compiled_lean
 def slot_of(air: SegmentWind, time_s: float) -> int:
-    """Slot that holds a time; times outside the series use its first or last slot, what is no number the last.
+    """Slot that holds a time; times outside the series use its first or last slot, what is not a number the last.
 
     Takes any time, infinite and NaN included.
     """

@@ -69,13 +69,13 @@ def read_stations(
         found = len(faults)
         station = _station(_Row(row, names, place, faults), pads, holding_spots)
         if station.id in first:
-            problem, remedy = "two stations have the same id", f"it stands {first[station.id]} already"
+            problem, remedy = "two stations have the same id", f"it is already {first[station.id]} already"
             faults.append(_at(place, names["id"], problem, station.id, remedy))
         first.setdefault(station.id, f"on line {place.line}" if place.line else f"at {place.field}")
         if len(faults) == found:
             stations.append(station)
     if not faults and not stations:
-        faults.append(Fault("holds no stations", str(path)))
+        faults.append(Fault("has no stations", str(path)))
     if faults:
         raise InputError(faults)
     return tuple(stations)
@@ -90,7 +90,7 @@ def _at(place: Fault, field: str, problem: str, value: object = None, remedy: st
 def _too_many(faults: list[Fault], place: Fault) -> bool:
     if len(faults) < MAX_FAULTS:
         return False
-    faults.append(replace(place, problem="so many faults that the rest was not read"))
+    faults.append(replace(place, problem="too many faults; the rest was not read"))
     return True
 
 
@@ -234,7 +234,7 @@ def read_segments(path: Path, stations: Sequence[Station]) -> list[tuple[int, in
             break
         names = {field: row.get(field, "").strip() for field in ("from", "to")}
         unknown = [field for field, name in names.items() if name not in index]
-        faults += [_at(place, field, "names no station", names[field] or "nothing") for field in unknown]
+        faults += [_at(place, field, "is not a known station", names[field] or "nothing") for field in unknown]
         both = row.get("both", "").strip().casefold()
         if both not in BOTH_WAYS and both not in ONE_WAY:
             faults.append(_at(place, "both", "is not known", both, "yes or no"))

@@ -80,7 +80,7 @@ def _rows(source: Any) -> list[Any]:
     if isinstance(source, Iterable) and not isinstance(source, str | bytes | Mapping):
         return list(source)
     kinds = "stations, a DataFrame, a GeoDataFrame or a networkx graph"
-    raise InputError(Fault("is no network", field="stations", value=type(source).__name__, remedy=f"give {kinds}"))
+    raise InputError(Fault("is not a network", field="stations", value=type(source).__name__, remedy=f"give {kinds}"))
 
 
 def _table_rows(table: Any) -> list[dict[str, Any]]:
@@ -114,7 +114,7 @@ def _station(row: Any, faults: list[Fault]) -> Station:
         try:
             read = float(value)
         except (TypeError, ValueError, OverflowError):
-            faults.append(Fault(f"station {identity}: is no number", field=names[0], value=value))
+            faults.append(Fault(f"station {identity}: is not a number", field=names[0], value=value))
             return math.nan
         if whole and not (read >= 0.0 and read.is_integer()):
             faults.append(Fault(f"station {identity}: must be a whole number, 0 or more", field=names[0], value=value))
@@ -134,7 +134,7 @@ def _pairs(stations: list[Station], segments: Iterable[tuple[str, str]]) -> Any:
     pairs, faults = [], []
     for tail, head in segments:
         strangers = [end for end in (tail, head) if str(end) not in index]
-        faults += [Fault("names no station", field="segments", value=end) for end in strangers]
+        faults += [Fault("is not a known station", field="segments", value=end) for end in strangers]
         pairs.append((index.get(str(tail), 0), index.get(str(head), 0)))
     if faults:
         raise InputError(faults)

@@ -357,7 +357,7 @@ def _occupancy_warnings(table: _Table, station_ids: Sequence[str], full: NDArray
     wanted = set(station_ids)
     strangers = [name for name in table.header[1:] if name not in wanted]
     if strangers:
-        warnings.append(f"{table.file}: {len(strangers)} columns are no station here: {_listed(strangers)}")
+        warnings.append(f"{table.file}: {len(strangers)} columns are not stations of the network: {_listed(strangers)}")
     if gaps:
         warnings.append(f"{table.file}: {gaps} values are missing and were left out of the averages")
     if full.any():

@@ -305,7 +305,7 @@ class WaitForecast:
             `q` is not inside 0 to 1.
         """
         if not 0.0 < q < 1.0:
-            raise InputError(Fault("a quantile lies between 0 and 1", field="q", value=q))
+            raise InputError(Fault("a quantile is between 0 and 1", field="q", value=q))
         last = len(self.wait_s) - 1
         x = min(max((t - self.start_s) / self.step_s, 0.0), float(last))
         i = min(int(x), max(last - 1, 0))

@@ -58,7 +58,7 @@ def read_scenario(path: str | PathLike[str]) -> Scenario:
     try:
         file = path / FILE if path.is_dir() or path.suffix != ".toml" else path
         if not file.is_file():
-            problem = f"the folder holds no {FILE}" if path.is_dir() else "is no folder with a scenario"
+            problem = f"the folder has no {FILE}" if path.is_dir() else "is not a scenario folder"
             problem = problem if path.exists() else "no such folder"
             raise InputError(Fault(problem, str(path), remedy=remedy))
     except OSError as error:
@@ -113,7 +113,7 @@ class _Reader:
         try:
             ZoneInfo(name)
         except (ZoneInfoNotFoundError, ValueError, OSError):
-            self.top.fault("timezone", "is no time zone", name, "an IANA name such as Europe/Berlin")
+            self.top.fault("timezone", "is not a time zone", name, "an IANA name such as Europe/Berlin")
             return "UTC"
         return name
 
@@ -197,7 +197,7 @@ class _Reader:
             "history": None,
         }
         if sound and not sites and (file is not None or forecast_file is not None):
-            table.fault("sites", "is missing", remedy="say where the wind was measured: [[wind.sites]] id, lat, lon")
+            table.fault("sites", "is missing", remedy="give the places of measurement: [[wind.sites]] id, lat, lon")
         if sound and sites:  # the forecast is read when it is used, but a wrong one is said now
             self._try(lambda f: read_forecast_table(f, [site.id for site in sites]), forecast_file)
         if sound and sites and file is not None and columns is not None:

@@ -235,7 +235,7 @@ class _RowReader:
         if isinstance(value, Problem):
             return value
         if value < 0.0:
-            return Problem("negative speed", "0 or more; if it stands for no value, list it under missing")
+            return Problem("negative speed", "0 or more; if it marks a missing value, list it under missing")
         return value * SPEED_UNITS_MPS[self._columns.speed_unit]
 
     def _parse_direction(self, text: str) -> float | Problem:

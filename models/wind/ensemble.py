@@ -1,4 +1,4 @@
-"""An ensemble of possible courses of the wind, each for all sites and times together.
+"""An ensemble of wind series (members), each for all sites and times together.
 
 A member is a whole course, so that wind that is strong now stays strong for as long as it does in nature, and
 at all sites at once. What it says of one slot and place is told by `models.wind.marginal`.

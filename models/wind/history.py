@@ -208,7 +208,7 @@ def _check_request(sites: Sequence[WindSite], columns: WindColumns, measured_at_
     ids = [site.id for site in sites]
     if columns.site is None and columns.default_site is None and len(ids) > 1:
         remedy = "name the column of the site, or default_site = one of " + ", ".join(ids)
-        faults.append(Fault("the record does not say its site", field="wind.site", remedy=remedy))
+        faults.append(Fault("the record does not name its site", field="wind.site", remedy=remedy))
     if columns.site is None and columns.default_site is not None and columns.default_site not in ids:
         remedy = "one of " + ", ".join(ids)
         field = "wind.default_site"

@@ -206,7 +206,7 @@ def rose(
     known = np.isfinite(north) & np.isfinite(east)
     weight = weight[known]
     if not weight.sum() > 0.0:
-        raise InputError("there is no wind to make a rose of")
+        raise InputError("there is no wind for a wind rose")
     weight = weight / weight.sum()
     sector, speed, calm = _bin(north[known], east[known], sectors, speed_edges_mps)
     speeds = len(speed_edges_mps) - 1

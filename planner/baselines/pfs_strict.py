@@ -57,7 +57,7 @@ class StrictForwardSearch:
             reach = self._reachable(here, leave, ready)
             if not reach:
                 name = p.network.stations[here].id
-                message = f"Algorithm 1 as printed is stranded at {name}: no station in reach; try planner pfs"
+                message = f"Algorithm 1 as printed is stuck at {name}: no station in reach; try planner pfs"
                 raise NoRouteError(message, constraint="energy")
             if p.destination in (int(p.network.head[segment]) for segment in reach):
                 last = next(s for s in reach if int(p.network.head[s]) == p.destination)

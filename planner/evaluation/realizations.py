@@ -86,9 +86,9 @@ class Realizations:
         if len(self.wind.probability) != days:
             faults.append(Fault("must have a member for each day", field="wind", value=len(self.wind.probability)))
         if runs and not (self.day.min() >= 0 and self.day.max() < days):
-            faults.append(Fault("names no day", field="day", remedy=f"0 to {days - 1}"))
+            faults.append(Fault("is not a day of these realizations", field="day", remedy=f"0 to {days - 1}"))
         if not faults and runs and self.queue.min() < 0:
-            faults.append(Fault("names no set of queues", field="queue", remedy="0 or more"))
+            faults.append(Fault("is not a set of queues", field="queue", remedy="0 or more"))
         if faults:
             raise InputError(faults)
 
@@ -247,5 +247,5 @@ def check_held_out(realizations: Realizations, forecast: WindEnsemble) -> None:
     """Raise an `InputError` where a forecast contains a day that the realizations are of."""
     known = {day.isoformat() for day in realizations.days} & set(forecast.labels)
     if known:
-        remedy = "forecast with held_out_forecast, or name the day as --truth"
-        raise InputError(Fault("the forecast contains the truth", field="days", value=min(known), remedy=remedy))
+        remedy = "forecast with held_out_forecast, or name the day as --actual-wind"
+        raise InputError(Fault("the forecast contains the actual wind", field="days", value=min(known), remedy=remedy))

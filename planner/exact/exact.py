@@ -151,9 +151,7 @@ class ExactSearch:
         """
         found = self.find()
         if found is None and not self.complete:
-            message = (
-                f"no route was found in {self._cut_off_s:g} s: there may be one; give more time, or try planner robust"
-            )
+            message = f"no route was found in {self._cut_off_s:g} s: there may be one: raise --time-limit, or try planner robust"
             raise NoRouteError(message, constraint="time-limit")
         if found is None:
             room = landing_s(self.problem, self.queues, self.problem.depart_s) < self._latest_s

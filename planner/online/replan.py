@@ -313,7 +313,7 @@ class GroundReplanner:
     ) -> list[tuple[Action, Candidate, str]]:
         """Keep the present plan unless another is better by the margin, or it will not do; the second choice follows."""
         if kept is None:
-            reason = "the present plan does not do any more" if fresh is not None else why_not
+            reason = "the present plan is no longer feasible" if fresh is not None else why_not
             return [] if fresh is None else [("station", fresh, reason)]
         if fresh is None:
             return [("continue", kept, f"the planner has no other ({why_not})")]
@@ -325,7 +325,10 @@ class GroundReplanner:
         turn: Action = "continue" if kept.itinerary[0].segments == fresh.itinerary[0].segments else "station"
         if gain_s > margin_s and surer > -self.settings.epsilon_flight and not same:
             minutes = f"{gain_s / S_PER_MIN:.1f} min earlier (margin {margin_s / S_PER_MIN:.1f} min)"
-            return [(turn, fresh, f"the new plan arrives {minutes}"), ("continue", kept, "the new plan will not do")]
+            return [
+                (turn, fresh, f"the new plan arrives {minutes}"),
+                ("continue", kept, "the new plan is not feasible"),
+            ]
         reason = "a new plan is the same"
         if not same:
             gained = f"{abs(gain_s) / S_PER_MIN:.1f} min {'earlier' if gain_s > 0 else 'later'}"
@@ -333,7 +336,7 @@ class GroundReplanner:
             if gain_s > margin_s:
                 sure, surest = 100 * fresh.outcome.p_success, 100 * kept.outcome.p_success
                 reason = f"the best other plan arrives {gained}, but keeps the reserve in {sure:.0f} % only, not {surest:.0f} %"
-        return [("continue", kept, reason), (turn, fresh, "the present plan will not do")]
+        return [("continue", kept, reason), (turn, fresh, "the present plan is not feasible")]
 
     # The charge
 

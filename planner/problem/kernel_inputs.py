@@ -41,17 +41,22 @@ def check_itinerary(network: Network, itinerary: Itinerary) -> None:
     segments = np.array([segment for leg in itinerary for segment in leg.segments])
     count = len(network.head)
     if segments.dtype.kind not in "iu" or segments.min() < 0 or segments.max() >= count:
-        raise InputError(Fault("names no segment", field="itinerary", value=segments, remedy=f"0 to {count - 1}"))
+        raise InputError(Fault("is not a segment", field="itinerary", value=segments, remedy=f"0 to {count - 1}"))
     if (network.head[segments[:-1]] != network.tail[segments[1:]]).any():
         raise InputError(Fault("begins where the segment before does not end", field="itinerary", value=segments))
     for number, leg in enumerate(itinerary):
         if leg.charge_to is not None and not 0.0 <= leg.charge_to <= 1.0 + 1e-9:
             remedy = "a fraction from 0 to 1, or None"
             raise InputError(
-                Fault("is no charge", field=f"itinerary[{number}].charge_to", value=leg.charge_to, remedy=remedy)
+                Fault(
+                    "is not a state of charge",
+                    field=f"itinerary[{number}].charge_to",
+                    value=leg.charge_to,
+                    remedy=remedy,
+                )
             )
         if not leg.not_before_s < math.inf:
-            raise InputError(Fault("is no time", field=f"itinerary[{number}].not_before_s", value=leg.not_before_s))
+            raise InputError(Fault("is not a time", field=f"itinerary[{number}].not_before_s", value=leg.not_before_s))
 
 
 def check_runs(
@@ -90,7 +95,7 @@ def check_runs(
     if not (0.0 <= disturbance.gust_sd < math.inf and 0.0 < disturbance.gust_time_s < math.inf):
         raise InputError(
             Fault(
-                "are no gusts",
+                "are not gusts",
                 field="sky.gust_sd, sky.gust_time_s",
                 value=(disturbance.gust_sd, disturbance.gust_time_s),
             )
@@ -106,7 +111,7 @@ def check_speeds(speeds: NDArray[np.float64], segments: int) -> None:
     """Refuse a table of ground speeds that is not one row a slot and one column a segment, finite and 0 or more."""
     if speeds.ndim != 2 or speeds.shape[1] != segments or not len(speeds):
         remedy = f"shape (slots, {segments})"
-        raise InputError(Fault("has another shape", field="speeds", value=speeds.shape, remedy=remedy))
+        raise InputError(Fault("has the wrong shape", field="speeds", value=speeds.shape, remedy=remedy))
     if not (np.isfinite(speeds).all() and (speeds >= 0.0).all()):
         raise InputError(Fault("must be finite and 0 or more, m/s", field="speeds"))
 
@@ -114,10 +119,10 @@ def check_speeds(speeds: NDArray[np.float64], segments: int) -> None:
 def check_shape(field: str, values: NDArray[Any], shape: tuple[int, ...]) -> None:
     """Refuse an array of another shape."""
     if np.shape(values) != shape:
-        raise InputError(Fault("has another shape", field=field, value=np.shape(values), remedy=f"{shape}"))
+        raise InputError(Fault("has the wrong shape", field=field, value=np.shape(values), remedy=f"{shape}"))
 
 
 def _check_index(field: str, values: NDArray[np.int64], count: int, what: str) -> None:
     whole = np.asarray(values)
     if whole.ndim != 1 or (len(whole) and (whole.dtype.kind not in "iu" or whole.min() < 0 or whole.max() >= count)):
-        raise InputError(Fault(f"names none of {count} {what}", field=field, value=whole, remedy=f"0 to {count - 1}"))
+        raise InputError(Fault(f"is not one of {count} {what}", field=field, value=whole, remedy=f"0 to {count - 1}"))

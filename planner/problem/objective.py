@@ -59,7 +59,7 @@ class Objective:
             return cls("on-time", parse_instant(deadline.strip(), field="objective"))
         if kind in ("mean", "p95") and not deadline:
             return cls("p95" if kind == "p95" else "mean")
-        raise InputError(Fault("is no objective", field="objective", value=text, remedy=EXAMPLE))
+        raise InputError(Fault("is not an objective", field="objective", value=text, remedy=EXAMPLE))
 
     def loss(self, outcome: Outcome) -> tuple[float, float]:
         """What to make small, first by the first number: seconds, or the probability to be late and then seconds."""

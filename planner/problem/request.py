@@ -130,7 +130,7 @@ def _check_objective(request: Request) -> list[Fault]:
     asked: object = request.objective
     if not isinstance(asked, Objective):
         remedy = "Objective('mean'), Objective('p95') or Objective('on-time', deadline)"
-        return [Fault("is no objective", field="objective", value=asked, remedy=remedy)]
+        return [Fault("is not an objective", field="objective", value=asked, remedy=remedy)]
     deadline, time = asked.deadline, request.state.time
     if deadline is None or time.tzinfo is None:
         return []

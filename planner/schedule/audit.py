@@ -158,7 +158,7 @@ class _Audit:
         spent = stop.wait_s + stop.recharge_s + stop.hold_s
         self._near(number, "take-off, POSIX s", off_s, landed[0] + spent, TIME_TOLERANCE_S)
         parts = {"wait, s": stop.wait_s, "recharge, s": stop.recharge_s, "hold, s": stop.hold_s}
-        for what, value in (parts | {"hold for room, s": stop.hold_room_s}).items():
+        for what, value in (parts | {"hold for capacity, s": stop.hold_room_s}).items():
             if not -1e-9 <= value <= spent + 1e-9:
                 raise self._differ(number, what, value, f"from 0 to {spent:.3f}")
         self._pad(number, stop, node, landed)

@@ -89,7 +89,7 @@ def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc:
         )
         return NoRouteError(message, constraint="wind")
     message = (
-        f"{begin} {where} is never begun within the forecast: when the wind allows it and the charge is enough, {b} is "
+        f"{begin} {where} cannot start within the forecast: when the wind allows it and the charge suffices, {b} is "
         f"likely to have neither a free pad nor a holding spot"
     )
     return NoRouteError(message, constraint="room")

@@ -147,5 +147,5 @@ def parse_constant(text: str) -> ConstantWind | None:
         return None
     if not 0.0 <= speed <= 60.0 or not -360.0 <= direction <= 360.0:
         remedy = "SPEED@FROM, for example 8@270: 8 m/s from the west"
-        raise InputError(Fault("not a wind", field="--wind-truth", value=text, remedy=remedy))
+        raise InputError(Fault("not a wind", field="--wind", value=text, remedy=remedy))
     return ConstantWind.of(speed, direction)

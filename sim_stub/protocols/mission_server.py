@@ -196,7 +196,7 @@ class MissionServer(ABC):
 
 
 def _whole(value: float) -> int:
-    """Nearest 32-bit integer; what is no number is 0."""
+    """Nearest 32-bit integer; what is not a number is 0."""
     if not math.isfinite(value):
         return 0
     return max(-(2**31), min(2**31 - 1, round(value)))

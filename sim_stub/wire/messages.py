@@ -102,7 +102,7 @@ class MessageSpec:
 
 
 def _clip(layout: str, values: list[Any]) -> list[Any]:
-    """Bring numbers into the range of their wire type; what is no number becomes 0."""
+    """Bring numbers into the range of their wire type; what is not a number becomes 0."""
     clipped = []
     for code, value in zip(_codes(layout), values, strict=True):
         if code == "s":

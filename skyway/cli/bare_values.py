@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def fill(arguments: Sequence[str], bare: Mapping[str, str]) -> list[str]:
-    """Give every bare option its value: what follows it is no number.
+    """Give every bare option its value: what follows it is not a number.
 
     Parameters
     ----------

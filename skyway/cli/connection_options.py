@@ -36,7 +36,7 @@ class Driver(StrEnum):
 
 
 CONNECT_HELP = "udpin:, udpout:, tcp: or tcpin:HOST:PORT, or DEVICE,BAUD."
-Yes = Annotated[bool, typer.Option("--yes", help="Do it; without it nothing is changed.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Carry it out; without --yes nothing is changed.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
@@ -45,16 +45,16 @@ class Line:
     """A connection as a person names it: to whom, as whom, signed with what, recorded where."""
 
     connect: Annotated[str, typer.Option("--connect", help=CONNECT_HELP)] = "udpin:127.0.0.1:14540"
-    ground: Annotated[int, typer.Option("--gcs-system", help="Our own system id.")] = 255
+    ground: Annotated[int, typer.Option("--gcs-system", help="System id of this ground station.")] = 255
     key_file: Annotated[
         Path | None,
         typer.Option(
             "--key-file",
-            help="File with the signing key; or SKYWAY_SIGNING_KEY in the environment.",
+            help="File with the MAVLink signing key; or set SKYWAY_SIGNING_KEY in the environment.",
             show_default=False,
         ),
     ] = None
-    record: Annotated[Path, typer.Option("--record", help="Folder of the recordings (.tlog).")] = Path("recordings")
+    record: Annotated[Path, typer.Option("--record", help="Folder for recordings (.tlog).")] = Path("recordings")
 
     @contextmanager
     def opened(self) -> Iterator[Connection]:
@@ -76,20 +76,20 @@ class Link(Line):
 
     system: Annotated[
         int | None,
-        typer.Option("--system", help="System id of the vehicle, where several are heard.", show_default=False),
+        typer.Option("--system", help="System id of the vehicle, if there are several.", show_default=False),
     ] = None
     autopilot: Annotated[
-        FamilyNameOrAuto, typer.Option("--autopilot", help="Whose way with missions; auto asks the vehicle.")
+        FamilyNameOrAuto, typer.Option("--autopilot", help="Autopilot of the vehicle; auto asks the vehicle.")
     ] = _ASKED
     driver: Annotated[
-        Driver, typer.Option("--driver", help="Who speaks the protocols; mavsdk knows no signed links.")
+        Driver, typer.Option("--driver", help="Implementation of the protocols; mavsdk has no signed links.")
     ] = Driver.PYMAVLINK
 
     parameter_name: Annotated[
         list[str] | None,
         typer.Option(
             "--parameter-name",
-            help="SETTING=NAME:UNIT, where its firmware has a name that skyway does not know; repeatable.",
+            help="SETTING=NAME:UNIT, for a parameter name that skyway does not know; repeatable.",
             show_default=False,
         ),
     ] = None
@@ -100,7 +100,9 @@ class Link(Line):
         family = None if self.autopilot == _ASKED else self.autopilot
         with self.opened() as connection, closing(self._driver()(connection, self.system, family)) as vehicle:
             if connection.wants_key:
-                typer.echo("the vehicle signs its packets; without its key (--key-file) it may not listen", err=True)
+                typer.echo(
+                    "the vehicle signs its packets; without its key (--key-file) it may ignore commands", err=True
+                )
             vehicle.own_names = own_names(self.parameter_name or (), vehicle.family)
             yield vehicle
 

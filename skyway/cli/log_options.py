@@ -22,62 +22,66 @@ if TYPE_CHECKING:
 LogFile = Annotated[Path, typer.Argument(help="Flight log: .tlog, .bin, .ulg or .csv.", show_default=False)]
 Columns = Annotated[
     Path | None,
-    typer.Option("--columns", help="For a CSV: TOML file that says which column is what.", show_default=False),
+    typer.Option("--columns", help="For a CSV log: TOML file that maps its columns.", show_default=False),
 ]
 System = Annotated[
-    int | None, typer.Option("--system", help="MAVLink system. Without it: the first.", show_default=False)
+    int | None, typer.Option("--system", help="MAVLink system id. Without it: the first.", show_default=False)
 ]
 VehicleKind = Annotated[
     str | None,
     typer.Option(
         "--vehicle",
-        help="What it is, where the log does not say it: multirotor, 'fixed wing', VTOL, ….",
+        help="Kind of vehicle, if the log does not state it: multirotor, 'fixed wing', VTOL, ….",
         show_default=False,
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Answer as JSON.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
 
-Speed = Annotated[str, typer.Option("--speed", help="Times real time: 1, 10, max.")]
-Begin = Annotated[str | None, typer.Option("--from", help="Begin here, H:MM:SS.", show_default=False)]
-End = Annotated[str | None, typer.Option("--to", help="End here, H:MM:SS.", show_default=False)]
+Speed = Annotated[str, typer.Option("--speed", help="Speed as a multiple of real time: 1, 10, max.")]
+Begin = Annotated[str | None, typer.Option("--from", help="Start time in the log, H:MM:SS.", show_default=False)]
+End = Annotated[str | None, typer.Option("--to", help="End time in the log, H:MM:SS.", show_default=False)]
 Follow = Annotated[
-    str | None, typer.Option("--follow", help="Print as it happens: wind,battery,mission.", show_default=False)
+    str | None, typer.Option("--follow", help="Print events as they happen: wind,battery,mission.", show_default=False)
 ]
 Expected = Annotated[
-    str | None, typer.Option("--wind", help="Wind that was forecast, m/s@degrees FROM: 8@270.", show_default=False)
+    str | None, typer.Option("--wind", help="Forecast wind, m/s@degrees FROM: 8@270.", show_default=False)
 ]
 ForecastFile = Annotated[
     Path | None,
-    typer.Option("--forecast", help="Forecast that was made, a file as for plan.", show_default=False),
+    typer.Option("--forecast", help="Forecast file, as for skyway plan.", show_default=False),
 ]
 ScenarioName = Annotated[
     str | None,
     typer.Option(
         "--scenario",
-        help="Scenario folder (newyork: the built-in one) whose record is the forecast.",
+        help="Scenario folder (newyork: built in) whose wind record gives the forecast.",
         show_default=False,
     ),
 ]
 Drag = Annotated[
-    Path | None, typer.Option("--drag", help="Drag of the drone, from calibrate wind.", show_default=False)
+    Path | None, typer.Option("--drag", help="Drag of the drone, from skyway calibrate wind.", show_default=False)
 ]
 DroneFile = Annotated[
     Path | None,
     typer.Option(
-        "--drone", help="Predict the energy of the flight with this fleet file (or a drone's id).", show_default=False
+        "--drone", help="Predict the flight's energy with this drone: fleet file or drone id.", show_default=False
     ),
 ]
-Carried = Annotated[float, typer.Option("--payload", help="Package that was carried, kg, for --drone.")]
+Carried = Annotated[float, typer.Option("--payload", help="Mass of the package carried, kg, for --drone.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw the flight: FILE.png or FILE.svg.", show_default=False)]
-TableFile = Annotated[Path | None, typer.Option("--csv", help="Write a table, one row a second.", show_default=False)]
+TableFile = Annotated[
+    Path | None, typer.Option("--csv", help="Write a table with one row per second: FILE.csv.", show_default=False)
+]
 Connect = Annotated[
     str | None,
     typer.Option("--connect", help="Send the log as MAVLink: udpout:127.0.0.1:14550.", show_default=False),
 ]
 Control = Annotated[
     int | None,
-    typer.Option("--control", help="With --connect: obey JSON lines on this TCP port.", show_default=False),
+    typer.Option(
+        "--control", help="With --connect: accept commands as JSON lines on this TCP port.", show_default=False
+    ),
 ]
 FAR_M = 300_000.0
 """A forecast for sites further away than this says little about a flight."""
@@ -140,9 +144,7 @@ def dated(log: Log) -> float:
     summary = log.summary
     if not summary.time_base.absolute or not math.isfinite(summary.start_s):
         remedy = "give the wind with --wind"
-        raise InputError(
-            Fault("does not know its date, so no forecast can be found for it", summary.format, remedy=remedy)
-        )
+        raise InputError(Fault("has no date, so no forecast can be found for it", summary.format, remedy=remedy))
     return summary.start_s
 
 
@@ -178,7 +180,7 @@ def open_any(path: Path, columns: Path | None) -> Log:
     usual = SUFFIX[opened.summary.format]
     names = [part.lower().lstrip(".") for part in path.suffixes]
     if usual not in names:
-        typer.echo(f"skyway: {path} is named otherwise, but is a .{usual}", err=True)
+        typer.echo(f"skyway: {path} has another suffix, but is a .{usual} log", err=True)
     return opened
 
 

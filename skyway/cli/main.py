@@ -28,6 +28,7 @@ from skyway.cli.commands import report as report_commands
 from skyway.cli.commands import scenario as scenario_commands
 from skyway.cli.commands import sim as sim_commands
 from skyway.cli.compiling import show_compiling
+from skyway.cli.renamed_options import with_new_names
 from skyway.models.base.errors import SkywayError
 
 USAGE_ERROR: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
@@ -81,7 +82,8 @@ for commands in (
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line and return its exit code; every error is one line per fault on stderr."""
     try:
-        code = app(arguments, standalone_mode=False)
+        typed = sys.argv[1:] if arguments is None else arguments
+        code = app(with_new_names(typed), standalone_mode=False)
     except SkywayError as error:
         for line in str(error).splitlines():
             typer.echo(f"skyway: {line}", err=True)

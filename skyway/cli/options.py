@@ -47,7 +47,7 @@ TYPED = {
     "seed": "--seed",
     "drone": "--drone",
     "destination": "--to",
-    "truth": "--truth",
+    "truth": "--actual-wind",
     "depart": "--depart",
     "depart-window": "--depart-window",
     "objective": "--objective",
@@ -114,13 +114,13 @@ def refuse_overwriting(*paths: Path | None, force: bool) -> None:
     for number, path in enumerate(given):
         folder = path.parent
         if path in given[:number]:
-            faults.append(Fault("is named for two outputs", str(path), remedy="give each a name of its own"))
+            faults.append(Fault("is named for two outputs", str(path), remedy="give each output its own name"))
         elif path.is_dir():
             faults.append(Fault("is a folder", str(path), remedy="name a file"))
         elif path.exists() and not force:
             faults.append(Fault("exists already", str(path), remedy="give another name, or --force to overwrite it"))
         elif not folder.is_dir():
-            faults.append(Fault("no such folder", str(folder), remedy="make it first"))
+            faults.append(Fault("no such folder", str(folder), remedy="create it first"))
         elif not os.access(folder, os.W_OK):
             faults.append(Fault("cannot be written to", str(folder), remedy="choose another folder"))
     if faults:
@@ -199,7 +199,7 @@ def parse_duration(text: str, option: str) -> float:
     """Seconds of a length of time as typed with its unit: ``45min``, ``2h``, ``1.5h``."""
     found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(h|min|m|s)?\s*", text)
     if found is None:
-        raise InputError(Fault("is no length of time", field=option, value=text, remedy="such as 90min or 2h"))
+        raise InputError(Fault("is not a duration", field=option, value=text, remedy="such as 90min or 2h"))
     if found[2] is None:
         meant = f"{found[1]}h or {found[1]}min"
         raise InputError(Fault("has no unit", field=option, value=text, remedy=f"did you mean {meant}?"))
@@ -241,7 +241,7 @@ def wind_forecast(
 
 
 def true_wind(
-    scenario: Scenario, depart: datetime, text: str | None, option: str = "--truth"
+    scenario: Scenario, depart: datetime, text: str | None, option: str = "--actual-wind"
 ) -> tuple[WindEnsemble | None, date | None]:
     """Wind as it will be: a day of the record (``2013-07-10``) or a forecast file with one member."""
     from skyway.models.wind.forecast import read_forecast

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def plot_wind(
     ensemble: WindEnsemble, scenario: Scenario, hours: int, path: Path | None = None, truth: WindEnsemble | None = None
 ) -> Figure:
-    """Draw the rose over all hours and the hourly fan, at cruise height over the middle of the network."""
+    """Draw the rose over all hours and the hourly fan, at cruise height at the centre of the network."""
     north, east = over_region(ensemble, scenario)
     slots = min(north.shape[1], max(1, round(hours * 3600 / ensemble.slot_s)))
     north, east = north[:, :slots], east[:, :slots]
@@ -43,11 +43,11 @@ def plot_wind(
     axes.set_xlim(0, slots * ensemble.slot_s / 3600.0)
     axes.set_ylim(0, top)
     axes.set_xlabel(f"hours after {begin:%Y-%m-%d %H:%M %Z}")
-    axes.set_ylabel(f"wind at {scenario.rules.cruise_height_m:g} m over the middle of the network, m/s", fontsize=8)
+    axes.set_ylabel(f"wind at {scenario.rules.cruise_height_m:g} m at the centre of the network, m/s", fontsize=8)
     axes.grid(color=MUTED, alpha=0.3, linewidth=0.5)
     axes.legend(fontsize=7, loc="lower left", framealpha=0.9)
     count = len(ensemble.labels)
-    courses = "one course of the wind" if count == 1 else f"{count} possible courses of the wind"
+    courses = "one wind" if count == 1 else f"{count} ensemble members"
     axes.set_title(f"{scenario.name}: {courses}", color=INK, fontsize=10, loc="left")
     plain_axes(axes)
     return save_figure(figure, path)

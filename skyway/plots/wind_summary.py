@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def over_region(ensemble: WindEnsemble, scenario: Scenario) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(north, east) at cruise height over the middle of the network, shape (members, slots) each."""
+    """(north, east) at cruise height at the centre of the network, shape (members, slots) each."""
     rules = scenario.rules
     wind = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
     network = scenario.network
@@ -32,7 +32,7 @@ def over_region(ensemble: WindEnsemble, scenario: Scenario) -> tuple[NDArray[np.
 def hourly(
     ensemble: WindEnsemble, scenario: Scenario, hours: int, truth: WindEnsemble | None = None
 ) -> list[dict[str, Any]]:
-    """Wind at cruise height over the middle of the network, a row per slot; see `models.wind.summary`.
+    """Wind at cruise height at the centre of the network, a row per slot; see `models.wind.summary`.
 
     Returns
     -------

@@ -171,5 +171,5 @@ def _ground_speed(document: dict[str, Any], common: dict[str, Any]) -> Chart:
 
 def _off_the_way(document: dict[str, Any], common: dict[str, Any]) -> Chart:
     track = _aloft(document["series"]["track"])
-    courses = [Course("off the way", "actual", _points(track, "cross_track_m"), _GAP_S)]
-    return Chart("Distance from the way (cross-track)", "m", courses=courses, low=0.0, **common)
+    courses = [Course("off the route", "actual", _points(track, "cross_track_m"), _GAP_S)]
+    return Chart("Distance from the route (cross-track)", "m", courses=courses, low=0.0, **common)

@@ -111,8 +111,8 @@ def map_picture(document: dict[str, Any], zones: list[dict[str, Any]] | None) ->
 def map_entries(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> list[tuple[str, str]]:
     """Return the legend: words, and the CSS class of the mark."""
     found = [
-        ("first plan", "line planned"), ("way as uploaded", "line expected"), ("flown", "line actual"),
-        ("landed here", "station landed"), ("on the way or planned", "station passed"),
+        ("first plan", "line planned"), ("route as uploaded", "line expected"), ("flown", "line actual"),
+        ("landed here", "station landed"), ("on the route or planned", "station passed"),
     ]  # fmt: skip
     diverts, route = _diverts(document), _on_route(document)
     found += [("divert station", "station divert")] if diverts - route else []

@@ -19,9 +19,9 @@ _MAX_EVENTS = 2_000
 _ENDS = {
     "delivered": "Delivered",
     "stopped-safe": "Not delivered: stopped, safe on the ground",
-    "landed-elsewhere": "Not delivered: down away from a station",
+    "landed-elsewhere": "Not delivered: landed away from a station",
     "crashed": "Not delivered: crashed",
-    "left-to-itself": "Not delivered: left to what its own parameters make it do",
+    "left-to-itself": "Not delivered: left to the vehicle's own failsafes",
 }
 
 
@@ -42,13 +42,13 @@ def page(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> str:
         (
             _head(document),
             '<div class="two">' + _section("Map", drawn_map(document, zones)) + _story(document) + "</div>",
-            _section("Flights: planned at the take-off, and flown", _legs(document)),
+            _section("Flights: planned at take-off, and flown", _legs(document)),
             _section("Course", _figures(document)),
             _section("Wind", _winds(document)),
             _section("Stops", _stops(document)),
-            _section("Decisions, with their reasons", _decisions(document)),
-            _section("Plans that came into force", _plans(document)),
-            _section("Before the take-offs", _preflights(document)),
+            _section("Decisions and reasons", _decisions(document)),
+            _section("Plans in the order flown", _plans(document)),
+            _section("Preflight checks", _preflights(document)),
             _section("All events", _events(document)),
             _foot(document),
         )
@@ -133,7 +133,7 @@ def _head(document: dict[str, Any]) -> str:
     return (
         f'<header><span class="badge {good}">{safe(_headline(document))}</span>'
         f"<h1>{safe(delivery['from'] or UNKNOWN)} to {safe(delivery['to'] or UNKNOWN)}</h1>"
-        f"<p>{safe(outcome['reason'] or 'no reason is told')} ({safe(where)}, {safe(last[:10])} {safe(last[11:19])} UTC)</p>"
+        f"<p>{safe(outcome['reason'] or 'no reason recorded')} ({safe(where)}, {safe(last[:10])} {safe(last[11:19])} UTC)</p>"
         f"<p><b>{safe(_expectation(document))}</b></p>"
         f'<p class="soft">{safe(", ".join(what))}</p><dl class="totals">{cells}</dl></header>'
     )
@@ -145,7 +145,7 @@ def _expectation(document: dict[str, Any]) -> str:
     arrives = [planned[f"arrive_{name}_s"] for name in ("mean", "p50", "p95")]
     begun = planned["depart_s"]
     if begun is None or None in arrives:
-        return "What was to be expected is unknown."
+        return "The expected time is unknown."
     mean, half, most = (_minutes(at_s - begun) for at_s in arrives)
     took = actual["delivery_s"] if document["outcome"]["delivered"] else None
     arrived = "It did not arrive" if took is None else f"It took {_minutes(took)}"
@@ -160,7 +160,7 @@ def _minutes(seconds: float) -> str:
 def _story(document: dict[str, Any]) -> str:
     """Return what differed from the plan, in short: decisions that changed something, and what was not meant to happen."""
     changed = [d for d in document["decisions"] if d["new_plan"] or d["action"] not in ("continue", "speed", None)]
-    lines = [(d["time_s"], f"{d['action'] or 'decided'}: {d['reason'] or 'no reason told'}") for d in changed]
+    lines = [(d["time_s"], f"{d['action'] or 'decided'}: {d['reason'] or 'no reason recorded'}") for d in changed]
     for event in document["contingencies"]:
         words = event["reason"] or event["event"]
         told_already = any(d["reason"] and d["reason"] in words and d["time_s"] == event["time_s"] for d in changed)
@@ -171,7 +171,7 @@ def _story(document: dict[str, Any]) -> str:
     if not lines:
         told = '<p class="none">Nothing: the first plan was flown.</p>'
     sent = "once" if speeds == 1 else f"{speeds} times"
-    return _section("What changed on the way", f"{told}<p class='soft'>The ground speed was sent anew {sent}.</p>")
+    return _section("What changed on the way", f"{told}<p class='soft'>The ground speed was sent again {sent}.</p>")
 
 
 def _figures(document: dict[str, Any]) -> str:
@@ -179,7 +179,7 @@ def _figures(document: dict[str, Any]) -> str:
     return (
         f'<div class="charts">{"".join(chart.drawn() for chart in found)}</div>'
         if found
-        else '<p class="none">unknown: nothing has a time</p>'
+        else '<p class="none">unknown: no data with times</p>'
     )
 
 
@@ -196,14 +196,14 @@ def _legs(document: dict[str, Any]) -> str:
         "(planned)",
         "used",
         "(model)",
-        "most off the way",
+        "most off the route",
         "diverts",
     )
     body = []
     for leg in document["legs"]:
         to = " > ".join([*(f"({name})" for name in leg["via"]), leg["to"] or UNKNOWN])
         if leg["land_s"] is None:
-            to += ", no landing told"
+            to += ", no landing recorded"
         elif leg["as_planned"] is False or leg["landed_at"] != leg["to"]:
             to += f", landed at {leg['landed_at'] or 'an unknown place'}"
         body.append(
@@ -228,8 +228,8 @@ def _winds(document: dict[str, Any]) -> str:
         "measured",
         "sigma",
         "true (simulation)",
-        "forecast was off by",
-        "estimate was off by",
+        "error of the forecast",
+        "error of the estimate",
     )
     body = [
         (
@@ -239,8 +239,8 @@ def _winds(document: dict[str, Any]) -> str:
         for leg in document["legs"] for wind in (leg["wind"],)
     ]  # fmt: skip
     note = (
-        "Mean speed (10 to 90 %) and prevailing direction of each flight; off by: root mean square of the difference of the two "
-        "vectors, that of the forecast its mean vector, the gusts of the truth included."
+        "Mean speed (10 to 90 %) and prevailing direction of each flight; errors: root mean square of the difference to "
+        "the true wind, gusts included; of the forecast, its mean vector."
     )
     return rows(head, body, "nttntnn") + f'<p class="soft">{note}</p>'
 
@@ -319,8 +319,8 @@ def _foot(document: dict[str, Any]) -> str:
     known = document["delivery"]["forecast"]
     members = known.get("members")
     if isinstance(members, int):
-        told.append(f"forecast of {members} possible courses of the wind")
+        told.append(f"forecast of {members} members")
     return (
         f"<footer>Made by skyway {safe(__version__)} from {safe(', '.join(told))}. Times are UTC, winds are where they come from. "
-        "What the journal does not tell is shown as unknown.</footer>"
+        "Values missing in the journal are shown as unknown.</footer>"
     )

@@ -30,7 +30,7 @@ def picture(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> str
     """
     drawn = chart_of_places.map_picture(document, zones)
     if drawn is None:
-        raise InputError(Fault("the journal tells no position to draw", field="--plot"))
+        raise InputError(Fault("the journal has no positions to draw", field="--plot"))
     inner, map_height = drawn
     wide = BROAD * _MAP_SHARE
     tall = wide * map_height / chart_of_places.WIDTH

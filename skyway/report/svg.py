@@ -121,9 +121,7 @@ class Chart:
         inner = self.picture()
         title = f"{safe(self.title)}, {safe(self.unit)}"
         if not inner:
-            return (
-                f'<figure><figcaption>{title}</figcaption><p class="none">unknown: the journal tells none</p></figure>'
-            )
+            return f'<figure><figcaption>{title}</figcaption><p class="none">unknown: not in the journal</p></figure>'
         items = [f"<li>{swatch(style)}{safe(label)}</li>" for label, style in self.entries()]
         items += [f"<li>{safe(c.label)}: unknown</li>" for c in self.courses if not c.pieces()]
         return (

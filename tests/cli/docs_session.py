@@ -48,7 +48,7 @@ _FILE = re.compile(r"<!-- file: (\S+) -->")
 _NOT_RUN = re.compile(r"<!-- not run: (.+) -->")
 _AFTER = re.compile(r"<!-- after: (\S+) -->")
 _INPUT = re.compile(r"[\w./-]+\.(?:json|jsonl|plan|waypoints|param|toml|tlog|csv|txt)")
-_WRITTEN_BY = ("-o", "--output", "--plot", "--geojson", "--report", "--csv", "--journal", "--proving-flight")
+_WRITTEN_BY = ("-o", "--output", "--plot", "--geojson", "--report", "--csv", "--journal", "--calibration-flight")
 
 _AS_TYPED = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from skyway.cli.main import run; run()"

@@ -54,7 +54,7 @@ WRONG = {
     "wind direction": ("--wind", "8@400", "--wind: out of range"),
     "wind nan": ("--wind", "nan@270", "--wind: not a wind"),
     "planner": ("--planner", "best", "--planner: no such planner (got 'best'); one of robust, shortest, pfs"),
-    "objective": ("--objective", "fast", "--objective: is no objective (got 'fast'); mean, p95, or 'on-time"),
+    "objective": ("--objective", "fast", "--objective: is not an objective (got 'fast'); mean, p95, or 'on-time"),
     "deadline without offset": ("--objective", "on-time 2013-07-10T16:00", "--objective: the time has no UTC offset"),
     "window in words": ("--depart-window", "soon", "--depart-window: is no length of time (got 'soon'); such as 90min"),
     "deadline gone": ("--objective", "on-time 2001-07-10T16:00Z", "--objective: the deadline is before the departure"),
@@ -85,11 +85,11 @@ WRONG = {
     "recharge": ("--recharge", "some", "--recharge: is not known (got 'some'); full or enough"),
     "seed negative": ("--seed", "-5", "'--seed': Input should be greater than or equal to 0"),
     "time limit": ("--time-limit", "0", "--time-limit: must be above 0"),
-    "truth in words": ("--truth", "yesterday", "--truth: neither a date nor a file (got 'yesterday')"),
-    "truth out of the record": ("--truth", "2012-07-10", "(got '2012-07-10'); the record covers 2013-01-01"),
-    "truth at the record's end": ("--truth", "2013-12-30", "nearest day without a gap is 2013-12-"),
+    "truth in words": ("--actual-wind", "yesterday", "--actual-wind: neither a date nor a file (got 'yesterday')"),
+    "truth out of the record": ("--actual-wind", "2012-07-10", "(got '2012-07-10'); the record covers 2013-01-01"),
+    "truth at the record's end": ("--actual-wind", "2013-12-30", "nearest day without a gap is 2013-12-"),
     "forecast missing": ("--forecast", "nope.csv", "nope.csv: no such file"),
-    "picture format": ("--plot", "x.gif", "--plot: is no picture format (got 'x.gif'); FILE.png or FILE.svg"),
+    "picture format": ("--plot", "x.gif", "--plot: is not a picture format (got 'x.gif'); FILE.png or FILE.svg"),
     "folder of the output": ("-o", "nowhere/plan.json", "nowhere: no such folder"),
     "start is the end": ("--to", "bellevue", "--to: start and destination are the same"),
     "in a no-fly zone": ("--to", "40.6413,-73.7781", "--to: lies in the no-fly zone John F. Kennedy"),
@@ -208,7 +208,9 @@ def test_a_wrong_forecast_file_is_named_with_its_line(skyway, tmp_path, text, me
 def test_a_forecast_of_several_members_is_no_truth(refused, tmp_path):
     both = [*GOOD, *(row.replace(",a,", ",b,") for row in GOOD)]
     (tmp_path / "f.csv").write_text(rows(*both))
-    assert "the truth has more than one member" in refused("plan", *HOP, "--planner", "ies", "--truth", "f.csv")
+    assert "the actual wind has more than one member" in refused(
+        "plan", *HOP, "--planner", "ies", "--actual-wind", "f.csv"
+    )
 
 
 @pytest.mark.parametrize("name", ["stations.csv", "wind.csv", "load.csv", "forecast.csv"])

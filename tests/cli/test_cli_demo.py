@@ -1,4 +1,4 @@
-"""``skyway demo --proving-flight``: a flight to calibrate with, for whoever has no drone."""
+"""``skyway demo --calibration-flight``: a flight to calibrate with, for whoever has no drone."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import pytest
 
 
 def test_a_proving_flight_tells_the_drag(skyway):
-    answer = skyway("demo", "--proving-flight", "square.tlog", "--payload", "0.7")
+    answer = skyway("demo", "--calibration-flight", "square.tlog", "--payload", "0.7")
     assert answer.code == 0, answer.err
     assert answer.out.startswith("wrote square.tlog")
     found = skyway("calibrate", "wind", "square.tlog", "-o", "drag.toml")
@@ -16,16 +16,16 @@ def test_a_proving_flight_tells_the_drag(skyway):
 
 @pytest.mark.parametrize("payload", ["1.5", "-0.1", "nan", "inf"])
 def test_a_proving_flight_carries_what_the_drone_lifts(refused, payload):
-    assert "--payload" in refused("demo", "--proving-flight", "square.tlog", f"--payload={payload}")
+    assert "--payload" in refused("demo", "--calibration-flight", "square.tlog", f"--payload={payload}")
 
 
 def test_the_demonstration_itself_takes_no_payload(refused):
-    assert "--proving-flight" in refused("demo", "--payload", "0.7")
+    assert "--calibration-flight" in refused("demo", "--payload", "0.7")
 
 
 def test_a_proving_flight_overwrites_nothing(refused):
     Path("square.tlog").write_text("mine")
-    assert "exists already" in refused("demo", "--proving-flight", "square.tlog")
+    assert "exists already" in refused("demo", "--calibration-flight", "square.tlog")
     assert Path("square.tlog").read_text() == "mine"
 
 

@@ -10,6 +10,7 @@ import typer
 from skyway.cli.command_groups import GROUPS
 from skyway.cli.compiling import CompilingNotice
 from skyway.cli.main import app, main
+from skyway.cli.renamed_options import RENAMED, with_new_names
 
 
 def test_help_lists_every_command_under_a_heading_with_its_whole_first_sentence(capsys, monkeypatch):
@@ -57,3 +58,19 @@ def test_a_command_that_misses_a_package_names_the_extra_that_brings_it(package,
     monkeypatch.setattr("skyway.cli.main.app", missing)
     assert main(["demo"]) == 2
     assert f"pip install 'skyway-planner[{extra}]'" in capsys.readouterr().err
+
+
+def test_former_names_of_options_still_work(capsys):
+    assert main(["wind", "--truth", "yesterday"]) == 2
+    assert "--actual-wind: neither a date nor a file (got 'yesterday')" in capsys.readouterr().err
+    assert with_new_names(["sim", "--for=5", "--", "--for"]) == ["sim", "--duration=5", "--", "--for"]
+
+
+@pytest.mark.parametrize("command", RENAMED)
+def test_a_former_name_of_an_option_is_shown_nowhere_and_leads_to_one_that_is(command):
+    found = typer.main.get_command(app).commands[command]
+    shown = {
+        name for each in getattr(found, "commands", {"": found}).values() for one in each.params for name in one.opts
+    }
+    assert set(RENAMED[command].values()) <= shown
+    assert shown.isdisjoint(RENAMED[command])

@@ -208,7 +208,7 @@ def test_every_option_of_plan_shows_in_the_plan(plan_json):
     assert plan["legs"][0]["soc_depart"] <= 1.0
     assert plan["drone"] == "m200"
     assert plan_json(*HOP, "--planner", "shortest")["planner"] == "shortest"
-    truth = plan_json(*HOP, "--planner", "ies", "--truth", "2013-07-09", "--drone", "m200", "--time-limit", "30")
+    truth = plan_json(*HOP, "--planner", "ies", "--actual-wind", "2013-07-09", "--drone", "m200", "--time-limit", "30")
     assert truth["planner"] == "ies"
     full = plan_json(*TRIP, *ONE_WIND, "--recharge", "full")
     assert {stop["soc_to"] for stop in full["stops"] if stop["recharge_s"]} == {1.0}
@@ -234,7 +234,9 @@ def test_a_plan_from_a_forecast_file_and_with_a_truth_file(skyway, tmp_path):
     assert plan.code == 0, plan.err
     winds = {round(leg["wind"]["from_deg"]) for leg in json.loads(plan.out)["legs"]}
     assert winds == {225}  # the middle of the two that may blow
-    told = skyway("plan", *HOP, *forecast, "--truth", "truth.csv", "--planner", "ies", "--drone", "m200", "--json")
+    told = skyway(
+        "plan", *HOP, *forecast, "--actual-wind", "truth.csv", "--planner", "ies", "--drone", "m200", "--json"
+    )
     assert told.code == 0, told.err
     assert {round(leg["wind"]["from_deg"]) for leg in json.loads(told.out)["legs"]} == {200}
 

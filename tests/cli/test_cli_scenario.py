@@ -93,7 +93,7 @@ def test_all_faults_of_a_scenario_are_told_at_once(skyway, tmp_path):
     assert answer.code == 2
     assert answer.out == ""
     for word in (
-        "timezone: is no time zone (got 'Europe/Atlantis')",
+        "timezone: is not a time zone (got 'Europe/Atlantis')",
         "flight.cruise_height_m: must be a number",
         "flight.climb_rate: is not a field here",
         "furlongs",
@@ -156,12 +156,12 @@ def test_the_network_is_shown_drawn_and_written(skyway, tmp_path):
 
 def test_the_wind_is_shown_and_drawn(skyway, tmp_path):
     when = ("--depart", "2013-07-10T14:00-04:00", "--hours", "6")
-    answer = skyway("wind", *when, "--truth", "2013-07-10", "--plot", "wind.svg")
+    answer = skyway("wind", *when, "--actual-wind", "2013-07-10", "--plot", "wind.svg")
     assert answer.code == 0
     assert "Wed 14:00" in answer.out
     assert "truth" in answer.out
     assert b"<svg" in (tmp_path / "wind.svg").read_bytes()
-    found = json.loads(skyway("wind", *when, "--truth", "2013-07-10", "--json").out)
+    found = json.loads(skyway("wind", *when, "--actual-wind", "2013-07-10", "--json").out)
     assert found["schema"] == "skyway.wind/1"
     assert len(found["hours"]) == 6
     for row in found["hours"]:

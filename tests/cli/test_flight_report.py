@@ -350,7 +350,7 @@ def test_the_live_table_sets_expected_beside_actual(records):
     assert rows["charge at the landing"] == tuple(
         f"{100 * track.data[key]:.0f} %" for key in ("planned_soc_land", "soc_land")
     )
-    assert rows["off the way"][1] == f"{track.data['cross_track_m']:.1f} m"
+    assert rows["off the route"][1] == f"{track.data['cross_track_m']:.1f} m"
     assert "±" in rows["wind"][1]
     assert re.fullmatch(r"\d+ \(\d+ to \d+\) m/s(, variable direction| from \d{3}°)", rows["wind"][0])
     assert f"{track.data['late_s']:+.0f} s" in rows["flight time"][1]
@@ -383,7 +383,7 @@ def test_a_terminal_gets_the_table_and_a_pipe_gets_lines(records, capsys):
             view.take(record)
     plain = capsys.readouterr().out
     assert "expected" not in plain
-    assert "off the way" in plain
+    assert "off the route" in plain
     assert "\x1b" not in plain
 
 

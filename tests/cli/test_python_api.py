@@ -109,14 +109,14 @@ def test_a_networks_graph_gives_the_network_back():
 @pytest.mark.parametrize(
     ("stations", "problem"),
     [
-        (7, "is no network"),
-        ("stations.csv", "is no network"),
-        ([{"id": "a", "lat": 40.0}], "lon: station a: is no number"),
-        ([{"id": "a", "lat": "north", "lon": 1.0}], "lat: station a: is no number"),
+        (7, "is not a network"),
+        ("stations.csv", "is not a network"),
+        ([{"id": "a", "lat": 40.0}], "lon: station a: is not a number"),
+        ([{"id": "a", "lat": "north", "lon": 1.0}], "lat: station a: is not a number"),
         ([{"id": "a", "lat": 400.0, "lon": 1.0}], "latitude out of range"),
         ([{"id": "a", "lat": 40.0, "lon": 1.0, "pads": -2}], "whole number"),
         ([{"id": "a", "lat": 40.0, "lon": 1.0, "pads": 2.5}], "whole number"),
-        ([{"id": "a", "lat": 40.0, "lon": math.nan}], "lon: station a: is no number"),
+        ([{"id": "a", "lat": 40.0, "lon": math.nan}], "lon: station a: is not a number"),
         ([{"lat": 40.0, "lon": 1.0}], "no id"),
         ([{"id": "a", "lat": 40.0, "lon": 1.0}] * 2, "same id"),
         ([3.0], "is no station"),
@@ -128,7 +128,7 @@ def test_stations_that_are_none_are_refused_with_the_reason(stations, problem):
 
 
 def test_segments_between_unknown_stations_an_empty_fleet_and_a_load_that_does_not_fit_are_refused():
-    with pytest.raises(skyway.InputError, match="names no station"):
+    with pytest.raises(skyway.InputError, match="is not a known station"):
         skyway.build_scenario(STATIONS, segments=[("a", "z")])
     with pytest.raises(skyway.InputError, match="the fleet is empty"):
         skyway.build_scenario(STATIONS, drones=[])
@@ -171,7 +171,7 @@ def test_results_and_networks_are_pictures(tmp_path, answer):
     assert isinstance(skyway.plot(answer), Figure)
     assert isinstance(skyway.plot(answer.problem.scenario, str(tmp_path / "network.svg")), Figure)
     assert (tmp_path / "network.svg").read_text().startswith("<?xml")
-    with pytest.raises(skyway.InputError, match="is no picture format"):
+    with pytest.raises(skyway.InputError, match="is not a picture format"):
         skyway.plot(answer, "plan.pdf")
     with pytest.raises(skyway.InputError, match="cannot be drawn"):
         skyway.plot("plan.json")

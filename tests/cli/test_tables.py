@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from skyway.cli.views.plan import course_sheet
+from skyway.cli.views.plan import schedule_sheet
 from skyway.cli.views.sheet import NO_NUMBER, Column, Sheet, wrapped
 from skyway.models.base.figure import Figure
 from skyway.models.base.formatting import about, between, by, duration, later_text, minutes, percent, share, spent
@@ -92,7 +92,7 @@ def unknown_delivery():
 
 def test_a_plan_whose_figures_are_unknown_says_so():
     delivery = unknown_delivery()
-    text = "\n".join(course_sheet(delivery, ZoneInfo("America/New_York")).lines(None))
+    text = "\n".join(schedule_sheet(delivery, ZoneInfo("America/New_York")).lines(None))
     assert "unknown" in text
     assert NO_NUMBER.search(text) is None
 

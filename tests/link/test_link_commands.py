@@ -108,7 +108,7 @@ def test_a_mission_comes_with_the_parameters_it_needs(run, plan, tmp_path):
 
 def test_watching_tells_what_is_known_and_what_is_not(run):
     with served(tcp_port=0, autopilot="px4") as there:
-        code, text = run("watch", "--for", "2.2", "--json", port=there.where()[1])
+        code, text = run("watch", "--duration", "2.2", "--json", port=there.where()[1])
     row = json.loads(text.splitlines()[-1])
     assert code == 0
     assert row["system"] == 1
@@ -255,7 +255,7 @@ def test_watching_tells_how_many_packets_were_not_believed(run):
 
     speaker = threading.Thread(target=speak)
     speaker.start()
-    code, text = run("watch", "--for", "1.5", "--json", "--connect", f"udpin:127.0.0.1:{port}")
+    code, text = run("watch", "--duration", "1.5", "--json", "--connect", f"udpin:127.0.0.1:{port}")
     done.set()
     speaker.join()
     rejected = json.loads(text.splitlines()[-1])["rejected"]

@@ -126,7 +126,7 @@ def test_converting_says_what_the_new_format_does_not_keep(run, tmp_path):
     assert told == [
         "not kept: the survey becomes its 2 items, from item 0: it can no longer be edited as one",
         "not kept: what it was planned for: cruiseSpeed 15",
-        "not kept: the height of home is unknown: row 0 says NaN",
+        "not kept: the height of home is unknown: row 0 has NaN",
         "not kept: that the heights of 1 items were worked out above terrain: they stay, above sea level",
         "not kept: fields of items: pilot",
     ]
@@ -134,7 +134,7 @@ def test_converting_says_what_the_new_format_does_not_keep(run, tmp_path):
     [line] = run("convert", "b.waypoints", "b.plan").stderr.splitlines()
     assert "filled in because QGroundControl asks for it: plannedHomePosition, firmwareType" in line
     [line] = run("convert", "b.waypoints", "c.waypoints").stderr.splitlines()[:1]
-    assert line == "not kept: home is unknown: row 0 says 0, 0"
+    assert line == "not kept: home is unknown: row 0 is 0, 0"
 
 
 def test_ok_is_said_only_where_nothing_was_found(run, tmp_path):
@@ -254,7 +254,7 @@ def test_a_mission_is_drawn(run, plan_json, tmp_path, suffix):
         assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     with pytest.raises(InputError, match="exists already"):
         run("show", "out.plan", "--plot", picture)
-    with pytest.raises(InputError, match="is no picture format"):
+    with pytest.raises(InputError, match="is not a picture format"):
         run("show", "out.plan", "--plot", "map.bmp")
 
 

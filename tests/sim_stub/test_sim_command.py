@@ -10,7 +10,7 @@ from skyway.cli.bare_values import fill
 from skyway.cli.commands.sim import BARE
 from skyway.cli.main import main
 
-SHORT = ["--tcp", "0", "--speedup", "20", "--for", "0.5"]
+SHORT = ["--tcp", "0", "--speedup", "20", "--duration", "0.5"]
 
 
 TWO_STATIONS = """id,name,lat,lon,elevation_m,pads,holding_spots
@@ -88,7 +88,7 @@ def test_faults_as_they_are_typed_with_and_without_times(two, capsys):
 
 
 def test_the_true_wind_is_8_from_270(two, capsys):
-    code, _, err = run(capsys, two, "--wind-truth", "8@270")
+    code, _, err = run(capsys, two, "--wind", "8@270")
     assert (code, err) == (0, "")
 
 
@@ -103,7 +103,7 @@ def test_the_true_wind_is_a_day_of_the_record_or_a_file(capsys, tmp_path, monkey
         encoding="utf-8",
     )
     depart = ["--depart", "2013-07-10T14:00-04:00"]
-    code, _, err = run(capsys, "--at", "bellevue", "--wind-truth", wind, *depart)
+    code, _, err = run(capsys, "--at", "bellevue", "--wind", wind, *depart)
     assert (code, err) == (0, "")
 
 
@@ -118,7 +118,7 @@ def test_each_vehicle_says_where_it_is_reached_and_has_its_own_system_id(two, ca
         "columbia",
         "--autopilot",
         "ardupilot",
-        "--for",
+        "--duration",
         "5",
     ]
     code, out, _ = run(capsys, two, *arguments)
@@ -129,7 +129,7 @@ def test_each_vehicle_says_where_it_is_reached_and_has_its_own_system_id(two, ca
 
 def test_a_vehicle_connects_to_a_station_that_listens(two, capsys):
     with socket.create_server(("127.0.0.1", 0)) as station:
-        code, out, err = run(capsys, two, "--connect", f"tcp:127.0.0.1:{station.getsockname()[1]}", "--for", "5")
+        code, out, err = run(capsys, two, "--connect", f"tcp:127.0.0.1:{station.getsockname()[1]}", "--duration", "5")
         assert (code, err) == (0, "")
         heard, _ = station.accept()
         with heard:
@@ -146,7 +146,7 @@ def test_every_kind_of_connection_opens(two, capsys, connect):
 
 
 def test_json_lines_for_machines(two, capsys):
-    code, out, _ = run(capsys, two, "--json", "--for", "5")
+    code, out, _ = run(capsys, two, "--json", "--duration", "5")
     assert code == 0
     lines = [json.loads(line) for line in out.splitlines()]
     assert "listening" in lines[0]
@@ -161,12 +161,12 @@ def test_json_lines_for_machines(two, capsys):
         (["--speedup", "21"], "0.1 to 20"),
         (["--loss", "2"], "--loss: out of range (got '2.0'); a probability"),
         (["--delay", "-1"], "--delay: out of range"),
-        (["--for", "-1"], "--for: out of range"),
+        (["--duration", "-1"], "--duration: out of range"),
         (["--vehicles", "0"], "1 to 250"),
         (["--connect", "serial:x"], "KIND:HOST:PORT"),
         (["--connect", "tcp:127.0.0.1:1"], "start the ground station first"),
-        (["--wind-truth", "80@270"], "SPEED@FROM"),
-        (["--wind-truth", "nosuchfile.csv"], "--wind-truth: neither a date nor a file"),
+        (["--wind", "80@270"], "SPEED@FROM"),
+        (["--wind", "nosuchfile.csv"], "--wind: neither a date nor a file"),
         (["--parameter", "FOO=1"], "no such parameter"),
         (["--at", "atlantis"], "atlantis"),
         (["--system", "300"], "1 to 255"),

@@ -300,10 +300,10 @@ def test_the_command_ends_after_its_time_and_prints_json_lines():
         "--tcp",
         "0",
         "--json",
-        "--for",
+        "--duration",
         "8",
     ]
-    arguments += ["--speedup", "20", "--wind-truth", "2013-07-10", "--depart", "2013-07-10T14:00-04:00"]
+    arguments += ["--speedup", "20", "--wind", "2013-07-10", "--depart", "2013-07-10T14:00-04:00"]
     done = subprocess.run(
         [sys.executable, "-c", script, *arguments], capture_output=True, text=True, timeout=60, check=True
     )

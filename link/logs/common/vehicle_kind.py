@@ -86,7 +86,7 @@ class Vehicle:
     """
 
     kind: Kind = "unknown"
-    told_by: str = "nothing in the log says what it is"
+    told_by: str = "the log does not state the kind of vehicle"
     leans: bool = True
 
 

@@ -152,18 +152,18 @@ def _doubts(check: StampCheck, index: TlogIndex, climbs: Mapping[int, float]) ->
         if agreement > 0.0
     ]
     if check.held:
-        doubts.append(f"{check.held} stamps are up to {check.JITTER_S:g} s before the ones before them and are held")
+        doubts.append(
+            f"{check.held} time time time stamps are up to {check.JITTER_S:g} s before their predecessors; the predecessors' times are used"
+        )
     if check.set_back:
         most = max(check.set_back)
         doubts.append(
             f"the clock was set back {len(check.set_back)} times, by {most:.1f} s at most; later times are shifted"
         )
     if check.disbelieved:
-        doubts.append(
-            f"{check.disbelieved} stamps are far from those around them and are taken as the ones before them"
-        )
+        doubts.append(f"{check.disbelieved} time stamps are far from their neighbours; the previous ones are used")
     if index.first_s < 946_684_800.0:
-        doubts.append("the clock stands before the year 2000, so it was probably never set")
+        doubts.append("the clock is before the year 2000, so it was probably never set")
     return tuple(doubts)
 
 

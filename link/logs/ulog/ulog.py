@@ -58,7 +58,7 @@ class ULogFile:
         except OSError as error:
             raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
         if len(head) < HEADER_BYTES or not head.startswith(MAGIC):
-            raise InputError(Fault("is no ULog: its header is damaged or cut", str(path)))
+            raise InputError(Fault("is not a ULog: its header is damaged or truncated", str(path)))
         self._log = ULogContents()
         self._events = ULogEvents()
         self._id = 1
@@ -178,7 +178,7 @@ class ULogFile:
             lost = self._log.dropouts_ms / 1000.0
             doubts += (f"the logger lost data {self._log.dropouts} times, {lost:.1f} s in all",)
         if self._odd_stamps:
-            doubts += (f"{self._odd_stamps} messages have times far from those around them and are left out",)
+            doubts += (f"{self._odd_stamps} messages have times far from their neighbours' and are left out",)
         first_us, last_us = self._range_us
         told, spans = self._events.told(self._log.texts, EventWords(self._log.event_metadata))
         return LogSummary(

@@ -204,7 +204,7 @@ class ArduPilotMissions(Dialect):
                 "warning",
                 None,
                 "ardupilot-inclusion-areas",
-                f"{inclusions} inclusion areas: ArduPilot wants to be inside all of them at once",
+                f"{inclusions} inclusion areas: ArduPilot requires the vehicle to be inside all of them at once",
                 "set bit 1 of FENCE_OPTIONS (2), or keep one area",
             )
 

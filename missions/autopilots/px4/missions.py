@@ -260,7 +260,7 @@ def _sideways_departures(mission: Mission) -> Iterator[Finding]:
                     "error",
                     number,
                     "px4-sideways-after-land",
-                    "after LAND the next position lies aside: PX4 leaves the pad sideways at low height",
+                    "after LAND the next position is not above the pad: PX4 leaves the pad sideways at low height",
                     "put a WAYPOINT straight above the pad before it",
                 )
             landed_at = None

@@ -120,7 +120,7 @@ def check_observations(observations: Sequence[WindObservation]) -> None:
     for one in observations:
         numbers = (one.time_s, one.lat_deg, one.lon_deg, one.north_mps, one.east_mps, one.variance)
         if not np.isfinite(numbers).all() or one.variance <= 0.0:
-            raise InputError(Fault("is no wind observation", field="observation", value=one))
+            raise InputError(Fault("is not a wind observation", field="observation", value=one))
 
 
 class WindField:

@@ -447,13 +447,15 @@ def _check_log(
     """Refuse what the filter would read beyond, or could never come back from."""
     count = len(time_s)
     faults = [
-        Fault("has another shape", field=name, value=np.shape(values), remedy=f"({count}, {width})")
+        Fault("has the wrong shape", field=name, value=np.shape(values), remedy=f"({count}, {width})")
         for name, values, width in (("wind", wind, 2), ("noise", noise, 3))
         if np.shape(values) != (count, width)
     ]
     if np.shape(forecast) not in ((2,), (count, 2)) or not np.isfinite(forecast).all():
         faults.append(
-            Fault("is no forecast", field="forecast", value=np.shape(forecast), remedy="finite, shape (2,) or (n, 2)")
+            Fault(
+                "is not a forecast", field="forecast", value=np.shape(forecast), remedy="finite, shape (2,) or (n, 2)"
+            )
         )
     if np.ndim(time_s) != 1 or not np.isfinite(time_s).all() or (np.diff(time_s) < 0.0).any():
         faults.append(Fault("is not finite and in order", field="time_s"))

@@ -12,15 +12,15 @@ import typer
 import skyway
 from skyway.models.base.errors import Fault, InputError
 
-PLANNERS_HELP = """Measure all planners: the paper's experiment, and days of wind that no forecast contained.
+PLANNERS_HELP = """Measure all planners, in the paper's experiment and on held-out days of wind.
 
-Writes a table (planners.md), all figures (planners.json) and pictures (SVG) into a folder. The whole takes about three
-quarters of an hour, --quick half a minute. What is measured: docs/explanation/evaluation.md.
+Writes a table (planners.md), all figures (planners.json) and pictures (SVG) into a folder. It takes about
+45 minutes; with --quick, half a minute. What is measured: docs/explanation/evaluation.md.
 
 \b
 Examples:
   skyway bench planners --quick
-  skyway bench planners --out results --keep
+  skyway bench planners --output results --resume
 """
 
 
@@ -37,9 +37,11 @@ def _group() -> None:
 
 
 def planners(
-    quick: Annotated[bool, typer.Option("--quick", help="A small part, half a minute.")] = False,
-    out: Annotated[Path, typer.Option("--out", help="Folder for table and figures.")] = Path("out/bench"),
-    keep: Annotated[bool, typer.Option("--keep", help="Go on: do not run again what the folder holds.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Run a small part: half a minute.")] = False,
+    out: Annotated[Path, typer.Option("--output", "-o", help="Folder for the table, figures and pictures.")] = Path(
+        "out/bench"
+    ),
+    keep: Annotated[bool, typer.Option("--resume", help="Continue: keep the results that the folder holds.")] = False,
 ) -> None:
     """Run the benchmark of planners."""
     module = _benchmark()

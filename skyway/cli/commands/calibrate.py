@@ -23,10 +23,11 @@ if TYPE_CHECKING:
     from skyway.models.drones.drone import Drone
     from skyway.models.wind.estimation.blocks import Blocks
 
-WIND_HELP = """Find how a drone feels the air in a log of its flight: the drag that makes its tilt tell the wind, or on wings the
+WIND_HELP = """Estimate the drag of a drone from a log of its flight, so that its tilt measures the wind; for a fixed wing, the scale
 factor of its airspeed sensor and the offset of its heading.
 
-Needs flight on two courses (out and back, a circle), or --wind, the wind as it was. Says when a flight cannot tell.
+The flight must cover two courses (out and back, or a circle), unless --wind gives the true wind. The command reports it
+when a flight does not determine the drag.
 
 Examples:
 
@@ -34,9 +35,9 @@ Examples:
 
   skyway calibrate wind hover.ulg --wind 4@230
 """
-ENERGY_HELP = """Fit the energy models to logs of flights and write a drone file that plan uses.
+ENERGY_HELP = """Fit the energy models to flight logs and write a drone file for skyway plan.
 
-Each flight is predicted by a fit to the others; that error is printed beside each, and that of the published coefficients.
+Each flight is predicted by a fit to the others. The error is printed next to that of the published coefficients.
 
 Examples:
 
@@ -48,7 +49,7 @@ MAX_SAMPLES = 300_000
 """Of a longer log every second, fourth, … sample is taken."""
 calibrate = typer.Typer(
     name="calibrate",
-    help="Fit the models to what a drone really did.",
+    help="Fit the models to recorded flights.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -57,13 +58,14 @@ calibrate = typer.Typer(
 def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
     log: LogFile,
     wind: Annotated[
-        str | None, typer.Option("--wind", help="Wind as it was, m/s@degrees FROM: 4@230.", show_default=False)
+        str | None,
+        typer.Option("--wind", help="True wind during the flight, m/s@degrees FROM: 4@230.", show_default=False),
     ] = None,
     system: System = None,
     vehicle: VehicleKind = None,
     columns: Columns = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Write the drag here.", show_default=False)
+        Path | None, typer.Option("--output", "-o", help="Output file for the drag: FILE.toml.", show_default=False)
     ] = None,
     as_json: AsJson = False,
     force: Force = False,
@@ -121,7 +123,7 @@ def _air_of(air: Blocks, wind: str | None) -> _Air:
     if wind is not None:
         known = towards(wind)
         drag = fit_known_wind(air, np.broadcast_to(np.array(known), (len(air), 2)), PERIOD_S)
-        return _Air(drag, None, f"found from the wind that was given, {wind}", wind=known, course_spread_deg=spread)
+        return _Air(drag, None, f"found with the given wind, {wind}", wind=known, course_spread_deg=spread)
     sensor = identify_airspeed(air) if (air.flying & air.winged).any() else None
     if sensor is not None and (sensor.model is not None or air.winged[air.flying].mean() > 0.5):
         rotors = identify_drag(air.part(~air.winged), PERIOD_S)
@@ -134,30 +136,34 @@ def _air_of(air: Blocks, wind: str | None) -> _Air:
 
 def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
     logs: Annotated[list[Path], typer.Argument(help="Flight logs with battery power.", show_default=False)],
-    mass: Annotated[float | None, typer.Option("--mass", help="Drone with batteries, kg.", show_default=False)] = None,
+    mass: Annotated[
+        float | None, typer.Option("--mass", help="Mass of the drone with batteries, kg.", show_default=False)
+    ] = None,
     payload: Annotated[
         list[float] | None,
-        typer.Option("--payload", help="Package, kg: one for all, or one for each log in turn.", show_default=False),
+        typer.Option(
+            "--payload",
+            help="Mass of the package, kg: one value for all logs, or one per log in order.",
+            show_default=False,
+        ),
     ] = None,
     drones: Annotated[
-        Path | None, typer.Option("--drones", help="Fleet file with the drone to start from.", show_default=False)
+        Path | None, typer.Option("--drones", help="Fleet file that holds --drone.", show_default=False)
     ] = None,
-    drone: Annotated[str, typer.Option("--drone", help="Drone to start from.")] = "m200-v2",
-    identity: Annotated[
-        str | None, typer.Option("--id", help="Id of the drone that is written.", show_default=False)
-    ] = None,
-    name: Annotated[str | None, typer.Option("--name", help="Its name.", show_default=False)] = None,
+    drone: Annotated[str, typer.Option("--drone", help="Drone whose other properties are kept.")] = "m200-v2",
+    identity: Annotated[str | None, typer.Option("--id", help="Id of the new drone.", show_default=False)] = None,
+    name: Annotated[str | None, typer.Option("--name", help="Name of the new drone.", show_default=False)] = None,
     battery: Annotated[
         float | None, typer.Option("--battery", help="Nameplate energy of its batteries, Wh.", show_default=False)
     ] = None,
     model: Annotated[
-        Literal["best", "endurance", "momentum"], typer.Option("--model", help="Which is written.")
+        Literal["best", "endurance", "momentum"], typer.Option("--model", help="Energy model to write.")
     ] = "best",
-    density: Annotated[float, typer.Option("--air-density", help="During the flights, kg/m3.")] = 1.225,
+    density: Annotated[float, typer.Option("--air-density", help="Air density during the flights, kg/m3.")] = 1.225,
     system: System = None,
     columns: Columns = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Write the drone file here.", show_default=False)
+        Path | None, typer.Option("--output", "-o", help="Output file for the drone: FILE.toml.", show_default=False)
     ] = None,
     as_json: AsJson = False,
     force: Force = False,
@@ -187,7 +193,7 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
                 f"error on a flight left out: worst {fits[chosen].worst:.1%}, median {fits[chosen].median:.1%}"
             )
         if written.id != start.id:
-            notes.append(f"not measured, but those of {start.id}: package, airspeeds, wind limit, time to recharge")
+            notes.append(f"not measured, taken from {start.id}: maximum payload, airspeeds, wind limit, recharge time")
         write(output, drone_file(written, notes), force=force)
         options.say_written(output)
     published = published_errors(records, density)
@@ -280,7 +286,7 @@ def _this_aircraft(
     missing = [option for option, given in (("--id", identity), ("--battery", battery_wh)) if given is None]
     if writes and other and missing:
         problem = f"{flew.mass_kg:g} kg is not {base.name} ({base.mass_kg:g} kg)"
-        remedy = f"say which aircraft it is: {' and '.join(missing)} (and --name), or start from another --drone"
+        remedy = f"identify the aircraft with {' and '.join(missing)} (and --name), or choose another --drone"
         raise InputError(Fault(problem, field="--mass", value=mass, remedy=remedy))
     return flew
 
@@ -301,7 +307,7 @@ def _record(
 
     opened = open_any(path, columns)
     if payload is not None and len(payload) not in (1, count):
-        raise InputError(Fault("must be given once, or once for each log", field="--payload", value=len(payload)))
+        raise InputError(Fault("must be given once, or once per log", field="--payload", value=len(payload)))
     if payload is not None:
         package = payload[number if len(payload) > 1 else 0]
         if not 0.0 <= package <= 1000.0:
@@ -309,7 +315,7 @@ def _record(
     else:
         package = getattr(opened, "payload_kg", math.nan)
         if math.isnan(package):
-            raise InputError(Fault("does not say what was carried", str(path), remedy="give --payload, kg"))
+            raise InputError(Fault("does not state the payload", str(path), remedy="give --payload, kg"))
     chosen = choose_system(opened.summary, system)
     kept = Thinned(TelemetryTrack.part, TelemetryTrack.joined, most=MAX_SAMPLES)
     for track in opened.tracks():
@@ -361,7 +367,7 @@ def _tell_energy(
     chosen: str,
     output: Path | None,
 ) -> None:
-    typer.echo("error of the energy of each flight, by a fit to the others:")
+    typer.echo("energy error of each flight, predicted by a fit to the others:")
     columns = [Column("flight", justify="left"), Column("mass", "kg"), Column("time", "s"), Column("energy", "Wh")]
     sheet = Sheet([*columns, Column("endurance"), Column("momentum"), Column("published")])
     for number, record in enumerate(records):
@@ -376,7 +382,7 @@ def _tell_energy(
         for name, fit in fits.items():
             typer.echo(f"  {name}: worst {fit.worst:.1%}, median {fit.median:.1%}")
     else:
-        typer.echo("  one flight cannot be checked against another: the error on unseen flights is unknown")
+        typer.echo("  with one flight there is no other to check against: the error on unseen flights is unknown")
     typer.echo(
         f"{chosen} model" + (" (use -o FILE to write a drone file)" if output is None else f" written to {output}")
     )

@@ -13,47 +13,52 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.ranges import range_faults
 from skyway.scenarios import load_scenario
 
-DEMO_HELP = """Show a whole delivery: planned, flown by a simulated vehicle in another wind than forecast, replanned, delivered.
+DEMO_HELP = """Run a whole delivery: planned, flown by a simulated vehicle in a wind that was not forecast, replanned, delivered.
 
-No vehicle, no network and no waiting: everything runs in virtual time. Another day or seed tells another story.
+It needs no vehicle and no network, and runs in virtual time. Other days and seeds give other deliveries.
 
 \b
 Examples:
   skyway demo
   skyway demo --day 2013-05-20 --seed 3 --autopilot ardupilot -o out/other
-  skyway demo --proving-flight flight.tlog --payload 0.7
+  skyway demo --calibration-flight flight.tlog --payload 0.7
 """
 
 
 def demo(
-    day: Annotated[str | None, typer.Option("--day", help="Day of 2013 whose wind blows.", show_default=False)] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of gusts, other drones and errors.")] = 1,
+    day: Annotated[
+        str | None, typer.Option("--day", help="Day of 2013 whose wind is simulated.", show_default=False)
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Random seed of gusts, other drones and errors.")] = 1,
     autopilot: Annotated[FamilyName, typer.Option("--autopilot", help="Whose behaviour.")] = NAMES[0],
-    planner: Annotated[str, typer.Option("--planner", help="Planner; without it the default one.")] = "",
-    plan_only: Annotated[bool, typer.Option("--plan-only", help="Plan and do not fly: compiles the kernels.")] = False,
+    planner: Annotated[str, typer.Option("--planner", help="Planner. Without it: the default planner.")] = "",
+    plan_only: Annotated[bool, typer.Option("--plan-only", help="Plan only; this compiles the kernels.")] = False,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for plan, journal and report.")] = Path(
         "out/demo"
     ),
     proving_flight: Annotated[
         Path | None,
         typer.Option(
-            "--proving-flight",
-            help="Only fly a square twice, as one does to calibrate a drone, and record it: FILE.tlog.",
+            "--calibration-flight",
+            help="Fly a square twice, to calibrate the drone with, and record it: FILE.tlog.",
             show_default=False,
         ),
     ] = None,
     payload: Annotated[
-        float | None, typer.Option("--payload", help="Package on the proving flight, kg: 0.8.", show_default=False)
+        float | None,
+        typer.Option(
+            "--payload", help="Mass of the package on the calibration flight, kg. Without it: 0.8.", show_default=False
+        ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the recording of a proving flight.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the recording of a calibration flight.")] = False,
 ) -> None:
     """Show a whole delivery (the help text is `DEMO_HELP`)."""
     if proving_flight is not None:
         _prove(proving_flight, payload, force=force)
         return
     if payload is not None:
-        remedy = "the demonstration carries 0.8 kg; skyway plan and fly take any"
-        raise InputError(Fault("goes with --proving-flight only", field="--payload", value=payload, remedy=remedy))
+        remedy = "the demonstration carries 0.8 kg; skyway plan and skyway fly take any mass"
+        raise InputError(Fault("goes with --calibration-flight only", field="--payload", value=payload, remedy=remedy))
     from skyway.demo import DemoOptions, plan_demo, run_demo, tell_end, with_day
 
     options = with_day(DemoOptions(folder=output, seed=seed, autopilot=autopilot, planner=planner), day)
@@ -68,7 +73,7 @@ def demo(
 
 
 def _prove(path: Path, payload: float | None, *, force: bool) -> None:
-    """Record a proving flight of the drone of the demonstration."""
+    """Record a calibration flight of the drone of the demonstration."""
     from skyway.cli import options
     from skyway.demo import DRONE, PAYLOAD_KG
     from skyway.proving_flight import record_square

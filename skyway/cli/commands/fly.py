@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from skyway.models.composition.composition import Composition
     from skyway.models.queues.pad_service import PadService
 
-FLY_HELP = """Fly a plan leg by leg, learn the wind on the way, and plan anew where that is better.
+FLY_HELP = """Fly a plan leg by leg, measure the wind on the way, and replan where that is better.
 
-Before each leg a list is gone through, the mission is uploaded and read back, and a divert station is known for every
-point of the way. Parameters that are set are told and asked for with the take-off: once, with --manual each time; they are
-restored at the end. Everything is written into a journal; a flight that was interrupted goes on with --resume. Ctrl-C stays
-where it stands, or lands and stays at the next station; twice in the air leaves the vehicle alone.
+Before each leg the preflight checks run, the mission is uploaded and read back, and every point of the route has a divert
+station. Parameters to be set are listed with the request for take-off: once, or before each take-off with --manual. They
+are restored at the end. Everything is written to a journal; --resume continues an interrupted flight. Ctrl-C stops the
+delivery on the ground, or at the next landing; pressed twice in the air, skyway stops commanding the vehicle.
 
 \b
 Examples:
@@ -41,51 +41,53 @@ Examples:
   skyway fly plan.json --connect tcp:127.0.0.1:5760 --pads tcp:127.0.0.1:5790 --resume recordings/delivery.jsonl
 """
 
-Plan = Annotated[Path, typer.Argument(help="Composition, as skyway plan -o writes it.")]
-PadAddress = Annotated[str, typer.Option("--pads", help="Where the pads are: tcp:HOST:PORT, or manual: people charge.")]
-Manual = Annotated[bool, typer.Option("--manual", help="Ask before each take-off.")]
-OutOfSample = Annotated[bool, typer.Option("--yes", help="Ask nothing: for rehearsals.")]
+Plan = Annotated[Path, typer.Argument(help="Plan, as written by skyway plan -o.")]
+PadAddress = Annotated[
+    str, typer.Option("--pads", help="Pad service tcp:HOST:PORT, or manual: people charge the drone.")
+]
+Manual = Annotated[bool, typer.Option("--manual", help="Ask for confirmation before each take-off.")]
+Unattended = Annotated[bool, typer.Option("--yes", help="Take off without asking. For simulations.")]
 JournalFile = Annotated[
     Path | None,
     typer.Option(
-        "--journal", help="Write the journal here; without it into the folder of --record.", show_default=False
+        "--journal", help="Journal to write. Without it: a new file in the folder of --record.", show_default=False
     ),
 ]
 Resume = Annotated[
-    Path | None, typer.Option("--resume", help="Go on with the delivery of this journal.", show_default=False)
+    Path | None, typer.Option("--resume", help="Continue the delivery of this journal.", show_default=False)
 ]
 Report = Annotated[
-    Path | None, typer.Option("--report", help="Write a report at the end: FILE.html.", show_default=False)
+    Path | None, typer.Option("--report", help="Write a report when the flight ends: FILE.html.", show_default=False)
 ]
 Drag = Annotated[
     Path | None,
     typer.Option(
-        "--drag", help="Drag of the drone, from skyway calibrate wind: its tilt tells the wind.", show_default=False
+        "--drag", help="Drag of the drone, from skyway calibrate wind: wind is estimated from tilt.", show_default=False
     ),
 ]
 ScenarioFolder = Annotated[
     Path | None,
-    typer.Option("--scenario", help="Scenario folder, where it is not the one the plan names.", show_default=False),
+    typer.Option("--scenario", help="Scenario folder. Without it: the one named in the plan.", show_default=False),
 ]
 ForecastFile = Annotated[
-    Path | None, typer.Option("--forecast", help="Forecast file instead of the scenario's.", show_default=False)
+    Path | None,
+    typer.Option("--forecast", help="Forecast file. Without it: the scenario's forecast.", show_default=False),
 ]
 ConstantWind = Annotated[
-    str | None, typer.Option("--wind", help="One wind at cruise height instead: 8@270.", show_default=False)
+    str | None,
+    typer.Option("--wind", help="One constant wind at cruise height instead of a forecast: 8@270.", show_default=False),
 ]
-Planner = Annotated[str, typer.Option("--planner", help="Planner of replanning.")]
-NoReplan = Annotated[bool, typer.Option("--no-replan", help="Fly the plan as it is, whatever comes.")]
-Release = Annotated[Literal["gripper", "operator"], typer.Option("--release", help="Who lets the package go.")]
+Planner = Annotated[str, typer.Option("--planner", help="Planner for replanning. Without it: the plan's.")]
+NoReplan = Annotated[bool, typer.Option("--no-replan", help="Fly the plan unchanged; never replan.")]
+Release = Annotated[Literal["gripper", "operator"], typer.Option("--release", help="How the package is released.")]
 Elevation = Annotated[
     list[str] | None,
     typer.Option(
-        "--elevation", help="STATION=METRES: ground height the plan does not know; repeatable.", show_default=False
+        "--elevation", help="STATION=METRES: ground height that the plan lacks; repeatable.", show_default=False
     ),
 ]
-Keep = Annotated[bool, typer.Option("--keep-parameters", help="Set no parameter; stop where one will not do.")]
-NoRestore = Annotated[
-    bool, typer.Option("--no-restore", help="Leave the parameters that were set; otherwise restored at the end.")
-]
+Keep = Annotated[bool, typer.Option("--keep-parameters", help="Set no parameters; stop if one is unsuitable.")]
+NoRestore = Annotated[bool, typer.Option("--no-restore", help="Leave changed parameters as they are at the end.")]
 
 
 @linked
@@ -94,7 +96,7 @@ def fly(
     link: Link,
     pads: PadAddress = "manual",
     manual: Manual = False,
-    yes: OutOfSample = False,
+    yes: Unattended = False,
     journal: JournalFile = None,
     resume: Resume = None,
     report: Report = None,
@@ -177,15 +179,15 @@ def _flown(
 
     view.doing(f"connecting: {link.connect}")
     with link.aboard() as vehicle:
-        view.doing("listening: telemetry, and the time of the vehicle")
+        view.doing("waiting for telemetry and the time of the vehicle")
         clock = _clock(vehicle, console)
         now = from_posix(clock.posix_s())
         job = job_at(now)
         if not (resumes or job.asking == "never" or console.present):
-            remedy = "type at a terminal, or --yes for rehearsals"
-            raise InputError(Fault("nobody can answer: standard input has ended", remedy=remedy))
+            remedy = "run it at a terminal, or give --yes in a simulation"
+            raise InputError(Fault("take-offs cannot be confirmed: standard input has ended", remedy=remedy))
         if job.drag is None:
-            console.tell("no --drag: the wind is taken as forecast, unless the autopilot itself tells it")
+            console.tell("no --drag: the forecast wind is used, unless the autopilot reports the wind")
         path = path or _journal_path(link.record, journal_name(job.composition, now))
         book = Journal(path, clock.posix_s, resume=resumes)
         book.listeners.append(view.take)
@@ -207,9 +209,9 @@ def _refuse_together(
     if manual and yes:
         raise InputError(Fault("--manual and --yes exclude each other", remedy="give one of them"))
     if resume is not None and journal is not None:
-        raise InputError(Fault("--journal and --resume exclude each other", remedy="a resumed journal goes on"))
+        raise InputError(Fault("--journal and --resume exclude each other", remedy="a resumed journal is continued"))
     if keep and no_restore:
-        remedy = "--keep-parameters sets none, so nothing is left to be restored"
+        remedy = "--keep-parameters sets no parameters, so there are none to restore"
         raise InputError(Fault("--keep-parameters and --no-restore exclude each other", remedy=remedy))
 
 
@@ -217,12 +219,16 @@ def _refuse_questions(composition: Composition, pads: str, release: str) -> None
     """With --yes nobody is listened to: refuse what could only be answered by a person, and would be waited for."""
     charges = [stop.station for stop in composition.stops if stop.recharge_s > 0.0]
     if pads == "manual" and charges:
-        problem = f"--yes and --pads manual exclude each other: at {', '.join(charges)} nobody could say charged"
-        raise InputError(Fault(problem, field="--pads", value=pads, remedy="--pads tcp:HOST:PORT, or leave --yes out"))
-    if release == "operator":
-        problem = "--yes and --release operator exclude each other: nobody could say that the package is taken off"
+        problem = (
+            f"--yes and --pads manual exclude each other: nobody could confirm the charging at {', '.join(charges)}"
+        )
         raise InputError(
-            Fault(problem, field="--release", value=release, remedy="--release gripper, or leave --yes out")
+            Fault(problem, field="--pads", value=pads, remedy="give --pads tcp:HOST:PORT, or leave out --yes")
+        )
+    if release == "operator":
+        problem = "--yes and --release operator exclude each other: nobody could confirm that the package was taken off"
+        raise InputError(
+            Fault(problem, field="--release", value=release, remedy="give --release gripper, or leave out --yes")
         )
 
 
@@ -233,7 +239,9 @@ def _check_words(planner: str, wind: str | None, forecast: Path | None) -> None:
     known = [name for name in PLANNERS if wind is not None or name not in CLAIRVOYANT_PLANNERS]
     if planner and planner not in known:
         problem = (
-            "needs the wind as it will be, which nobody knows in a flight" if planner in PLANNERS else "no such planner"
+            "needs perfect information about the wind, which a flight does not have"
+            if planner in PLANNERS
+            else "no such planner"
         )
         raise InputError(Fault(problem, field="--planner", value=planner, remedy=f"one of {', '.join(known)}"))
     if wind is not None:
@@ -261,7 +269,9 @@ def _clock(vehicle: MavlinkVehicle, console: Console) -> Clock:
     base, sample = vehicle.live.clock, vehicle.live.sample
     far = sample is not None and base.base.absolute and abs(sample.time_s - wall.posix_s()) >= FAR_S
     if far or base.simulated:
-        console.tell("the vehicle lives at another time than this computer (a simulation): its time is taken")
+        console.tell(
+            "the clock of the vehicle differs from that of this computer (a simulation): the vehicle's time is used"
+        )
     return VehicleTime(vehicle, wall)
 
 

@@ -22,10 +22,11 @@ if TYPE_CHECKING:
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.models.wind.estimation.field import WindObservation
 
-FORECAST_HELP = """Update the wind forecast with what drones measured, and write it for plan.
+FORECAST_HELP = """Update the wind forecast with winds measured by drones, and write it for skyway plan.
 
-The winds of all logs are fused: what differs from the forecast is alike nearby and for a while. Members like what was measured
-gain weight, and each is moved by its own miss, which fades with the horizon. Without logs the forecast is written as it is.
+The winds of all logs are combined: a forecast error is similar at nearby places and times. Members close to the
+measurements gain weight, and each member is corrected by its own error; the correction fades with the lead time.
+Without logs the forecast is written unchanged.
 
 Examples:
 
@@ -62,23 +63,25 @@ class Update:
 
 
 def forecast(  # noqa: D103  the help text is FORECAST_HELP
-    logs: Annotated[list[Path] | None, typer.Argument(help="Flight logs, of any drones.", show_default=False)] = None,
+    logs: Annotated[list[Path] | None, typer.Argument(help="Flight logs, of any drone.", show_default=False)] = None,
     scenario: log_options.ScenarioName = None,
     base: Annotated[
         Path | None,
-        typer.Option("--forecast", help="Forecast to update. Without it: the record's.", show_default=False),
+        typer.Option(
+            "--forecast", help="Forecast to update. Without it: made from the wind record.", show_default=False
+        ),
     ] = None,
     depart: Annotated[
         str | None,
-        typer.Option("--depart", help="Time to plan from. Without it: the last measurement.", show_default=False),
+        typer.Option("--depart", help="Departure to plan for. Without it: the last measurement.", show_default=False),
     ] = None,
-    hours: Annotated[int, typer.Option("--hours", help="How far beyond it.", min=1, max=48)] = 12,
-    slot: Annotated[float, typer.Option("--slot", help="Slots of the file at most so long, minutes.")] = 60.0,
+    hours: Annotated[int, typer.Option("--hours", help="Hours after the departure.", min=1, max=48)] = 12,
+    slot: Annotated[float, typer.Option("--slot", help="Longest time slot of the file, minutes.")] = 60.0,
     drag: log_options.Drag = None,
     vehicle: log_options.VehicleKind = None,
     columns: Columns = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Write the forecast here.", show_default=False)
+        Path | None, typer.Option("--output", "-o", help="Output file for the forecast: FILE.csv.", show_default=False)
     ] = None,
     as_json: AsJson = False,
     force: Force = False,
@@ -123,7 +126,7 @@ def _observations(path: Path, columns: Path | None, air: dict[str, Any]) -> list
             typer.echo(f"skyway: {path}: vehicle {system}: a nominal drag is used; {course.drag_reason}", err=True)
         found += course.observations
     if not found:
-        typer.echo(f"skyway: {path}: no wind could be measured in it", err=True)
+        typer.echo(f"skyway: {path}: no wind could be estimated from it", err=True)
     return found
 
 
@@ -135,12 +138,14 @@ def _update(
     from skyway.models.wind.forecast import read_forecast
 
     if not seen and instant is None:
-        remedy = "logs in which wind was measured, or --depart"
-        raise InputError(Fault("there is nothing to tell when the forecast is for", remedy=remedy))
+        remedy = "give logs with measured wind, or --depart"
+        raise InputError(Fault("no time is known for the forecast", remedy=remedy))
     depart_s = max(one.time_s for one in seen) if instant is None else instant.timestamp()
     fresh = [one for one in seen if -hours <= (depart_s - one.time_s) / 3600.0 <= OLDEST_H]
     if len(fresh) < len(seen):
-        typer.echo(f"skyway: {len(seen) - len(fresh)} measurements are too far from the departure in time", err=True)
+        typer.echo(
+            f"skyway: {len(seen) - len(fresh)} measurements are too long before or after the departure", err=True
+        )
     near = [one for one in fresh if _distance_m(world, one) <= log_options.FAR_M]
     if len(near) < len(fresh):
         away = f"more than {log_options.FAR_M / 1000.0:.0f} km from every wind site"
@@ -165,7 +170,7 @@ def _distance_m(world: Scenario, one: WindObservation) -> float:
 
 
 def _rows(update: Update) -> list[dict[str, Any]]:
-    """Wind over the middle of the network, at cruise height, before and after."""
+    """Wind at the centre of the network, at cruise height, before and after."""
     from skyway.plots.wind_summary import over_region
 
     rows = []
@@ -249,7 +254,7 @@ def _tell(update: Update, output: Path | None) -> None:
     for row in _field(update):
         wind = f"{row['speed_mps']:.1f} ± {row['sigma_mps']:.1f} m/s from {row['from_deg']:.0f}°"
         typer.echo(f"  {row['site']}: {wind} at {update.before.height_m:g} m")
-    typer.echo("  over the middle of the network, at cruise height, before and after:")
+    typer.echo("  at the centre of the network, at cruise height, before and after:")
     for row in _rows(update):
         before, after = (
             Wind(row[name]["speed_mps"], row[name]["from_deg"], row[name]["p10_mps"], row[name]["p90_mps"])

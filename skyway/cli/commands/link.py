@@ -31,10 +31,12 @@ class Kind(StrEnum):
     ALL = "all"
 
 
-MissionFile = Annotated[Path, typer.Argument(help="Mission: .plan or .waypoints.")]
+MissionFile = Annotated[Path, typer.Argument(help="Mission file: .plan or .waypoints.")]
 Required = Annotated[
     Path | None,
-    typer.Option("--parameters", help="Parameters it needs, as skyway mission writes them.", show_default=False),
+    typer.Option(
+        "--parameters", help="Parameter file for the mission, as written by skyway mission.", show_default=False
+    ),
 ]
 
 
@@ -64,9 +66,9 @@ def _read_parts(file: Path) -> tuple[MissionDocument, list[Part]]:
 def upload(
     link: Link, file: MissionFile, parameters: Required = None, yes: Yes = False, as_json: AsJson = False
 ) -> None:
-    """Upload a mission with its fence and rally points, and read it back: done means that it was compared.
+    """Upload a mission with its fence and rally points, and read it back: it is done when both are equal.
 
-    Without --yes nothing is sent: what would be is shown, beside what the vehicle holds.
+    Without --yes nothing is sent; the mission is shown with the differences from what the vehicle holds.
 
     \b
     Examples:
@@ -127,7 +129,7 @@ def _parameter_state(vehicle: MavlinkVehicle, check: ParameterCheck, *, yes: boo
     if check.ok:
         return "ok", check.actual
     if check.to_set is None:
-        return f"must be checked by hand: {check.wanted.why}", check.actual
+        return f"must be checked by a person: {check.wanted.why}", check.actual
     if not yes:
         return f"would be set to {check.to_set:g}: {check.wanted.why}", check.actual
     value = vehicle.set_parameter(check.wanted.name, check.to_set).value
@@ -192,7 +194,7 @@ def download(
 
     \b
     Examples:
-      skyway download -o aboard.plan --connect udpin:127.0.0.1:14540
+      skyway download -o vehicle.plan --connect udpin:127.0.0.1:14540
     """  # noqa: D301
     from skyway.cli import options
     from skyway.cli.views.link import print_json
@@ -207,7 +209,7 @@ def download(
     with link.aboard() as vehicle:
         mission, fence, rally = (vehicle.download(kind) for kind in MissionKind)
     if not (isinstance(mission, Mission) and isinstance(fence, Geofence) and isinstance(rally, RallyPoints)):
-        raise TypeError("a download of another kind than asked for")
+        raise TypeError("a download of a different kind than requested")
     written = write(MissionDocument(mission, fence, rally), output, force=force)
     if as_json:
         counts = {"items": len(mission), "fence_areas": len(fence.areas), "rally_points": len(rally)}
@@ -221,11 +223,11 @@ def download(
 @linked
 def clear(
     link: Link,
-    kind: Annotated[Kind, typer.Option("--kind", help="What.")] = Kind.MISSION,
+    kind: Annotated[Kind, typer.Option("--kind", help="What to clear.")] = Kind.MISSION,
     yes: Yes = False,
     as_json: AsJson = False,
 ) -> None:
-    """Clear what a vehicle holds, and read back that it is gone.
+    """Clear what a vehicle holds, and verify that it is gone.
 
     \b
     Examples:
@@ -253,7 +255,7 @@ def clear(
 
 @linked
 def verify(link: Link, file: MissionFile, as_json: AsJson = False) -> None:
-    """Compare what a vehicle holds with a file; exit code 1 where it differs in meaning.
+    """Compare what a vehicle holds with a file; exit code 1 if they differ in meaning.
 
     \b
     Examples:
@@ -271,7 +273,7 @@ def verify(link: Link, file: MissionFile, as_json: AsJson = False) -> None:
     else:
         for kind, difference in found:
             typer.echo(f"{kind.word}: {on_board(difference)}")
-        typer.echo("the vehicle holds what the file says" if not found else f"{len(found)} differences")
+        typer.echo("the vehicle holds the mission of the file" if not found else f"{len(found)} differences")
     if found:
         raise typer.Exit(1)
 

@@ -40,29 +40,31 @@ def register(app: typer.Typer) -> None:
 
 
 def mission(
-    plan: Annotated[Path, typer.Argument(help="Composition, as skyway plan writes it.")],
+    plan: Annotated[Path, typer.Argument(help="Plan, as written by skyway plan -o.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .plan or .waypoints.")],
-    whole: Annotated[bool, typer.Option("--whole", help="All legs (the default).")] = False,
-    leg: Annotated[int | None, typer.Option("--leg", help="One leg alone, numbered from 1.")] = None,
-    autopilot: Annotated[FamilyName, typer.Option(help="Who will fly it.")] = NAMES[0],
+    whole: Annotated[bool, typer.Option("--whole", help="All legs in one mission (the default).")] = False,
+    leg: Annotated[int | None, typer.Option("--leg", help="One leg only, numbered from 1.")] = None,
+    autopilot: Annotated[FamilyName, typer.Option(help="Autopilot of the vehicle.")] = NAMES[0],
     firmware: Annotated[
         str,
         typer.Option(
-            help="Its version, such as 4.6, 1.16 or main, for the names of parameters. Without it: the newest release.",
+            help="Firmware version, such as 4.6, 1.16 or main; parameter names depend on it. Without it: the newest release.",
             show_default=False,
         ),
     ] = "",
     armed_hold: Annotated[
-        bool, typer.Option("--armed-hold", help="Stay armed on the pads and leave by the clock. Dangerous.")
+        bool, typer.Option("--armed-hold", help="Stay armed on the pads and take off by the clock. Dangerous.")
     ] = False,
-    width: Annotated[float, typer.Option(help="Width of the fenced corridor in m; 0 writes no fence.")] = 400.0,
-    release: Annotated[Release, typer.Option(help="Who lets the package go at the end.")] = Release.GRIPPER,
-    cruise_height: Annotated[float | None, typer.Option(help="Metres above ground.")] = None,
+    width: Annotated[float, typer.Option(help="Width of the fenced corridor, m; 0 writes no fence.")] = 400.0,
+    release: Annotated[Release, typer.Option(help="How the package is released at the end.")] = Release.GRIPPER,
+    cruise_height: Annotated[
+        float | None, typer.Option(help="Cruise height above ground, m. Without it: the plan's.")
+    ] = None,
     climb: Annotated[float | None, typer.Option(help="Climb rate, m/s.")] = None,
     descent: Annotated[float | None, typer.Option(help="Descent rate, m/s.")] = None,
-    max_speed: Annotated[float | None, typer.Option(help="No leg is flown faster, m/s over ground.")] = None,
+    max_speed: Annotated[float | None, typer.Option(help="Highest ground speed, m/s.")] = None,
     elevation: Annotated[
-        list[str] | None, typer.Option(help="Ground height of a station that has none: ID=METRES.")
+        list[str] | None, typer.Option(help="Ground height of a station that lacks it: ID=METRES; repeatable.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files.")] = False,
 ) -> None:
@@ -171,14 +173,14 @@ def _echo_written(document: MissionDocument, files: Sequence[Path]) -> None:
 
 
 def convert(
-    source: Annotated[Path, typer.Argument(help="Mission, fence or rally file of any known format.")],
+    source: Annotated[Path, typer.Argument(help="Mission, fence or rally file in any known format.")],
     target: Annotated[Path, typer.Argument(help="File to write: .plan or .waypoints.")],
     force: Annotated[bool, typer.Option("--force", help="Overwrite files.")] = False,
 ) -> None:
     """Convert a mission file between QGroundControl and Mission Planner formats.
 
-    A .waypoints file holds the mission alone; fence and rally points go to files beside it. What the new
-    format cannot hold is said.
+    A .waypoints file holds the mission alone; fence and rally points go to separate files. What the new
+    format cannot hold is reported.
 
     \b
     Examples:
@@ -195,22 +197,25 @@ def convert(
 
 
 def check(
-    file: Annotated[Path, typer.Argument(help="Mission file of any known format.")],
-    scenario: Annotated[Path | None, typer.Option(help="Scenario: its fleet, pads, zones, rules and wind.")] = None,
-    drone: Annotated[str | None, typer.Option(help="Vehicle, by id; m200-v2 is built in.")] = None,
-    autopilot: Annotated[FamilyName | None, typer.Option(help="Check what this one cannot fly.")] = None,
-    wind: Annotated[
-        str | None, typer.Option(help="Steady wind at flying height, m/s and where it blows from: 8@270.")
+    file: Annotated[Path, typer.Argument(help="Mission file in any known format.")],
+    scenario: Annotated[
+        Path | None, typer.Option(help="Scenario folder: its fleet, pads, no-fly zones, rules and wind are used.")
     ] = None,
+    drone: Annotated[str | None, typer.Option(help="Drone id; m200-v2 is built in.")] = None,
+    autopilot: Annotated[FamilyName | None, typer.Option(help="Autopilot to check the mission for.")] = None,
+    wind: Annotated[str | None, typer.Option(help="Steady wind at flying height, m/s@degrees FROM: 8@270.")] = None,
+    drone: Annotated[str | None, typer.Option(help="Drone id; m200-v2 is built in.")] = None,
+    autopilot: Annotated[Autopilot | None, typer.Option(help="Autopilot to check the mission for.")] = None,
+    wind: Annotated[str | None, typer.Option(help="Steady wind at flying height, m/s@degrees FROM: 8@270.")] = None,
     depart: Annotated[
-        str | None, typer.Option(help="First take-off; with a scenario, its forecast is the wind.")
+        str | None, typer.Option(help="First take-off, with UTC offset. With --scenario, its forecast is used.")
     ] = None,
-    payload: Annotated[float, typer.Option(help="Package, kg.")] = 0.0,
+    payload: Annotated[float, typer.Option(help="Mass of the package, kg.")] = 0.0,
     soc: Annotated[float, typer.Option(help="Charge at the first take-off, percent.")] = 100.0,
-    reserve: Annotated[float, typer.Option(help="No landing below it, percent.")] = 20.0,
-    json: Annotated[bool, typer.Option("--json", help="For machines.")] = False,
+    reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Check any mission file: complete, flyable, in its fence, and does the battery last.
+    """Check any mission file: structure, flyability, fence, wind and battery.
 
     Exit code 0: no errors; 1: errors, or a battery that does not last; 2: the file cannot be read.
 
@@ -358,7 +363,7 @@ def _verdict(report: CheckReport) -> str:
 
 
 def show(
-    file: Annotated[Path, typer.Argument(help="Mission file of any known format.")],
+    file: Annotated[Path, typer.Argument(help="Mission file in any known format.")],
     plot: Annotated[Path | None, typer.Option(help="Draw map and height profile: FILE.png or FILE.svg.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the picture.")] = False,
 ) -> None:

@@ -17,7 +17,9 @@ params = typer.Typer(help="Read, set, compare and restore parameters.", no_args_
 @linked
 def params_get(
     link: Link,
-    names: Annotated[list[str] | None, typer.Argument(help="Names; none for all.", show_default=False)] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Names of parameters. Without them: all.", show_default=False)
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Print parameters as NAME,VALUE lines, which ground stations read.
@@ -42,8 +44,8 @@ def params_get(
 @linked
 def params_set(
     link: Link,
-    name: Annotated[str, typer.Argument(help="Name.")],
-    value: Annotated[float, typer.Argument(help="Value.")],
+    name: Annotated[str, typer.Argument(help="Name of the parameter.")],
+    value: Annotated[float, typer.Argument(help="New value.")],
     yes: Yes = False,
     as_json: AsJson = False,
 ) -> None:
@@ -108,9 +110,9 @@ def params_restore(
     yes: Yes = False,
     as_json: AsJson = False,
 ) -> None:
-    """Give a vehicle back the parameters that a flight has changed and not restored; each is read back.
+    """Restore the parameters of a vehicle that a flight changed and did not restore; each is read back.
 
-    A value that somebody has set since is left as it is.
+    A value that was changed since is left as it is.
 
     \b
     Examples:
@@ -136,7 +138,7 @@ def params_restore(
                 ]
             elif vehicle.armed:
                 raise CommandRefusedError(
-                    "restore parameters", "it is armed: its failsafes stay as they are in a flight"
+                    "restore parameters", "the vehicle is armed: failsafes are not changed in flight"
                 )
             else:
                 book = Journal(journal, lambda: datetime.now(UTC).timestamp(), resume=True)
@@ -154,7 +156,7 @@ def params_restore(
         for row in rows:
             typer.echo(f"{row['name']}: {row['now']:.9g} (before the flight: {row['before']:.9g}) {row['done']}")
         if not changes.before:
-            typer.echo("nothing to restore: the journal tells of no parameter that is still changed")
+            typer.echo("nothing to restore: the journal lists no changed parameter")
         elif not yes:
             typer.echo("add --yes to restore")
     if problem:

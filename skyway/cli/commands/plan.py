@@ -54,8 +54,8 @@ Depart = Annotated[
 Truth = Annotated[
     str | None,
     typer.Option(
-        "--truth",
-        help="The wind as it will be: a day of the record (2013-07-10) or a forecast file with one member.",
+        "--actual-wind",
+        help="The wind that will really blow, for planners with perfect information: a day of the record (2013-07-10) or a forecast file with one member.",
         show_default=False,
     ),
 ]
@@ -68,7 +68,7 @@ Drone = Annotated[
         autocompletion=completion.drones,
     ),
 ]
-Reserve = Annotated[float, typer.Option("--reserve", help="No landing below this charge, percent.")]
+Reserve = Annotated[float, typer.Option("--reserve", help="Least charge at any landing, percent.")]
 Soc = Annotated[float, typer.Option("--soc", help="Charge at the start, percent.")]
 Airspeed = Annotated[
     float | None, typer.Option("--airspeed", help="Planned airspeed, m/s. Without it: the drone's.", show_default=False)
@@ -82,7 +82,8 @@ Forecast = Annotated[
     typer.Option("--forecast", help="Forecast file: time, site, member, speed_mps, from_deg.", show_default=False),
 ]
 Recharge = Annotated[
-    str, typer.Option("--recharge", help="At each stop charge to 100 % (full) or what the next flight needs (enough).")
+    str,
+    typer.Option("--recharge", help="At each stop charge to 100 % (full) or to what the next flight needs (enough)."),
 ]
 ObjectiveOption = Annotated[
     str,
@@ -90,10 +91,8 @@ ObjectiveOption = Annotated[
         "--objective", help="mean, p95, or on-time with a deadline: 'on-time 2013-07-10T16:00-04:00' (planner robust)."
     ),
 ]
-Seed = Annotated[int, typer.Option("--seed", help="Of all sampling.", min=0, max=2**32 - 1)]
-TimeLimit = Annotated[
-    float, typer.Option("--time-limit", help="Seconds after which `ies` and `exact` stop, for each drone.")
-]
+Seed = Annotated[int, typer.Option("--seed", help="Random seed of all sampling.", min=0, max=2**32 - 1)]
+TimeLimit = Annotated[float, typer.Option("--time-limit", help="Time limit of `ies` and `exact` for each drone, s.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
 
 PLAN_HELP = """Plan a delivery that recharges on the way, under real wind and pad queues.
@@ -106,7 +105,7 @@ Examples:
   skyway plan --from bellevue --to white-plains --payload 0.8 --depart-window 3h --alternatives 3 --explain
   skyway plan my-scenario --from depot --to clinic --payload 1.2 -o plan.json --plot plan.png
 """
-COMPARE_HELP = """Put the same request to several planners, side by side.
+COMPARE_HELP = """Compare several planners on the same request.
 
 \b
 Examples:
@@ -131,7 +130,7 @@ def plan(
         str,
         typer.Option(
             "--planner",
-            help="robust, pfs, pfs-charge-aware, pfs-strict, shortest; told the truth: exact, ies.",
+            help="robust, pfs, pfs-charge-aware, pfs-strict, shortest; with perfect information: exact, ies.",
             autocompletion=completion.planners,
         ),
     ] = "robust",
@@ -139,7 +138,9 @@ def plan(
     depart_window: Annotated[
         str | None,
         typer.Option(
-            "--depart-window", help="Leave at the best time from --depart on within: 90min, 2h.", show_default=False
+            "--depart-window",
+            help="Choose the best departure within this time after --depart: 90min, 2h.",
+            show_default=False,
         ),
     ] = None,
     truth: Truth = None,
@@ -153,10 +154,10 @@ def plan(
     seed: Seed = 0,
     time_limit: TimeLimit = 60.0,
     alternatives: Annotated[
-        int, typer.Option("--alternatives", help="Up to so many different plans to choose from.", min=1, max=9)
+        int, typer.Option("--alternatives", help="Largest number of different plans to show.", min=1, max=9)
     ] = 1,
     explain: Annotated[
-        bool, typer.Option("--explain", help="Say for each stop why there, why so much, and the runner-up.")
+        bool, typer.Option("--explain", help="Explain each stop and its charge, and show the next best plan.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the composition as JSON.")] = False,
     geojson: Annotated[
@@ -215,7 +216,7 @@ def compare(
     payload: Payload,
     scenario: ScenarioArgument = None,
     planners: Annotated[
-        str, typer.Option("--planners", help="Names, separated by commas.")
+        str, typer.Option("--planners", help="Names of planners, separated by commas.")
     ] = "robust,pfs,pfs-charge-aware,shortest,ies",
     depart: Depart = None,
     truth: Truth = None,
@@ -350,9 +351,11 @@ def _solve_window(
     from skyway.planner.plan import CLAIRVOYANT_PLANNERS
 
     if planner in CLAIRVOYANT_PLANNERS or truth is not None:
-        remedy = "robust or one of the pfs planners, without --truth"
+        remedy = "robust or one of the pfs planners, without --actual-wind"
         raise InputError(
-            Fault("does not go with planners that are told the truth", field="--depart-window", remedy=remedy)
+            Fault(
+                "cannot be combined with planners that have perfect information", field="--depart-window", remedy=remedy
+            )
         )
     length_s = options.parse_duration(window, "--depart-window")
 

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from skyway.link.replay.prediction import Prediction
     from skyway.link.replay.replay import Replay, ReplayOptions
 
-REPLAY_HELP = """Go through a flight log as if it were live: legs, battery, wind, events.
+REPLAY_HELP = """Replay a flight log as if it were live: legs, battery, wind, events.
 
-Reads MAVLink .tlog, ArduPilot .bin, PX4 .ulg and .csv. Times are H:MM:SS after the beginning of the log.
+Reads MAVLink .tlog, ArduPilot .bin, PX4 .ulg and .csv. Times are H:MM:SS from the start of the log.
 
 Examples:
 
@@ -91,7 +91,10 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
         **log_options.log_forecast(opened, wind, forecast, scenario),
     )
     if followed and drag is None:
-        typer.echo("skyway: the drag is looked for in the whole log beforehand; --drag FILE makes it as live", err=True)
+        typer.echo(
+            "skyway: the drag is estimated from the whole log first; with --drag FILE the replay equals the live flight",
+            err=True,
+        )
     found = _go_through(opened, asked, followed, factor, csv, err=as_json, force=force)
     if plot is not None:
         from skyway.plots.replay import plot_replay
@@ -170,7 +173,7 @@ def _speed(text: str, connect: str | None) -> float:
         value = math.nan
     if not 0.0 < abs(value) <= 1000.0 or (value < 0.0 and connect is None):
         raise InputError(
-            Fault("is no speed", field="--speed", value=text, remedy="1, 10, max; below 0 backwards with --connect")
+            Fault("is not a speed", field="--speed", value=text, remedy="1, 10, max; below 0 backwards with --connect")
         )
     return value
 
@@ -190,7 +193,9 @@ def _offset(text: str | None, option: str) -> float | None:
         return None
     match = _CLOCK.match(text.strip())
     if match is None:
-        raise InputError(Fault("is no time of the log", field=option, value=text, remedy="H:MM:SS, MM:SS or seconds"))
+        raise InputError(
+            Fault("is not a time of the log", field=option, value=text, remedy="H:MM:SS, MM:SS or seconds")
+        )
     if match[4] is not None:
         return float(match[4])
     return int(match[1] or 0) * 3600.0 + int(match[2]) * 60.0 + float(match[3])
@@ -220,7 +225,9 @@ def _check_system(log: Log, system: int | None) -> None:
     known = (*log.summary.systems, *log.summary.others)
     if system is not None and system not in known:
         spoke = ", ".join(str(number) for number in known) or "none"
-        raise InputError(Fault("is not in this log", field="--system", value=system, remedy=f"these are: {spoke}"))
+        raise InputError(
+            Fault("is not in this log", field="--system", value=system, remedy=f"systems in this log: {spoke}")
+        )
 
 
 def _serve(
@@ -270,7 +277,7 @@ def _tell(found: Replay, path: Path) -> None:
     typer.echo(f"{path.name}: {summary.format}, {summary.messages} messages, {summary.skipped_bytes} bytes skipped")
     typer.echo(f"  {facts['start'] or 'no time'} to {facts['end'] or 'no time'} by {summary.time_base.source}")
     for doubt in summary.time_base.doubts:
-        typer.echo(f"  doubt: {doubt}")
+        typer.echo(f"  warning: {doubt}")
     shown = ", ".join(str(number) for number in summary.systems) or "none"
     what = f"{found.vehicle.kind} ({found.vehicle.told_by})"
     typer.echo(f"  vehicles: {shown}" + ("" if found.system is None else f"; shown: {found.system}, {what}"))
@@ -306,7 +313,7 @@ def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
         why = f": {found.drag_reason}" if found.drag_source == "none" and found.drag_reason else ""
         typer.echo(f"  wind: not measured{why}")
         return
-    later = "from the whole log, so not as live"
+    later = "from the whole log, unlike in a live flight"
     how = {
         "identified": f"drag identified {later}",
         "none": f"by airspeed, calibrated {later}" if found.airspeed_source == "identified" else "by airspeed",
@@ -314,13 +321,13 @@ def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
         "nominal": "nominal drag",
     }[found.drag_source]
     typer.echo(
-        f"  wind: {facts['mean_speed_mps']} m/s from {facts['mean_from_deg']}° in the mean, ± "
+        f"  wind: {facts['mean_speed_mps']} m/s from {facts['mean_from_deg']}° on average, ± "
         f"{float(found.wind.sigma_mps[-1]):.1f} m/s at the end ({how})"
     )
     forecast = facts["forecast"]
     if isinstance(forecast, dict):
         typer.echo(
-            f"  forecast: {forecast['speed_mps']} m/s from {forecast['from_deg']}°; in the mean "
+            f"  forecast: {forecast['speed_mps']} m/s from {forecast['from_deg']}°; on average "
             f"{forecast['vector_difference_mps']} m/s apart, {forecast['vector_rms_mps']} m/s RMS"
         )
 

@@ -13,10 +13,10 @@ from skyway.cli.log_options import AsJson, Force
 from skyway.models.base.errors import Fault, InputError
 from skyway.scenarios import load_scenario
 
-REPORT_HELP = """Make a page of a flight from its journal: what was planned, what happened, and why.
+REPORT_HELP = """Write a report of a flight from its journal: what was planned, what happened, and why.
 
-The page needs no network and no other file. It is made also of a flight that was broken off. With --json the figures
-are printed instead, and no page is written unless -o names one.
+The report is one HTML page that needs no network and no other file. Interrupted flights are reported, too. With --json
+the figures are printed, and no page is written unless -o names one.
 
 \b
 Examples:
@@ -25,26 +25,26 @@ Examples:
   skyway report out/demo/journal.jsonl --json
 """
 
-JournalFile = Annotated[Path, typer.Argument(help="Journal, as skyway fly writes it.", show_default=False)]
+JournalFile = Annotated[Path, typer.Argument(help="Journal, as written by skyway fly.", show_default=False)]
 Recording = Annotated[
     list[Path] | None,
-    typer.Option("--log", help="Recording of the flight (.tlog): finer telemetry; repeatable.", show_default=False),
+    typer.Option("--log", help="Recording of the flight (.tlog), for finer telemetry; repeatable.", show_default=False),
 ]
 PlanFile = Annotated[
-    Path | None, typer.Option("--plan", help="Compare with this plan, not with the journal's.", show_default=False)
+    Path | None, typer.Option("--plan", help="Plan to compare with. Without it: the journal's.", show_default=False)
 ]
 ScenarioFolder = Annotated[
     Path | None,
-    typer.Option("--scenario", help="Scenario folder of the flight: its no-fly zones are drawn.", show_default=False),
+    typer.Option("--scenario", help="Scenario folder of the flight, for its no-fly zones.", show_default=False),
 ]
 Output = Annotated[
     Path | None,
-    typer.Option("--output", "-o", help="The page; without it, report.html.", show_default=False),
+    typer.Option("--output", "-o", help="Output page. Without it: report.html.", show_default=False),
 ]
 
 Plot = Annotated[
     Path | None,
-    typer.Option("--plot", help="Draw map, charge and wind: FILE.svg; with a page.", show_default=False),
+    typer.Option("--plot", help="Picture of map, charge and wind: FILE.svg.", show_default=False),
 ]
 
 
@@ -63,7 +63,7 @@ def report(
 
     page = output or (None if as_json and plot is None else Path("report.html"))
     if plot is not None and plot.suffix.lower() != ".svg":
-        raise InputError(Fault("is no name of a picture", str(plot), field="--plot", remedy="FILE.svg"))
+        raise InputError(Fault("is not a picture file", str(plot), field="--plot", remedy="FILE.svg"))
     options.refuse_overwriting(page, plot, force=force)
     where = None if scenario is None else load_scenario(scenario)
     if page is None:
@@ -75,7 +75,7 @@ def report(
         return
     outcome = document["outcome"]
     ended = outcome["state"] if outcome["ended"] else f"not ended ({outcome['state']})"
-    typer.echo(f"{ended}: {outcome['reason'] or 'no reason is told'}")
+    typer.echo(f"{ended}: {outcome['reason'] or 'no reason recorded'}")
     typer.echo(str(page))
     options.say_written(plot)
 

@@ -17,8 +17,8 @@ from skyway.scenarios import load_scenario
 if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
 
-Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it: FILE.png or FILE.svg.", show_default=False)]
-AsJson = Annotated[bool, typer.Option("--json", help="Print it as JSON.")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: FILE.png or FILE.svg.", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 NETWORK_HELP = """Show the stations and segments that were read.
 
@@ -27,20 +27,20 @@ Examples:
   skyway network
   skyway network my-scenario --plot network.svg --geojson network.geojson
 """
-WIND_HELP = """Show the wind forecast for a departure: speed by hour, and where it comes from.
+WIND_HELP = """Show the wind forecast for a departure: speed and direction by hour.
 
 \b
 Examples:
   skyway wind --depart 2013-07-10T14:00-04:00
   skyway wind my-scenario --depart 2026-07-10T14:00-04:00 --plot wind.svg
 """
-INIT_HELP = """Write a commented scenario to start from.
+INIT_HELP = """Write a commented example scenario.
 
 \b
 Example:
   skyway scenario init my-scenario
 """
-CHECK_HELP = """Report everything wrong with a scenario at once.
+CHECK_HELP = """Check a scenario and report all its faults at once.
 
 \b
 Example:
@@ -52,7 +52,9 @@ def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
     app.command("network", help=NETWORK_HELP)(network)
     app.command("wind", help=WIND_HELP)(wind)
-    group = typer.Typer(name="scenario", help="Start and check scenarios.", no_args_is_help=True, rich_markup_mode=None)
+    group = typer.Typer(
+        name="scenario", help="Create and check scenarios.", no_args_is_help=True, rich_markup_mode=None
+    )
     group.command("init", help=INIT_HELP)(init)
     group.command("check", help=CHECK_HELP)(check)
     app.add_typer(group)
@@ -62,7 +64,7 @@ def network(
     scenario: ScenarioArgument = None,
     plot: Plot = None,
     geojson: Annotated[
-        Path | None, typer.Option("--geojson", help="Write stations and segments.", show_default=False)
+        Path | None, typer.Option("--geojson", help="Write stations and segments: FILE.geojson.", show_default=False)
     ] = None,
     as_json: AsJson = False,
     force: Force = False,
@@ -137,7 +139,7 @@ def wind(
     constant: WindOption = None,
     forecast: Forecast = None,
     truth: Truth = None,
-    hours: Annotated[int, typer.Option("--hours", help="How far ahead.", min=1, max=48)] = 12,
+    hours: Annotated[int, typer.Option("--hours", help="Hours ahead.", min=1, max=48)] = 12,
     plot: Plot = None,
     as_json: AsJson = False,
     force: Force = False,

@@ -31,17 +31,17 @@ if TYPE_CHECKING:
 BARE = {"--jitter": "0.01", "--duplicate": "0.02", "--reorder": "0.02"}
 """What a bare option of a bad link means."""
 DEFAULT_CONNECT = "udpout:127.0.0.1:14540"
-SIM_HELP = """Simulate vehicles, pads and wind that behave on the wire as the real ones do.
+SIM_HELP = """Simulate vehicles, pads and wind. On the wire the vehicles behave as real ones do.
 
-Every vehicle has its own system id. Each line printed is one thing that happened. Ctrl-C ends it.
+Every vehicle has its own system id. Each printed line is one event. Ctrl-C ends the simulation.
 
 Examples:
 
   skyway sim --vehicles 5 --at bellevue
 
-  skyway sim --autopilot ardupilot --tcp 5760 --wind-truth 8@270
+  skyway sim --autopilot ardupilot --tcp 5760 --wind 8@270
 
-  skyway sim --at bellevue --wind-truth 2013-07-10 --depart 2013-07-10T14:00-04:00 --pads tcp:127.0.0.1:5790
+  skyway sim --at bellevue --wind 2013-07-10 --depart 2013-07-10T14:00-04:00 --pads tcp:127.0.0.1:5790
 
   skyway sim --loss 0.1 --delay 0.02 --jitter --duplicate --reorder
 
@@ -58,17 +58,19 @@ class SimCommand(BareValueCommand):
 ScenarioArgument = Annotated[
     Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.", show_default=False)
 ]
-Vehicles = Annotated[int, typer.Option("--vehicles", help="How many.")]
+Vehicles = Annotated[int, typer.Option("--vehicles", help="Number of vehicles.")]
 At = Annotated[
     list[str] | None,
-    typer.Option("--at", help="Where they stand: station or lat,lon; several in turn.", show_default=False),
+    typer.Option(
+        "--at", help="Where the vehicles stand: station or lat,lon; repeatable, used in turn.", show_default=False
+    ),
 ]
-Family = Annotated[options.FamilyName, typer.Option("--autopilot", help="Whose behaviour.")]
+Family = Annotated[options.FamilyName, typer.Option("--autopilot", help="Autopilot to simulate.")]
 Firmware = Annotated[
     str,
     typer.Option(
         "--firmware",
-        help="Its version: 1.15, 1.16 or main; 4.5, 4.6, 4.7 or 4.8. Without it: 1.16, or 4.6.",
+        help="Firmware version: 1.15, 1.16 or main for px4 (default 1.16); 4.5, 4.6, 4.7 or 4.8 for ardupilot (default 4.6).",
         show_default=False,
     ),
 ]
@@ -78,34 +80,43 @@ CONNECT_HELP = (
 Connect = Annotated[list[str] | None, typer.Option("--connect", help=CONNECT_HELP, show_default=False)]
 Tcp = Annotated[
     int | None,
-    typer.Option("--tcp", help="Listen on this TCP port, ten further for each vehicle.", show_default=False),
+    typer.Option(
+        "--tcp", help="Listen on this TCP port; each further vehicle uses the port 10 higher.", show_default=False
+    ),
 ]
 PadAddress = Annotated[str | None, typer.Option("--pads", help="Serve the pads: tcp:HOST:PORT.", show_default=False)]
-Speedup = Annotated[float, typer.Option("--speedup", help="Simulated seconds to the second, up to 20.")]
+Speedup = Annotated[float, typer.Option("--speedup", help="Simulated seconds per second, up to 20.")]
 PadSpeedup = Annotated[
     float | None,
-    typer.Option("--pad-speedup", help="The same while every vehicle stands, up to 2000.", show_default=False),
+    typer.Option(
+        "--pad-speedup",
+        help="Simulated seconds per second while all vehicles are on the ground, up to 2000.",
+        show_default=False,
+    ),
 ]
-Seed = Annotated[int, typer.Option("--seed", help="Of gusts, errors, queues and losses.")]
+Seed = Annotated[int, typer.Option("--seed", help="Random seed of gusts, errors, queues and packet loss.")]
 FirstSystem = Annotated[int, typer.Option("--system", help="System id of the first vehicle.")]
 WIND_HELP = "The wind: 8@270 (m/s@degrees FROM), a day of the record, or a forecast file. Without it: calm."
-Wind = Annotated[str | None, typer.Option("--wind-truth", help=WIND_HELP, show_default=False)]
+Wind = Annotated[str | None, typer.Option("--wind", help=WIND_HELP, show_default=False)]
 Depart = Annotated[
     str | None,
     typer.Option("--depart", help="When simulated time begins, with UTC offset. Without it: now.", show_default=False),
 ]
 Soc = Annotated[float, typer.Option("--soc", help="Charge at the start, percent.")]
 Payload = Annotated[float, typer.Option("--payload", help="Mass of the package on board, kg.")]
-Warm = Annotated[bool, typer.Option("--warm", help="They have been on for a while: ready to arm.")]
-Traffic = Annotated[bool, typer.Option(help="Other drones come and go at the pads.")]
+Warm = Annotated[bool, typer.Option("--warm", help="Vehicles have been on for a while and are ready to arm.")]
+Traffic = Annotated[bool, typer.Option(help="Simulate other drones at the pads.")]
 Loss = Annotated[float, typer.Option("--loss", help="Share of packets lost, 0-1.")]
-Delay = Annotated[float, typer.Option("--delay", help="Seconds each packet is late, each way.")]
-Jitter = Annotated[float, typer.Option("--jitter", help=f"Up to so many seconds more; bare: {BARE['--jitter']}.")]
+Delay = Annotated[float, typer.Option("--delay", help="Delay of each packet, each way, s.")]
+Jitter = Annotated[
+    float, typer.Option("--jitter", help=f"Largest additional random delay, s; without a value: {BARE['--jitter']}.")
+]
 Duplicate = Annotated[
-    float, typer.Option("--duplicate", help=f"Share of packets that come twice, 0-1; bare: {BARE['--duplicate']}.")
+    float,
+    typer.Option("--duplicate", help=f"Share of packets duplicated, 0-1; without a value: {BARE['--duplicate']}."),
 ]
 Reorder = Annotated[
-    float, typer.Option("--reorder", help=f"Share of packets held back, 0-1; bare: {BARE['--reorder']}.")
+    float, typer.Option("--reorder", help=f"Share of packets reordered, 0-1; without a value: {BARE['--reorder']}.")
 ]
 FAULT_HELP = (
     "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s, or link-loss@T+60s+20s: 60 s after "
@@ -117,9 +128,9 @@ Parameters = Annotated[
     typer.Option("--parameter", help="NAME=VALUE set on every vehicle; repeatable.", show_default=False),
 ]
 Lasting = Annotated[
-    float | None, typer.Option("--for", help="End after so many simulated seconds.", show_default=False)
+    float | None, typer.Option("--duration", help="End after this simulated time, s.", show_default=False)
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a line.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, one object per line.")]
 
 
 def sim(
@@ -135,7 +146,7 @@ def sim(
     pad_speedup: PadSpeedup = None,
     seed: Seed = 1,
     system: FirstSystem = 1,
-    wind_truth: Wind = None,
+    wind: Wind = None,
     depart: Depart = None,
     soc: Soc = 100.0,
     payload: Payload = 0.0,
@@ -157,7 +168,7 @@ def sim(
     from skyway.sim_stub.transports.urls import parse_address
 
     if lasting is not None and not lasting > 0.0:
-        raise InputError(Fault("out of range", field="--for", value=lasting, remedy="seconds, above 0"))
+        raise InputError(Fault("out of range", field="--duration", value=lasting, remedy="seconds, above 0"))
     begins = options.parse_depart(depart)
     known, places = _placed(load_scenario(scenario), at)
     asked = FleetOptions(
@@ -173,7 +184,7 @@ def sim(
         seed=seed,
         warm=warm,
         epoch_s=begins.timestamp(),
-        wind=_wind(known, begins, wind_truth),
+        wind=_wind(known, begins, wind),
         load=known.load if traffic else None,
         faults=tuple(parse_fault(text) for text in fault or ()),
         parameters=tuple(_parameter(text) for text in parameter or ()),
@@ -258,7 +269,7 @@ def _wind(scenario: Scenario, begins: datetime, text: str | None) -> WindTruth |
     constant = parse_constant(text)
     if constant is not None:
         return constant
-    series, _ = options.true_wind(scenario, begins, text, "--wind-truth")
+    series, _ = options.true_wind(scenario, begins, text, "--wind")
     return None if series is None else RecordedWind(series)
 
 

@@ -28,14 +28,14 @@ def print_comparison(answers: list[Comparison]) -> None:
             continue
         c, outcome = answer.result.composition, answer.result.outcome
         cut = "" if answer.result.complete else " (cut off)"
-        told = outcome.crossed is None
+        certain = outcome.crossed is None  # a planner with perfect information
         sheet.add(
             answer.planner + cut,
             c.drone,
             minutes(outcome.delivery),
-            "" if told else _about(outcome.delivery_quantile(0.5)),
-            "" if told else _about(outcome.delivery_quantile(0.95)),
-            "told" if told else share(outcome.success),
+            "" if certain else _about(outcome.delivery_quantile(0.5)),
+            "" if certain else _about(outcome.delivery_quantile(0.95)),
+            "" if certain else share(outcome.success),
             duration(c.flight_time_s),
             duration(c.wait_time_s),
             duration(c.recharge_time_s),
@@ -47,11 +47,13 @@ def print_comparison(answers: list[Comparison]) -> None:
         sheet.show()
         say("")
         say(
-            "flight, wait and recharge: of a typical schedule. The rest: counted in the same simulated deliveries for all"
+            "flight, wait and recharge: typical schedule. Other columns: the same simulated deliveries for all planners"
         )
         clairvoyant = [one.planner for one in answers if one.result and one.planner in CLAIRVOYANT_PLANNERS]
         for name in clairvoyant:
-            say(f"{name} is told the true wind and queues: its delivery time is for that one truth, without gusts")
+            say(
+                f"{name} has perfect information (wind and queues): its delivery time is for that one realization, without gusts"
+            )
         say("")
     _print_bought(answers)
     for answer in answers:
@@ -93,15 +95,15 @@ def _safer(one: Bought) -> str:
 def _bought_by(one: Bought) -> str:
     """What the difference comes from."""
     if one.sooner.high < 0.0 and one.broken.value < one.broken_there.value:
-        return "robust charges, or waits for the wind, where the other takes off with less than the flight may need"
+        return "robust charges or waits for the wind where the other takes off with less than the flight may need"
     reasons = []
     if one.drone != one.drone_there:
         reasons.append(f"robust takes {one.drone} instead of {one.drone_there}")
     less = round((one.recharge_there_s - one.recharge_s) / 60.0)
     if less:
-        reasons.append(f"{abs(less)} min {'less' if less > 0 else 'more'} on pads on a typical schedule")
+        reasons.append(f"{abs(less)} min {'less' if less > 0 else 'more'} on pads in a typical schedule")
     if one.stops != one.stops_there:
         reasons.append(f"{one.stops} {'stop' if one.stops == 1 else 'stops'} instead of {one.stops_there}")
     if one.stops:
-        reasons.append("each charge decided at its stop, by the wind and the queues then")
-    return ", ".join(reasons) or "the same way without a stop; robust leaves when the wind allows"
+        reasons.append("charges decided at each stop, by wind and queues at that time")
+    return ", ".join(reasons) or "the same route without a stop; robust takes off when the wind allows"

@@ -151,7 +151,7 @@ class FlightView:
         if context is None:
             return []
         sample, silent_s = context.observed.sample, context.vehicle.silent_s
-        heard = f"not heard for {silent_s:.0f} s" if silent_s > 2.0 else "heard"
+        heard = f"silent for {silent_s:.0f} s" if silent_s > 2.0 else "heard"
         found = [f"vehicle: {context.vehicle.mode}, {'armed' if context.vehicle.armed else 'disarmed'}, {heard}"]
         if sample is not None and not self._leg:
             aim = "" if context.delivery.charge_to is None else f", to be {100 * context.delivery.charge_to:.0f} %"
@@ -161,7 +161,7 @@ class FlightView:
         if self._checks and not self._leg:
             found += self._open_checks()
         if context.texts.latest is not None:
-            found.append(f"it said last: {context.texts.latest}")
+            found.append(f"last message: {context.texts.latest}")
         return found
 
     def _open_checks(self) -> list[str]:
@@ -199,7 +199,7 @@ class FlightView:
             ("below the reserve", "", _probability(of.share(data, "p_below_reserve"))),
             ("wind", of.forecast_words(data) or UNKNOWN, of.measured_words(data) or "not measured"),
             ("ground speed", _with(of.number(data, "commanded_mps"), "m/s"), _with(of.number(data, "ground_speed_mps"), "m/s")),
-            ("off the way", "0 m", _with(of.number(data, "cross_track_m"), "m")),
+            ("off the route", "0 m", _with(of.number(data, "cross_track_m"), "m")),
             ("height above home", "", _with(of.number(data, "height_m"), "m")),
         ]  # fmt: skip
         limited = of.text(data, "limited")

@@ -90,7 +90,7 @@ def _on_board_of_item(found: Sequence[Difference]) -> str:
 def on_board(difference: Difference) -> str:
     """Say what the vehicle holds otherwise than the file."""
     where = difference.field if difference.item is None else f"item {difference.item} {difference.field}"
-    return f"{where}: on board {_shown(difference.read)}, in the file {_shown(difference.sent)}"
+    return f"{where}: on the vehicle {_shown(difference.read)}, in the file {_shown(difference.sent)}"
 
 
 def _shown(value: object) -> str:

@@ -63,14 +63,14 @@ def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
         say(f"Every landing keeps the reserve of {100 * c.reserve_soc:g} %: {share(c.success)} of the deliveries")
     if result.outcome.p_arrive < 1.0 - 1e-9:
         never = percent(1.0 - result.outcome.p_arrive, 1)
-        say(f"In {never} of the deliveries the wind does not allow every leg within the forecast")
+        say(f"In {never} of the deliveries the wind closes a leg until the forecast ends")
     members = len(result.problem.probability)
     winds = "the wind given" if members == 1 else f"{members} days of wind"
     if result.robust is not None and members > 1:
         winds += ", each forecast from the others"
     say(
-        f"({a.runs:,} simulated deliveries: {winds}, sampled queues, gusts and vehicles. Range: 95 % sure that the figure of "
-        "very many such deliveries lies in it)"
+        f"({a.runs:,} simulated deliveries: {winds}, sampled queues, gusts and vehicles. Ranges: 95 % "
+        "confidence intervals)"
     )
 
 
@@ -81,7 +81,7 @@ def schedule_sheet(c: Composition, zone: ZoneInfo) -> Sheet:
         Column("wind", "m/s"), Column("from"), Column("tail", "m/s"), Column("cross", "m/s"),
         Column("speed", "m/s", words="ground speed {} m/s"), Column("takes"), Column("charge", "%"),
         Column("reserve", "kept", words="reserve kept {}"), Column("hold for", "wind", words="hold for wind {}"),
-        Column("hold for", "room", words="hold for room {}"),
+        Column("hold for", "capacity", words="hold for capacity {}"),
     ]  # fmt: skip
     sheet = Sheet(columns, names=2)
     stops = {stop.station: stop for stop in c.stops}
@@ -150,7 +150,7 @@ def stop_text(stop: Stop, bound_for: str) -> str:
         doing.append(f"{wait} (free on arrival {percent(stop.p_pad_free)})")
         doing.append(f"charge {duration(stop.recharge_s)} to {100 * stop.soc_to:.0f} %")
     if stop.hold_room_s >= 0.5:
-        doing.append(f"hold {duration(stop.hold_room_s)} for room at {bound_for}")
+        doing.append(f"hold {duration(stop.hold_room_s)} for free capacity at {bound_for}")
     if stop.hold_s - stop.hold_room_s >= 0.5:
         doing.append(f"hold {duration(stop.hold_s - stop.hold_room_s)} for the wind")
     return f"{stop.station}: {', '.join(doing) or 'land and leave'}"
@@ -162,12 +162,10 @@ def _print_totals(result: PlanResult) -> None:
     if c.recharge_time_s or c.wait_time_s:
         parts += [f"wait {duration(c.wait_time_s)}", f"recharge {duration(c.recharge_time_s)}"]
     say(
-        f"Course: {', '.join(parts)}; {c.distance_m / 1000:.1f} km, {c.energy_j / 3600:.0f} Wh, "
+        f"Total: {', '.join(parts)}; {c.distance_m / 1000:.1f} km, {c.energy_j / 3600:.0f} Wh, "
         f"lowest charge {100 * c.min_soc:.0f} % (reserve {100 * c.reserve_soc:g} %)"
     )
-    say(
-        "Wind: mean and the speeds between which 8 of 10 are, where, when and as high as flown; tail and cross on average"
-    )
+    say("Wind: mean and 80 % range of the speed at the place, time and height of the flight; tail and cross: averages")
     if result.robust is not None:
         _print_choices(result.robust)
     for note in c.notes:
@@ -186,14 +184,14 @@ def _print_choices(answer: RobustAnswer) -> None:
         often = f"; {percent(one.idle)} of the deliveries leave at once" if one.idle >= 0.005 else ""
         low, high = percent(one.low), percent(one.high)
         between_ = low if low == high else f"{low} to {high}"
-        say(f"At {one.station} the charge is decided by the wind then: {between_} in 8 of 10 deliveries{often}")
+        say(f"At {one.station} the charge depends on the wind at that time: {between_} in 8 of 10 deliveries{often}")
     others = [one for one in answer.candidates[1:] if stop_names(one) != stop_names(answer.candidates[0])]
     if others:
         way = "with stops at " + ", ".join(stop_names(others[0])) if stop_names(others[0]) else "without a stop"
-        say(f"The next best route, {way}: {later_text(later(others[0].outcome, answer.candidates[0].outcome))}")
+        say(f"Next best route, {way}: {later_text(later(others[0].outcome, answer.candidates[0].outcome))}")
     bound = wait_and_see(answer)
     if bound is not None:
         say(
-            f"Lower bound with perfect forecast of wind and queues: {duration(bound.bound_s)} on average; "
+            f"Lower bound with perfect forecast: {duration(bound.bound_s)} on average; "
             f"this plan takes {percent(max(bound.gap, 0.0))} longer"
         )

@@ -94,10 +94,10 @@ def _print_alternatives(result: PlanResult, count: int) -> None:
     say("")
     if len(plans) == 1:
         if result.robust is None:
-            say(f"The planner {result.composition.planner} has one answer; robust compares routes")
+            say(f"The planner {result.composition.planner} gives one plan; only robust compares routes")
         else:
             say(
-                "No alternative: no other route that was found is better in anything (mean, 95th percentile, reserve, energy)"
+                "No alternative: no other route found is better in any respect (mean, 95th percentile, reserve, energy)"
             )
         return
     columns = [
@@ -117,7 +117,7 @@ def _print_alternatives(result: PlanResult, count: int) -> None:
             share(plan.outcome.success),
             f"{_energy_wh(plan):.0f}",
         )
-    say("Alternatives, each better than the others in something (1 is the plan above):")
+    say("Alternatives, each better than the others in some respect (1 is the plan above):")
     sheet.show()
 
 
@@ -132,18 +132,18 @@ def _print_reasons(result: PlanResult) -> None:
 
     say("")
     if result.robust is None:
-        say(f"The planner {result.composition.planner} gives no reasons; robust does")
+        say(f"The planner {result.composition.planner} gives no reasons; only robust does")
         return
     for one in stop_reasons(result):
         say(f"{one.station}: {_why_here(one)}")
         say(f"  {_why_so_much(one)}")
     if not result.composition.stops:
-        say("No stop is needed: the charge is enough for the whole way")
+        say("No stop is needed: the charge suffices for the whole route")
 
 
 def _why_here(one: StopReason) -> str:
     if one.runner_up is None or one.later is None:
-        return "there is no route without this stop"
+        return "without this stop there is no route"
     way = "the best route stops at " + ", ".join(one.runner_up) if one.runner_up else "the best route has no stop"
     safety = "" if one.later.value >= 0.0 else ", but is less safe"
     return f"without this stop {way}: {later_text(one.later)}{safety}"
@@ -152,11 +152,11 @@ def _why_here(one: StopReason) -> str:
 def _why_so_much(one: StopReason) -> str:
     """What the charge at a stop is for."""
     parts = (
-        f"{percent(one.leaves)} on average: {percent(one.expected)} for the flight, {percent(one.margin)} for stronger wind, "
-        f"gusts and a vehicle that takes more energy, {percent(one.reserve)} that must be left on landing"
+        f"{percent(one.leaves)} on average: {percent(one.expected)} for the flight, {percent(one.margin)} margin for "
+        f"stronger wind, gusts and a vehicle that uses more energy, {percent(one.reserve)} reserve on landing"
     )
     if one.idle >= 1.0 - 1e-9:
-        return f"the drone never charges here in the simulated deliveries, and leaves with {parts}"
+        return f"in the simulated deliveries the drone never charges here; it leaves with {parts}"
     if one.idle > 0.5:
         return f"{percent(one.idle)} of the deliveries leave at once; the others charge to {parts}"
     return f"the drone charges to {parts}"

@@ -29,23 +29,23 @@ def watch(
     link: Line,
     lasting: Annotated[
         float | None,
-        typer.Option("--for", help="End after so many seconds; without it, at Ctrl-C.", show_default=False),
+        typer.Option("--duration", help="End after this time, s. Without it: at Ctrl-C.", show_default=False),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Watch all vehicles on a connection: position, charge, wind, mode, link. Ctrl-C ends it.
 
-    Where the output is no terminal, a line a second for each vehicle.
+    Where the output is not a terminal, one line per second and vehicle is printed.
 
     \b
     Examples:
       skyway watch --connect udpin:127.0.0.1:14540
-      skyway watch --connect tcp:127.0.0.1:5760 --for 10 --json
+      skyway watch --connect tcp:127.0.0.1:5760 --duration 10 --json
     """  # noqa: D301
     from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
 
     if lasting is not None and not 0.0 < lasting < math.inf:
-        raise InputError(Fault("out of range", field="--for", value=lasting, remedy="seconds, above 0"))
+        raise InputError(Fault("out of range", field="--duration", value=lasting, remedy="seconds, above 0"))
     with link.opened() as connection:
         watched = _Watch(connection)
         begun_s = connection.clock.now_s()
@@ -94,13 +94,13 @@ class _Watch:
 
     def remarks(self) -> list[str]:
         """What is wrong with the connection itself, for a person."""
-        said = [f"vehicle {n}: autopilot {kind} is none that we know" for n, kind in self.strange.items()]
+        said = [f"vehicle {n}: unknown autopilot {kind}" for n, kind in self.strange.items()]
         rejected = self.connection.rejected
         counts = (rejected.unsigned, rejected.forged, rejected.replayed, rejected.elsewhere)
         words = ("unsigned", "forged", "replayed", "from another address")
         if rejected.untrusted:
             told = ", ".join(f"{count} {word}" for count, word in zip(counts, words, strict=True) if count)
-            said.append(f"packets not believed: {told}")
+            said.append(f"packets rejected: {told}")
         if self.connection.conflict is not None:
             said.append(str(self.connection.conflict))
         return said

@@ -20,7 +20,7 @@ def print_wind(rows: list[dict[str, Any]], ensemble: WindEnsemble, scenario: Sce
     zone = ZoneInfo(scenario.timezone)
     days = f"{ensemble.labels[0]} … {ensemble.labels[-1]}" if len(ensemble.labels) > 1 else ensemble.labels[0]
     count = "one wind" if len(ensemble.labels) == 1 else f"{len(ensemble.labels)} possible winds"
-    say(f"{count} ({days}), at {scenario.rules.cruise_height_m:g} m over the middle of the network")
+    say(f"{count} ({days}), at {scenario.rules.cruise_height_m:g} m at the centre of the network")
     columns = [Column("hour", justify="left"), Column("wind", "m/s"), Column("from"), Column("within 45°")]
     columns += [
         Column(
@@ -43,7 +43,7 @@ def print_wind(rows: list[dict[str, Any]], ensemble: WindEnsemble, scenario: Sce
     sheet.show()
     say("")
     say(
-        "wind: mean, and the speeds between which 8 of 10 are; from: where most of them come from, variable where no quarter of"
+        'wind: mean and 80 % range of the speed; from: prevailing direction, "variable" if no sector of 90° holds half of the'
     )
-    say("the compass holds more than half of them; within 45°: the share that comes from there")
-    say("over: probability that the wind is above the limit of a drone, which then holds on the ground")
+    say("winds; within 45°: share of the winds from there")
+    say("over: probability of a wind above the limit of a drone, which then holds on the ground")

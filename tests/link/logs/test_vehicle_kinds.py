@@ -177,7 +177,7 @@ def test_a_kind_that_is_given_is_used_where_the_log_is_silent_and_refused_where_
     assert len(silent.wind) > 200
     with pytest.raises(InputError, match="the log is of a fixed wing"):
         replayed(tmp_path, dataflash(PLANE, "ArduPlane V4.5.7"), vehicle="multirotor")
-    with pytest.raises(InputError, match="is no kind of vehicle"):
+    with pytest.raises(InputError, match="is not a kind of vehicle"):
         replayed(tmp_path, dataflash(PLANE, ""), vehicle="bird")
 
 

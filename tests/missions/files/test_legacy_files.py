@@ -35,8 +35,8 @@ def test_rally_lines_keep_what_we_do_not_use():
         ("RALLY 1 2 3 4 5 x\n", "is not a line of numbers"),
         ("RALLY 1 200 3 4 5 6\n", "is not a latitude and a longitude"),
         ("RALLY 1 2 nan 4 5 6\n", "number out of range"),
-        ("hello\n", "is not a mission file that we know"),
-        ("", "is not a mission file that we know"),
+        ("hello\n", "is not a known mission format"),
+        ("", "is not a known mission format"),
     ],
 )
 def test_wrong_lines_are_refused_with_line_and_reason(text, message):

@@ -213,7 +213,7 @@ def test_a_landing_pattern_of_the_oldest_form_has_a_loiter_and_two_references():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"version": 3}, "version: is a version of fwLandingPattern that we do not know"),
+        ({"version": 3}, "version: is a version of fwLandingPattern that skyway does not know"),
         ({"landCoordinate": None}, r"items\[0\].landCoordinate: is not a list"),
         ({"landCoordinate": [95, 8, 0]}, "latitude is not between -90 and 90"),
         ({"landingApproachCoordinate": [47.5, 8.5]}, r"is not \[latitude, longitude, altitude\]"),
@@ -253,7 +253,7 @@ def test_a_pattern_without_its_items_is_not_supported_and_named(kind):
 def test_a_pattern_of_a_version_that_qgroundcontrol_refuses_is_refused(kind, version, style):
     pattern = {"type": "ComplexItem", "complexItemType": kind, "version": version}
     pattern["TransectStyleComplexItem"] = {"version": style, "Items": [item()]}
-    with pytest.raises(InputError, match=r"items\[1\].*version: is a version of .* that we do not know"):
+    with pytest.raises(InputError, match=r"items\[1\].*version: is a version of .* that skyway does not know"):
         read(plan(item(), pattern))
     pattern |= {"version": {"survey": 5, "CorridorScan": 2}[kind]}
     pattern["TransectStyleComplexItem"]["version"] = 1
@@ -278,7 +278,7 @@ def test_a_home_that_says_nothing_is_unknown(home):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (plan(item(), version=7), r"mission.version: is a mission version we do not know \(got '7'\)"),
+        (plan(item(), version=7), r"mission.version: is an unknown mission version \(got '7'\)"),
         ({**plan(item()), "version": 3}, "plan version we do not know"),
         ({**plan(item()), "fileType": "Parameters"}, "is not a mission plan"),
         ({"fileType": "Plan", "version": 1, "geoFence": {"version": 2}}, "mission: is not a mission plan: it has no"),

@@ -36,7 +36,7 @@ def test_a_fault_says_only_what_it_knows(fault, text):
 
 
 def test_a_long_value_is_cut():
-    assert len(str(Fault("is no number", value="9" * 10_000))) < 100
+    assert len(str(Fault("is not a number", value="9" * 10_000))) < 100
 
 
 @given(problem=st.text(), file=st.text(), field=st.text(), value=st.text(), remedy=st.text())

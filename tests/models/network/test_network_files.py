@@ -206,7 +206,7 @@ def test_a_wrong_power_is_refused(tmp_path):
     ("text", "said"),
     [
         ("", "stations.csv:1: id: column is missing; the file is empty"),
-        (HEADER, "stations.csv: holds no stations"),
+        (HEADER, "stations.csv: has no stations"),
         ("id;lat;lon\nx;40.8;-73.9\n", "stations.csv:1: id: column is missing; the header has id;lat;lon"),
         ("id,lat,lon,lat\nx,1,2,3\n", "stations.csv:1: lat: two columns have this name"),
         (HEADER + "x,N,40.8,-73.9\0,1,5\n", "stations.csv: is not text: byte 47 is NUL"),
@@ -225,7 +225,7 @@ def test_a_file_full_of_faults_is_not_read_to_its_end(tmp_path):
     text = HEADER + "x,N,north,-73.9,1,5\n" * 200_000
     faults = said_of(tmp_path, text)
     assert len(faults) <= MAX_FAULTS + 3
-    assert faults[-1].endswith("so many faults that the rest was not read")
+    assert faults[-1].endswith("too many faults; the rest was not read")
 
 
 def test_200_megabytes_are_refused(tmp_path):
@@ -281,9 +281,9 @@ def test_properties_of_geojson_are_named_as_columns_are(tmp_path):
         ("{}", "is not GeoJSON; expected a FeatureCollection"),
         ('{"type": "FeatureCollection"}', "features: must be a list"),
         ('{"type": "FeatureCollection", "features": {"a": 1}}', "features: must be a list"),
-        (collection(), "holds no stations"),
-        (collection(1, None, "x", []), "holds no stations"),
-        (collection(feature("Polygon")), "holds no stations"),
+        (collection(), "has no stations"),
+        (collection(1, None, "x", []), "has no stations"),
+        (collection(feature("Polygon")), "has no stations"),
         (collection(feature(coordinates=[])), "features[0]: a point needs [lon, lat] (got '[]')"),
         (collection(feature(coordinates="ab", id="x")), "features[0]: a point needs [lon, lat] (got 'ab')"),
         (collection(feature(coordinates=[None, 1], id="x")), "features[0].lon: is not a number (got 'None')"),
@@ -325,8 +325,8 @@ def test_all_wrong_segments_are_said_at_once(tmp_path):
     text = "from,to,both\n0,nowhere,\n,b,\nb,b,\nc,0,perhaps\nb\nc,b,0\n"
     faults = [f.removeprefix(f"{tmp_path}/") for f in faults_of(lambda: segments_of(tmp_path, text))]
     assert faults == [
-        "segments.csv:2: to: names no station (got 'nowhere')",
-        "segments.csv:3: from: names no station (got 'nothing')",
+        "segments.csv:2: to: is not a known station (got 'nowhere')",
+        "segments.csv:3: from: is not a known station (got 'nothing')",
         "segments.csv:4: to: leads from a station to itself (got 'b')",
         "segments.csv:5: both: is not known (got 'perhaps'); yes or no",
         "segments.csv:6: has 1 cells, the header has 3",

@@ -230,7 +230,7 @@ def test_stations_without_a_column_get_no_load_and_a_warning(tmp_path):
     load, warnings = read_occupancy(path, ["a", "b"], NEW_YORK, [5, 5], 60.0)
     assert not load.arrivals_per_s[1].any()
     assert "no load, for b" in warnings[0]
-    assert "1 columns are no station here: other" in warnings[1]
+    assert "1 columns are not stations of the network: other" in warnings[1]
 
 
 def test_a_clock_change_in_the_record_breaks_nothing(tmp_path):

@@ -277,7 +277,7 @@ def test_no_held_out_day_nor_its_neighbours_is_in_the_forecast(newyork, request_
 
 def test_a_forecast_that_contains_the_truth_is_refused(newyork, request_, realizations):
     knowing = plan(newyork, request_, planner="pfs")
-    with pytest.raises(InputError, match="the forecast contains the truth"):
+    with pytest.raises(InputError, match="the forecast contains the actual wind"):
         evaluate(knowing, realizations)
 
 

@@ -26,7 +26,7 @@ ABSURD = {
     "reserve unknown": ({"reserve_soc": math.nan}, "reserve_soc", "fraction"),
     "charge in percent": ({"soc": 90}, "state.soc", "did you mean 0.9?"),
     "charge without end": ({"soc": math.inf}, "state.soc", "fraction"),
-    "charge as a word": ({"soc": "full"}, "state.soc", "is no number"),
+    "charge as a word": ({"soc": "full"}, "state.soc", "is not a number"),
     "mode in capitals": ({"recharge": "FULL"}, "recharge", "did you mean full?"),
     "mode unknown": ({"recharge": "half"}, "recharge", "full or enough"),
     "risk in percent": ({"epsilon": 5}, "epsilon", "did you mean 0.05?"),
