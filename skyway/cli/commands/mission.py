@@ -204,9 +204,6 @@ def check(
     drone: Annotated[str | None, typer.Option(help="Drone id; m200-v2 is built in.")] = None,
     autopilot: Annotated[FamilyName | None, typer.Option(help="Autopilot to check the mission for.")] = None,
     wind: Annotated[str | None, typer.Option(help="Steady wind at flying height, m/s@degrees FROM: 8@270.")] = None,
-    drone: Annotated[str | None, typer.Option(help="Drone id; m200-v2 is built in.")] = None,
-    autopilot: Annotated[Autopilot | None, typer.Option(help="Autopilot to check the mission for.")] = None,
-    wind: Annotated[str | None, typer.Option(help="Steady wind at flying height, m/s@degrees FROM: 8@270.")] = None,
     depart: Annotated[
         str | None, typer.Option(help="First take-off, with UTC offset. With --scenario, its forecast is used.")
     ] = None,
