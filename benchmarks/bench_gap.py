@@ -236,7 +236,7 @@ def measure_request(
 
 def _told_the_wind(start: Problem, realizations: Realizations, run: int) -> float:
     """Delivery time of who plans anew in one truth whose wind it is told, s."""
-    told = start.with_ensemble(realizations.wind.member(int(realizations.day[run])))
+    told = Problem(start.scenario, start.request, start.drone, realizations.wind.member(int(realizations.day[run])))
     return float(fly_policy(realizations, DRONE, RollingRobust(told, NO_ERRORS), np.array([run]))[0].delivery_s[0])
 
 

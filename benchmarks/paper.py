@@ -24,7 +24,7 @@ from skyway.models.network.builders import build_network
 from skyway.models.network.network import ConnectionRule, Station
 from skyway.models.queues.load import PadLoad
 from skyway.planner.plan import plan
-from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
 from skyway.planner.schedule.itinerary import fly_true
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from skyway.models.scenario.scenario import Scenario
-    from skyway.planner.problem.problem import Problem
     from skyway.planner.result import PlanResult
 
 NODES = (5, 10, 15, 20, 25, 30, 35, 40)
@@ -195,7 +194,7 @@ def _run(
         else:
             spent = result.planning_time_s
             status = SOLVED if result.complete else CUT_OFF
-            truly = result.problem.with_ensemble(truth)
+            truly = Problem(result.problem.scenario, result.problem.request, result.problem.drone, truth)
             delivery_s, below = _flown(truly, result)
         ends = (request.state.station or "", request.destination, day.isoformat())
         runs.append(PaperRun(size, number, *ends, name, status, spent, delivery_s, below))

@@ -102,11 +102,6 @@ def _by_name() -> dict[str, MessageKind]:
     return {kind.name: kind for kind in kinds().values()}
 
 
-def kind_named(name: str) -> MessageKind:
-    """Kind of a message by name."""
-    return _by_name()[name]
-
-
 def _kind(number: int, found: Any) -> MessageKind:
     fields, index, base = [], 0, found.unpacker.size
     offset = 0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
+from skyway.models.base.units import J_PER_WH, S_PER_H, S_PER_MIN
 from skyway.models.drones.energy import M100_COEFFICIENTS, PHASES, EnduranceEnergy, EnergyModel, MomentumEnergy, Phase
 
 if TYPE_CHECKING:
@@ -261,7 +261,3 @@ def _smooth(time_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray
 def _toml_text(text: str) -> str:
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'
-
-
-DEFAULT_DENSITY_KG_M3 = AIR_DENSITY_KG_M3
-"""Where the density during the flights is not said."""

@@ -283,6 +283,23 @@ def write_geojson(network: Network, path: Path, *, force: bool = False) -> None:
     write_atomically(path, json_text(to_geojson(network), indent=1) + "\n", force=force)
 
 
+def write_graphml(network: Network, path: Path, *, force: bool = False) -> None:
+    """Write the graph of stations and segments as GraphML; what is not known of a station is left out.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        Package `networkx` is not installed (extra ``graph``).
+    """
+    import networkx as nx  # imported late: 90 ms
+
+    graph = network.graph.copy()
+    for _, attributes in graph.nodes(data=True):
+        for name in [name for name, value in attributes.items() if value is None]:
+            del attributes[name]
+    write_atomically(path, "\n".join(nx.generate_graphml(graph)) + "\n", force=force)
+
+
 def write_stations_csv(network: Network, path: Path, *, force: bool = False) -> None:
     """Write stations as CSV with the columns of `STATION_FIELDS`."""
     stream = io.StringIO()

@@ -225,6 +225,18 @@ class Network:
             graph.add_edge(ids[tail], ids[head], distance_m=distance, bearing_deg=bearing)
         return graph
 
+    def articulation_stations(self) -> list[str]:
+        """Stations, by id, without any one of which the network would be in more parts (its articulation points).
+
+        Raises
+        ------
+        ModuleNotFoundError
+            Package `networkx` is not installed (extra ``graph``).
+        """
+        import networkx as nx
+
+        return sorted(nx.articulation_points(self.graph.to_undirected(as_view=True)))
+
     def parts(self) -> list[tuple[str, ...]]:
         """Weakly connected parts, largest first, as station ids."""
         parent = np.arange(len(self.stations))

@@ -100,48 +100,27 @@ def no_queue() -> QueuePath:
     return QueuePath(np.empty(0), np.array([-math.inf]), np.array([-math.inf]))
 
 
-def expected_path(start_s: float, step_s: float, wait_s: ArrayLike) -> QueuePath:
-    """Make the path of a drone that waits as long as is expected at its arrival.
-
-    Parameters
-    ----------
-    start_s, step_s : float
-        The grid, POSIX seconds and seconds.
-    wait_s : array_like, shape (times,)
-        Expected waits of arrivals at `start_s`, `start_s` + `step_s`, …
-
-    Returns
-    -------
-    QueuePath
-        Within a step the wait is the mean of its two ends, before the grid and after it that of its first and last
-        time. Where that would let a later arrival have its pad earlier, it gets it with the last one before it.
-        Landing needs no wait.
-
-    Raises
-    ------
-    InputError
-        The grid has no times or no length, or a wait is negative or not a number.
-    """
-    wait = np.asarray(wait_s, dtype=np.float64)
-    if wait.ndim != 1:
-        raise InputError(Fault("waits are one for each time", field="wait_s", value=wait.shape))
-    return expected_paths(start_s, step_s, wait[None])[0]
-
-
 def expected_paths(start_s: float, step_s: float, wait_s: NDArray[np.float64]) -> list[QueuePath]:
-    """Make the paths of drones that wait as long as is expected at several stations; see `expected_path`.
+    """Make the paths of drones that wait as long as is expected at their arrival, at several stations.
 
     Parameters
     ----------
     start_s, step_s : float
         The grid, POSIX seconds and seconds.
     wait_s : ndarray, shape (stations, times)
-        Expected waits.
+        Expected waits of arrivals at `start_s`, `start_s` + `step_s`, …
+
+    Returns
+    -------
+    list of QueuePath
+        One a station. Within a step the wait is the mean of its two ends, before the grid and after it that of its
+        first and last time. Where that would let a later arrival have its pad earlier, it gets it with the last one
+        before it. Landing needs no wait.
 
     Raises
     ------
     InputError
-        As `expected_path`.
+        The grid has no times or no length, or a wait is negative or not a number.
     """
     stations, times = wait_s.shape
     if not times or not (step_s > 0.0 and math.isfinite(step_s)):
@@ -218,18 +197,18 @@ def sample_path(
     return _path(generator, pads, holding_spots, (arrivals, 1.0 / charging), times, present, known)
 
 
-def sample_paths(
+def sample_sets(
     load: PadLoad,
     pads: ArrayLike,
     holding_spots: ArrayLike,
     stations: Sequence[int],
     start_s: float,
     hours: float,
-    seed: int | Sequence[int],
+    seeds: Sequence[int | Sequence[int]],
     busy: Mapping[int, int] | None = None,
     remaining_s: Mapping[int, Sequence[float]] | None = None,
-) -> dict[int, QueuePath]:
-    """Sample one path for each of several stations.
+) -> list[dict[int, QueuePath]]:
+    """Sample a set of paths, one for each of several stations, for each of several seeds.
 
     Each station draws from a stream of its own, made from the seed and its index, so that it gets the same
     path whichever other stations are asked for. Where the pads were not seen, the path begins with a number of drones
@@ -245,8 +224,8 @@ def sample_paths(
         Which nodes.
     start_s, hours : float
         The horizon, POSIX seconds and hours.
-    seed : int or sequence of int
-        For example (seed, member).
+    seeds : sequence of int or of sequence of int
+        One a set, for example (seed, member).
     busy : mapping of int to int, optional
         Drones present at `start_s`, by node.
     remaining_s : mapping of int to sequence of float, optional
@@ -254,29 +233,14 @@ def sample_paths(
 
     Returns
     -------
-    dict of int to QueuePath
-        By node.
+    list of dict of int to QueuePath
+        For each seed, by node.
 
     Raises
     ------
     InputError
         As `sample_path`.
     """
-    return sample_sets(load, pads, holding_spots, stations, start_s, hours, [seed], busy, remaining_s)[0]
-
-
-def sample_sets(
-    load: PadLoad,
-    pads: ArrayLike,
-    holding_spots: ArrayLike,
-    stations: Sequence[int],
-    start_s: float,
-    hours: float,
-    seeds: Sequence[int | Sequence[int]],
-    busy: Mapping[int, int] | None = None,
-    remaining_s: Mapping[int, Sequence[float]] | None = None,
-) -> list[dict[int, QueuePath]]:
-    """Sample a set of paths for each of several seeds: what `sample_paths` gives for each, in less time."""
     seen, times = busy or {}, remaining_s or {}
     counts = np.broadcast_to(np.asarray(pads, dtype=np.int64), (len(load),))
     spots = np.broadcast_to(np.asarray(holding_spots, dtype=np.int64), (len(load),))

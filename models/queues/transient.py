@@ -27,7 +27,6 @@ from skyway.models.queues.transient_kernels import (
     MAX_JUMPS,
     MAX_STATES,
     expected_waits,
-    time_for,
     transient_distributions,
 )
 
@@ -137,46 +136,6 @@ def stationary(pads: int, offered_load: float, states: int) -> NDArray[np.float6
     result = tail.copy()
     result[: min(pads, states)] = head[:states]
     return result
-
-
-def transient(
-    pads: int,
-    arrivals_per_s: ArrayLike,
-    mean_charging_s: ArrayLike,
-    initial: int | ArrayLike,
-    slot_s: float = S_PER_H,
-    step_s: float = STEP_S,
-) -> Transient:
-    """Probabilities of the number of drones present, from a known state or distribution.
-
-    Parameters
-    ----------
-    pads : int
-        At least 1.
-    arrivals_per_s, mean_charging_s : array_like, shape (slots,)
-        Rates, constant within a slot.
-    initial : int or array_like, shape (any,)
-        Drones present at the beginning, those above `pads` in the line, or the probabilities of 0, 1, 2, …
-        drones.
-    slot_s, step_s : float
-        Length of a slot, and distance of the answers (not tied to the slots), seconds.
-
-    Returns
-    -------
-    Transient
-        From 0 to the end of the last slot at least.
-
-    Raises
-    ------
-    InputError
-        Rates out of range, an initial state that is none, or a line that grows beyond `MAX_STATES`.
-    """
-    arrivals, charging = _rates(arrivals_per_s, mean_charging_s)
-    points = math.ceil(len(arrivals) * slot_s / step_s - 1e-9) + 1
-    times = np.arange(points, dtype=np.float64) * step_s
-    start = _initial(initial)
-    _check_pads(pads)
-    return _run(pads, (arrivals, charging), slot_s, start, 0.0, times)
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,24 +253,6 @@ class WaitForecast:
         """Probability that a drone that arrives at POSIX seconds `t` finds a free pad."""
         return self._at(self.p_free, t)
 
-    def wait_quantile_s(self, t: float, q: float) -> float:
-        """Wait that a drone arriving at POSIX seconds `t` exceeds with probability 1 - q, seconds.
-
-        About a millisecond, more on the first call.
-
-        Raises
-        ------
-        InputError
-            `q` is not inside 0 to 1.
-        """
-        if not 0.0 < q < 1.0:
-            raise InputError(Fault("a quantile is between 0 and 1", field="q", value=q))
-        last = len(self.wait_s) - 1
-        x = min(max((t - self.start_s) / self.step_s, 0.0), float(last))
-        i = min(int(x), max(last - 1, 0))
-        low = self._quantile_at(i, q)
-        return low if x == i else low + (x - i) * (self._quantile_at(i + 1, q) - low)
-
     @cached_property
     def distribution(self) -> NDArray[np.float64]:
         """Probabilities of 0, 1, 2, … drones, shape (times, states); computed when first asked for."""
@@ -328,28 +269,6 @@ class WaitForecast:
             return float(values.item(-1))
         low = values.item(i)
         return float(low + (x - i) * (values.item(i + 1) - low))
-
-    def _quantile_at(self, point: int, q: float) -> float:
-        queue = self.queue
-        if queue is None:
-            return 0.0
-        ahead = self.distribution[point, queue.pads :]  # [k]: k + 1 pads must become free first
-        if 1.0 - ahead.sum() >= q:
-            return 0.0
-        from scipy.optimize import brentq  # imported late: only quantiles need it
-        from scipy.special import gammaincc
-
-        order = np.arange(1.0, len(ahead) + 1.0)
-
-        def too_long(departures: float) -> float:
-            return float(ahead @ gammaincc(order, departures)) - (1.0 - q)
-
-        upper = len(ahead) + 10.0
-        while too_long(upper) > 0.0:
-            upper *= 2.0
-        departures = brentq(too_long, 0.0, upper, xtol=1e-6)
-        offset = self.start_s + point * self.step_s - queue.first_s
-        return float(time_for(departures, queue.pads, 1.0 / queue.mean_charging_s, S_PER_H, offset))
 
 
 def forecast_waits(
@@ -517,8 +436,6 @@ def _rates(arrivals_per_s: ArrayLike, mean_charging_s: ArrayLike) -> tuple[NDArr
 
 def _initial(initial: int | ArrayLike) -> NDArray[np.float64]:
     if isinstance(initial, (int, np.integer)):
-        if not 0 <= initial < MAX_STATES:
-            raise InputError(Fault("not a number of drones", field="initial", value=initial))
         start = np.zeros(int(initial) + 1)
         start[-1] = 1.0
         return start

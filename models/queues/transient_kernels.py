@@ -221,22 +221,3 @@ def expected_waits(distribution: Floats, pads: int, services: Floats, slot_s: fl
         for k in range(1, kinds):
             waits[i] += distribution[i, pads + k - 1] * means[k]
     return waits
-
-
-@compiled
-def time_for(departures: float, pads: int, services: Floats, slot_s: float, begin_s: float) -> float:
-    """Seconds after `begin_s` in which pads that are all busy see a number of departures on average.
-
-    Takes 0 departures and more, rates above 0, and a finite time from the first slot on; `models.queues.transient` checks them.
-    """
-    slot = min(int(begin_s / slot_s), len(services) - 1)
-    now = begin_s
-    while slot < len(services) - 1:
-        inside = pads * services[slot] * ((slot + 1) * slot_s - now)
-        if inside >= departures:
-            break
-        departures -= inside
-        slot += 1
-        now = slot * slot_s
-    wait: float = now + departures / (pads * services[slot]) - begin_s
-    return wait

@@ -235,12 +235,6 @@ class Problem:
         """Whether the drone must be able to fly on from the destination."""
         return self.request.escape and not self.has_pads(self.destination)
 
-    def with_free_pads(self) -> Problem:
-        """Return the same problem without expected waits, which take time to work out."""
-        free = copy(self)
-        free.__dict__["waits"] = ExpectedWaits.free(self)
-        return free
-
     def thinned(self, members: int) -> Problem:
         """Return the same problem with so many members of the forecast at most; what is known of the waits stays."""
         if len(self.probability) <= members:
@@ -255,10 +249,6 @@ class Problem:
         other = Problem(self.scenario, self.request, drone, ensemble, waits=self.waits)
         other.__dict__["_paths"], other.forecast = self._paths, self.forecast
         return other
-
-    def with_ensemble(self, ensemble: WindEnsemble) -> Problem:
-        """Return the same problem in another wind."""
-        return Problem(self.scenario, self.request, self.drone, ensemble)
 
 
 def _check_against(scenario: Scenario, request: Request, drone: Drone) -> None:
@@ -311,13 +301,6 @@ class ExpectedWaits:
         self.p_free = np.ones((len(problem.network), points))
         self.known = np.zeros(len(problem.network), dtype=bool)
         self._hours = np.zeros(len(problem.network), dtype=np.int64)
-
-    @classmethod
-    def free(cls, problem: Problem) -> ExpectedWaits:
-        """Nobody waits anywhere."""
-        waits = cls(problem)
-        waits.known[:], waits._hours[:] = True, HORIZON_H
-        return waits
 
     def need(self, nodes: NDArray[np.int64] | list[int], until_s: float = math.inf) -> int:
         """Fill the rows of some nodes for arrivals until some time; returns for how many points they hold.

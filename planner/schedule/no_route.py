@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import NoRouteError
+from skyway.models.base.geodesy import coarse_distance_m
 from skyway.models.base.units import S_PER_MIN
 from skyway.models.flight.kernels import NEVER, next_opening
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
@@ -34,7 +35,28 @@ def _reached(problem: Problem, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def joined(problem: Problem) -> bool:
     """Tell whether any chain of segments leads from the origin to the destination."""
-    return bool(_reached(problem, np.ones(len(problem.network.tail), dtype=np.bool_))[problem.destination])
+    return bool(_joined_nodes(problem)[problem.destination])
+
+
+def _joined_nodes(problem: Problem) -> NDArray[np.bool_]:
+    return _reached(problem, np.ones(len(problem.network.tail), dtype=np.bool_))
+
+
+def _parted(problem: Problem, start: str, goal: str) -> str:
+    """Say which parts of the network origin and destination are in, and where the parts come nearest to each other."""
+    network = problem.network
+    here = _joined_nodes(problem)
+    part = next(part for part in network.parts() if goal in part)
+    there = np.array([station.id in part for station in network.stations]) & ~here
+    near, far = np.flatnonzero(here), np.flatnonzero(there)
+    lat, lon = (np.array([getattr(station, name) for station in network.stations]) for name in ("lat", "lon"))
+    gaps = np.array([coarse_distance_m(float(lat[node]), float(lon[node]), lat[far], lon[far]) for node in near])
+    a, b = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+    return (
+        f"no route from {start} to {goal}: no chain of segments joins them (the network is in parts; {len(near)} stations can be "
+        f"reached from {start}, {len(far)} are beyond); the gap is least from {network.stations[int(near[a])].id} to "
+        f"{network.stations[int(far[b])].id}, {gaps[a, b] / 1000.0:.1f} km"
+    )
 
 
 def grounded_leg(schedules: NDArray[np.float64]) -> int:
@@ -129,8 +151,7 @@ def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> No
     start = network.stations[problem.origin].id
     goal = network.stations[problem.destination].id
     if not joined(problem):
-        message = f"no route from {start} to {goal}: no chain of segments joins them (the network is in parts)"
-        return NoRouteError(message, constraint="disconnected")
+        return NoRouteError(_parted(problem, start, goal), constraint="disconnected")
     charge = np.array([lookahead.flight(segment, problem.depart_s)[1] for segment in range(len(network.tail))])
     reached = _reached(problem, charge <= lookahead.budget)
     if reached[problem.destination] and not room:

@@ -68,11 +68,6 @@ class Battery:
         return max(self.open_voltage_v - self.current_a * self.resistance_ohm, 0.0)
 
     @property
-    def capacity_ah(self) -> float:
-        """Nameplate charge at the nominal voltage of 3.8 V a cell."""
-        return self.capacity_j / 3600.0 / (CELLS * 3.8)
-
-    @property
     def empty(self) -> bool:
         """Nothing left to fly with."""
         return self.soc <= 0.0

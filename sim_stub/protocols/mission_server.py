@@ -54,11 +54,6 @@ class MissionServer(ABC):
         self.heard_s = 0.0
         self.asked_s = 0.0
 
-    @property
-    def receiving(self) -> bool:
-        """Whether an upload is under way."""
-        return self.partner is not None
-
     def handlers(self) -> dict[str, object]:
         """Message names with what handles them."""
         return {

@@ -37,11 +37,6 @@ class Px4MissionServer(MissionServer):
         self.raw: list[Item] = []
         self.marked: int | None = None
 
-    @property
-    def receiving(self) -> bool:
-        """Whether an upload is under way."""
-        return self.state == _State.RECEIVING
-
     def forget(self) -> None:
         """Drop any transfer."""
         super().forget()

@@ -10,8 +10,6 @@ if TYPE_CHECKING:
 
     from skyway.models.scenario.scenario import Scenario
 
-MAX_PLAN_BYTES = 64 * 1024 * 1024
-
 
 def flight(journal: Path, *, logs: Sequence[Path] = (), plan: Path | None = None) -> dict[str, Any]:
     """Return what was planned and what happened, as ``skyway.flight/1``.

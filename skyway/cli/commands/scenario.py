@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,23 +67,49 @@ def network(
     geojson: Annotated[
         Path | None, typer.Option("--geojson", help="Write stations and segments: FILE.geojson.", show_default=False)
     ] = None,
+    graphml: Annotated[
+        Path | None,
+        typer.Option(
+            "--graphml", help="Write stations and segments for Gephi, yEd, igraph, networkx.", show_default=False
+        ),
+    ] = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option(
+            "--csv",
+            help="Write stations.csv and segments.csv into this folder, to edit and to make a scenario of.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
     """Show the network."""
-    from skyway.models.network.files import to_geojson, write_geojson
+    from skyway.models.network.files import (
+        to_geojson,
+        write_geojson,
+        write_graphml,
+        write_segments_csv,
+        write_stations_csv,
+    )
 
-    options.refuse_overwriting(plot, geojson, force=force)
+    stations, segments = (None, None) if csv is None else (csv / "stations.csv", csv / "segments.csv")
+    options.refuse_overwriting(plot, geojson, graphml, stations, segments, force=force)
     options.check_picture(plot)
     world = load_scenario(scenario)
     options.hint_at_warnings(world, scenario)
     if geojson is not None:
         write_geojson(world.network, geojson, force=force)
+    if graphml is not None:
+        write_graphml(world.network, graphml, force=force)
+    if stations is not None and segments is not None:
+        write_stations_csv(world.network, stations, force=force)
+        write_segments_csv(world.network, segments, force=force)
     if plot is not None:
         from skyway.plots.map import plot_network
 
         plot_network(world, plot)
-    options.say_written(geojson, plot)
+    options.say_written(geojson, graphml, stations, segments, plot)
     if as_json:
         typer.echo(json_text(to_geojson(world.network), indent=1))
         return
@@ -125,6 +152,8 @@ def _print_network(world: Scenario) -> None:
         say(f"{len(net)} stations, {both} segments ({lengths}), {joined}, {zones} no-fly zones")
     else:
         say(f"{len(net)} stations, no segments, {zones} no-fly zones")
+    if find_spec("networkx") and (alone := net.articulation_stations()):
+        say(f"stations whose closure would part the network: {', '.join(alone)}")
     for drone in world.drones:
         say(
             f"{drone.id}: {drone.name} of {drone.provider}, lifts {drone.max_payload_kg:g} kg, "

@@ -13,7 +13,7 @@ from skyway.link.protocol.mission_words import MissionKind
 from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.protocol.verified import UploadJob, UploadState, upload_verified
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
-from skyway.link.wire.frames import FrameWriter, kind_named
+from skyway.link.wire.frames import FrameWriter, kinds
 from skyway.missions.autopilots.registry import family_named
 from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
@@ -350,7 +350,7 @@ def test_a_vehicle_with_items_that_are_asked_for_twice_gets_them_twice():
     upload.begin(0.0)
     assert upload.outbox[0][1]["count"] == 0
     assert upload.end is UploadEnd.RUNNING
-    assert kind_named("MISSION_COUNT").base_bytes == 4
+    assert next(kind for kind in kinds().values() if kind.name == "MISSION_COUNT").base_bytes == 4
 
 
 def test_a_mission_is_uploaded_to_a_peer_that_speaks_only_version_1():

@@ -59,6 +59,18 @@ def test_the_graph_says_the_same_as_the_arrays():
     assert network.graph.number_of_edges() == 2
 
 
+@given(st.sets(st.tuples(st.integers(0, 3), st.integers(0, 3)).filter(lambda pair: pair[0] != pair[1])))
+def test_a_station_whose_closure_parts_the_network_is_named(pairs):
+    network = joined(*pairs)
+    expected = []
+    for gone, station in enumerate(CITY):
+        rest = joined(*(pair for pair in pairs if gone not in pair))
+        alone_before = (station.id,) in network.parts()
+        if len(rest.parts()) - 1 > len(network.parts()) - alone_before:
+            expected.append(station.id)
+    assert network.articulation_stations() == sorted(expected)
+
+
 def test_parts_that_no_segment_joins_are_told_largest_first():
     assert joined((0, 1), (2, 1)).parts() == [("bronx", "harlem", "queens"), ("bay",)]
     assert joined().parts() == [("bronx",), ("harlem",), ("queens",), ("bay",)]

@@ -2,6 +2,7 @@
 
 import json
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,6 +15,7 @@ from skyway.models.network.files import (
     read_stations,
     to_geojson,
     write_geojson,
+    write_graphml,
     write_segments_csv,
     write_stations_csv,
 )
@@ -94,6 +96,19 @@ def test_a_network_written_as_geojson_comes_back_the_same(tmp_path_factory, netw
     assert_same(Network.from_pairs(nodes, np.array(pairs, dtype=np.int64).reshape(-1, 2)), network)
 
 
+@settings(max_examples=20)
+@given(network=networks())
+def test_a_network_written_as_graphml_is_read_by_networkx_as_it_was(tmp_path_factory, network):
+    path = tmp_path_factory.mktemp("graphml") / "network.graphml"
+    write_graphml(network, path)
+    found = nx.read_graphml(path)
+    assert set(found.nodes) == {station.id for station in network.stations}
+    assert {(a, b): one["distance_m"] for a, b, one in found.edges(data=True)} == {
+        (a, b): one["distance_m"] for a, b, one in network.graph.edges(data=True)
+    }
+    assert all(found.nodes[one.id].get("elevation_m") == one.elevation_m for one in network.stations)
+
+
 def test_geojson_has_longitude_first_and_a_line_for_both_ways(tmp_path):
     nodes = (Station("a", "A", 40.7, -74.0, 12.0), Station("b", "B", 40.8, -73.9))
     document = to_geojson(Network.from_pairs(nodes, np.array([(0, 1), (1, 0)])))
@@ -105,7 +120,7 @@ def test_geojson_has_longitude_first_and_a_line_for_both_ways(tmp_path):
 
 def test_nothing_written_before_is_overwritten(tmp_path):
     network = Network.from_pairs((Station("a", "A", 40.7, -74.0),), np.empty((0, 2), dtype=np.int64))
-    for write in (write_stations_csv, write_segments_csv, write_geojson):
+    for write in (write_stations_csv, write_segments_csv, write_geojson, write_graphml):
         write(network, tmp_path / "x", force=True)
         with pytest.raises(InputError, match="exists already"):
             write(network, tmp_path / "x")

@@ -11,12 +11,16 @@ from hypothesis import strategies as st
 
 from skyway.models.base.errors import InputError
 from skyway.models.queues.load import PadLoad
-from skyway.models.queues.sampling import QueuePath, expected_path, no_queue, pack, sample_path, sample_paths
+from skyway.models.queues.sampling import QueuePath, expected_paths, no_queue, pack, sample_path, sample_sets
 from skyway.models.queues.transient import forecast_waits
 
 NEW_YORK = "America/New_York"
 HOUR = 3600.0
 START = 1_373_464_800.0 + 1234.0
+
+
+def expected_path(start_s, step_s, wait_s):
+    return expected_paths(start_s, step_s, np.array([wait_s], dtype=float))[0]
 
 
 def steady_load(utilisation: float, stations: int = 1) -> PadLoad:
@@ -142,11 +146,11 @@ def test_a_generator_handed_in_is_used():
 
 def test_a_station_gets_the_same_path_whatever_other_stations_are_asked_for():
     load = steady_load(0.8, 5)
-    all_of_them = sample_paths(load, 5, 4, range(5), START, 12, 7)
-    alone = sample_paths(load, 5, 4, [3], START, 12, 7)
+    all_of_them = sample_sets(load, 5, 4, range(5), START, 12, [7])[0]
+    alone = sample_sets(load, 5, 4, [3], START, 12, [7])[0]
     assert np.array_equal(all_of_them[3].pad_s, alone[3].pad_s)
     assert not np.array_equal(all_of_them[2].arrival_s, all_of_them[3].arrival_s)
-    member = sample_paths(load, 5, 4, [3], START, 12, (7, 1))
+    member = sample_sets(load, 5, 4, [3], START, 12, [(7, 1)])[0]
     assert not np.array_equal(member[3].arrival_s, alone[3].arrival_s)
 
 
@@ -157,7 +161,8 @@ def test_many_paths_have_the_waits_of_the_forecast(busy):
     load = PadLoad(arrivals, (1.0 + 0.5 * np.cos(hours / 5.0))[None, :] * HOUR, NEW_YORK)
     pads = 3
     forecast = forecast_waits(load, pads, [0], START, 8, busy)[0]
-    paths = [sample_paths(load, pads, 4, [0], START, 8, (1, i), busy)[0] for i in range(6000)]
+    sets = sample_sets(load, pads, 4, [0], START, 8, [(1, i) for i in range(6000)], busy)
+    paths = [one[0] for one in sets]
     for t in (START, START + 0.4 * HOUR, START + 7.3 * HOUR):
         waits = np.array([float(path.pad_time(t)) - t for path in paths])
         error = 4.0 * waits.std() / math.sqrt(len(waits))
@@ -179,7 +184,7 @@ def test_the_local_clock_rules_in_the_week_it_changes():
     arrivals[0, 6 * 24 + 1] = 60 / HOUR  # Sundays from 1 to 2: twice on 2013-11-03
     load = PadLoad(arrivals, np.full((1, 168), HOUR), NEW_YORK)
     midnight = 1_383_451_200.0  # 2013-11-03 00:00 EDT
-    path = sample_paths(load, 5, 4, [0], midnight, 6, 1)[0]
+    path = sample_sets(load, 5, 4, [0], midnight, 6, [1])[0][0]
     assert path.arrival_s.min() > midnight + HOUR
     assert midnight + 2.5 * HOUR < path.arrival_s.max() < midnight + 3 * HOUR
 

@@ -19,7 +19,6 @@ from skyway.models.queues.transient import (
     erlang_c,
     forecast_waits,
     stationary,
-    transient,
 )
 
 NEW_YORK = "America/New_York"
@@ -41,6 +40,14 @@ def steady(utilisation: float, pads: int, charging_s: float = HOUR, hours: int =
 def steady_load(utilisation: float, pads: int = 5, stations: int = 1, charging_s: float = HOUR) -> PadLoad:
     load = PadLoad(np.zeros((stations, 168)), np.full((stations, 168), charging_s), NEW_YORK)
     return load.scaled_to(utilisation, pads)
+
+
+def transient(pads, arrivals, charging, initial, step_s=600.0):
+    """Probabilities of the number of drones present, every `step_s`, from a number of drones or a distribution."""
+    known = {"busy": initial} if isinstance(initial, int) else {"unseen": np.array(initial)}
+    queue = PadQueue(pads, 0.0, 0.0, np.array(arrivals), np.array(charging), **known)
+    points = math.ceil(len(arrivals) * HOUR / step_s - 1e-9) + 1
+    return queue.distribution(np.arange(points) * step_s)
 
 
 def erlang_c_exactly(pads: int, load: Fraction) -> float:
@@ -183,9 +190,6 @@ def test_forecast_agrees_with_an_event_simulation(at_h):
     error = 4.0 * waits.std() / math.sqrt(len(waits))
     assert forecast.expected_wait_s(at_h * HOUR) == pytest.approx(waits.mean(), abs=error)
     assert forecast.p_pad_free(at_h * HOUR) == pytest.approx((waits == 0.0).mean(), abs=4 * 0.5 / 141)
-    for q in (0.5, 0.8, 0.95):
-        quantile = forecast.wait_quantile_s(at_h * HOUR, q)
-        assert (waits <= quantile).mean() == pytest.approx(q, abs=4 * math.sqrt(q * (1 - q)) / 141)
 
 
 def test_with_one_charging_time_the_wait_is_that_of_the_departures_ahead():
@@ -199,8 +203,6 @@ def test_in_the_long_run_the_forecast_is_erlangs():
     waits = erlang_c(5, 4.0)
     assert forecast.p_free == pytest.approx(np.full(289, 1.0 - waits), abs=1e-6)
     assert forecast.wait_s == pytest.approx(np.full(289, waits * 1200.0 / (5 * 0.2)), rel=1e-4)
-    # the wait of those who wait is exponential with the rate at which pads become free beyond the arrivals
-    assert forecast.wait_quantile_s(START, 0.95) == pytest.approx(1200.0 * math.log(waits / 0.05), rel=1e-3)
 
 
 @pytest.mark.parametrize("utilisation", [0.3, 0.7, 0.9])
@@ -243,8 +245,6 @@ def test_who_arrives_later_is_never_expected_to_start_earlier(pads, profile, bus
     t = np.linspace(offset_s - 1000.0, offset_s + 9 * HOUR, 700)
     start = [x + forecast.expected_wait_s(x) for x in t]
     assert (np.diff(start) >= -1e-6).all()
-    late = [x + forecast.wait_quantile_s(x, 0.9) for x in t[::20]]
-    assert (np.diff(late) >= -1.0).all()
     assert ((forecast.p_free >= 0.0) & (forecast.p_free <= 1.0)).all()
 
 
@@ -274,7 +274,6 @@ def test_nobody_waits_at_a_delivery_target():
     target = forecast_waits(steady_load(0.6), [0], [0], START, 12)[0]
     assert target.expected_wait_s(START + 5000.0) == 0.0
     assert target.p_pad_free(START + 5000.0) == 1.0
-    assert target.wait_quantile_s(START, 0.99) == 0.0
     assert target.distribution.sum() == len(target.wait_s)
 
 
@@ -313,14 +312,13 @@ def test_kernels_can_interpolate_what_the_forecast_exposes():
         (lambda: transient(1, [math.nan], [60.0], 0), "arrivals_per_s"),
         (lambda: transient(1, [-1.0], [60.0], 0), "arrivals_per_s"),
         (lambda: transient(1, [0.1], [0.0], 0), "mean_charging_s"),
-        (lambda: transient(1, [0.1], [60.0], -1), "not a number of drones"),
+        (lambda: transient(1, [0.1], [60.0], -1), "negative number"),
         (lambda: transient(1, [0.1], [60.0], [0.4, 0.4]), "not a distribution"),
         (lambda: transient(1, [1.0] * 24, [HOUR] * 24, 0), "grows beyond"),
         (lambda: PadQueue(1, 0.0, 0.0, np.ones(1), np.ones(1), -1), "negative"),
         (lambda: PadQueue(1, 0.0, 5.0, np.ones(1), np.ones(1)), "begin after"),
         (lambda: PadQueue(1, 9.0, 0.0, np.ones(1), np.ones(1)).distribution([3.0]), "from the start on"),
         (lambda: forecast_waits(steady_load(0.1), [-1], [0], START, 5), "at least one pad"),
-        (lambda: WaitForecast.no_queue(0.0, 1).wait_quantile_s(0.0, 1.0), "between 0 and 1"),
     ],
 )
 def test_what_is_no_queue_is_refused(call, words):

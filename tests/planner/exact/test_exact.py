@@ -10,7 +10,7 @@ from worlds import DEPART, make_request, make_wind, make_world
 
 from skyway.models.base.errors import NoRouteError
 from skyway.models.composition.composition import State
-from skyway.models.queues.sampling import QueuePath, expected_path
+from skyway.models.queues.sampling import QueuePath, expected_paths
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.problem.flight_table import ground_speeds
@@ -220,7 +220,7 @@ def test_expected_waits_delay_the_pad(seeds):
         (problem, _), free = small(seed)
         rng = np.random.default_rng(seed)
         waits = np.maximum(0.0, 900.0 + np.cumsum(rng.normal(0.0, 300.0, 289)))
-        queues = {node: expected_path(problem.depart_s, 600.0, waits) for node in free}
+        queues = dict.fromkeys(free, expected_paths(problem.depart_s, 600.0, np.array([waits], dtype=float))[0])
         itinerary, time = best_time(ExactSearch(problem, queues))
         assert close_to_the_grid(time, problem, queues), seed
         waited += math.isfinite(time) and time > best_time(ExactSearch(problem, free))[1] + 60.0
