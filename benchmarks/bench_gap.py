@@ -2,7 +2,7 @@
 
 The bound of a request is the mean over members of the exact planner's answer when it is told the member. The fixed route
 with charges decided at each stop is flown in every member by a drone whose forecast lacks that member and its neighbours;
-planning anew at every stop is flown on days that the forecast lacks, and so is the fixed route, for comparison.
+planning again at every stop is flown on days that the forecast lacks, and so is the fixed route, for comparison.
 """
 
 from __future__ import annotations
@@ -75,14 +75,14 @@ class GapRow:
     parts : dict of str to float
         Means over the same members of what lies between both, where asked for; see `parts_of`.
     day_bound_s, day_fixed_s, rolling_s, told_s : float
-        Means over held-out days: bound, fixed route, planning anew, and the same rules told the wind of the day; NaN where
+        Means over held-out days: bound, fixed route, planning again, and the same rules told the wind of the day; NaN where
         that was not flown.
     days : int
         Those days.
     rolling_failed : int
-        Days on which planning anew did not deliver though the exact planner does.
+        Days on which planning again did not deliver though the exact planner does.
     seconds : float
-        Spent on planning anew.
+        Spent on planning again.
     """
 
     origin: str
@@ -180,7 +180,7 @@ def measure_request(
     why : bool
         Also tell the parts of the gap.
     rolling : bool
-        Plan anew on those days, too.
+        Plan again on those days, too.
     """
     away = season_days(world, request, days, seed=request.seed) if days else ()
     forecast = held_out_forecast(world, request, away)
@@ -235,7 +235,7 @@ def measure_request(
 
 
 def _told_the_wind(start: Problem, realizations: Realizations, run: int) -> float:
-    """Delivery time of who plans anew in one truth whose wind it is told, s."""
+    """Delivery time of who plans again in one truth whose wind it is told, s."""
     told = Problem(start.scenario, start.request, start.drone, realizations.wind.member(int(realizations.day[run])))
     return float(fly_policy(realizations, DRONE, RollingRobust(told, NO_ERRORS), np.array([run]))[0].delivery_s[0])
 
@@ -277,7 +277,7 @@ def figures_of(rows: list[GapRow]) -> list[Figure]:
 
 
 def measure(count: int = 30) -> list[Figure]:
-    """Return the figures of the fixed route; planning anew takes minutes and is run by this module's own command."""
+    """Return the figures of the fixed route; planning again takes minutes and is run by this module's own command."""
     return figures_of(list(measured(count, days=6, rolling=False)))
 
 

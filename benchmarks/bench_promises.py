@@ -59,7 +59,7 @@ class Kept:
     flown : Flown
         Deliveries, judged by what was promised.
     promised_mean_s : float
-        Delivery time promised in the mean.
+        Delivery time promised on average.
     p_reserve : float
         Probability promised that every landing keeps the reserve.
     """

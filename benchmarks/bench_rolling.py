@@ -1,4 +1,4 @@
-"""Planning anew at every stop against the rest: 500 deliveries on held-out days, the same truths for all.
+"""Planning again at every stop against the rest: 500 deliveries on held-out days, the same truths for all.
 
 Each delivery of an instance is planned by every rival and flown in the same runs; the clairvoyant `exact` is told each run.
 Results are written as they come, one delivery a line, and a run that was broken off goes on where it was; several
@@ -42,9 +42,9 @@ RIVALS = (
 BEST = "exact"
 """The clairvoyant planner that all are compared with."""
 ABOVE_BEST = 4.0
-"""Percent above the clairvoyant that are allowed in the mean."""
+"""Percent above the clairvoyant that are allowed on average."""
 BELOW = {"pfs-charge-aware": 15.0, "pfs": 60.0}
-"""Percent below other planners that are wanted in the mean, on requests that all solve."""
+"""Percent below other planners that are wanted on average, on requests that all solve."""
 
 
 def try_delivery(case: Case) -> Row:
@@ -81,7 +81,7 @@ def run(
 
 
 def figures_of(rows: Sequence[Row]) -> list[Figure]:
-    """What planning anew reaches, beside what is wanted; times over the runs that all delivered, failures counted apart."""
+    """What planning again reaches, beside what is wanted; times over the runs that all delivered, failures counted apart."""
     names = [BEST, *(rival.label for rival in RIVALS if rival.label in rows[0])]
     times = {name: _times(rows, name) for name in names}
     day = np.repeat([int(row["day"].replace("-", "")) for row in rows], [len(row[BEST]["delivery_s"]) for row in rows])

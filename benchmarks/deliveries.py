@@ -8,6 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
+from skyway.calibration_flight import drag_of
 from skyway.link.protocol.connection import Connection
 from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
@@ -19,7 +20,6 @@ from skyway.planner.online.replan import ReplanSettings
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request
-from skyway.proving_flight import drag_of
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.pads import Pads
 from skyway.sim_stub.plant.airframe import Airframe
@@ -84,7 +84,7 @@ class Story:
 
 
 class Stage:
-    """The world of a story, and a supervisor that may be killed and begun anew."""
+    """The world of a story, and a supervisor that may be killed and begun again."""
 
     def __init__(self, story: Story, folder: Path, operator: Operator | None = None) -> None:
         self.story = story

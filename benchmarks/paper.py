@@ -1,7 +1,7 @@
 """The paper's experiment: PFS against IES on networks of 5 to 40 nodes, execution time and delivery time.
 
 As printed: as many runs as half the nodes, random pairs, DJI M200 V2 at 81 km/h, 5 pads at each station, the exhaustive
-search told the truth. The paper says neither how its networks are joined nor how busy they are, nor the wind, nor any
+search with perfect information. The paper says neither how its networks are joined nor how busy they are, nor the wind, nor any
 figure of its results: we strew the nodes over a square that grows with their number, join those within 12 km, take the
 wind of New York 2013 and a pad utilisation of 0.7, and compare shapes. All planners are flown through the same truth.
 """

@@ -1,8 +1,8 @@
-"""How often planning anew at every stop would land below the reserve: each flight flown again in many gusts.
+"""How often planning again at every stop would land below the reserve: each flight flown again in many gusts.
 
 Deliveries in which it happens are one in a thousand and more, so that counting them takes tens of thousands. Instead each flight of a few
 deliveries, begun with the charge that it was begun with, is flown again in other gusts; what the shares add up to over a
-delivery is how many landings below the reserve it has in the mean, and no fewer than the deliveries that have one.
+delivery is how many landings below the reserve it has on average, and no fewer than the deliveries that have one.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What planning anew at every stop loses to the clairvoyant, and to what it does not know.
+"""What planning again at every stop loses to the clairvoyant, and to what it does not know.
 
 The same deliveries are flown again by the same rules, told more than anybody knows: the wind, the queues, or both; and in
 truths without gusts and errors of the vehicle's energy, which the clairvoyant `exact` does not count with either. Beside it stands
@@ -76,7 +76,7 @@ class ToldRolling(RollingRobust):
 
 
 def fly_told(case: Case, told: str) -> float:
-    """Delivery time of the first run, s, of who plans anew at every stop and is told something; NaN where not delivered."""
+    """Delivery time of the first run, s, of who plans again at every stop and is told something; NaN where not delivered."""
     realizations, drone = case.realizations, case.instance.drone
     forecast = realizations.wind.member(int(realizations.day[0])) if told in (WIND, BOTH) else case.forecast
     start = Problem(case.scenario, realizations.request, case.scenario.drone(drone), forecast)
@@ -155,7 +155,7 @@ def run(instance: Instance, path: Path, part: tuple[int, int] = (0, 1)) -> None:
 
 
 def figures_of(rows: Sequence[Row]) -> list[Figure]:
-    """How far each is above the clairvoyant in the mean, percent, over deliveries that arrive in all."""
+    """How far each is above the clairvoyant on average, percent, over deliveries that arrive in all."""
     names = [name for name in rows[0] if name not in ("number", "day", "exact")]
     whole = [row for row in rows if all(row[name] is not None for name in (*names, "exact"))]
     day = np.array([int(row["day"].replace("-", "")) for row in whole])

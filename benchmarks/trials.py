@@ -50,11 +50,11 @@ MAX_FLIGHTS = 150
 """A plan of more flights takes longer than the horizon; it counts as wandering and is not flown."""
 MAX_STATIONS = {"ies": 200, "pfs-strict": 50, "rolling": 200}
 """Planners that are tried only on networks of up to so many stations: the search that looks at everything, the one that
-goes in circles until its step limit, and the one that plans anew at every stop of every run."""
+goes in circles until its step limit, and the one that plans again at every stop of every run."""
 ROLLING = "rolling"
-"""`planner.online.rolling.RollingRobust`: ``robust`` anew at every stop."""
+"""`planner.online.rolling.RollingRobust`: ``robust`` again at every stop."""
 COMPARED_RUNS = 4
-"""Runs of each delivery in which times are compared: the clairvoyant are told these, and who plans anew flies these alone."""
+"""Runs of each delivery in which times are compared: the clairvoyant are told these, and who plans again flies these alone."""
 PLANNED, NO_ROUTE, WANDERED = "planned", "no-route", "wandered"
 
 
@@ -125,7 +125,7 @@ class Row:
     instance, planner : str
         Which.
     clairvoyant : bool
-        It was told the truth: a bound, not a rival.
+        It had perfect information: a bound, not a rival.
     deliveries, planned, no_route, wandered, cut_off : int
         Requests, and how planning them ended.
     whole : Evaluation or None
@@ -265,7 +265,7 @@ def _try_robust(case: Case, rival: Contender) -> Trial:
 
 
 def _try_rolling(case: Case, rival: Contender) -> Trial:
-    """Everything decided anew at each stop; its planning time is that of one decision."""
+    """Everything decided again at each stop; its planning time is that of one decision."""
     request = case.request(rival.recharge)
     started = time.perf_counter()
     start = Problem(case.scenario, request, case.scenario.drone(request.drone or ""), case.forecast)
@@ -353,7 +353,7 @@ def _common(instance: Instance, trials: Sequence[Trial], compared: int) -> list[
 def _clairvoyant_row(
     instance: Instance, name: str, times: list[Floats], spent_s: float, cut_off: int, common: list[NDArray[np.bool_]]
 ) -> Row:
-    """Times that a planner who is told the truth plans: hourly wind, no gusts, no error of energy."""
+    """Times that a planner who has perfect information plans: hourly wind, no gusts, no error of energy."""
     parts = []
     tried = 0
     for number, (found, mask) in enumerate(zip(times, common, strict=True)):

@@ -28,7 +28,7 @@ _MAX_ANSWER_BYTES = 64 * MAX_LINE_BYTES
 
 
 class TcpPads:
-    """A pad service over TCP, one JSON line a request; opened when first needed, and anew after a failure.
+    """A pad service over TCP, one JSON line a request; opened when first needed, and again after a failure.
 
     Parameters
     ----------

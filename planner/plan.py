@@ -67,7 +67,7 @@ FORECAST_PLANNERS: Mapping[str, Callable[[Problem], Search]] = {
 SMALL_NETWORK = 200
 """Up to this many stations the waits are forecast for all of them beforehand; else as the search meets them."""
 CLAIRVOYANT_PLANNERS = ("ies", "exact")
-"""Planners that are told the truth."""
+"""Planners that have perfect information."""
 ROBUST = "robust"
 """The planner that decides charges at each stop."""
 PLANNERS = (ROBUST, *FORECAST_PLANNERS, *CLAIRVOYANT_PLANNERS)
@@ -223,7 +223,7 @@ def _best(
 
 
 def _none(errors: dict[str, InfeasibleError]) -> InfeasibleError:
-    """Tell why no drone of the fleet has a composition: the first one's reason, and which others have none either."""
+    """Explain why no drone of the fleet has a composition: the first one's reason, and which others have none either."""
     first, *others = errors
     if not others:
         return errors[first]

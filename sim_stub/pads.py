@@ -33,7 +33,7 @@ _MAX_LINE = 1000
 
 
 @dataclass(eq=False, slots=True)
-class _Guest:
+class _Customer:
     """Somebody at a station: another drone, or one of ours.
 
     Attributes
@@ -67,8 +67,8 @@ class _Site:
     station: Station
     row: int
     generator: random.Random
-    on_pads: list[_Guest] = field(default_factory=list)
-    line: deque[_Guest] = field(default_factory=deque)
+    on_pads: list[_Customer] = field(default_factory=list)
+    line: deque[_Customer] = field(default_factory=deque)
     next_arrival_s: float = math.inf
     rates_from_s: float = -math.inf
     rates: tuple[list[float], list[float]] = ((), ())  # type: ignore[assignment]
@@ -76,8 +76,8 @@ class _Site:
     def next_due_s(self) -> float:
         """When somebody comes or leaves by himself."""
         due = self.next_arrival_s
-        for guest in self.on_pads:
-            due = min(due, guest.end_s)
+        for customer in self.on_pads:
+            due = min(due, customer.end_s)
         return due
 
 
@@ -138,7 +138,7 @@ class Pads:
             self._see_off(site)
 
     def _reschedule(self) -> None:
-        """Put the calendar of all stations up anew."""
+        """Put the calendar of all stations up again."""
         self._calendar = [(site.next_due_s(), site.row, site) for site in self._sites.values()]
         heapq.heapify(self._calendar)
         self._look_up()
@@ -173,77 +173,77 @@ class Pads:
         self.world.log(0, f"pads of {fault.word or 'all stations'} are taken")
         for site in self._sites.values():
             if fault.word in ("", site.station.id):
-                site.line.extend(_Guest(fault.end_s - fault.start_s) for _ in range(site.station.pads))
+                site.line.extend(_Customer(fault.end_s - fault.start_s) for _ in range(site.station.pads))
                 self._fill(site)
 
     def _happen(self, site: _Site) -> None:
         if site.next_arrival_s <= self._now:
             mean_s = self._rates(site, self._now)[1]
             if len(site.line) < _MAX_LINE:
-                site.line.append(_Guest(site.generator.expovariate(1.0 / mean_s)))
+                site.line.append(_Customer(site.generator.expovariate(1.0 / mean_s)))
             site.next_arrival_s = self._arrival_after(site, self._now)
-        for guest in [guest for guest in site.on_pads if guest.end_s <= self._now]:
-            if guest.drone:
-                guest.end_s = math.inf
-                self._charged(site, guest)
+        for customer in [customer for customer in site.on_pads if customer.end_s <= self._now]:
+            if customer.drone:
+                customer.end_s = math.inf
+                self._charged(site, customer)
             else:
-                site.on_pads.remove(guest)
+                site.on_pads.remove(customer)
         self._fill(site)
 
     def _fill(self, site: _Site) -> None:
         """Let those who wait onto the pads that are free."""
         while site.line and len(site.on_pads) < site.station.pads:
-            guest = site.line.popleft()
-            site.on_pads.append(guest)
-            if guest.drone:
-                self._begin(site, guest)
+            customer = site.line.popleft()
+            site.on_pads.append(customer)
+            if customer.drone:
+                self._begin(site, customer)
             else:
-                guest.end_s = self._now + guest.stay_s
+                customer.end_s = self._now + customer.stay_s
 
     def _see_off(self, site: _Site) -> None:
         """Take those of ours off the books who have left or started their motors."""
-        ours = [guest for guest in (*site.on_pads, *site.line) if guest.drone]
+        ours = [customer for customer in (*site.on_pads, *site.line) if customer.drone]
         if not ours:
             self._hosts.remove(site)
-        for guest in ours:
-            vehicle = self._vehicle(guest.drone)
+        for customer in ours:
+            vehicle = self._vehicle(customer.drone)
             if vehicle is None or vehicle.active:
-                self._remove(site, guest)
+                self._remove(site, customer)
 
-    def _remove(self, site: _Site, guest: _Guest) -> None:
-        vehicle = self._vehicle(guest.drone)
+    def _remove(self, site: _Site, customer: _Customer) -> None:
+        vehicle = self._vehicle(customer.drone)
         if vehicle is not None:
             vehicle.tend()
             vehicle.charging = None
             vehicle.event(f"leaves the pads of {site.station.id}")
-        if guest in site.on_pads:
-            site.on_pads.remove(guest)
+        if customer in site.on_pads:
+            site.on_pads.remove(customer)
         else:
-            site.line.remove(guest)
+            site.line.remove(customer)
         self._fill(site)
         self._reschedule()
 
     # Charging
 
-    def _begin(self, site: _Site, guest: _Guest) -> None:
-        vehicle = self._vehicle(guest.drone)
+    def _begin(self, site: _Site, customer: _Customer) -> None:
+        vehicle = self._vehicle(customer.drone)
         if vehicle is None:
             return
         vehicle.tend()
         power = site.station.recharge_power_w
-        guest.end_s = self._now + vehicle.battery.time_to_soc_s(guest.to_soc, power)
-        vehicle.charging = Charge(guest.to_soc, power)
-        vehicle.event(f"charges at {site.station.id}: {vehicle.battery.soc:.0%} to {guest.to_soc:.0%}")
-        if guest.end_s <= self._now:
-            guest.end_s = math.inf
-            self._charged(site, guest)
+        customer.end_s = self._now + vehicle.battery.time_to_soc_s(customer.to_soc, power)
+        vehicle.charging = Charge(customer.to_soc, power)
+        vehicle.event(f"charges at {site.station.id}: {vehicle.battery.soc:.0%} to {customer.to_soc:.0%}")
+        if customer.end_s <= self._now:
+            customer.end_s = math.inf
+            self._charged(site, customer)
 
-    def _charged(self, site: _Site, guest: _Guest) -> None:
-        vehicle = self._vehicle(guest.drone)
+    def _charged(self, site: _Site, customer: _Customer) -> None:
+        vehicle = self._vehicle(customer.drone)
         if vehicle is None:
             return
         vehicle.tend()
-        vehicle.battery.soc = max(vehicle.battery.soc, min(guest.to_soc, 1.0))  # and the pad keeps it there
+        vehicle.battery.soc = max(vehicle.battery.soc, min(customer.to_soc, 1.0))  # and the pad keeps it there
         vehicle.event(f"is charged to {vehicle.battery.soc:.0%} at {site.station.id}")
 
     # Other drones
@@ -302,68 +302,68 @@ class Pads:
             raise PadServiceError(
                 f"drone {drone} is not disarmed on the ground at {station}: land there and disarm first"
             )
-        guest = self._find(site, drone)
-        if guest is None:
+        customer = self._find(site, drone)
+        if customer is None:
             free = len(site.on_pads) < site.station.pads
             if not free and len(site.line) >= site.station.holding_spots:
                 raise PadServiceError(f"no pad and no holding spot is free at {station}: divert")
             if site.station.pads == 0:
                 raise PadServiceError(f"{station} has no pads")
-            guest = _Guest(drone=drone, to_soc=to_soc)
-            site.line.append(guest)
+            customer = _Customer(drone=drone, to_soc=to_soc)
+            site.line.append(customer)
             if site not in self._hosts:
                 self._hosts.append(site)
             self._fill(site)
-            if guest in site.line:
+            if customer in site.line:
                 vehicle.event(f"waits for a pad at {station}, place {len(site.line)} in the line")
-        elif guest.to_soc != to_soc:
-            guest.to_soc = to_soc
-            if guest in site.on_pads:
-                self._begin(site, guest)
+        elif customer.to_soc != to_soc:
+            customer.to_soc = to_soc
+            if customer in site.on_pads:
+                self._begin(site, customer)
         self._reschedule()
-        return self._tell(site, guest)
+        return self._tell(site, customer)
 
     def release(self, station: str, drone: str) -> DroneOnPad:
         """Give the pad, or the place in the line, back."""
         site = self._site(station)
-        guest = self._find(site, drone)
-        if guest is not None:
-            self._remove(site, guest)
+        customer = self._find(site, drone)
+        if customer is not None:
+            self._remove(site, customer)
         return DroneOnPad(drone=drone, state="absent")
 
-    def _tell(self, site: _Site, guest: _Guest) -> DroneOnPad:
-        vehicle = self._vehicle(guest.drone)
+    def _tell(self, site: _Site, customer: _Customer) -> DroneOnPad:
+        vehicle = self._vehicle(customer.drone)
         if vehicle is not None:
             vehicle.tend()
         soc = vehicle.battery.soc if vehicle is not None else None
         epoch = self.world.epoch_s
-        if guest in site.line:
-            place = site.line.index(guest)
+        if customer in site.line:
+            place = site.line.index(customer)
             free_s = self._pad_free_s(site, place)
             return DroneOnPad(
-                drone=guest.drone,
+                drone=customer.drone,
                 state="waiting",
-                to_soc=guest.to_soc,
+                to_soc=customer.to_soc,
                 place_in_line=place,
                 pad_free_s=None if free_s is None else epoch + free_s,
             )
-        charging = math.isfinite(guest.end_s)
+        charging = math.isfinite(customer.end_s)
         return DroneOnPad(
-            drone=guest.drone,
+            drone=customer.drone,
             state="charging" if charging else "done",
             soc=soc,
-            to_soc=guest.to_soc,
-            done_s=epoch + guest.end_s if charging else None,
+            to_soc=customer.to_soc,
+            done_s=epoch + customer.end_s if charging else None,
         )
 
     @staticmethod
     def _pad_free_s(site: _Site, place: int) -> float | None:
         """When the one at a place in the line gets a pad, where every stay before it is known."""
-        ends = sorted(guest.end_s for guest in site.on_pads)
-        for guest in list(site.line)[:place]:
-            if guest.drone or not ends or not math.isfinite(ends[0]):
+        ends = sorted(customer.end_s for customer in site.on_pads)
+        for customer in list(site.line)[:place]:
+            if customer.drone or not ends or not math.isfinite(ends[0]):
                 return None
-            ends = sorted([*ends[1:], ends[0] + guest.stay_s])
+            ends = sorted([*ends[1:], ends[0] + customer.stay_s])
         return ends[0] if ends and math.isfinite(ends[0]) else None
 
     def _site(self, station: str) -> _Site:
@@ -376,5 +376,5 @@ class Pads:
         return self.world.vehicles.get(int(drone)) if drone.isascii() and drone.isdigit() and len(drone) < 4 else None
 
     @staticmethod
-    def _find(site: _Site, drone: str) -> _Guest | None:
+    def _find(site: _Site, drone: str) -> _Customer | None:
         return next((g for g in (*site.on_pads, *site.line) if g.drone == drone), None)

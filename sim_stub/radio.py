@@ -214,13 +214,13 @@ class Radio:
     # Reports of the autopilot
 
     def home_changed(self) -> None:
-        """Tell everybody where home is."""
+        """Tell all ground stations where home is."""
         payload = BUILDERS[spec("HOME_POSITION").id](self.vehicle)
         if payload is not None:
             self.broadcast("HOME_POSITION", payload)
 
     def tell_mission_current(self) -> None:
-        """Tell everybody which item is current."""
+        """Tell all ground stations which item is current."""
         self.broadcast("MISSION_CURRENT", mission_current(self.vehicle))
 
     def item_reached(self, index: int) -> None:

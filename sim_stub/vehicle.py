@@ -165,7 +165,7 @@ class Vehicle:
         return min(self.missions.next_wall_s(), self.commands.next_wall_s(), self.parameter_server.next_wall_s())
 
     def advance(self, sim_s: float, wall_s: float) -> None:
-        """Let time pass: everything due up to an instant happens in order."""
+        """Advance the time: everything due up to an instant happens in order."""
         self.wall_s = wall_s
         while (due := self.next_due_s()) <= sim_s:
             self.sim_s = due
@@ -324,7 +324,7 @@ class Vehicle:
         self.radio.say(severity, text)
 
     def event(self, text: str) -> None:
-        """Tell the log of the world."""
+        """Record an event in the log of the world."""
         self.world.log(self.config.system, text)
 
     # Reports of the autopilot

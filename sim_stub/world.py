@@ -111,7 +111,7 @@ class World:
         return due
 
     def advance(self, sim_s: float, wall_s: float) -> None:
-        """Let time pass for everything."""
+        """Advance the time of everything."""
         self.sim_s, self.wall_s = sim_s, wall_s
         for vehicle in self.vehicles.values():
             vehicle.advance(sim_s, wall_s)

@@ -60,10 +60,10 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
     InfeasibleError
         There is no plan for that day.
     """
+    from skyway.calibration_flight import drag_of
     from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
     from skyway.models.composition.file import save
     from skyway.planner.online.replan import DEFAULT_PLANNER
-    from skyway.proving_flight import drag_of
     from skyway.sim_stub.pads import Pads
 
     planner = options.planner or DEFAULT_PLANNER

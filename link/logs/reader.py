@@ -20,7 +20,7 @@ _LOOK = 65_536
 
 
 def format_of(path: Path) -> str:
-    """Tell the format of a log by what it begins with.
+    """Return the format of a log, found from its first bytes.
 
     Returns
     -------

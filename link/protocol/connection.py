@@ -27,7 +27,7 @@ SILENT_S = 5.0
 GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
 _GROUND_STATION, _INVALID_AUTOPILOT = 6, 8
 _NO_VEHICLES = frozenset((_GROUND_STATION, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44))
-"""Types (MAV_TYPE) of what else has a heart: onboard computers, gimbals, cameras, batteries, winches; some of them claim the
+"""Types (MAV_TYPE) of what else sends heartbeats: onboard computers, gimbals, cameras, batteries, winches; some of them claim the
 autopilot's firmware."""
 _MAX_SYSTEMS = 255
 _RADIOS = frozenset(("RADIO", "RADIO_STATUS"))
@@ -35,7 +35,7 @@ _CHUNK, _CHUNK_S = 50, 1.0
 """Characters of a piece of a long text, and how long the next piece may take."""
 _MAX_TEXTS = 200
 _GUEST_S = 0.002
-"""So long at most a guest's words wait while we wait for the vehicle's."""
+"""So long at most the other runner's messages wait while we wait for the vehicle's."""
 
 
 @dataclass(slots=True)
@@ -49,7 +49,7 @@ class Peer:
     autopilot, kind : int
         MAV_AUTOPILOT and MAV_TYPE of its heartbeat.
     met_s, heard_s, beat_s : float
-        When it was heard first and last, and its heart last, by the connection's clock.
+        When it was heard first and last, and its last heartbeat, by the connection's clock.
     received, lost : int
         Packets, and gaps in their numbers.
     texts : list of (severity, text)
@@ -146,8 +146,8 @@ class Connection:
         Set once another ground station is heard with our id; nothing is said to a vehicle then.
     namesake : bool
         A vehicle has our id; it cannot be told from ourselves.
-    guest : Guest or None
-        Who speaks on it besides us; our own heart rests meanwhile.
+    shared_client : SharedClient or None
+        Another sender on this connection; our own heartbeats pause meanwhile.
     """
 
     def __init__(
@@ -205,7 +205,7 @@ class Connection:
             self.transport.write(frame)
 
     def pump(self, timeout_s: float = 0.0) -> None:
-        """Take what has come, waiting for it at most so long; keep our heart beating."""
+        """Take what has come, waiting for it at most so long; keep our heartbeat."""
         now = self.clock.now_s()
         if self.shared_client is not None:
             due_s = now + _GUEST_S

@@ -115,7 +115,7 @@ class Download(Exchange):
             self._ask(now_s)
 
     def _again(self, now_s: float, problem: str) -> None:
-        """Begin anew after a while: the vehicle was busy, or has changed what it holds."""
+        """Begin again after a while: the vehicle was busy, or has changed what it holds."""
         self._restarts += 1
         if self._restarts > _MAX_RESTARTS:
             self.problem = problem

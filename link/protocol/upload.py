@@ -3,7 +3,7 @@
 The vehicle asks for items and repeats its question by itself (PX4 after 250 ms, ArduPilot after 1 s). We wait no
 longer than a round trip for its next question: then either our item or its question was lost, and we cannot know
 which. So we send that item and the one after it: a vehicle that has not got the first takes both, one that has got it
-takes the second, and an item that is not expected is ignored. The transfer is never begun anew on silence.
+takes the second, and an item that is not expected is ignored. The transfer is never begun again on silence.
 """
 
 from __future__ import annotations

@@ -167,7 +167,7 @@ def decode(items: Sequence[WireItem], kind: MissionKind, family: Family) -> Part
 
 
 def compare(sent: Part, items: Sequence[WireItem], family: Family) -> tuple[Difference, ...]:
-    """Tell what differs in meaning between what was sent and the items read back."""
+    """Return what differs in meaning between what was sent and the items read back."""
     try:
         return diff(sent, decode(items, kind_of(sent), family), family.name)
     except InputError as error:

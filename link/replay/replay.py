@@ -330,7 +330,7 @@ class _Told:
 
 
 def _last_words(monitor: FlightMonitor, air: _Air) -> list[Notice]:
-    """Say what is only known at the end."""
+    """Return what is only known at the end."""
     if math.isnan(monitor.end_s):
         return []
     texts = []

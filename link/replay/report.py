@@ -133,7 +133,7 @@ def _wind_summary(found: Replay) -> dict[str, Any]:
 
 
 def _against_forecast(found: Replay) -> dict[str, Any] | None:
-    """Wind estimated against forecast: the forecast's mean, how far it was off in the mean, and how far at each time."""
+    """Wind estimated against forecast: the forecast's mean, how far it was off on average, and how far at each time."""
     tally = found.tally
     if not found.forecast or not tally.count:
         return None

@@ -1,4 +1,4 @@
-"""Whether telemetry comes as often as it was asked for; asked for anew, without waiting, where it does not."""
+"""Whether telemetry comes as often as it was asked for; asked for again, without waiting, where it does not."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class RateCheck:
     wanted_hz, measured_hz : float
         As it was asked for, and as the vehicle sent it then; losses of the radio do not count as not sent.
     corrected_hz : float or None
-        As it was sent after it was asked for anew; None where that was not needed.
+        As it was sent after it was asked for again; None where that was not needed.
     ok : bool
         Whether it comes as often as wanted, in the end.
     """
@@ -57,7 +57,7 @@ class RateCheck:
 
 
 class RateKeeper:
-    """Counts messages, and says which to ask for anew: first the same again, then more or less than is wanted.
+    """Counts messages, and says which to ask for again: first the same again, then more or less than is wanted.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class RateKeeper:
 
     def want(self, rates_hz: Mapping[int, float], now_s: float) -> None:
         """Take over what has just been asked for."""
-        if rates_hz == self.wanted_hz:  # the vehicle has taken these rates anew, without our corrections
+        if rates_hz == self.wanted_hz:  # the vehicle has taken these rates again, without our corrections
             self._asked_hz = dict(rates_hz)
             self._rounds.clear()
             return

@@ -99,7 +99,7 @@ class VehicleClock:
     offset_s : float or None
         POSIX seconds at its boot, by SYSTEM_TIME; None while it does not know the time.
     reboots : int
-        How often its time has begun anew.
+        How often its time has begun again.
     """
 
     def __init__(self) -> None:

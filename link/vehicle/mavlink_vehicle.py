@@ -475,7 +475,7 @@ class MavlinkVehicle(VehicleMonitor):
         return decode(self._download(kind), kind, self.family)
 
     def verify(self, part: Part) -> tuple[Difference, ...]:
-        """Tell how what it holds differs in meaning."""
+        """Return how what it holds differs in meaning."""
         return compare(part, self._download(kind_of(part)), self.family)
 
     def clear(self, kind: MissionKind) -> None:

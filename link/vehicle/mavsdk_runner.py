@@ -64,7 +64,7 @@ class MavsdkRunner:
     Parameters
     ----------
     connection : Connection
-        The bytes; its heart rests while MAVSDK's beats with the same ids.
+        The bytes; it sends no heartbeats while MAVSDK sends them with the same ids.
     peer : Peer
         The vehicle.
 
@@ -117,7 +117,7 @@ class MavsdkRunner:
         return _Plugins(found[-1])
 
     def close(self) -> None:
-        """Let our own heart beat again, and end MAVSDK."""
+        """Send our own heartbeats again, and end MAVSDK."""
         self.connection.shared_client = None
         self._sdk.destroy()
 

@@ -230,7 +230,7 @@ class Vehicle(Protocol):
         ...
 
     def verify(self, part: Part) -> tuple[Difference, ...]:
-        """Tell how what it holds differs in meaning."""
+        """Return how what it holds differs in meaning."""
         ...
 
     def clear(self, kind: MissionKind) -> None:

@@ -59,7 +59,7 @@ class Difference:
 def diff(
     sent: Mission | Geofence | RallyPoints, read_back: Mission | Geofence | RallyPoints, autopilot: str
 ) -> tuple[Difference, ...]:
-    """Tell what differs in meaning between what was sent to an autopilot and what it gave back.
+    """Return what differs in meaning between what was sent to an autopilot and what it gave back.
 
     Ignored is what the autopilot is known to rewrite (frames 3 and 6, NaN and 0 as yaw, altitudes in centimetres,
     parameters it does not keep); never ignored is what changes the flight.

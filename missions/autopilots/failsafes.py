@@ -55,14 +55,14 @@ class Failsafes(ABC):
 
     @abstractmethod
     def battery(self, values: Mapping[str, float]) -> list[str]:
-        """Say what it does at each threshold of the battery, a line each."""
+        """Return what it does at each threshold of the battery, a line each."""
 
     @abstractmethod
     def battery_first(self, values: Mapping[str, float]) -> str:
-        """Say what it does at the first threshold at which it does something."""
+        """Return what it does at the first threshold at which it does something."""
 
     def by_itself(self, values: Mapping[str, float]) -> list[str]:
-        """Say what it does by itself in a mission, a line for each cause: what an operator reads before a take-off."""
+        """Return what it does by itself in a mission, a line for each cause: what an operator reads before a take-off."""
         if not values:
             return ["what it does by itself is not known: its failsafe parameters could not be read"]
         return [
@@ -78,7 +78,7 @@ class Failsafes(ABC):
         return f"{self.without_us(values)}; {self.battery_first(values)}"
 
     def finishes_alone(self, values: Mapping[str, float]) -> bool | None:
-        """Tell whether it finishes its leg and lands without us; None where that cannot be told.
+        """Return whether it finishes its leg and lands without us; None where that cannot be told.
 
         It goes on where it does nothing, or nothing in a mission; without an exception, only the former is known to.
         """
@@ -88,7 +88,7 @@ class Failsafes(ABC):
         return False if loss.action in values or loss.exceptions in values else None
 
     def without_us(self, values: Mapping[str, float]) -> str:
-        """Say what it does in its mission without our heartbeat."""
+        """Return what it does in its mission without our heartbeat."""
         loss, alone = self.station, self.finishes_alone(values)
         if alone is None:
             return _NOT_TOLD
@@ -101,7 +101,7 @@ class Failsafes(ABC):
         return f"after {after} without us it {self.action(loss.action, loss.words, values)}"
 
     def _without_pilot(self, values: Mapping[str, float]) -> str:
-        """Say what it does in its mission without its remote control."""
+        """Return what it does in its mission without its remote control."""
         loss = self.pilot
         if int(values.get(loss.exceptions, 0)) & loss.in_mission:
             return f"it goes on with its mission ({self.name(loss.exceptions)})"

@@ -69,7 +69,7 @@ class Dialect(ABC):
 
     @abstractmethod
     def cannot_fly(self, document: MissionDocument) -> Iterator[Finding]:
-        """Tell what this autopilot refuses, drops or takes otherwise than meant."""
+        """Return what this autopilot refuses, drops or takes otherwise than meant."""
 
     @abstractmethod
     def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:

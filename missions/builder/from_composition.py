@@ -188,7 +188,7 @@ def _hold_s(composition: Composition, number: int) -> float:
 
 
 def _hold_notes(composition: Composition, numbers: Iterable[int]) -> tuple[str, ...]:
-    """Say what the plan does on the ground before these legs: nothing in a mission that disarms says so."""
+    """Return what the plan does on the ground before these legs: nothing in a mission that disarms says so."""
     notes = []
     for number in numbers:
         stop = _stop_before(composition, number)

@@ -96,7 +96,7 @@ class Route:
     legs : tuple of RouteLeg
         In flying order.
     endless_jumps : tuple of int
-        Items that jump back for ever.
+        Items that jump back forever.
     is_cut : bool
         True where jumps repeat so often that the rest was left out.
     """

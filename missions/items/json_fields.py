@@ -1,4 +1,4 @@
-"""Fields of foreign JSON, taken with a fault that names the field where they are not as they should be."""
+"""Fields of third-party JSON, taken with a fault that names the field where they are not as they should be."""
 
 from __future__ import annotations
 

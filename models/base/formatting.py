@@ -115,7 +115,7 @@ def clock(instant: datetime, zone: ZoneInfo, since: datetime, *, seconds: bool =
 
 
 def later_text(later: Figure) -> str:
-    """Say how much later something arrives on average, or that no difference can be told."""
+    """Return how much later something arrives on average, or that no difference can be told."""
     if not _known(later):
         return UNKNOWN
     if later.low < 0.0 < later.high:

@@ -61,7 +61,7 @@ class SegmentWind(NamedTuple):
     Attributes
     ----------
     start_s, slot_s : float
-        POSIX seconds of the first slot and length of a slot; the last slot holds on for ever.
+        POSIX seconds of the first slot and length of a slot; the last slot holds on forever.
     north, east : ndarray, shape (members, slots, sites)
         Wind at cruise height, m/s, where the air moves TOWARDS.
     weight : ndarray, shape (segments, sites)

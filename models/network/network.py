@@ -356,7 +356,7 @@ class Network:
 
 
 def _free_circles(offset: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell for which offsets, shape (points, 2), the circle from the origin to there holds no other point."""
+    """Return for which offsets, shape (points, 2), the circle from the origin to there holds no other point."""
     limit = (1.0 + 1e-9) * (offset**2).sum(axis=1)
     return np.array([not (offset @ point > limit).any() for point in offset], dtype=bool)
 

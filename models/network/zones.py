@@ -49,7 +49,7 @@ class NoFlyZones:
         lat2: NDArray[np.float64],
         lon2: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
-        """Tell which geodesics touch any zone; shape (segments,)."""
+        """Return which geodesics touch any zone; shape (segments,)."""
         import shapely  # imported late: 60 ms
 
         length, _ = geodesy.inverse(lat1, lon1, lat2, lon2)

@@ -353,7 +353,7 @@ def settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[n
 
     They are worked out once for each hour, load and number of pads. The station begins with the long run of the week's
     mean load and lives through the load of the hours before, until it has forgotten that (`FORGOTTEN`). With more load
-    in the mean than `SETTLED`, it begins empty, `WARM_UP_H` before: such a line grows from week to week.
+    on average than `SETTLED`, it begins empty, `WARM_UP_H` before: such a line grows from week to week.
 
     Source of the relaxation time: E. A. van Doorn, "Conditions for exponential ergodicity and bounds for the decay
     parameter of a birth-death process", Advances in Applied Probability 17 (1985).

@@ -60,7 +60,7 @@ def zone_faults(stations: Sequence[Station], zones: NoFlyZones, stations_file: s
 
 
 def fit_warnings(network: Network, sites: Sequence[WindSite]) -> list[str]:
-    """Say what a person should know: outlying stations, distant wind, stations at one place, separate parts."""
+    """Return what a person should know: outlying stations, distant wind, stations at one place, separate parts."""
     here = _positions(network.stations)
     ids = [station.id for station in network.stations]
     warnings = []
@@ -92,7 +92,7 @@ def _positions(places: Sequence[Station] | Sequence[WindSite]) -> NDArray[np.flo
 
 
 def _swapped(here: NDArray[np.float64], reference: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which positions are far from every reference, but near one with lat and lon exchanged."""
+    """Return which positions are far from every reference, but near one with lat and lon exchanged."""
     if not len(reference) or not len(here):
         return np.zeros(len(here), dtype=bool)
     possible = np.abs(here[:, 1]) <= 90.0

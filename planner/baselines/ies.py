@@ -1,6 +1,6 @@
 """Informed exhaustive search: every sequence of stops without a repeat, with the best charging on each.
 
-It is told the truth, one wind and one queue at each station, and is the referee of the other planners: a sequence is
+It has perfect information, one wind and one queue at each station, and is the referee of the other planners: a sequence is
 cut off only by a proof that no continuation of it beats the best composition found so far. On each sequence the whole
 trade-off between time and charge is carried along exactly (`planner.schedule.profile_kernels`), over flights that may overfly
 stations (`planner.exact.flight_functions`). The proof is that of `planner.exact.stop_label_kernels.stop_label_bound`.

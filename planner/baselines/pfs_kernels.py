@@ -327,7 +327,7 @@ def _put(world: World, stand: Stand, candidates: Candidates, segment: int, fligh
 
 @compiled_lean
 def _turned_away(marks: Marks, node: int, candidates: Candidates, segment: int) -> bool:
-    """Tell whether a candidate is on the path already or known to be a dead end, whatever its rank."""
+    """Return whether a candidate is on the path already or known to be a dead end, whatever its rank."""
     if marks.on_path[node] or marks.dead_s[node] == -NEVER:
         return True
     if candidates.stage[segment] == _BOUNDED:

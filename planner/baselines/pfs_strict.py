@@ -1,7 +1,7 @@
 """The paper's Algorithm 1 as printed, with a limit on its steps.
 
 It judges each segment by the marginal distribution of the wind in the slot of the departure (binned by speed and
-sector), recharges to full at each station, never looks back and may visit a station again: it can cycle for ever or
+sector), recharges to full at each station, never looks back and may visit a station again: it can cycle forever or
 strand itself beside a feasible route. Its failures are counted apart.
 """
 

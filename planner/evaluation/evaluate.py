@@ -243,7 +243,7 @@ def summarise(planner: str, flown: Flown, planning_s: Sequence[float] = (), *, s
 def clairvoyant_times(
     realizations: Realizations, drone: str, planner: str, runs: Sequence[int], *, time_limit_s: float = math.inf
 ) -> tuple[NDArray[np.float64], float, int]:
-    """Delivery times of a planner that is told the truth of some runs: hourly wind and queues, not gusts.
+    """Delivery times of a planner that has perfect information of some runs: hourly wind and queues, not gusts.
 
     Parameters
     ----------

@@ -134,7 +134,7 @@ def schedules(
 
 
 def tally(problem: Problem, itinerary: Itinerary, block: NDArray[np.int64], schedule: NDArray[np.float64]) -> Flown:
-    """Tell what became of runs of one itinerary from their schedules, shape (runs, legs, 7)."""
+    """Return what became of runs of one itinerary from their schedules, shape (runs, legs, 7)."""
     down, soc = schedule[:, :, TOUCH_DOWN], schedule[:, :, SOC_LANDING]
     begun = np.isfinite(down)
     lowest = np.where(begun, soc, np.inf).min(axis=1)

@@ -1,6 +1,6 @@
 """Exact composition for one wind and one queue: label setting on whole charge profiles, guided by a relaxation.
 
-Labels are stays (`planner.exact.stop_labels`): at one station, the charge the drone can leave with as a function of time. One that
+Labels are stops (`planner.exact.stop_labels`): at one station, the charge the drone can leave with as a function of time. One that
 another label of the same station covers (its charge is nowhere higher at any time) is dropped: whatever the drone does
 from it, from the other one it can do at the same time with no less charge, and arriving earlier or with more charge is
 never worse, for flights and queues are first in, first out and the drone may always stay.

@@ -1,6 +1,6 @@
-"""Label setting for one deadline: from stay to stay, guided by what a relaxation says is needed.
+"""Label setting for one deadline: from stop to stop, guided by what a relaxation says is needed.
 
-Labels are stays (`planner.exact.stop_labels`): at one station, the charge the drone can leave with as a function of time. One that
+Labels are stops (`planner.exact.stop_labels`): at one station, the charge the drone can leave with as a function of time. One that
 another label of the same station covers (its charge is nowhere higher at any time) is dropped: whatever the drone does
 from it, from the other one it can do at the same time with no less charge, and arriving earlier or with more charge is
 never worse, for flights and queues are first in, first out and the drone may always stay. One that nowhere has the charge
@@ -38,7 +38,7 @@ GAIN_S = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """A stay, where it comes from, and what it has to spare in the eyes of a guide."""
+    """A stop label, where it comes from, and what it has to spare in the eyes of a guide."""
 
     stop_label: StopLabel
     parent: Label | None
@@ -57,14 +57,14 @@ class Label:
 
 @dataclass(frozen=True, eq=False)
 class _Envelope:
-    """The best of all settled stays of a station, at each time."""
+    """The best of all settled labels of a station, at each time."""
 
     z: NDArray[np.float64]
     h: NDArray[np.float64]
     g: NDArray[np.float64]
 
     def covers_parts(self, stop_label: StopLabel) -> bool:
-        """Tell whether neither the potential nor the landed charge of a stay is anywhere higher."""
+        """Return whether neither the potential nor the landed charge of a stop label is anywhere higher."""
         if len(stop_label.z) and (not len(self.z) or not covers(self.z[:, :2], stop_label.z[:, :2], 0.0)):
             return False
         return bool(covers(self.h[:, :2], stop_label.h[:, :2], 0.0))
@@ -183,7 +183,7 @@ class Round:
         return Label(stop_label, label.parent, guide, spare) if spare >= 0.0 else None
 
     def _settle(self, stop_label: StopLabel) -> bool:
-        """Add a stay to what is known of its station; false where that covers it already."""
+        """Add a stop label to what is known of its station; false where that covers it already."""
         known = self._settled.get(stop_label.node)
         if known is None:
             self._settled[stop_label.node] = _Envelope(stop_label.z, stop_label.h, stop_label.g)

@@ -392,7 +392,7 @@ def in_time(
     least_s: NDArray[np.float64],
     deadline_s: float,
 ) -> NDArray[np.bool_]:
-    """Tell where a drone over a node with the most charge it can have can be at the destination by a deadline.
+    """Return where a drone over a node with the most charge it can have can be at the destination by a deadline.
 
     Takes arrays of the cells and nodes, and any deadline.
     """

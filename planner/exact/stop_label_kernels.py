@@ -1,4 +1,4 @@
-"""Compiled continuation of a stay: to every station worth flying to, in one call."""
+"""Compiled continuation of a stop label: to every station worth flying to, in one call."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def in_order(flights: NDArray[np.float64]) -> NDArray[np.float64]:
 def land_at(
     g: NDArray[np.float64], flights: NDArray[np.float64], node: int, grounds: Grounds, costs: Costs, best_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Fly from a stay to a station and put the drone on its pads: profiles z and h there, empty where it cannot.
+    """Fly from a stop label to a station and put the drone on its pads: profiles z and h there, empty where it cannot.
 
     Takes a profile and pieces in order of time, and a node with pads.
     """
@@ -121,7 +121,7 @@ def land_everywhere(
     least_s: NDArray[np.float64],
     best_s: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Fly from a stay to each target and put the drone on its pads.
+    """Fly from a stop label to each target and put the drone on its pads.
 
     Takes profiles and pieces in order of time, and nodes with pads.
 
@@ -180,7 +180,7 @@ def land_everywhere(
 
 @compiled
 def stop_label_bound(z: NDArray[np.float64], h: NDArray[np.float64], least_s: float, costs: Costs) -> float:
-    """Earliest arrival at the destination that any continuation of a stay can have.
+    """Earliest arrival at the destination that any continuation of a stop label can have.
 
     Let L be the least flight time from here at the best wind of any slot that is left, c the charge a second of flight
     takes, r the greatest rate of charging, and z the greatest charging potential. No arrival is earlier than (a) the
@@ -210,7 +210,7 @@ def stop_labels_after(
     window: NDArray[np.int64],
     least_leave: NDArray[np.float64],
 ) -> list[tuple[int, float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
-    """Fly from a stay to each target and keep what can still be on time.
+    """Fly from a stop label to each target and keep what can still be on time.
 
     Takes what `land_everywhere` takes, with a window and a row of `least_leave` for each node and cell.
 

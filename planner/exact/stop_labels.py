@@ -1,8 +1,8 @@
-"""Stays and flights of one drone in one known wind and queue: what exact searches are made of.
+"""Stop labels and flights of one drone in one known wind and queue: what exact searches are made of.
 
-A *stay* is a stop with everything the drone can do there: its profiles of charge over time (`planner.schedule.profile_kernels`).
-`StopLabels` makes the stay at the origin, takes a stay through a flight to the next one, bounds what can follow, and turns
-a chain of stays back into decisions.
+A *stop label* is a stop with everything the drone can do there: its profiles of charge over time (`planner.schedule.profile_kernels`).
+`StopLabels` makes the stop label at the origin, takes a stop label through a flight to the next one, bounds what can follow, and turns
+a chain of stop labels back into decisions.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def come_by_s(problem: Problem, queues: Mapping[int, QueuePath], land_by_s: floa
 
 
 class StopLabels:
-    """Makes and continues stays.
+    """Makes and continues stop labels.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ class StopLabels:
         return self.problem.curve(int(self.subnetwork.nodes[node]))
 
     def origin(self) -> StopLabel:
-        """Return the stay that the delivery begins with."""
+        """Return the stop label that the delivery begins with."""
         p = self.problem
         h = np.array([[p.depart_s, p.soc, p.depart_s]])
         z = np.empty((0, 3))
@@ -183,12 +183,12 @@ class StopLabels:
         return StopLabel(self.subnetwork.origin, z, h, p.curve(p.origin))
 
     def _potential(self, stop_label: StopLabel) -> float:
-        """Greatest charging potential of a stay, for the constant rate that is nowhere exceeded."""
+        """Greatest charging potential of a stop label, for the constant rate that is nowhere exceeded."""
         landed = float(stop_label.h[-1, 1]) / self.costs.rate_per_s - stop_label.begin_s
         return max(float(stop_label.z[-1, 1]) if len(stop_label.z) else -math.inf, landed)
 
     def useful_from(self, stop_label: StopLabel) -> NDArray[np.bool_]:
-        """Tell which stations can lie on a better way from a stay than the best known, shape (nodes,)."""
+        """Return which stations can lie on a better way from a stop label than the best known, shape (nodes,)."""
         p = self.problem
         least = self.least_s(stop_label.begin_s)
         if math.isinf(self.best_s):
@@ -231,7 +231,7 @@ class StopLabels:
         return pieces
 
     def leaves_at_once(self, stop_label: StopLabel) -> bool:
-        """Tell whether a stay is that of a drone in the air, which cannot stay."""
+        """Return whether a stop label is that of a drone in the air, which cannot stay."""
         return self.problem.in_flight and stop_label.node == self.subnetwork.origin
 
     def land(
@@ -264,7 +264,7 @@ class StopLabels:
         ]
 
     def arrive(self, stop_label: StopLabel, pieces: NDArray[np.float64]) -> tuple[float, float]:
-        """Earliest arrival at the destination from a stay and the take-off for it; infinite where there is none."""
+        """Earliest arrival at the destination from a stop label and the take-off for it; infinite where there is none."""
         if not len(pieces):
             return math.inf, math.nan
         costs, goal = self.costs, self.subnetwork.destination
@@ -278,7 +278,7 @@ class StopLabels:
         return (float(flown[first, 0]), float(flown[first, 2])) if count else (math.inf, math.nan)
 
     def trace(self, path: Sequence[StopLabel], leave_s: float) -> Itinerary:
-        """Turn a chain of stays and the last take-off back into decisions."""
+        """Turn a chain of stop labels and the last take-off back into decisions."""
         legs: list[Leg] = []
         target = self.subnetwork.destination
         for stop_label in reversed(path):

@@ -1,6 +1,6 @@
 """When a delivery arrives that lands at some station at some time with some charge: what a turn in the air is weighed by.
 
-The exact planner composes what follows in the world of the mean flight times and waits (`planner.problem.mean_value`). A later leg takes the
+The exact planner composes what follows on average-value problem flight times and waits (`planner.problem.mean_value`). A later leg takes the
 energy with which it will be begun: its charge must keep the reserve in all but a hundredth, so a later leg is planned with that
 quantile of what is believed, and where that gives no way with the mean and a standard deviation.
 """
@@ -83,7 +83,7 @@ class Onward:
 
 
 class _World:
-    """The world of the mean for one factor of energy."""
+    """The mean-value problem for one factor of energy."""
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem

@@ -209,7 +209,7 @@ class GroundReplanner:
     def decide(
         self, standing: Grounded, current: Composition | None, forecast: WindEnsemble, belief: EnergyBelief
     ) -> Decision:
-        """Say what to do at a station.
+        """Return what to do at a station.
 
         Parameters
         ----------
@@ -243,7 +243,7 @@ class GroundReplanner:
     def _decide_now(
         self, standing: Grounded, current: Composition | None, forecast: WindEnsemble, belief: EnergyBelief
     ) -> Decision:
-        """Say what to do with what can be flown now."""
+        """Return what to do with what can be flown now."""
         reach = self.reach(forecast, belief.next_flight())
         load = reach.mean_load(reach.way(standing.station, (), self.request.destination), standing.time_s)
         most = load if reach.load is None else max(load, float(reach.load.factor(reach.airspeed_mps)))

@@ -84,7 +84,7 @@ def charge_needed(
 
 
 def held_by_wind(service: DroneService, standing: Grounded, reach: Reach, wait_s: float) -> Held | None:
-    """Tell where the wind most probably forbids to leave now; None where it does not."""
+    """Return where the wind most probably forbids to leave now; None where it does not."""
     way = np.array(reach.way(service.origin, service.via, service.destination))
     north, east = reach.winds(way[:, 0], way[:, 1], np.full(len(way), standing.time_s))
     speed = np.hypot(north, east).max(axis=1)

@@ -104,7 +104,7 @@ class FlightReplanner:
     _onward: Onward | None = None
 
     def decide(self, airborne: Airborne, forecast: WindEnsemble, belief: EnergyBelief) -> Decision:
-        """Say what to do now; asked about every ten seconds."""
+        """Return what to do now; asked about every ten seconds."""
         reach = self._reach(forecast, belief, airborne.airspeed_limit_mps)
         now, figures = self._outlook(airborne, reach)
         settings = self.ground.settings
@@ -128,7 +128,7 @@ class FlightReplanner:
         return Decision("continue", reason, figures)
 
     def watch(self, airborne: Airborne, forecast: WindEnsemble, belief: EnergyBelief) -> Decision:
-        """Say whether a divert under way must end elsewhere; only an empty battery turns it again."""
+        """Return whether a divert under way must end elsewhere; only an empty battery turns it again."""
         self.turned = True
         reach = self._reach(forecast, belief, airborne.airspeed_limit_mps)
         now, figures = self._outlook(airborne, reach)

@@ -84,7 +84,7 @@ class Floors:
 def going_on(
     reach: Reach, way: Sequence[Place], station: str, time_s: float, soc: float, floors: Floors
 ) -> tuple[Option, Flown]:
-    """Tell what becomes of flying on along a way."""
+    """Return the outcome of flying on along a way."""
     flown = reach.to_the_end(way, time_s)
     cost = flown.soc[:, None]
     length = sum(geodesy.distance_m(*a, *b) for a, b in pairwise(way))
@@ -104,7 +104,7 @@ def going_on(
 def other_airspeeds(
     reach: Reach, way: Sequence[Place], station: str, time_s: float, soc: float, floors: Floors
 ) -> list[Option]:
-    """Tell what becomes of flying on slower or faster, where it is known what that costs."""
+    """Return the outcome of flying on slower or faster, where it is known what that costs."""
     if reach.load is None:
         return []
     speeds = (share * reach.airspeed_mps for share in AIRSPEED_SHARES)
@@ -115,7 +115,7 @@ def other_airspeeds(
 def other_stations(
     reach: Reach, here: Place, names: Sequence[str], time_s: float, soc: float, floors: Floors
 ) -> list[Option]:
-    """Tell what becomes of flying straight to stations that no zone lies before."""
+    """Return the outcome of flying straight to stations that no zone lies before."""
     index = reach.network.index
     nodes = np.array([index[name] for name in names], dtype=np.int64)
     nodes = nodes[reach.clear(here, nodes)] if len(nodes) else nodes

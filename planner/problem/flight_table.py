@@ -28,7 +28,7 @@ class FlightTable(NamedTuple):
     Attributes
     ----------
     start_s, slot_s : float
-        POSIX seconds of the first slot and length of a slot; the last slot holds on for ever.
+        POSIX seconds of the first slot and length of a slot; the last slot holds on forever.
     climb_s, descent_s : float
         Spent at the start and the end of each flight.
     first, head : ndarray of int

@@ -162,7 +162,7 @@ class Problem:
         return float(np.interp(min(soc_to, 1.0), soc, time) - np.interp(max(soc_from, 0.0), soc, time))
 
     def has_pads(self, node: int) -> bool:
-        """Tell whether a drone can recharge there."""
+        """Return whether a drone can recharge there."""
         return self.network.stations[node].pads > 0
 
     @cached_property

@@ -19,7 +19,7 @@ def qualities(drone: Drone, *, with_price: bool) -> tuple[float, ...]:
 
 
 def dominates(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    """Tell whether qualities `a` are at least as good as `b` in everything and better in something."""
+    """Return whether qualities `a` are at least as good as `b` in everything and better in something."""
     return a != b and all(x >= y for x, y in zip(a, b, strict=True))
 
 

@@ -316,7 +316,7 @@ class ChargePolicy:
         return typical_schedule(before, p.reserve, fly)
 
     def grounded(self, out_of_sample: OutOfSample) -> NoRouteError:
-        """Say why no run of an out-of-sample simulation of this policy arrives."""
+        """Explain why no run of an out-of-sample simulation of this policy arrives."""
         leg = grounded_leg(out_of_sample.schedule)
         slots = self.problem.air.north.shape[1]
         bases = out_of_sample.tables[:, leg, : out_of_sample.tables.shape[2] - 2 * slots]

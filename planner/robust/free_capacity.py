@@ -62,7 +62,7 @@ def blocking_probabilities(problem: Problem, flight_s: float = USUAL_FLIGHT_S) -
 
 
 def likely_free(problem: Problem, most: float, flight_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell where a drone finds room to land in all but a share of what may come, shape (nodes,).
+    """Return where a drone finds room to land in all but a share of what may come, shape (nodes,).
 
     From who is seen at each station now and the time of the flight there, `flight_s`, shape (nodes,); where nobody was
     seen, from one free pad.

@@ -127,7 +127,7 @@ def _others(queues: Queues, there: Present, entry: int, time_s: float) -> int:
 
 @compiled_lean
 def _enough(room: FreeCapacity, leg: int, present: int, flight_s: float) -> bool:
-    """Tell whether the station at the end of a leg has room, likely enough, after a flight, with so many there now."""
+    """Return whether the station at the end of a leg has room, likely enough, after a flight, with so many there now."""
     full = chance_full(
         room.pads[leg],
         room.spots[leg],
@@ -142,7 +142,7 @@ def _enough(room: FreeCapacity, leg: int, present: int, flight_s: float) -> bool
 def is_room(
     room: FreeCapacity, leg: int, queues: Queues, there: Present, entry: int, time_s: float, flight_s: float
 ) -> bool:
-    """Tell whether the station at the end of a leg has room, likely enough, after a flight that begins at a time."""
+    """Return whether the station at the end of a leg has room, likely enough, after a flight that begins at a time."""
     return _enough(room, leg, _others(queues, there, entry, time_s), flight_s)
 
 

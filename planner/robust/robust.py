@@ -293,7 +293,7 @@ class RobustSearch:
             itinerary = _without_idle_stops(itinerary, charges)
 
     def _routes(self, allowed: NDArray[np.bool_], worlds: int) -> Iterator[Itinerary]:
-        """Compose in the world of the mean at several margins, and in so many of members with a sampled queue."""
+        """Compose on average-value problem at several margins, and in so many of members with a sampled queue."""
         p = self.problem
         speeds, queues = self._mean_world
         margins = MARGINS[:1] if self._large else MARGINS

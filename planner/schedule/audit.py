@@ -3,7 +3,7 @@
 What is claimed is a composition: legs and stops with times and states of charge. From each claimed take-off the leg is
 flown, from each claimed landing the stop is spent, and the next claim must be met; so no error adds up, and none hides
 behind another. What is decided (segments, charges, earliest take-offs) must be in the claim, the sums must be its sums, and
-the searches that are told the truth must keep the reserve at every landing and arrive when they said they would.
+the searches that have perfect information must keep the reserve at every landing and arrive when they said they would.
 
 Nothing of the searches is used here: the wind triangle, the walk through the slots of the wind, energy by phases of flight
 and the charging curve in closed form are written out once more, in plain Python. Read are data only: the network, the wind
@@ -52,7 +52,7 @@ class World:
     queues : mapping of int to QueuePath, or None
         At the node of each stop; None: the schedule is one with gusts, which is not flown again.
     arrival_s : float or None
-        When the search said that the drone arrives, POSIX seconds, of one that was told the truth.
+        When the search said that the drone arrives, POSIX seconds, of one that had perfect information.
     """
 
     member: int
@@ -280,7 +280,7 @@ class _Audit:
         self._near(None, "lowest SoC", told.min_soc, min(service.soc_arrive for service in told.services), 0.0)
 
     def proven(self, arrival_s: float) -> None:
-        """Compare with what a search that is told the truth says of its answer: the arrival, and the reserve kept."""
+        """Compare with what a search that has perfect information says of its answer: the arrival, and the reserve kept."""
         told, problem = self.told, self.problem
         last = len(told.services)
         self._near(last, "arrival of the search, POSIX s", arrival_s, told.arrive.timestamp(), TIME_TOLERANCE_S)

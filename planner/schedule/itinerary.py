@@ -134,7 +134,7 @@ def _fly(
 
 
 def held_in_the_air(problem: Problem, schedule: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which runs the wind lets begin only later, though the drone is in the air and cannot hold, shape (runs,)."""
+    """Return which runs the wind lets begin only later, though the drone is in the air and cannot hold, shape (runs,)."""
     late = schedule[:, 0, TAKE_OFF] > problem.depart_s + 1e-3
     return np.asarray(late if problem.in_flight else np.zeros_like(late))
 

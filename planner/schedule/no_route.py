@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def _reached(problem: Problem, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell which nodes usable segments join to the origin, shape (nodes,)."""
+    """Return which nodes usable segments join to the origin, shape (nodes,)."""
     tail, head = problem.network.tail[usable], problem.network.head[usable]
     found = np.zeros(len(problem.network), dtype=np.bool_)
     found[problem.origin] = True
@@ -34,7 +34,7 @@ def _reached(problem: Problem, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def joined(problem: Problem) -> bool:
-    """Tell whether any chain of segments leads from the origin to the destination."""
+    """Return whether any chain of segments leads from the origin to the destination."""
     return bool(_joined_nodes(problem)[problem.destination])
 
 

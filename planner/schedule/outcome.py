@@ -47,7 +47,7 @@ class Outcome:
     kept : ndarray of bool, shape (runs that arrive,)
         Whether every landing of a run keeps the reserve.
     crossed : Crossed or None
-        Days and queues of the runs that arrive; None where nothing was sampled: one truth, told beforehand.
+        Days and queues of the runs that arrive; None where nothing was sampled: one truth, known beforehand.
     """
 
     start_s: float

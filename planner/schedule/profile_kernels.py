@@ -474,7 +474,7 @@ def _onto_pad(
 
 @compiled
 def covers(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: float) -> bool:
-    """Tell whether departure profile `a` is nowhere below `b` (by more than a tolerance).
+    """Return whether departure profile `a` is nowhere below `b` (by more than a tolerance).
 
     Takes profiles that never decrease, of any number of points; none covers nothing but none.
     """

@@ -132,7 +132,7 @@ class Autopilot(Family):
         return Fly(lat, lon, body.alt_m + 0.5 * body.up_mps, 1.0, math.inf, math.degrees(body.yaw))
 
     def event(self, text: str) -> None:
-        """Tell the log of the world."""
+        """Record an event in the log of the world."""
         self.vehicle.event(text)
 
     def say(self, severity: int, text: str) -> None:
@@ -399,5 +399,5 @@ class Autopilot(Family):
         return self.fenced_off(self.lat, self.lon, self.body.alt_m)
 
     def fence_stored(self) -> None:
-        """Read the fence items anew."""
+        """Read the fence items again."""
         self.fence = Fence.from_items(self.stores[FENCE])

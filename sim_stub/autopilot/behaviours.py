@@ -92,7 +92,7 @@ class Fly:
     radius_m : float
         The place counts as reached within it.
     stay_s : float
-        Time to stay once there; infinite is for ever.
+        Time to stay once there; infinite is forever.
     yaw_deg : float or None
         Heading to take; None looks along the way.
     pass_mps : float

@@ -31,7 +31,7 @@ class Failsafes:
     breaches: int = 0
 
     def reset(self) -> None:
-        """Start anew, as after a reboot or on arming."""
+        """Start again, as after a reboot or on arming."""
         self.battery_level = 0
         self.active.clear()
         self.position_lost_s = None

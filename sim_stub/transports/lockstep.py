@@ -132,7 +132,7 @@ class Lockstep:
             self._links.remove(link)
 
     def run_until(self, instant_s: float, stop: Callable[[], bool] | None = None) -> None:
-        """Let time pass until an instant, or until `stop` says so after something has happened."""
+        """Advance the time until an instant, or until `stop` says so after something has happened."""
         world, links = self.world, self._links
         while True:
             due = min(instant_s, world.next_due_s(), world.next_wall_s())
@@ -151,5 +151,5 @@ class Lockstep:
                 return
 
     def run_for(self, duration_s: float) -> None:
-        """Let time pass."""
+        """Advance the time."""
         self.run_until(self.now_s + duration_s)

@@ -163,7 +163,7 @@ class TcpListener:
             connection.close()
 
     def _room(self) -> bool:
-        """Whether there is room for one more; half-open connections do not keep it for ever."""
+        """Whether there is room for one more; half-open connections do not keep it forever."""
         self.peers = [peer for peer in self.peers if not peer.closed]
         if len(self.peers) < self.most:
             return True

@@ -19,7 +19,7 @@ EXTRAS = {
 
 
 def remedy(error: ModuleNotFoundError) -> str | None:
-    """Say what is missing and how to install it; None where the package is not one of an extra."""
+    """Return what is missing and how to install it; None where the package is not one of an extra."""
     package = (error.name or "").partition(".")[0]
     extra = EXTRAS.get(package)
     return (

@@ -108,7 +108,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _tell_usage(error: Exception) -> None:
-    """Say what was typed wrongly, and where the right way stands; a bare command shows its help."""
+    """Return what was typed wrongly, and where the right way stands; a bare command shows its help."""
     message = error.format_message()  # type: ignore[attr-defined]
     if type(error).__name__ == "NoArgsIsHelpError":
         typer.echo(message)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 
-def test_a_proving_flight_tells_the_drag(skyway):
+def test_a_calibration_flight_tells_the_drag(skyway):
     answer = skyway("demo", "--calibration-flight", "square.tlog", "--payload", "0.7")
     assert answer.code == 0, answer.err
     assert answer.out.startswith("wrote square.tlog")
@@ -15,7 +15,7 @@ def test_a_proving_flight_tells_the_drag(skyway):
 
 
 @pytest.mark.parametrize("payload", ["1.5", "-0.1", "nan", "inf"])
-def test_a_proving_flight_carries_what_the_drone_lifts(refused, payload):
+def test_a_calibration_flight_carries_what_the_drone_lifts(refused, payload):
     assert "--payload" in refused("demo", "--calibration-flight", "square.tlog", f"--payload={payload}")
 
 
@@ -23,7 +23,7 @@ def test_the_demonstration_itself_takes_no_payload(refused):
     assert "--calibration-flight" in refused("demo", "--payload", "0.7")
 
 
-def test_a_proving_flight_overwrites_nothing(refused):
+def test_a_calibration_flight_overwrites_nothing(refused):
     Path("square.tlog").write_text("mine")
     assert "exists already" in refused("demo", "--calibration-flight", "square.tlog")
     assert Path("square.tlog").read_text() == "mine"

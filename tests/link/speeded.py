@@ -31,7 +31,7 @@ class Speeded:
         return self.world.sim_s
 
     def run(self, duration_s):
-        """Let time pass without anybody listening."""
+        """Advance the time without anybody listening."""
         end = self.wall_s + duration_s
         while self.wall_s < end - 1e-9:
             self.turn()

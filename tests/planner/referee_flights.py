@@ -1,7 +1,7 @@
 """Flights as the referees see them: nothing here is shared with the planners or with `models.flight.kernels`.
 
 Read from a problem is data only: network, drone, rules, request, wind series, queues. A segment's ground speeds give one
-function of time, the distance that a drone flying along it for ever would have covered. A segment entered at t is left
+function of time, the distance that a drone flying along it forever would have covered. A segment entered at t is left
 where that function has grown by its length, so a flight over many slots is a chain of look-ups in both directions and
 there is no walk from slot to slot. Times are seconds after the departure.
 """

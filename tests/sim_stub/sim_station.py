@@ -41,7 +41,7 @@ class Station:
         self.link.write(message.pack(self.mav, force_mavlink1=self.mavlink1))
 
     def read(self, seconds):
-        """Messages of the next stretch of time, at the latest `seconds`; beats like a heart meanwhile."""
+        """Messages of the next stretch of time, at the latest `seconds`; sends heartbeats meanwhile."""
         if self.lockstep.now_s >= self.beating:
             self.beating = self.lockstep.now_s + 1.0
             self.send(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))

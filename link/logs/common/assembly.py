@@ -136,7 +136,7 @@ class Assembler:
         return float(self._last_value[COLUMN[quantity]])
 
     def forget(self) -> None:
-        """Begin anew, as after a restart of the vehicle."""
+        """Begin again, as after a restart of the vehicle."""
         self._last_time[:], self._last_value[:] = -np.inf, np.nan
         self._last_tick = self._last_main = -math.inf
 

@@ -120,7 +120,7 @@ class KindEvidence:
             self.parameters[name] = value
 
     def vehicle(self) -> Vehicle:
-        """Say what it is."""
+        """Return what it is."""
         claims = self._claims()
         kinds = {kind for kind, _ in claims}
         leans = not (self.tails or self._tilts())

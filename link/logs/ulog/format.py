@@ -144,7 +144,7 @@ class ULogContents:
             self.number[number] += int(counts[number])
 
     def _see_one(self, kind: int, body: bytes) -> int | None:
-        """Take one message that holds no data; returns the number of a subscription that it begins anew."""
+        """Take one message that holds no data; returns the number of a subscription that it begins again."""
         if kind == _PARAMETER:
             self._see_parameter(body)
         elif kind == _FORMAT:

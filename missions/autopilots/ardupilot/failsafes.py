@@ -35,15 +35,15 @@ class ArduPilotFailsafes(Failsafes):
     """ArduPilot's failsafes."""
 
     def battery(self, values: Mapping[str, float]) -> list[str]:
-        """Say what it does at each stage."""
+        """Return what it does at each stage."""
         return [self._stage(stage, values) for stage in ("low", "critical")]
 
     def battery_first(self, values: Mapping[str, float]) -> str:
-        """Say what it does at the first stage."""
+        """Return what it does at the first stage."""
         return self._stage("low", values)
 
     def _stage(self, stage: str, values: Mapping[str, float]) -> str:
-        """Say what it does at one stage: by charge left, by voltage, or not at all."""
+        """Return what it does at one stage: by charge left, by voltage, or not at all."""
         charge, volts, capacity = (
             values.get(key) for key in (f"{stage}-battery", f"{stage}-battery-voltage", "battery-capacity")
         )

@@ -190,7 +190,7 @@ class ArduPilotMissions(Dialect):
         return (takeoff, above)
 
     def cannot_fly(self, document: MissionDocument) -> Iterator[Finding]:
-        """Tell what ArduPilot refuses at upload, forgets, or flies only with parameters set."""
+        """Return what ArduPilot refuses at upload, forgets, or flies only with parameters set."""
         items = document.mission.items
         for number, item in enumerate(items):
             yield from _refusals(number, item)

@@ -34,7 +34,7 @@ class Px4Failsafes(Failsafes):
     """PX4's failsafes."""
 
     def battery(self, values: Mapping[str, float]) -> list[str]:
-        """Say what it does at each threshold."""
+        """Return what it does at each threshold."""
         low, critical, emergency = (
             self._percent(values, f"{stage}-battery") for stage in ("low", "critical", "emergency")
         )
@@ -47,7 +47,7 @@ class Px4Failsafes(Failsafes):
         ]
 
     def battery_first(self, values: Mapping[str, float]) -> str:
-        """Say what it does at critical battery: at low battery it only warns."""
+        """Return what it does at critical battery: at low battery it only warns."""
         action = self.action("low-battery-action", _BATTERY, values)
         return f"at critical battery ({self._percent(values, 'critical-battery')}) it {action}"
 

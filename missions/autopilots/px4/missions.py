@@ -156,7 +156,7 @@ class Px4Missions(Dialect):
         return (above,)
 
     def cannot_fly(self, document: MissionDocument) -> Iterator[Finding]:
-        """Tell what PX4 refuses at upload, or accepts and then denies to start."""
+        """Return what PX4 refuses at upload, or accepts and then denies to start."""
         placed = False
         for number, item in enumerate(document.mission.items):
             yield from _refusals(number, item)

@@ -38,7 +38,7 @@ class WindObservation:
     time_s : float
         POSIX seconds, middle of the slot.
     lat_deg, lon_deg : float
-        Where, in the mean.
+        Where, on average.
     north_mps, east_mps : float
         TOWARDS, at the height of the forecast it is compared with (see `at_height`).
     variance : float

@@ -180,7 +180,7 @@ class WindFilter:
         self._filter.H = WIND
 
     def predict(self, time_s: float, forecast: tuple[float, float] | None = None) -> WindEstimate:
-        """Let time pass, under the forecast for that time where it is given; time that goes backwards stands still."""
+        """Advance the time, under the forecast for that time where it is given; time that goes backwards stands still."""
         self.advance(time_s, forecast)
         return self.estimate
 
@@ -367,7 +367,7 @@ class FilteredWind:
         return np.asarray(np.sqrt(0.5 * (self.covariance[:, 0] + self.covariance[:, 2])))
 
     def nees(self, truth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Normalised estimation error squared against the true wind, shape (n,): 2 in the mean where all is right."""
+        """Normalised estimation error squared against the true wind, shape (n,): 2 on average where all is right."""
         miss_n, miss_e = (self.wind - truth).T
         nn, ne, ee = self.covariance.T
         return np.asarray((ee * miss_n**2 - 2.0 * ne * miss_n * miss_e + nn * miss_e**2) / (nn * ee - ne * ne))

@@ -39,7 +39,7 @@ class ConsistencyMonitor:
             self._shaken = False
 
     def restart(self) -> None:
-        """Judge anew, as after the filter was found wrong and followed: not trusted until the innovations are calm."""
+        """Judge again, as after the filter was found wrong and followed: not trusted until the innovations are calm."""
         self._values.clear()
         self._shaken = True
 

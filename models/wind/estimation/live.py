@@ -241,7 +241,7 @@ class LiveWind:
         return self._maker.stuck if self._flying else ()
 
     def check_drag(self) -> DragCheck:
-        """Say whether the drag in use fits the last minutes."""
+        """Return whether the drag in use fits the last minutes."""
         table = np.array(self._flown).reshape(-1, 4)
         return check_drag(table[:, :2], table[:, 2:])
 

@@ -259,7 +259,7 @@ class ArduPilot(ArduPilotFailsafes):
         return reasons + self.vehicle.faults.arming_faults()
 
     def has_armed(self) -> None:
-        """Start counting anew."""
+        """Start counting again."""
         self.auto_armed = self.mode == Mode.MISSION and self.parameters.bit("AUTO_OPTIONS", 1)
 
     def has_disarmed(self) -> None:

@@ -70,7 +70,7 @@ class ArduPilotFailsafes(Autopilot):
         return self._unless_landing(_BATTERY_ACTIONS.get(int(self.parameters[name]), Action.WARN))
 
     def battery_warning(self, level: int) -> None:
-        """Say it."""
+        """Report it."""
         kind = "low" if level == 1 else "critical"
         used = self.vehicle.counted_mah
         self.say(4, f"Battery 1 is {kind} {self.vehicle.battery.voltage_v:.2f}V used {used:.0f} mAh")
@@ -98,7 +98,7 @@ class ArduPilotFailsafes(Autopilot):
         return Action.NONE if landing and self.parameters.bit("FS_OPTIONS", 3) else action
 
     def link_warning(self, *, lost: bool) -> None:
-        """Say it."""
+        """Report it."""
         if self.parameters["FS_GCS_ENABLE"] != 0.0:
             self.say(4, "GCS Failsafe" if lost else "GCS Failsafe Cleared")
 

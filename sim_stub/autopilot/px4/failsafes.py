@@ -52,7 +52,7 @@ class Px4Failsafes(Autopilot):
         return Action.RTL if level == 2 else Action.LAND
 
     def battery_warning(self, level: int) -> None:
-        """Say it."""
+        """Report it."""
         self.say(4 if level == 1 else 2, ("Low battery", "Critical battery", "Emergency battery")[level - 1])
 
     def ground_heard_s(self) -> float | None:
@@ -75,7 +75,7 @@ class Px4Failsafes(Autopilot):
         return bit is not None and self.parameters.bit(name, bit)
 
     def link_warning(self, *, lost: bool) -> None:
-        """Say it."""
+        """Report it."""
         self.say(6, "Connection to ground control station lost" if lost else "Ground station link regained")
 
     def remote_control_action(self) -> Action:

@@ -134,7 +134,7 @@ def present(item: Item, *, as_int: bool) -> Item:
 def infeasible(
     items: Sequence[Item], fence: Fence, home_alt_m: float | None, near: tuple[float, float], first_m: float
 ) -> str | None:
-    """Say why an accepted mission cannot be flown, or None.
+    """Explain why an accepted mission cannot be flown, or None.
 
     Parameters
     ----------

@@ -285,7 +285,7 @@ class Px4(Px4Failsafes):
         return reasons + self.vehicle.faults.arming_faults()
 
     def has_armed(self) -> None:
-        """A mission is judged anew from the new home."""
+        """A mission is judged again from the new home."""
         self.judge_mission()
 
     def switch(self, mode: Mode, *, reason: str) -> None:

@@ -36,7 +36,7 @@ def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for plan, journal and report.")] = Path(
         "out/demo"
     ),
-    proving_flight: Annotated[
+    calibration_flight: Annotated[
         Path | None,
         typer.Option(
             "--calibration-flight",
@@ -53,8 +53,8 @@ def demo(
     force: Annotated[bool, typer.Option("--force", help="Overwrite the recording of a calibration flight.")] = False,
 ) -> None:
     """Show a whole delivery (the help text is `DEMO_HELP`)."""
-    if proving_flight is not None:
-        _prove(proving_flight, payload, force=force)
+    if calibration_flight is not None:
+        _prove(calibration_flight, payload, force=force)
         return
     if payload is not None:
         remedy = "the demonstration carries 0.8 kg; skyway plan and skyway fly take any mass"
@@ -74,9 +74,9 @@ def demo(
 
 def _prove(path: Path, payload: float | None, *, force: bool) -> None:
     """Record a calibration flight of the drone of the demonstration."""
+    from skyway.calibration_flight import record_square
     from skyway.cli import options
     from skyway.demo import DRONE, PAYLOAD_KG
-    from skyway.proving_flight import record_square
 
     options.refuse_overwriting(path, force=force)
     drone = load_scenario(None).drone(DRONE)

@@ -159,7 +159,7 @@ def _write_export(export: Export, parameters: str, output: Path, *, force: bool)
 
 
 def _echo_written(document: MissionDocument, files: Sequence[Path]) -> None:
-    """Say what went into each file."""
+    """Return what went into each file."""
     items = f"{len(document.mission.items)} items"
     fence, rally = f"{len(document.fence.areas)} fence areas", f"{len(document.rally.points)} rally points"
     for file in files:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def print_comparison(answers: list[Comparison]) -> None:
-    """Print planners side by side; all but those told the truth are counted in the same simulated deliveries."""
+    """Print planners side by side; all but those with perfect information are counted in the same simulated deliveries."""
     from skyway.planner.plan import CLAIRVOYANT_PLANNERS
 
     columns = [

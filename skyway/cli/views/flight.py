@@ -76,7 +76,7 @@ class FlightView:
                 self._live = None
 
     def doing(self, what: str) -> None:
-        """Say what is being done before there is a journal: connecting, finding out who answers."""
+        """Return what is being done before there is a journal: connecting, finding out who answers."""
         self._state, self._meaning, self._entered_s = what, "", time.monotonic()
         self.say(what)
 

@@ -88,7 +88,7 @@ def _on_board_of_item(found: Sequence[Difference]) -> str:
 
 
 def on_board(difference: Difference) -> str:
-    """Say what the vehicle holds otherwise than the file."""
+    """Return what the vehicle holds otherwise than the file."""
     where = difference.field if difference.item is None else f"item {difference.item} {difference.field}"
     return f"{where}: on the vehicle {_shown(difference.read)}, in the file {_shown(difference.sent)}"
 

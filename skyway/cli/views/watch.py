@@ -89,7 +89,7 @@ class _Watch:
             self.vehicles[system] = VehicleMonitor(self.connection, system)
 
     def rows(self) -> list[dict[str, Any]]:
-        """Tell what is known of each vehicle, in the order of their ids."""
+        """Return what is known of each vehicle, in the order of their ids."""
         return [_row(self.vehicles[system]) for system in sorted(self.vehicles)]
 
     def remarks(self) -> list[str]:

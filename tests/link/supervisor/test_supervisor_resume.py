@@ -1,4 +1,4 @@
-"""A supervisor that is killed is begun anew from its journal, finds the vehicle where it is, and flies nothing twice."""
+"""A supervisor that is killed is begun again from its journal, finds the vehicle where it is, and flies nothing twice."""
 
 import random
 
@@ -13,7 +13,7 @@ class Killed(BaseException):
 
 
 def fly_and_kill(stage, moments):
-    """Kill it at these instants of simulated time, each time tear the journal's end, and begin anew 5 s later."""
+    """Kill it at these instants of simulated time, each time tear the journal's end, and begin again 5 s later."""
     outcome, resume = None, False
     for number, moment in enumerate([*moments, None]):
 

@@ -324,7 +324,7 @@ def test_a_policy_without_a_way_on_has_given_up(realizations):
 
 
 class Waiting:
-    """Stays where it is for ever, and wants to look again every five minutes."""
+    """Stays where it is forever, and wants to look again every five minutes."""
 
     def __init__(self):
         self.looks_s = []

@@ -31,7 +31,7 @@ def fleets(draw):
 
 
 def better(a, b):
-    """By the definition, written anew."""
+    """By the definition, written again."""
     ours = [a.max_payload_kg, a.flight_range_m, a.max_airspeed_mps, a.recharge_rate_w]
     theirs = [b.max_payload_kg, b.flight_range_m, b.max_airspeed_mps, b.recharge_rate_w]
     if a.price_per_km is not None:

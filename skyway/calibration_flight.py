@@ -1,4 +1,4 @@
-"""A proving flight: a simulated drone flies a square twice, and its drag is found in what it told, as with a real one."""
+"""A calibration flight: a simulated drone flies a square twice, and its drag is found in what it told, as with a real one."""
 
 from __future__ import annotations
 
