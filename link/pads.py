@@ -1,4 +1,4 @@
-"""Pads as a supervisor reaches them: a service over TCP, or people."""
+"""Clients of pads: the pad service over TCP, or people."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Missions: what a vehicle flies, and the files operators keep it in.
+"""Missions: their items, files, checks and construction.
 
 `read` and `write` files, `check` any mission, `diff` what was sent with what was read back, `leg_mission`,
 `whole_mission` and `armed_mission` make missions of a composition, `family_named` is all in which one autopilot differs from

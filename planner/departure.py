@@ -1,4 +1,4 @@
-"""When to leave: the best departure within a window."""
+"""The best departure within a window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Why a robust plan is as it is: what each stop is for, what else could be done, and how far from the best it may be."""
+"""Explanation of a robust plan: the purpose of each stop, alternatives, and the gap to a lower bound."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a planner answers, beside the composition itself."""
+"""Results of planners: the composition, and how it was found."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulated vehicles that behave on the wire as PX4 and ArduPilot do, with pads and wind.
+"""Simulated vehicles that behave like PX4 and ArduPilot on the wire, with pads and wind.
 
 The other side of the wire: its drag, power and autopilots are its own and share no code with the planner or the link.
 The names below are what a program needs to fly in lockstep; they are loaded when they are first used.

@@ -1,4 +1,4 @@
-"""What one simulated vehicle is made of."""
+"""Configuration of one simulated vehicle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What faults do to a vehicle when they begin and end."""
+"""Effects of faults on a vehicle."""
 
 from __future__ import annotations
 

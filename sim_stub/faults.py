@@ -1,4 +1,4 @@
-"""Faults on demand: what goes wrong, when, and for how long."""
+"""Faults on demand: kind, start and duration."""
 
 from __future__ import annotations
 

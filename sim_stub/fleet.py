@@ -1,4 +1,4 @@
-"""A fleet put together: world, vehicles, pads and sockets from what a person asks for."""
+"""Construction of a simulated fleet: world, vehicles, pads and sockets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pads of the stations: who charges, who waits, and the other drones that come and go.
+"""Pads of the stations, with queues, charging, and other drones that come and go.
 
 First come, first served, no reservations. Other drones arrive as a Poisson process and charge for exponential times,
 with the rates of `models.queues.load`; they are sampled here, not taken from the queue model that plans are made with. Time

@@ -1,4 +1,4 @@
-"""What a vehicle says and hears: its ports, versions, signing, streams and reports."""
+"""The radio of a vehicle: ports, MAVLink versions, signing, streams and status texts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One simulated vehicle: airframe, battery and autopilot, and the protocols it speaks on its ports."""
+"""One simulated vehicle: airframe, battery, autopilot, and its protocols."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulated world: vehicles, wind, ground and pads, and a log of what happens."""
+"""The simulated world: vehicles, wind, ground, pads, and a log of events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scenario built from Python objects instead of files."""
+"""Scenarios from Python objects instead of files."""
 
 from __future__ import annotations
 

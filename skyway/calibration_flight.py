@@ -1,4 +1,4 @@
-"""A calibration flight: a simulated drone flies a square twice, and its drag is found in what it told, as with a real one."""
+"""Calibration flights: a simulated drone flies a square twice, and its drag is found from its telemetry."""
 
 from __future__ import annotations
 

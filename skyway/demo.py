@@ -1,4 +1,4 @@
-"""The demonstration: a whole delivery in a simulated New York, on a day that the forecast does not know."""
+"""The demonstration: a whole delivery in a simulated New York, on a day that is not in the forecast."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A plan file made ready to be flown: the scenario it was made in, what was asked, and the wind to start with."""
+"""Preparing a plan file to be flown: its scenario, its request, and the first forecast."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commented scenario that ``skyway scenario init`` writes: small, complete, and ready to plan."""
+"""The commented example scenario that ``skyway scenario init`` writes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scenario that is named, or the built-in one."""
+"""Loading the named scenario, or the built-in one."""
 
 from __future__ import annotations
 

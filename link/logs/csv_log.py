@@ -1,4 +1,4 @@
-"""Logs as tables (``.csv``, ``.csv.gz``), by a mapping of their columns to the quantities of telemetry.
+"""CSV logs (``.csv``, ``.csv.gz``), by a mapping of columns to telemetry quantities.
 
 Columns that carry the names of `models.drones.telemetry.TelemetrySample` need no mapping; `skyway replay --csv` writes such
 a table. A mapping is a TOML file (``schema = "skyway.log-columns/1"``), see ``docs/how-to/replay.md``.

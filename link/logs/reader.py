@@ -1,4 +1,4 @@
-"""Opening a log: its format is told by its first bytes, not by its name."""
+"""Opening a log: the format is recognised by its first bytes, not by its name."""
 
 from __future__ import annotations
 

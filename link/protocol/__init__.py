@@ -1,1 +1,1 @@
-"""The exchanges of MAVLink: commands, parameters, verified upload."""
+"""MAVLink protocols: commands, parameters, verified upload."""

@@ -1,4 +1,4 @@
-"""One command with its answer: COMMAND_LONG and COMMAND_INT, and single messages asked for."""
+"""Commands with their acknowledgement: COMMAND_LONG and COMMAND_INT, and requests for single messages."""
 
 from __future__ import annotations
 

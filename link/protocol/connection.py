@@ -1,4 +1,4 @@
-"""A connection: frames in and out of one transport, told apart by system id, recorded, with a heartbeat of our own."""
+"""A connection: frames in and out of one transport, separated by system id, recorded, with our own heartbeat."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One download by the MAVLink mission protocol, and clearing: the ground's side, as state machines."""
+"""Download and clearing by the MAVLink mission protocol: the ground side, as state machines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exchanges: questions and answers with one vehicle, without any input or output of their own.
+"""Exchanges: request-reply state machines with one vehicle, without any input or output of their own.
 
 An exchange is told of messages and of time, and says what to send and when it wants to be told of time again. The same
 one runs on sockets at wall time and against a simulated vehicle in virtual time. A procedure is a generator of

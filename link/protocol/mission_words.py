@@ -1,4 +1,4 @@
-"""What the mission protocol's numbers mean, in words."""
+"""Results of the mission protocol as text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Open what a person names: a connection, recorded, with the key from a file or the environment."""
+"""Opening a connection from command-line settings: recorded, with the signing key from a file or the environment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters: read some by name, set one, list all; and what a mission requires of them."""
+"""Parameter protocol: read by name, set, list all; and the parameters that a mission requires."""
 
 from __future__ import annotations
 

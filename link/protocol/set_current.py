@@ -1,4 +1,4 @@
-"""Which item is flown next: asked for until the vehicle says so."""
+"""Setting the current mission item, repeated until the vehicle confirms it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One upload by the MAVLink mission protocol: the ground's side, as a state machine.
+"""Upload by the MAVLink mission protocol: the ground side, as a state machine.
 
 The vehicle asks for items and repeats its question by itself (PX4 after 250 ms, ArduPilot after 1 s). We wait no
 longer than a round trip for its next question: then either our item or its question was lost, and we cannot know

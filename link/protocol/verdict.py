@@ -1,4 +1,4 @@
-"""What a vehicle says of a mission that it has taken: some acknowledge missions that they will not fly.
+"""Mission validity as reported by the vehicle: some accept missions that they will not fly.
 
 Such a vehicle (`Family.judges_missions`) judges a mission after it has taken it over, says so in words (STATUSTEXT), and in newer
 versions in MISSION_CURRENT.mission_state.

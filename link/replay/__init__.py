@@ -1,1 +1,1 @@
-"""Logged flights looked at again: estimates, predictions, as if live."""
+"""Replay of logged flights: estimates and predictions as if live."""

@@ -1,4 +1,4 @@
-"""Everything that is watched over one vehicle, and what is kept of it: fed piece by piece, in memory that does not grow."""
+"""All monitors of one vehicle, fed piece by piece in bounded memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A log played back as MAVLink: to any ground station, at any speed, forwards or backwards, with pause and seek.
+"""Playback of a log as MAVLink at any speed, forwards or backwards, with pause and seek.
 
 A MAVLink log is sent as it was recorded, byte for byte. Of other logs the messages that a ground station lives on are made
 from the telemetry. Time is handed in, so that the same player runs on the wall clock and in tests.

@@ -1,4 +1,4 @@
-"""What a drone file says a recorded flight should have taken, beside what it took."""
+"""Predicted energy of a recorded flight, next to the measured energy."""
 
 from __future__ import annotations
 

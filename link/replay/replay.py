@@ -1,4 +1,4 @@
-"""A recorded flight, gone through as if it were live: filter and monitors over the log, and what they found.
+"""Replay of a recorded flight: filter and monitors run over the log as if live.
 
 A log is read piece by piece and each piece is forgotten when it has been seen, so that a log of any size needs the same memory.
 What the monitors see at a time is what came before it. Only the drag may be known beforehand: given, or identified

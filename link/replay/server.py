@@ -1,4 +1,4 @@
-"""Serving a player: its packets to a MAVLink address, its control on a socket, one JSON object a line."""
+"""Server of a player: packets to a MAVLink address, control on a socket with one JSON object per line."""
 
 from __future__ import annotations
 

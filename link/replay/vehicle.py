@@ -1,4 +1,4 @@
-"""The telemetry of a log as its kind of vehicle lets it be read: what tells no wind is unknown."""
+"""Telemetry of a log, restricted to what its kind of vehicle can measure."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What a vehicle shows, brought to one time base, with doubts."""
+"""Telemetry of a vehicle on one time base, with data quality."""

@@ -1,4 +1,4 @@
-"""What is doubtful about a vehicle's telemetry: values that jump as nothing can, and values that stand still."""
+"""Data quality of telemetry: impossible jumps, and values that are stuck."""
 
 from __future__ import annotations
 

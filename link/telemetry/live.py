@@ -1,4 +1,4 @@
-"""Live telemetry: messages of one vehicle become samples, and what is doubtful about them is said.
+"""Live telemetry: messages of one vehicle become samples with data quality.
 
 What a message says (`link.logs.common.messages`) and how samples are made of it (`link.logs.common.assembly`) is the same as in logs.
 """

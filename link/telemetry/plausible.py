@@ -1,4 +1,4 @@
-"""What a vehicle tells and cannot be: values beyond all physics, and jumps that nothing that flies makes.
+"""Plausibility of telemetry: values and jumps beyond physics are rejected.
 
 What is withheld is unknown, not wrong: nothing is decided by it, and the flight goes on. A place is compared with where the velocity
 since the last believed one leads; one that stays elsewhere is believed after `PLACE_AGAIN_S`, longer than any burst of bad packets

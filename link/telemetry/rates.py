@@ -1,4 +1,4 @@
-"""Whether telemetry comes as often as it was asked for; asked for again, without waiting, where it does not."""
+"""Message rates: measured, and requested again where they fall short."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the time since a vehicle's boot to UTC, at any speed that a simulation runs at.
+"""Conversion of a vehicle's time since boot to UTC, at any speed of a simulation.
 
 Three sources, the best first: the vehicle's own clock (SYSTEM_TIME, set by satellites); ours, tied to its boot by
 questions and answers (TIMESYNC), whose error is at most half a round trip; ours when its messages arrive.

@@ -1,4 +1,4 @@
-"""What is seen of one vehicle, whatever driver speaks with it: its state, its telemetry, and what became different."""
+"""Monitor of one vehicle: its state, its telemetry, and changes that were not commanded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The time of the vehicle, as a clock: the same in a simulation that runs faster than the wall."""
+"""The vehicle's time as a clock, also in a simulation that runs faster than real time."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A vehicle behind a link: every verb, two drivers."""
+"""Vehicles behind a link: one interface, two drivers."""

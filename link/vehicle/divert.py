@@ -1,4 +1,4 @@
-"""Leave the mission and land at another place: by reposition (PX4) or GUIDED (ArduPilot), whatever driver speaks.
+"""Diverting: leave the mission and land elsewhere, by reposition (PX4) or GUIDED (ArduPilot).
 
 The supervisor of a flight steps a `Diversion` with the samples that it gets anyway; `divert` does the whole of it.
 """

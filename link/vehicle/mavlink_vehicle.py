@@ -1,4 +1,4 @@
-"""The default driver: MAVLink with pymavlink's tables and our own protocol machines."""
+"""The default driver: pymavlink's message definitions and our own protocol state machines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exchanges carried out by MAVSDK, on a connection whose bytes stay ours.
+"""Exchanges run by MAVSDK over one of our connections.
 
 MAVSDK is fed over its raw connection: what comes in on our transport is handed to it, what it wants to say goes out on
 our transport, and both are recorded. So everything that a `Connection` sees (telemetry, texts, other stations) is seen

@@ -1,4 +1,4 @@
-"""The second driver: MAVSDK speaks the protocols, at wall time only and unsigned; a check on the first one."""
+"""The second driver, based on MAVSDK: unsigned and in real time only; a check of the default driver."""
 
 from __future__ import annotations
 

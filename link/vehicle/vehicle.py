@@ -1,4 +1,4 @@
-"""What can be done with a vehicle, whatever driver speaks with it."""
+"""Interface of a vehicle, whatever its driver."""
 
 from __future__ import annotations
 

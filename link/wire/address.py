@@ -1,4 +1,4 @@
-"""Connection strings as everyone writes them."""
+"""Connection strings."""
 
 from __future__ import annotations
 

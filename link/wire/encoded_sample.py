@@ -1,4 +1,4 @@
-"""Telemetry as MAVLink: the messages that a ground station lives on, made from a sample."""
+"""Telemetry samples encoded as MAVLink messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recording: every frame of a connection, received and sent, in a ``.tlog`` that every ground station opens."""
+"""Recording of every frame of a connection in a ``.tlog``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Serial lines, such as telemetry radios, with the system's own calls."""
+"""Serial lines, such as telemetry radios, through the system's own calls."""
 
 from __future__ import annotations
 

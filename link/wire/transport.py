@@ -1,4 +1,4 @@
-"""Ways to the vehicles: UDP, TCP and serial lines, never blocking longer than asked, connected again by themselves."""
+"""Transports: UDP, TCP and serial lines; they never block longer than asked, and reconnect by themselves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compare what was sent with what was read back: what differs in meaning, item by item.
+"""Comparison of a mission sent with the mission read back, by meaning, item by item.
 
 A download is never identical to what was sent. Each dialect says what its autopilot makes of an item; two items that
 mean the same are the same, and nothing else is.

@@ -1,4 +1,4 @@
-"""What a vehicle does by itself, told from the settings it has: without us, without its pilot, and with little charge."""
+"""Failsafe behaviour derived from a vehicle's settings: lost ground station, lost pilot, low battery."""
 
 from __future__ import annotations
 

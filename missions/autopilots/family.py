@@ -1,4 +1,4 @@
-"""What an autopilot family is: everything in which one autopilot differs from another, for missions, link and commands.
+"""Interface of an autopilot family: everything in which one autopilot differs from another.
 
 A family is a folder here and its name in `missions.autopilots.FOLDERS`. No other code compares names or MAV_AUTOPILOT numbers:
 it asks the family.

@@ -1,4 +1,4 @@
-"""Flight modes of an autopilot family: their numbers, and their names."""
+"""Flight modes of an autopilot family: numbers and names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one registry of autopilot families: by name, or by MAV_AUTOPILOT."""
+"""Registry of autopilot families, by name and by MAV_AUTOPILOT."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the parameters of an autopilot are called, and in which unit, in each version of its firmware.
+"""Parameter names and units of an autopilot, by firmware version.
 
 A setting has one meaning and one unit of ours; firmware calls it by one name or another. The version of a vehicle says which
 name is likely; which one it has is asked of the vehicle, since builds between two versions have some of the new names and

@@ -1,4 +1,4 @@
-"""Items on the wire: the fields of MISSION_ITEM_INT, and how ours become them."""
+"""Conversion between mission items and the fields of MISSION_ITEM_INT."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Corridors: the inclusion fence around a route and the ways to its divert stations.
+"""Corridors: the inclusion fence around a route and around the ways to its divert stations.
 
 One simple polygon of few vertices, because several inclusion areas mean different things to the two autopilots (PX4:
 inside any, ArduPilot: inside all). A diverting vehicle flies straight from wherever it is, so that each segment is

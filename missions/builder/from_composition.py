@@ -1,4 +1,4 @@
-"""Compositions become missions, leg by leg or whole."""
+"""Missions from compositions, per leg or as a whole."""
 
 from __future__ import annotations
 

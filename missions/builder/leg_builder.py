@@ -1,4 +1,4 @@
-"""The items, fence and rally points of the legs of one composition, for one autopilot.
+"""Builder of the items, fence and rally points of one leg, for one autopilot.
 
 Height model: from one station to the next the vehicle is nowhere lower than the cruise height above the higher of the
 two grounds, since the ground need not fall or rise where the vehicle does. So it climbs straight above the station

@@ -1,4 +1,4 @@
-"""How compositions are turned into missions."""
+"""Options for building missions."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Checks of missions: one file per concern, put together in `missions.checks.report`."""
+"""Checks of missions: one module per concern, combined in `missions.checks.report`."""

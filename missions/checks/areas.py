@@ -1,4 +1,4 @@
-"""Whether the route stays in its fence and out of no-fly zones.
+"""Check of the route against its fence and no-fly zones.
 
 Autopilots test fences in the plane of latitude and longitude, and so does this.
 """

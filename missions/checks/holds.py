@@ -1,4 +1,4 @@
-"""What the energies of a mission mean: reserve, wind limits, and holds against the charging curve."""
+"""Check of energies: reserve, wind limits, and holds against the charging curve."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Speeds, distances and heights against what vehicles do."""
+"""Check of speeds, distances and heights against the limits of vehicles."""
 
 from __future__ import annotations
 

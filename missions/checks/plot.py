@@ -1,4 +1,4 @@
-"""Draw a mission: map with fence and rally points, and height profile."""
+"""Picture of a mission: map with fence and rally points, and height profile."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The check of a mission: every finding, and what each flight costs."""
+"""Report of all checks of a mission: findings, and the energy of each flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The route a mission flies: its items in the order they act, with jumps followed and holds counted.
+"""The route that a mission flies: items in the order flown, with jumps followed and holds counted.
 
 Endless jumps are followed once and reported, and then left as if a person had ended them: what lies behind is checked
 too. The number of steps is bounded, whatever a file says.

@@ -1,4 +1,4 @@
-"""Whether a mission is complete in itself: take-off first, a landing, jumps that lead somewhere."""
+"""Check of a mission's structure: take-off, landing, jump targets."""
 
 from __future__ import annotations
 

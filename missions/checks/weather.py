@@ -1,4 +1,4 @@
-"""The wind that a mission is checked in: steady, or an ensemble of what may come."""
+"""Wind for mission checks: steady, or an ensemble."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a mission file loses when it is written in another format: said, so that nobody looks for it afterwards."""
+"""Report of what a mission file loses when it is written in another format."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read the old text files of MAVProxy and Mission Planner: fences of bare "lat lon" lines, and RALLY lines."""
+"""Reader of old text files of MAVProxy and Mission Planner: fences and rally points."""
 
 from __future__ import annotations
 

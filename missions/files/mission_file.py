@@ -1,4 +1,4 @@
-"""Read and write mission files, whatever their format: it is told by what is inside, and by the name on writing."""
+"""Reading and writing mission files in any format: recognised by content, written by suffix."""
 
 from __future__ import annotations
 

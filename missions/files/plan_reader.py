@@ -1,4 +1,4 @@
-"""Read QGroundControl ``.plan`` files and the older ``.mission`` files.
+"""Reader of QGroundControl ``.plan`` files and older ``.mission`` files.
 
 Format: "Plan File Format" of the QGroundControl developer guide. Simple items come in three generations: seven
 ``params``; four ``params`` and a ``coordinate``; ``param1`` … ``param4`` and a ``coordinate``.

@@ -1,4 +1,4 @@
-"""Write QGroundControl ``.plan`` files: the keys and versions that QGroundControl writes itself."""
+"""Writer of QGroundControl ``.plan`` files, with QGroundControl's own keys and versions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read and write QGC WPL 110 text (``.waypoints``): Mission Planner, MAVProxy and QGroundControl.
+"""Reader and writer of QGC WPL 110 text (``.waypoints``): Mission Planner, MAVProxy and QGroundControl.
 
 A row is index, current, frame, command, four parameters, latitude, longitude, altitude, autocontinue, between blanks,
 tabs or commas. Row 0 is home to every ground station, whatever its frame: a WAYPOINT, or command 0 of old Mission

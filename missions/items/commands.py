@@ -1,4 +1,4 @@
-"""MAVLink mission commands and frames by name: the part of MAV_CMD and MAV_FRAME that missions use.
+"""MAVLink mission commands and frames by name: the subset of MAV_CMD and MAV_FRAME that missions use.
 
 Source: MAVLink common and ardupilotmega message definitions. A light table of our own, because importing a MAVLink
 library for the names alone would cost every command line a third of a second.

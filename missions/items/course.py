@@ -1,4 +1,4 @@
-"""Courses: geodesics split so finely that a vehicle which flies straight from item to item stays on them.
+"""Geodesic courses, split so finely that flying straight from item to item follows them.
 
 Autopilots fly straight in some flat projection of their own, all of which lie near the straight line in latitude and
 longitude. The sagitta between that line and the geodesic grows with the square of the length, about

@@ -1,4 +1,4 @@
-"""A mission with its fence and rally points: what one file, or one vehicle, holds."""
+"""A mission with its fence and rally points, as in one file or one vehicle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fences and rally points as mission items: how both autopilots and ArduPilot's files hold them."""
+"""Fences and rally points as mission items."""
 
 from __future__ import annotations
 

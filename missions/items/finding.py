@@ -1,4 +1,4 @@
-"""Findings: what a check has to say about a mission."""
+"""Findings of mission checks."""
 
 from __future__ import annotations
 

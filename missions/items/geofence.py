@@ -1,4 +1,4 @@
-"""Geofences: where the vehicle must stay, and where it must not go."""
+"""Geofences: areas to stay inside or outside."""
 
 from __future__ import annotations
 

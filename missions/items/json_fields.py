@@ -1,4 +1,4 @@
-"""Fields of third-party JSON, taken with a fault that names the field where they are not as they should be."""
+"""Validated fields of third-party JSON; faults name the field."""
 
 from __future__ import annotations
 

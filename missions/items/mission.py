@@ -1,4 +1,4 @@
-"""Missions: what a vehicle is told to do, item by item.
+"""Missions and their items.
 
 Items are numbered from 0 and home is not one of them. Each autopilot's own numbering lives in its dialect.
 """

@@ -1,4 +1,4 @@
-"""Parameters of the vehicle that a mission relies on: part of what is handed over with it."""
+"""Vehicle parameters that a mission relies on."""
 
 from __future__ import annotations
 

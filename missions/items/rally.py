@@ -1,4 +1,4 @@
-"""Rally points: where a vehicle goes instead of home when something is wrong."""
+"""Rally points: alternatives to home for a return."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Surveys, scans and landing patterns, built as QGroundControl builds them."""
+"""Surveys, scans and landing patterns, expanded as in QGroundControl."""

@@ -1,4 +1,4 @@
-"""What patterns of a ground station are made of: corners in, items out, as a plan file writes them."""
+"""Common parts of pattern items: vertices, and the items that a plan file stores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The items that QGroundControl flies for a landing pattern: its files keep only the places and the choices.
+"""Landing patterns: the items that QGroundControl flies; its files store only places and options.
 
 Source: ``LandingComplexItem::appendMissionItems`` of QGroundControl, and the two older classes that it replaced.
 """

@@ -1,4 +1,4 @@
-"""Patterns of QGroundControl (surveys, corridors, structure scans, landings) as the items that are flown for them."""
+"""Patterns of QGroundControl (surveys, corridors, structure scans, landings), expanded to items."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The items of a structure scan: rings around a building, layer over layer; its files never hold them.
+"""Structure scans: rings around a building, layer by layer.
 
 Source: ``StructureScanComplexItem::appendMissionItems`` of QGroundControl. It enters at the first vertex, turns the
 camera to the building, flies each layer as a closed ring with pictures, and leaves where it came.

@@ -1,4 +1,4 @@
-"""Surveys and corridor scans whose file does not hold the items they expand to: built as QGroundControl builds them.
+"""Surveys and corridor scans, expanded to items as in QGroundControl.
 
 Surveys of versions 2 and 3 never hold them, later ones and corridors hold an empty list where a program wrote them.
 Sources: ``SurveyComplexItem``, ``CorridorScanComplexItem`` and ``TransectStyleComplexItem`` of QGroundControl. Not

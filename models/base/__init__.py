@@ -1,1 +1,1 @@
-"""Units, geodesy, errors, files and how figures are put into words."""
+"""Units, geodesy, errors, files and formatting."""

@@ -1,4 +1,4 @@
-"""Lines and maps about the antimeridian, where longitudes jump from 180 to -180 degrees."""
+"""Geometry at the antimeridian, where longitudes jump from 180 to -180 degrees."""
 
 from __future__ import annotations
 

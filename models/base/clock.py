@@ -1,4 +1,4 @@
-"""Time that is handed in: the same code runs on the wall clock and in virtual time."""
+"""Clocks that are passed as arguments: the same code runs in real and in virtual time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one tree of errors: what a caller can catch, and what an operator can act on."""
+"""The hierarchy of errors, and the faults of an input."""
 
 from __future__ import annotations
 

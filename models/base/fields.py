@@ -1,4 +1,4 @@
-"""Reading one table of a configuration file field by field, collecting every fault."""
+"""Reader of one table of a configuration file, field by field; every fault is collected."""
 
 from __future__ import annotations
 

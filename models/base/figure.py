@@ -1,4 +1,4 @@
-"""A figure that was sampled, and how sure it is."""
+"""A sampled figure with its uncertainty."""
 
 from __future__ import annotations
 

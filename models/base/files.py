@@ -1,4 +1,4 @@
-"""Files at the edge: written whole or not at all, read within bounds, every failure an `InputError`."""
+"""Reading files within bounds, and writing them atomically; every failure is an `InputError`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How figures are put into words, for every command, page and picture: times, shares, and no more digits than are sure."""
+"""Formatting of times, probabilities and figures, with no more digits than are certain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JSON as everybody can read it: what is not a number is null."""
+"""JSON in which NaN and infinities are null."""
 
 from __future__ import annotations
 

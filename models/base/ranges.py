@@ -1,4 +1,4 @@
-"""Numbers out of range, and what they may mean in another unit: fractions and percent, metres and kilometres, grams and kilograms."""
+"""Checks of ranges, with a hint where the number fits another unit: percent, kilometres, grams."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Units and conventions, in one place.
+"""Units and conventions.
 
 Inside the code: metres, metres per second, kilograms, joules, watts, seconds (float64); bearings and wind
 directions in degrees clockwise from true north in [0, 360); wind directions say where the wind blows FROM;

@@ -1,4 +1,4 @@
-"""Scenarios and compositions as a notebook shows them: short lines, HTML tables, DataFrames."""
+"""Notebook views of scenarios and compositions: short text, HTML tables, DataFrames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Statistics of values that count with weights."""
+"""Weighted statistics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Factor of the airspeed sensor and offset of the heading, found in a log of a flight on wings, or why it cannot tell them.
+"""Calibration of an airspeed sensor and a heading offset from a log of fixed-wing flight.
 
 The length of the velocity through the air, ``|ground velocity - wind|``, is the airspeed whatever the heading says; on several
 courses this alone tells wind and factor. The direction of the same velocity then tells the offset of the heading.

@@ -1,4 +1,4 @@
-"""Energy models fitted to recorded flights, with the error they make on flights they have not seen.
+"""Energy models fitted to recorded flights, with their error on flights left out.
 
 Only the time in which the motors turn counts: a recorder that runs on after the landing would otherwise pass for a drone
 that needs little power.

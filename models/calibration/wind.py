@@ -1,4 +1,4 @@
-"""Drag and level bias of a drone, found in a log of its flight, or the reason why that flight cannot tell them.
+"""Drag and level bias of a drone, fitted to a log of its flight.
 
 Flown on one course only, or standing in the wind, a drone leans by an amount that a strong wind and little drag explain
 as well as a weak wind and much drag. On two courses the wind stays and the course turns, which tells them apart. So the fit

@@ -1,4 +1,4 @@
-"""The structure of a composition file, as it is read; see `models.composition.file`."""
+"""Structure of a composition file; see `models.composition.file`."""
 
 from __future__ import annotations
 

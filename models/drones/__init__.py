@@ -1,1 +1,1 @@
-"""What a drone can do, takes and tells: energy, charging, drag, airspeed, telemetry."""
+"""Drones: energy, charging, drag, airspeed, telemetry."""

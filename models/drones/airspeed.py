@@ -1,4 +1,4 @@
-"""What a plane's airspeed sensor and heading mean: a factor on the one, an offset of the other.
+"""Calibration of a plane's airspeed sensor and heading: a scale factor and an offset.
 
 An uncalibrated pitot tube is a few per cent off (ArduPilot's ARSPD_RATIO), and a compass, or a fuselage that flies askew, a
 few degrees; at 20 m/s each of them makes a wind of 1 to 3 m/s that is not there.

@@ -1,4 +1,4 @@
-"""How the power of a multirotor changes with its airspeed, as a share of its power in hover.
+"""Power of a multirotor over airspeed, relative to hover.
 
 In forward flight less power goes into holding the drone up, and more into drag and into the blades: the power dips at medium
 speed and rises beyond it. The energy models (`models.drones.energy`) are those of hover or of a mean cruise, and tell nothing of it; what

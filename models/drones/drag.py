@@ -1,4 +1,4 @@
-"""How a multirotor leans against the air: from attitude to air velocity.
+"""Drag of a multirotor: from tilt to air velocity.
 
 A rotor craft that moves through the air with velocity v is held back by ``d = c1 v + c2 |v| v`` (metres per second squared).
 What the tilted thrust gives beyond the acceleration seen is that drag, so attitude and ground velocity tell the wind.

@@ -1,4 +1,4 @@
-"""How a drone feels the air, as a file (``schema = "skyway.drag/1"``), written by ``skyway calibrate wind``.
+"""Drag files (``schema = "skyway.drag/1"``), written by ``skyway calibrate wind``.
 
 The drag of a multirotor stands at the top, the airspeed sensor of a plane in a table ``[airspeed]``; a VTOL may have both.
 """

@@ -1,4 +1,4 @@
-"""Drones: what they lift, how long they fly, how fast they charge."""
+"""Drones: payload, endurance, recharge time."""
 
 from __future__ import annotations
 

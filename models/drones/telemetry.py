@@ -1,4 +1,4 @@
-"""What a vehicle tells about itself, the same whether it comes live, or from any log.
+"""Telemetry of a vehicle, in one form for live links and all log formats.
 
 A `TelemetrySample` is one look at one vehicle. A `TelemetryTrack` is many of them as columns, which is what the
 filter and the calibrations compute with; both have the same fields, so that nothing downstream can tell a live

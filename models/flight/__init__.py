@@ -1,1 +1,1 @@
-"""A flight through wind that changes: its rules and its kernels."""
+"""Flights through changing wind: rules and kernels."""

@@ -1,4 +1,4 @@
-"""Flights through wind that changes: which rules they follow, and the arrays their kernels read.
+"""Flights through changing wind: their rules, and the arrays that kernels read.
 
 A flight is a take-off, a climb, one or more segments and a descent to a landing. Wind is constant within a time slot
 and a flight integrates across slot boundaries; using only the slot of departure would let a later departure arrive

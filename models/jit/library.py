@@ -1,4 +1,4 @@
-"""Kernels that were compiled when the package was built: called without numba, and without compiling anything.
+"""Kernels compiled ahead of time, called without numba.
 
 A wheel of skyway holds one shared library, ``_kernels``, made from the kernels of this source by ``build_kernels.py``
 (numba's ahead-of-time compiler), and ``kernels.json``, the list of what is in it: for each kernel the types of arguments

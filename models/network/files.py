@@ -1,4 +1,4 @@
-"""Stations and segments as CSV and GeoJSON, in and out."""
+"""Reading and writing stations and segments as CSV and GeoJSON."""
 
 from __future__ import annotations
 

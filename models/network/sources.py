@@ -1,4 +1,4 @@
-"""Networks from what a Python program holds: stations, a table of them, a networkx graph, a GeoDataFrame."""
+"""Networks from Python objects: stations, tables, networkx graphs, GeoDataFrames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How busy the pads are with other drones, in an average week.
+"""Load of the pads by other drones, by hour of the week.
 
 Other drones arrive as a Poisson process whose rate, like their mean charging time, depends on the hour of
 the week; hour 0 begins on Monday at 00:00 local time. `models.queues.load_files` reads it.

@@ -1,4 +1,4 @@
-"""Files that say how busy the pads are with other drones.
+"""Files with the load of the pads by other drones.
 
 They say it directly, as rates by hour of the week (`read_load`), or as a record of busy pads (`read_occupancy`).
 """

@@ -1,4 +1,4 @@
-"""The pad service: what a station tells of its pads, and how a drone asks to be charged.
+"""The pad service: its messages, and the state of pads.
 
 There is no MAVLink message for pads, so this is skyway's own: a protocol in Python, and the same as JSON lines over
 TCP. One line is one request or one answer:

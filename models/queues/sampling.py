@@ -1,4 +1,4 @@
-"""One sampled realisation of the other drones at a station, for a whole horizon.
+"""Sampled queues: one realization of the other drones at a station over a horizon.
 
 Given the others, our drone joins the same line and is served first come, first served: when it arrives after
 the first k of them it gets the pad that is free after k assignments. A path keeps these times for every k, so

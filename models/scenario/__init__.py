@@ -1,1 +1,1 @@
-"""A region to deliver in: scenario, its folder and its checks."""
+"""Scenarios: a region to deliver in, its folder and its checks."""

@@ -1,4 +1,4 @@
-"""What is suspicious of a scenario as a whole: parts that are each well formed, but do not fit together."""
+"""Plausibility checks of a whole scenario: parts that are each valid, but do not fit together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenarios as an operator writes them: a folder with ``scenario.toml`` and the files it names.
+"""Reader of a scenario folder: ``scenario.toml`` and the files it names.
 
 Every part is read even when another is wrong, so that all faults are reported at once.
 """

@@ -1,4 +1,4 @@
-"""A scenario: everything a planner knows of a region before it gets a request."""
+"""Scenarios: everything that is known of a region before a request."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Wind records as they are downloaded: which column says what, in which unit and convention."""
+"""Columns of downloaded wind records: names, units and conventions."""
 
 from __future__ import annotations
 

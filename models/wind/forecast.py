@@ -1,4 +1,4 @@
-"""The wind that is expected: ensembles of a record's analogue days, of one day, of one wind or of a file."""
+"""Wind forecasts: ensembles of analogue days, of one day, of one constant wind, or of a file."""
 
 from __future__ import annotations
 

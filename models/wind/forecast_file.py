@@ -1,4 +1,4 @@
-"""The file of a wind forecast: one row for each time, site and member."""
+"""Files of wind forecasts: one row per time, site and member."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The wind that was measured: hourly vectors of several sites, read from a record and its gaps filled.
+"""Measured wind: hourly vectors of several sites, read from a record, with gaps filled.
 
 A record is put into hourly slots as vectors (north, east) TOWARDS which the air moves: directions cannot be
 averaged, vectors can.

@@ -1,4 +1,4 @@
-"""The wind of a forecast in a few figures, as a pilot reads it: the same figures and words wherever a wind is shown.
+"""Summary of a wind forecast: mean, range and prevailing direction.
 
 A forecast is an ensemble: many winds may blow on a leg, at the time and height at which it is flown. They are summarised
 by their mean speed, the speeds that 10 and 90 % of them do not exceed, and the direction that most of them come from.

@@ -1,4 +1,4 @@
-"""Tables of wind as they are downloaded: CSV read column by column, with every fault told at once.
+"""CSV tables of wind, read column by column; every fault is reported at once.
 
 A column is read through its distinct texts (a record of 26,000 hours has some 40 different speeds), which is
 fast and still lets each faulty line be named.

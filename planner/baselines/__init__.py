@@ -1,1 +1,1 @@
-"""The planners of the paper and the shortest way."""
+"""Baseline planners: those of the paper, and the shortest route."""

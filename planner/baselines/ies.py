@@ -1,4 +1,4 @@
-"""Informed exhaustive search: every sequence of stops without a repeat, with the best charging on each.
+"""Informed exhaustive search: every sequence of distinct stops, with the best charging on each.
 
 It has perfect information, one wind and one queue at each station, and is the referee of the other planners: a sequence is
 cut off only by a proof that no continuation of it beats the best composition found so far. On each sequence the whole

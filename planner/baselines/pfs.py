@@ -1,4 +1,4 @@
-"""Probabilistic forward search: the paper's Algorithm 1, repaired.
+"""Probabilistic forward search: the paper's Algorithm 1, with its defects repaired.
 
 At each station the reachable ones are ranked by expected flight, wait and recharge, and by the best that lies beyond
 them; the best is flown to. Repaired: no station is visited twice, a dead end is left backwards, the charge is part of

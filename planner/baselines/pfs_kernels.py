@@ -1,4 +1,4 @@
-"""The forward search as one compiled kernel: depth first, best first, over candidates that are judged as late as can be."""
+"""Kernel of the forward search: depth first, best first; candidates are evaluated as late as possible."""
 
 from __future__ import annotations
 

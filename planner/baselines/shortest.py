@@ -1,4 +1,4 @@
-"""Shortest expected flight time (Dijkstra), with a full recharge at each stop: the plainest baseline."""
+"""Shortest expected flight time (Dijkstra), with a full recharge at each stop."""
 
 from __future__ import annotations
 

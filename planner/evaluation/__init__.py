@@ -1,1 +1,1 @@
-"""Plans and policies flown in sampled realizations, with intervals on every figure."""
+"""Evaluation of plans and policies in sampled realizations, with confidence intervals."""

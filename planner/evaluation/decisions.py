@@ -1,4 +1,4 @@
-"""Deliveries flown through realizations decision by decision, by a policy."""
+"""Deliveries simulated decision by decision under a policy."""
 
 from __future__ import annotations
 

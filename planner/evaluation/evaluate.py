@@ -1,4 +1,4 @@
-"""How good a plan or planner is: Monte Carlo over realizations that it did not know, with an interval on every figure."""
+"""Monte Carlo evaluation of plans and planners in held-out realizations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What becomes of deliveries in realizations; fixed itineraries are flown in all of them at once."""
+"""Outcomes of deliveries in realizations; a fixed itinerary is flown in all of them at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Policies that decide while a delivery is under way, and what they know when they do."""
+"""Policies that decide while a delivery is under way, and the information state they decide with."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures with intervals: block bootstrap over days, for runs that share a day are not independent."""
+"""Figures with confidence intervals by block bootstrap over days: runs that share a day are not independent."""
 
 from __future__ import annotations
 

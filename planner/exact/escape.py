@@ -1,4 +1,4 @@
-"""The way on from a destination without pads: how much charge must be left on touch-down, at every time."""
+"""Onward flights from a destination without pads: the least charge at touch-down, over time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exact composition for one wind and one queue: label setting on whole charge profiles, guided by a relaxation.
+"""Exact composition for one known wind and queue: label setting on charge profiles, guided by a relaxation.
 
 Labels are stops (`planner.exact.stop_labels`): at one station, the charge the drone can leave with as a function of time. One that
 another label of the same station covers (its charge is nowhere higher at any time) is dropped: whatever the drone does

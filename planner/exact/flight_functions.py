@@ -1,4 +1,4 @@
-"""Arrival functions of flights: for each take-off time, the earliest touch-down at every station.
+"""Arrival functions of flights: the earliest touch-down at every station for each take-off time.
 
 Between take-off and landing a drone may overfly stations. For take-offs within one time slot the earliest arrival over
 all walks is a continuous, never-decreasing, piecewise-linear function of the take-off time; it is found for all

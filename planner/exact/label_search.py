@@ -1,4 +1,4 @@
-"""Label setting for one deadline: from stop to stop, guided by what a relaxation says is needed.
+"""Label setting for one deadline, guided by the lower bounds of a relaxation.
 
 Labels are stops (`planner.exact.stop_labels`): at one station, the charge the drone can leave with as a function of time. One that
 another label of the same station covers (its charge is nowhere higher at any time) is dropped: whatever the drone does

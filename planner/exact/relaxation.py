@@ -1,4 +1,4 @@
-"""What no composition can beat, worked out on a grid of times: the guide of the exact search.
+"""Bounds on any composition, computed on a grid of times: the guide of the exact search.
 
 Time is cut into cells of some seconds, and everything in a cell is taken at its best: a drone that is over a node at any
 time in a cell is as good as one there at its beginning that leaves at its end. On this grid two passes cost little: one

@@ -1,4 +1,4 @@
-"""Compiled passes over a grid of times that bound what any composition can do; see `planner.exact.relaxation`."""
+"""Kernels of the relaxation: forward and backward passes over a grid of times; see `planner.exact.relaxation`."""
 
 from __future__ import annotations
 

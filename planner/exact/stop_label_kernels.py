@@ -1,4 +1,4 @@
-"""Compiled continuation of a stop label: to every station worth flying to, in one call."""
+"""Kernels that extend a stop label to every useful station."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stop labels and flights of one drone in one known wind and queue: what exact searches are made of.
+"""Stop labels of one drone in one known wind and queue: the elements of exact searches.
 
 A *stop label* is a stop with everything the drone can do there: its profiles of charge over time (`planner.schedule.profile_kernels`).
 `StopLabels` makes the stop label at the origin, takes a stop label through a flight to the next one, bounds what can follow, and turns

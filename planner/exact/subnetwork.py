@@ -1,4 +1,4 @@
-"""The part of a network that a search has to look at, as arrays for its kernels."""
+"""The part of a network that a search needs, as arrays for kernels."""
 
 from __future__ import annotations
 

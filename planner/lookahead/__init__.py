@@ -1,1 +1,1 @@
-"""Lower bounds of what is left to fly, over a forecast."""
+"""Lower bounds of the remaining flight, over a forecast."""

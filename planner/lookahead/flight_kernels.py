@@ -1,4 +1,4 @@
-"""Compiled expectations over the forecast: how long a flight takes, and what charge it needs.
+"""Kernels of expected flight times and required charges over a forecast.
 
 A flight that ends in the slot of its departure takes as long whenever in the slot it leaves, and one that the wind holds
 leaves with a later slot. So both are worked out once for each segment and slot, and only flights across the end of a slot

@@ -1,4 +1,4 @@
-"""What the forecast says of the next flight and of what lies beyond it: the arrays that kernels read, and single answers."""
+"""Look-ahead over a forecast: arrays for kernels, and single queries."""
 
 from __future__ import annotations
 

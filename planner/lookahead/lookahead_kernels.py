@@ -1,4 +1,4 @@
-"""Compiled look-ahead of the forward search: who is in reach of a station, and how good it is to go there."""
+"""Look-ahead kernels of the forward search: stations in reach, and their rank."""
 
 from __future__ import annotations
 

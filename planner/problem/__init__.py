@@ -1,1 +1,1 @@
-"""What is asked, and one drone's view of it as arrays."""
+"""Requests, and one drone's problem as arrays."""

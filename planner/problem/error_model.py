@@ -1,4 +1,4 @@
-"""What no forecast tells: gusts about the hourly wind, and how far a vehicle's energy may be from the model's."""
+"""Errors that no forecast covers: gusts about the hourly wind, and the error of a vehicle's energy model."""
 
 from __future__ import annotations
 

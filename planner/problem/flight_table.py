@@ -1,4 +1,4 @@
-"""Flights in one known wind, whose ground speeds are worked out once and then looked up.
+"""Flights in one known wind, with tabulated ground speeds.
 
 The rules are those of `models.flight.rules`; a table that was not made from a wind, for example of harmonic mean speeds over
 the members of a forecast, follows them too: constant within a slot, 0 where a segment is closed.

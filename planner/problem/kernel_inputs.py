@@ -1,4 +1,4 @@
-"""What planners hand to compiled kernels, checked where it is handed over: kernels index arrays without looking at them.
+"""Validation of kernel inputs, since kernels index arrays without checks.
 
 Networks, forecasts, requests and loads are checked when they are made. What is left is what a caller puts together himself: which member
 and which set of queues each run meets, the flights of an itinerary, a table of speeds.

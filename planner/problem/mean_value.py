@@ -1,4 +1,4 @@
-"""One world that stands for a forecast: what the robust planner composes a route in.
+"""The mean-value problem: mean flight times and mean waits, in which the robust planner composes routes.
 
 Each segment is flown at the speed whose flight time is the mean of the members' that can fly it, each station has its
 expected wait, and a landing keeps, beyond the reserve, a margin for each second of flight. The mean of functions that

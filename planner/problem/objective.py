@@ -1,4 +1,4 @@
-"""What a delivery is planned for: an early arrival on average, or hardly ever a late one, or a deadline."""
+"""Objectives: mean delivery time, its 95th percentile, or arrival by a deadline."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One drone's view of a request: the arrays that every planner works on."""
+"""One drone's view of a request: the arrays that planners work on."""
 
 from __future__ import annotations
 

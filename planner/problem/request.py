@@ -1,4 +1,4 @@
-"""What is asked of a planner."""
+"""Requests to a planner."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ground speeds that a search flies with: those of the true wind, of a table, or of the mean of a forecast's members."""
+"""Ground speeds of a search: of a known wind, of a table, or averaged over the members of a forecast."""
 
 from __future__ import annotations
 

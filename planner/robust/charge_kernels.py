@@ -1,4 +1,4 @@
-"""Compiled: flying a route whose charges are decided at each stop, by what is known there.
+"""Kernels that fly a route whose charges are decided at each stop.
 
 At a stop the drone leaves as soon as its charge is enough for the next flight in all but a share epsilon of what it must
 expect (`planner.robust.required_soc_kernels`), with the error of its energy model, which the first flight tells, and when there is

@@ -1,4 +1,4 @@
-"""A route with charges that are decided at each stop, by what is known there; and what becomes of it.
+"""Charge policy: a route whose charges are decided at each stop, and its out-of-sample simulation.
 
 The rule is that of `planner.robust.charge_kernels`. It is judged out of sample: each member of the forecast is flown as the
 truth by a drone whose forecast lacks that member and its neighbours, with sampled queues, gusts and errors of energy.

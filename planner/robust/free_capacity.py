@@ -1,4 +1,4 @@
-"""Room at stations: where a drone may have to hover, and how sure it must be of a place before it takes off.
+"""Free capacity of stations: blocking probabilities, and how sure a drone must be of a place before take-off.
 
 A drone that finds all pads and holding spots taken hovers on its reserve. The pads and the line of the next station are
 known before a take-off (the pad service tells), so that a flight is begun only when the chance to find the station full

@@ -1,4 +1,4 @@
-"""Compiled: whether the next station has room when the drone gets there, as seen from its pads and line now."""
+"""Kernels of free capacity: whether the next station has a free place on arrival, given its queue now."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled: how much charge a flight needs, by all that is known when it takes off.
+"""Kernels of the required SoC of a flight, given the information state at take-off.
 
 What it must expect is the forecast seen from that moment: each member weighted by its likeness to the wind measured now
 and shifted by its own residual, which fades as exp(-horizon / tau) (model.md, section 9), smoothed, with gusts about it.

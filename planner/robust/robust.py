@@ -1,4 +1,4 @@
-"""The robust planner: a route and a rule for charging, chosen by what becomes of them in worlds they were not made for.
+"""The robust planner: a route and a charge policy, chosen by out-of-sample simulation.
 
 Routes are composed by the exact planner in worlds that stand for the forecast (`planner.problem.mean_value`): that of the mean
 flight time at several margins, and some of its members with sampled queues. Each route is flown with charges decided at

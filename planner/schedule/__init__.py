@@ -1,1 +1,1 @@
-"""Decisions flown through the forecast: times, charges, outcomes; audit and reasons."""
+"""Schedules: itineraries flown through a forecast, their outcomes, audit, and reasons for no route."""

@@ -1,4 +1,4 @@
-"""Each answer is flown once before it is returned, and every figure of it compared: a difference is an error.
+"""Audit: every answer is recomputed by independent code before it is returned; a difference is an error.
 
 What is claimed is a composition: legs and stops with times and states of charge. From each claimed take-off the leg is
 flown, from each claimed landing the stop is spent, and the next claim must be met; so no error adds up, and none hides

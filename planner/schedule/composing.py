@@ -1,4 +1,4 @@
-"""A schedule as a composition: legs with the wind that may blow on them, stops with what is waited for."""
+"""Compositions from schedules: legs with their forecast wind, stops with their waits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled gusts: flights through wind that varies about its hourly value.
+"""Gust kernels: flights through wind that varies about its hourly value.
 
 The gust at a time follows from a key and the time alone, so that whoever flies in the same sampled truth, on whatever
 route, meets the same gusts (but for what is older than `_WARM_UP` time constants at the take-off: below 0.1 %). Normal deviates come from a counter (SplitMix64 of key and step, then Box and Muller); the

@@ -1,4 +1,4 @@
-"""Itineraries: what a planner decides, flown through the forecast and told as a composition."""
+"""Itineraries: a planner's decisions, flown through a forecast."""
 
 from __future__ import annotations
 

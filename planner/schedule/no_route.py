@@ -1,4 +1,4 @@
-"""Why there is no route: the constraint that binds, said with its figures."""
+"""Why there is no route: the binding constraint, with figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a forecast makes of an itinerary: the figures of its simulated deliveries, and how sure they are."""
+"""Outcome of an itinerary: figures of its simulated deliveries, with their uncertainty."""
 
 from __future__ import annotations
 

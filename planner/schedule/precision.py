@@ -1,4 +1,4 @@
-"""How sure a figure of simulated deliveries is: standard errors and intervals for runs that share days and queues.
+"""Standard errors and confidence intervals for runs that share days and queues.
 
 Runs are crossed: those in the same member of the forecast share its wind, those with the same set of queues share the
 other drones. With r(i) = w(i) (x(i) - mean) the variance of a weighted mean is V(days) + V(queues) - V(runs), each the

@@ -1,4 +1,4 @@
-"""Charging profiles along a route, exactly: what charge a drone can have at a stop, as a function of time.
+"""Kernels of charge profiles: the charge that a drone can have at a stop, as a function of time.
 
 The profile of a stop is two functions of time, both piecewise linear and never decreasing:
 

@@ -1,4 +1,4 @@
-"""Compiled flying of a fixed itinerary through many winds and queues."""
+"""Kernels that fly a fixed itinerary through many winds and queues."""
 
 from __future__ import annotations
 

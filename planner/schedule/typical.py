@@ -1,4 +1,4 @@
-"""The typical schedule of a delivery: the one whose times are nearest to the medians of all simulated ones.
+"""The typical schedule: the simulated delivery whose times are nearest to the medians.
 
 What is shown as one schedule must be one that may well happen. It is chosen among simulated deliveries, each in one wind
 and one set of queues: those nearest to the median delivery, and to the median landings on the way, are flown once more

@@ -1,1 +1,1 @@
-"""Autopilots of both families: what they share, and one home for the quirks of each."""
+"""Simulated autopilots: shared behaviour, and one folder per family."""

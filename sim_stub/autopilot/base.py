@@ -1,4 +1,4 @@
-"""What both autopilot families share: arming, modes, missions, landing; the quirks are in the subclasses."""
+"""Behaviour shared by both autopilot families: arming, modes, missions, landing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a vehicle can be busy with: each behaviour says, step by step, which motion it wants."""
+"""Flight behaviours: each gives, step by step, the wanted motion."""
 
 from __future__ import annotations
 

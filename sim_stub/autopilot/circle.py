@@ -1,4 +1,4 @@
-"""Flying circles about a place, as NAV_LOITER_TURNS asks for."""
+"""Flying circles about a place, for NAV_LOITER_TURNS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Failsafes: what a vehicle does by itself when battery, link, position or fence are lost."""
+"""Failsafes: what a vehicle does on low battery, lost link, lost position or breached fence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each autopilot family says and does in its own way: the questions that `base` asks a subclass."""
+"""Interface of a simulated autopilot family: what `base` leaves to subclasses."""
 
 from __future__ import annotations
 

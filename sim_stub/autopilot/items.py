@@ -1,4 +1,4 @@
-"""Mission, fence and rally items as a vehicle keeps them, and the numbers of the protocol."""
+"""Mission, fence and rally items as a vehicle stores them."""
 
 from __future__ import annotations
 

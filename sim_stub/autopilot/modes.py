@@ -1,4 +1,4 @@
-"""Flight modes that both families know, whatever numbers they give them."""
+"""Flight modes that both families have."""
 
 from __future__ import annotations
 

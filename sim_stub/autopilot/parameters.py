@@ -1,4 +1,4 @@
-"""Parameters of an autopilot by the real names, kept as the real ones keep them."""
+"""Parameters of a simulated autopilot, under their real names."""
 
 from __future__ import annotations
 

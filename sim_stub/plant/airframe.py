@@ -1,4 +1,4 @@
-"""The simulated airframe: figures of an M200-class quadrotor that are the simulator's own.
+"""The simulated airframe: an M200-class quadrotor with its own figures.
 
 Mass, battery, published endurances, wind limit and recharge time are the maker's (`models.drones.drone`). Drag and the split
 of the power are not published; they are chosen here so that the published hovering endurances are met exactly and the

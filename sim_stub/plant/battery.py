@@ -1,4 +1,4 @@
-"""The battery: energy left, voltage that sags under load, charging on a pad by CC-CV."""
+"""The battery: energy, voltage under load, CC-CV charging."""
 
 from __future__ import annotations
 

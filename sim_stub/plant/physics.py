@@ -1,4 +1,4 @@
-"""A point-mass multirotor: it holds ground velocity and leans into the wind.
+"""A point-mass multirotor that holds a ground velocity by tilting into the wind.
 
 The flight controller asks for a specific force: acceleration towards the wanted ground velocity plus what drag takes,
 which it learns like an integrator, with a lag. The attitude follows with a first-order lag and gives that force; drag

@@ -1,4 +1,4 @@
-"""Where the vehicle believes it is: the receiver's fix, and the estimate that flies it.
+"""Position estimate of the vehicle: the receiver's fix, and the filtered estimate.
 
 Both are the truth, until a glitch moves the fix. An estimator fuses a small jump and rejects a large one for as long
 as its patience lasts; then it believes the receiver and the estimate jumps. So a short glitch is seen in GPS_RAW_INT

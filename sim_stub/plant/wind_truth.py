@@ -1,4 +1,4 @@
-"""The wind that truly blows: constant, or a day of a record, with gusts about it.
+"""The true wind: constant, or a day of a record, with gusts.
 
 Directions are FROM at the edge and vectors TOWARDS inside, as everywhere. A record is measured near the ground and
 carried to flying height by the power law of `models.wind.triangle`; a constant wind is the wind at every height.

@@ -1,1 +1,1 @@
-"""MAVLink microservices of a vehicle, one a file; they see messages and times, never sockets."""
+"""MAVLink microservices of a vehicle, one per module, without sockets."""

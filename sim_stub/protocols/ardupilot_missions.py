@@ -1,4 +1,4 @@
-"""ArduPilot's mission protocol: items act as soon as each arrives (MissionItemProtocol.cpp)."""
+"""ArduPilot's mission protocol: items take effect as they arrive (MissionItemProtocol.cpp)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command protocol: COMMAND_LONG and COMMAND_INT, answers, progress, cancelling."""
+"""Command protocol: COMMAND_LONG and COMMAND_INT, acknowledgement, progress, cancelling."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands that fly: arming, modes, missions, places, speeds, the gripper."""
+"""Flight commands: arming, modes, missions, reposition, speed, gripper."""
 
 from __future__ import annotations
 

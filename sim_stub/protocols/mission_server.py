@@ -1,4 +1,4 @@
-"""The vehicle's side of the mission protocol: what both families share."""
+"""The vehicle's side of the mission protocol, shared by both families."""
 
 from __future__ import annotations
 

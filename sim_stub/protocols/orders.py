@@ -1,4 +1,4 @@
-"""A command as it came over the wire, from COMMAND_LONG or COMMAND_INT."""
+"""A command from COMMAND_LONG or COMMAND_INT in one form."""
 
 from __future__ import annotations
 

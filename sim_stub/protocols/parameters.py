@@ -1,4 +1,4 @@
-"""The parameter protocol, with each family's way of putting integers on the wire."""
+"""Parameter protocol, with each family's encoding of integers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PX4's mission manager: uploads are taken over whole or not at all (mavlink_mission.cpp)."""
+"""PX4's mission manager: uploads take effect as a whole or not at all (mavlink_mission.cpp)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small services: who is there, what time it is, what this vehicle is, signing."""
+"""Small services: heartbeats, time, autopilot version, signing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands about the vehicle itself: restart, calibration, checks, battery, messages."""
+"""System commands: restart, calibration, checks, battery, message requests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Payloads of the messages that a vehicle streams, and the rates of each family."""
+"""Telemetry messages that a vehicle streams, and their rates per family."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Ways in and out of simulated vehicles: sockets at wall time, and in-process in lockstep."""
+"""Transports of simulated vehicles: sockets in real time, and in-process in lockstep."""

@@ -1,4 +1,4 @@
-"""A channel that loses, delays, doubles and reorders packets, reproducibly from a seed."""
+"""An impaired channel: loss, delay, duplication and reordering, reproducible from a seed."""
 
 from __future__ import annotations
 

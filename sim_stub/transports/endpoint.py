@@ -1,4 +1,4 @@
-"""What every socket in the loop can do, and how addresses are found and taken."""
+"""Socket endpoints of the loop, and address resolution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lockstep: both sides of the wire in one process and one thread, in virtual time.
+"""Lockstep: vehicle and ground side in one thread, in virtual time.
 
 Time passes only while somebody waits: `LockstepTransport.read` and `VirtualClock.sleep_until` advance the simulation
 to the next thing that happens, so a run is as fast as the machine and the same, bit for bit, from the same seed.

@@ -1,4 +1,4 @@
-"""The loop that runs a world on the wall clock, faster where that is asked for."""
+"""The loop that runs a world in real time or faster."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pad service over TCP: one JSON line a request, one a reply."""
+"""The pad service over TCP: one JSON line per request and per reply."""
 
 from __future__ import annotations
 

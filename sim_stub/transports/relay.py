@@ -1,4 +1,4 @@
-"""A bad radio between two programs that are not ours: relays datagrams at wall time, and loses some of them."""
+"""A lossy relay between two other programs: forwards datagrams in real time and drops some."""
 
 from __future__ import annotations
 

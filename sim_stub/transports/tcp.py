@@ -1,4 +1,4 @@
-"""TCP: listening, and peers whose backlog is bounded; for vehicles and for the pads alike."""
+"""TCP servers and peers with bounded backlogs, for vehicles and pads."""
 
 from __future__ import annotations
 

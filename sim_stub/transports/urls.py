@@ -1,4 +1,4 @@
-"""Connection strings as everyone writes them, such as ``udpout:host:port`` or ``tcp:host:port``."""
+"""Connection strings, such as ``udpout:host:port`` or ``tcp:host:port``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Layouts of MAVLink messages: how a payload is packed and unpacked.
+"""Layouts of MAVLink messages: packing and unpacking payloads.
 
 The tables (field order, checksum seeds) come from pymavlink's generated dialect; frames are built and taken apart
 here, so that a fault of that library does not hide on both sides of the wire.

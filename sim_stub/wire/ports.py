@@ -1,4 +1,4 @@
-"""A port: one way in and out of a vehicle, with its own frames, signing and message intervals."""
+"""A port of a vehicle: its frames, signing and message intervals."""
 
 from __future__ import annotations
 

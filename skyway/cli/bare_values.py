@@ -1,4 +1,4 @@
-"""Options that may stand bare, with a value of their own, or be given one: ``--jitter``, ``--jitter 0.02``.
+"""Options whose value may be omitted: ``--jitter``, ``--jitter 0.02``.
 
 typer has no such options; so the value is put in before the command line is read.
 """

@@ -1,4 +1,4 @@
-"""The list of commands as ``skyway --help`` shows it: in groups, each with its whole first sentence."""
+"""The list of commands in ``skyway --help``, in groups."""
 
 from __future__ import annotations
 

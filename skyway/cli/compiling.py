@@ -1,4 +1,4 @@
-"""What a person sees while kernels are compiled: once after an installation from source, a minute or two."""
+"""Progress while kernels are compiled: once after an installation from source."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the shell offers for stations, drones and planners, from the scenario that is named on the line."""
+"""Shell completion of stations, drones and planners, from the scenario on the command line."""
 
 from __future__ import annotations
 

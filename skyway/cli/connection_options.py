@@ -1,4 +1,4 @@
-"""What every command that speaks with vehicles shares: the options of the link, and the way aboard."""
+"""Options shared by all commands that connect to vehicles."""
 
 from __future__ import annotations
 

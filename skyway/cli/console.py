@@ -1,4 +1,4 @@
-"""The operator at a terminal or a pipe: lines read beside the flight, never waited for; Ctrl-C counted."""
+"""The operator's console: lines and keys read without blocking the flight, and Ctrl-C counted."""
 
 from __future__ import annotations
 

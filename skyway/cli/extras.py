@@ -1,4 +1,4 @@
-"""Which part of skyway brings a package that is not installed."""
+"""Names of the extra that installs a missing package."""
 
 from __future__ import annotations
 

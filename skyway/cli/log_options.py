@@ -1,4 +1,4 @@
-"""What the commands that read logs share."""
+"""Options shared by the commands that read logs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``skyway``: one command, its subcommands, and what it exits with.
+"""``skyway``: the command line, its subcommands and exit codes.
 
 Exit codes: 0 done, 1 the answer is no, 2 wrong usage or input, 3 the vehicle or link failed.
 """

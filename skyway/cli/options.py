@@ -1,4 +1,4 @@
-"""What a person types, turned into what the code means; shared by all commands."""
+"""Parsing of command-line values, shared by all commands."""
 
 from __future__ import annotations
 

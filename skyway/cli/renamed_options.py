@@ -1,4 +1,4 @@
-"""Former names of options: they still work, are not shown, and will go with the next release but one."""
+"""Former names of options, which keep working, hidden, for one release."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The state of charge of a plan over the time of day, with its spread over simulated deliveries."""
+"""Picture of the state of charge over time, with its spread over simulated deliveries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the state of charge differs over the simulated deliveries of a plan."""
+"""Spread of the state of charge over the simulated deliveries of a plan."""
 
 from __future__ import annotations
 

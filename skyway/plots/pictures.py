@@ -1,4 +1,4 @@
-"""What all pictures share: one style, no window system, labels that keep apart, clear errors."""
+"""Common style and errors of all pictures."""
 
 from __future__ import annotations
 

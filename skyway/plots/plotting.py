@@ -1,4 +1,4 @@
-"""Pictures of what a Python program holds."""
+"""Pictures of Python objects: ``skyway.plot``."""
 
 from __future__ import annotations
 

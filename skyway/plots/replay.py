@@ -1,4 +1,4 @@
-"""Picture of a replayed flight: height and speed, battery, wind with its uncertainty."""
+"""Picture of a replayed flight: height, speed, battery, and wind with its uncertainty."""
 
 from __future__ import annotations
 

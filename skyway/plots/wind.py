@@ -1,4 +1,4 @@
-"""Pictures of the wind forecast: a rose, and the speed hour by hour as a fan."""
+"""Pictures of a wind forecast: a wind rose, and the speed by hour as a fan chart."""
 
 from __future__ import annotations
 

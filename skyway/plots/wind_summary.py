@@ -1,4 +1,4 @@
-"""The wind forecast in figures, hour by hour."""
+"""Figures of a wind forecast, hour by hour."""
 
 from __future__ import annotations
 

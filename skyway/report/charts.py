@@ -1,4 +1,4 @@
-"""The charts of a flight report: height, charge, wind, speed and distance from the way over time."""
+"""Charts of a flight report: height, charge, wind, speed and cross-track distance over time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was planned and what happened, from the journal of a flight: the document ``skyway.flight/1``.
+"""The document ``skyway.flight/1``: what was planned and what happened, from the journal of a flight.
 
 Every figure is the journal's, or is computed from its figures; what it does not tell is None.
 """

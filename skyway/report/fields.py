@@ -1,4 +1,4 @@
-"""Values of a journal as what they should be: whatever is missing, of another kind or beyond all bounds is unknown."""
+"""Validated values of a journal: missing, mistyped or absurd values are unknown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The map of a flight report as plain SVG: stations, planned and flown track, turns, no-fly zones."""
+"""Map of a flight report as SVG: stations, planned and flown track, turns, no-fly zones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report of a flight as one page that needs nothing else: made from the document ``skyway.flight/1`` alone."""
+"""Flight report as one self-contained HTML page, made from ``skyway.flight/1``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Map, charge and wind of a flight in one SVG, for pages and papers: light or dark as the reader has it."""
+"""Map, charge and wind of a flight in one SVG, in light or dark colours as the reader prefers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report of a flight, from its journal: ``report.html``, and the document ``skyway.flight/1`` that it is made of."""
+"""Report of a flight from its journal: ``report.html``, and the document ``skyway.flight/1``."""
 
 from __future__ import annotations
 

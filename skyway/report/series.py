@@ -1,4 +1,4 @@
-"""The courses of a flight over time: position, height, charge and winds, as columns."""
+"""Time series of a flight: position, height, charge and winds, as columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Charts over time as plain SVG: axes with units, lines that break where nothing is known, no library."""
+"""Charts over time as SVG: axes with units, lines that break where data are missing."""
 
 from __future__ import annotations
 

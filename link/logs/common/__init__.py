@@ -1,1 +1,1 @@
-"""What all formats of logs share."""
+"""Parts shared by all log formats."""

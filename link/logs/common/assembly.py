@@ -1,4 +1,4 @@
-"""From single messages to telemetry: each sample holds the latest of every quantity that is not too old.
+"""Assembly of telemetry samples from messages: the latest value of every quantity, if recent.
 
 The same assembler serves a log, where thousands of messages come at once, and a live link, where they come one by one.
 """

@@ -1,4 +1,4 @@
-"""Spans in which a vehicle says in words, or by an error, that it does not trust its position."""
+"""Spans in which a vehicle reports that it does not trust its position."""
 
 from __future__ import annotations
 

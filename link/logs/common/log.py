@@ -1,4 +1,4 @@
-"""A flight log of any format: what it holds, and the telemetry in it."""
+"""A flight log of any format: its contents and its telemetry."""
 
 from __future__ import annotations
 

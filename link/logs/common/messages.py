@@ -1,4 +1,4 @@
-"""What MAVLink messages say, in the words of `models.drones.telemetry`; serves logs (arrays) and live links (numbers).
+"""MAVLink messages as telemetry quantities, for logs (arrays) and live links (numbers).
 
 Traps kept here: WIND says where the wind comes FROM, WIND_COV where the air goes; both are 0 until they are alive;
 0 V, -1 A and -1 % stand for unknown; a position of exactly 0, 0 is no fix; VFR_HUD has

@@ -1,4 +1,4 @@
-"""Names of flight modes in logs, as the autopilots' own ground stations write them, and which of them stand on rotors."""
+"""Names of flight modes in logs, and which of them fly on rotors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading a log of any size in little memory: piece by piece, and its reports in the order of time all the same.
+"""Reading a log of any size piece by piece, with reports in order of time.
 
 An autopilot writes what its parts tell when they come to tell it, so that reports of one second are mixed with those of
 the next. They are held back for a while before samples are made of them.

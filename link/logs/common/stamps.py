@@ -1,4 +1,4 @@
-"""Stamps of an autopilot's own log that are not to be believed, found by those around them."""
+"""Detection of implausible time stamps in an autopilot's log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Payloads of messages as the rows of a table."""
+"""Kernels that decode message payloads into table rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a vehicle distrusts of its own navigation, read the same from every kind of message.
+"""A vehicle's trust in its own navigation, from any kind of message.
 
 Limits of the receiver are those that both autopilots ask for before they fly on it (ArduPilot's EKF checks, PX4's
 ``EKF2_REQ_*``); a test ratio of 1 is where either filter rejects a measurement.

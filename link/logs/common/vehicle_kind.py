@@ -1,4 +1,4 @@
-"""What kind of vehicle a log is of: by what it says of itself, its firmware, its parameters.
+"""Kind of the vehicle in a log: from its own reports, firmware and parameters.
 
 Only a multirotor's lean tells the wind, and only a wing with an airspeed sensor its airspeed; of anything else, and of what
 nothing tells, there is no wind.

@@ -1,1 +1,1 @@
-"""DataFlash, the log of ArduPilot."""
+"""DataFlash, ArduPilot's log format."""

@@ -1,4 +1,4 @@
-"""Finding the messages of an ArduPilot DataFlash log, by the rules that pymavlink reads them by."""
+"""Kernels that find the messages of a DataFlash log, by pymavlink's rules."""
 
 from __future__ import annotations
 

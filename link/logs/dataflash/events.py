@@ -1,4 +1,4 @@
-"""What a DataFlash log tells of the flight: messages, errors, events, modes, arming."""
+"""Events of a DataFlash log: messages, errors, modes, arming."""
 
 from __future__ import annotations
 

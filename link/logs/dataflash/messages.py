@@ -1,4 +1,4 @@
-"""What the messages of a DataFlash log say, in the words of `models.drones.telemetry`, and what its events mean.
+"""DataFlash messages as telemetry quantities, and the meaning of its events.
 
 Sources: ArduPilot's ``LogStructure.h`` and ``LogEvent``, ``LogErrorSubsystem``, ``LogErrorCode`` of ``AP_Logger.h``; numbers are
 never given twice there, so that those of all generations stand in one table.

@@ -1,4 +1,4 @@
-"""How pymavlink begins a tlog: it looks through the whole of it for the first message of each type before it reads it.
+"""The start of a tlog as pymavlink finds it: the first message of each type.
 
 What that leaves in its parser, the time of a good message above all, decides how a log is read whose first bytes are cut, so the
 same is done here. It is a walk from header to header that reads ten bytes a message.

@@ -1,4 +1,4 @@
-"""What a tlog tells of the flight: status texts, modes, arming, states; and what kind of vehicle each system is."""
+"""Events of a tlog: status texts, modes, arming, states; and the kind of each vehicle."""
 
 from __future__ import annotations
 

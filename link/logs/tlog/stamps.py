@@ -1,4 +1,4 @@
-"""Times of a tlog: stamps of the recorder's clock, which is set, and damaged, as it happens."""
+"""Time stamps of a tlog: the recorder's clock, which may be set or damaged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MAVLink telemetry logs (``.tlog``): every message found and checked at millions a second, in little memory.
+"""MAVLink telemetry logs (``.tlog``): messages found and checked at millions per second, in little memory.
 
 A log is read in chunks, so that one of any size needs the memory of a chunk. What counts as a message is what pymavlink
 counts (`link.logs.tlog.tlog_kernels`).

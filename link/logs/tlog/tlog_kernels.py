@@ -1,4 +1,4 @@
-"""The inner loop of the tlog reader: finding frames and checking them.
+"""Kernels that find and check the frames of a tlog.
 
 A tlog is a row of 8-byte time stamps (big-endian microseconds) each followed by one MAVLink frame. What counts as
 a message where bytes are damaged is decided as pymavlink does, byte for byte: it takes a stamp, then as many bytes as

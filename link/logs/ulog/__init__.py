@@ -1,1 +1,1 @@
-"""ULog, the log of PX4."""
+"""ULog, PX4's log format."""

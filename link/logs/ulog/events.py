@@ -1,4 +1,4 @@
-"""What a PX4 log tells of the flight: its own messages, modes, arming, failsafes, failures."""
+"""Events of a PX4 log: messages, modes, arming, failsafes, failures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ULog container: its messages found, damaged or not, and the topics in them as columns.
+"""The ULog container: messages, intact or damaged, and topics as columns.
 
 pyulog reads a log into memory whole, and on some damaged ones it never comes back, so the container is read here, message by
 message as it does: on whole logs and on damaged ones the counts are the same.

@@ -1,4 +1,4 @@
-"""What the topics of a PX4 log say, in the words of `models.drones.telemetry`, over the generations of their fields."""
+"""PX4 topics as telemetry quantities, over all generations of their fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PX4's events in words: what newer versions tell in the topic ``event``, and mostly there alone.
+"""PX4's events (topic ``event``) as text.
 
 An event is a number and its packed arguments. What it means stands in metadata that PX4 writes into each log (XZ, JSON of the
 libevents project). Where these are missing or damaged, the events in which a flight ends or is refused are known by themselves: a

@@ -1,4 +1,4 @@
-"""Finding the messages of a ULog, in whole and damaged ones as pyulog finds them."""
+"""Kernels that find the messages of a ULog, as pyulog does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ArduPilot does by itself: its link losses, and its two battery stages, each by charge left or by voltage."""
+"""ArduPilot's failsafes: lost links, and two battery stages, by charge or by voltage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ArduPilot: how its vehicles are commanded and understood."""
+"""ArduPilot: commands and replies of its vehicles."""
 
 from __future__ import annotations
 

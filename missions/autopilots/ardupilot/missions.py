@@ -1,4 +1,4 @@
-"""ArduPilot: missions as Copter 4.6 takes them.
+"""ArduPilot: missions as Copter 4.6 accepts them.
 
 What is here was seen in flight (software in the loop), or read in ``AP_Mission.cpp``.
 """

@@ -1,4 +1,4 @@
-"""What ArduPilot Copter calls its parameters, from 4.5 to what will be 4.8.
+"""Parameter names of ArduPilot Copter, 4.5 to 4.8.
 
 Version 4.7 renamed many, mostly to change their unit to SI (ArduPilot's page "Parameter Name Changes", and the Copter
 4.7 sources); its builds of 2025 have some of these names and not others.

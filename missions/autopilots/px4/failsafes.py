@@ -1,4 +1,4 @@
-"""What PX4 does by itself: its link losses, and its three battery thresholds, for which one parameter decides."""
+"""PX4's failsafes: lost links, and three battery thresholds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PX4: how its vehicles are commanded and understood."""
+"""PX4: commands and replies of its vehicles."""
 
 from __future__ import annotations
 

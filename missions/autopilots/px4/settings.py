@@ -1,4 +1,4 @@
-"""What PX4 calls its parameters, from 1.15 to main; what is said of a value is said where it is needed (`px4`).
+"""Parameter names of PX4, 1.15 to main.
 
 Read in PX4's sources, release notes and pull requests: COM_DLL_EXCEPT came in March 2025 (24507), PD_GRIPPER_EN went with
 1.17 (25317), RTL_TYPE 5 got its final form together with NAV_LTR_LAST_DL in March 2026 (26774; 1.18).

@@ -1,1 +1,1 @@
-"""Wind estimated from what vehicles tell."""
+"""Wind estimation from telemetry."""

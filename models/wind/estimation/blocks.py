@@ -1,4 +1,4 @@
-"""Telemetry averaged over periods, as it comes: what measurements of the wind are made of.
+"""Telemetry averaged over periods: the input of wind measurements.
 
 Telemetry at 10 Hz and more is correlated, so it is averaged to one block a period first. A block is ready when the first
 sample of the next period is there, and nothing in it depends on what comes later; so a live flight, a log read in pieces

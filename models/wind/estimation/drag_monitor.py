@@ -1,4 +1,4 @@
-"""Notices in flight that the drag in use is wrong.
+"""Monitor that detects a wrong drag in flight.
 
 With a wrong drag every air velocity is too long, or too short, by the same factor. While the course stays, the error hides
 in the wind; after a turn, ground velocity ``v = w + s a`` shows the factor s of the air velocity a. It is fitted over the last

@@ -1,4 +1,4 @@
-"""One regional wind out of what several drones, or one drone at several times, have measured.
+"""Regional wind field, fused from the winds that several drones measured.
 
 What was measured differs from the forecast by a residual that is alike nearby and for a while: its correlation falls as
 ``exp(-distance / length) exp(-time / tau)``. The best linear estimate from all measurements at once (kriging) says

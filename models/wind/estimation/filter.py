@@ -1,4 +1,4 @@
-"""The wind that a drone feels, estimated as it flies.
+"""Kalman filter of the wind at a drone.
 
 The wind is a slow one, which wanders about the forecast, and gusts about that, whose size goes with its speed; both are
 Ornstein-Uhlenbeck processes (north, east). Over a step of any length these have an exact solution, so that irregular telemetry

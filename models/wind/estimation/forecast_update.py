@@ -1,4 +1,4 @@
-"""A forecast brought up to date with what drones have measured, without counting anything twice.
+"""Update of a wind forecast with measured winds, counting each only once.
 
 Each member of the ensemble is taken to be the truth but for a residual of known size, correlation time and length
 (`models.wind.estimation.field.ResidualModel`). The likelihood of all observations under that weights the member; the residual that

@@ -1,4 +1,4 @@
-"""Whether a filter is as sure as it says: its normalised innovations against the band they should lie in.
+"""Consistency of a filter: normalised innovations against their 95 % band.
 
 Source: Y. Bar-Shalom et al. (2001), section 5.4.
 """

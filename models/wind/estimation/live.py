@@ -1,4 +1,4 @@
-"""The wind that a drone feels, straight from its telemetry: the one class that a live flight and a replay use.
+"""Wind of one vehicle estimated from its telemetry, live or in a replay.
 
 Feed samples, read the estimate; when the forecast is to be brought up to date, hand over the observations::
 

@@ -1,4 +1,4 @@
-"""From averaged telemetry to measurements of the wind: by tilt and drag, by airspeed, by the autopilot's own estimate."""
+"""Wind measurements from averaged telemetry: by tilt and drag, by airspeed, by the autopilot's estimate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors of wind measurements that stay the same through a flight, so that no averaging removes them.
+"""Systematic errors of wind measurements, which stay constant through a flight.
 
 A drag that is 10 % off, a level that is off by half a degree, an airspeed sensor or compass with an error, the bias of the
 autopilot's own filter: each makes all its measurements wrong alike. On one course such an error looks like wind. After a turn it

@@ -1,1 +1,1 @@
-"""An ArduPilot as seen from outside."""
+"""Simulated ArduPilot."""

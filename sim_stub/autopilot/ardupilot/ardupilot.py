@@ -1,4 +1,4 @@
-"""ArduPilot Copter: its modes, refusals and habits (4.5 to 4.8; parameters by the names of 4.6)."""
+"""ArduPilot Copter: modes, refusals and behaviour (4.5 to 4.8; parameter names of 4.6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When ArduPilot acts by itself, and how: battery, links, position, fence, by its parameters."""
+"""ArduPilot's failsafes by its parameters: battery, links, position, fence."""
 
 from __future__ import annotations
 

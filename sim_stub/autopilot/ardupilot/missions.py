@@ -1,4 +1,4 @@
-"""How ArduPilot takes, keeps and gives back items (AP_Mission.cpp, MissionItemProtocol*.cpp; Copter 4.6)."""
+"""ArduPilot's storage of mission items (AP_Mission.cpp, MissionItemProtocol*.cpp; Copter 4.6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters of ArduPilot Copter that matter to a delivery, with Copter's defaults."""
+"""Parameters of ArduPilot Copter that matter for deliveries, with Copter's defaults."""
 
 from skyway.sim_stub.autopilot.parameters import INT8, INT16, INT32, REAL32, ParameterStore
 

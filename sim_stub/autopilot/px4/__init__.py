@@ -1,1 +1,1 @@
-"""A PX4 as seen from outside."""
+"""Simulated PX4."""

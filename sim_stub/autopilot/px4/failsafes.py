@@ -1,4 +1,4 @@
-"""When PX4 acts by itself, and how: battery, links, position, fence, by its parameters."""
+"""PX4's failsafes by its parameters: battery, links, position, fence."""
 
 from __future__ import annotations
 

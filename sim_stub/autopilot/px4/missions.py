@@ -1,4 +1,4 @@
-"""How PX4 takes, keeps, gives back and judges items (mavlink_mission.cpp, feasibility checker; 1.16 and main)."""
+"""PX4's storage and feasibility check of missions (mavlink_mission.cpp; 1.16 and main)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters of PX4 that matter to a delivery, with PX4's defaults."""
+"""Parameters of PX4 that matter for deliveries, with PX4's defaults."""
 
 from skyway.sim_stub.autopilot.parameters import INT32, REAL32, ParameterStore
 

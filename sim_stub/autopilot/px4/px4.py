@@ -1,4 +1,4 @@
-"""PX4 multirotor: its modes, refusals and habits (1.15 to main)."""
+"""PX4 multirotor: modes, refusals and behaviour (1.15 to main)."""
 
 from __future__ import annotations
 

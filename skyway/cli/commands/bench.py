@@ -1,4 +1,4 @@
-"""The command that measures planners: ``bench planners``."""
+"""Command ``bench planners``."""
 
 from __future__ import annotations
 

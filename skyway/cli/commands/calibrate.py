@@ -1,4 +1,4 @@
-"""The commands that fit the models to what a drone really did: ``calibrate wind`` and ``calibrate energy``."""
+"""Commands ``calibrate wind`` and ``calibrate energy``."""
 
 from __future__ import annotations
 

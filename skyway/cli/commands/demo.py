@@ -1,4 +1,4 @@
-"""The command that shows everything at once: ``demo``."""
+"""Command ``demo``."""
 
 from __future__ import annotations
 

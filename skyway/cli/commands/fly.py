@@ -1,4 +1,4 @@
-"""The command that flies: ``fly``."""
+"""Command ``fly``."""
 
 from __future__ import annotations
 

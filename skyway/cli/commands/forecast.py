@@ -1,4 +1,4 @@
-"""From flight logs to a better forecast: ``forecast`` fuses what drones measured and writes a file that ``plan`` reads."""
+"""Command ``forecast``: update a forecast with winds measured by drones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands that change and compare what vehicles hold: ``upload``, ``download``, ``clear`` and ``verify``."""
+"""Commands ``upload``, ``download``, ``clear`` and ``verify``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands about missions: ``mission``, ``convert``, ``check`` and ``show``."""
+"""Commands ``mission``, ``convert``, ``check`` and ``show``."""
 
 from __future__ import annotations
 

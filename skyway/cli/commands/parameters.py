@@ -1,4 +1,4 @@
-"""Commands about a vehicle's parameters: ``params get``, ``params set``, ``params diff`` and ``params restore``."""
+"""Commands ``params get``, ``params set``, ``params diff`` and ``params restore``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands that plan: ``plan`` and ``compare``."""
+"""Commands ``plan`` and ``compare``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command that looks back: ``replay``."""
+"""Command ``replay``."""
 
 from __future__ import annotations
 

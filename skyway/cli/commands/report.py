@@ -1,4 +1,4 @@
-"""The command that tells what became of a flight: ``report``."""
+"""Command ``report``."""
 
 from __future__ import annotations
 

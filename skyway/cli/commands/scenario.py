@@ -1,4 +1,4 @@
-"""Commands that show what was read: ``network``, ``wind`` and ``scenario init`` / ``scenario check``."""
+"""Commands ``network``, ``wind``, ``scenario init`` and ``scenario check``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command that simulates: ``sim``."""
+"""Command ``sim``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Planners side by side, as a person reads them."""
+"""Table of a comparison of planners."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The live view of a flight: a panel at the foot of a terminal from the first second on, plain lines where there is none."""
+"""Live view of a flight: a panel at the bottom of a terminal, or plain lines."""
 
 from __future__ import annotations
 

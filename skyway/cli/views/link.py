@@ -1,4 +1,4 @@
-"""What is told about an upload: before it, as a table of what would be sent; after it, how it ended."""
+"""Output of uploads: a preview, and the result."""
 
 from __future__ import annotations
 

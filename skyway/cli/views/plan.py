@@ -1,4 +1,4 @@
-"""A plan as a pilot reads it: what to expect first, then a typical schedule, then what it depends on."""
+"""Output of a plan: expected delivery, typical schedule, and notes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a plan has to say beyond itself: departures tried, alternatives, and reasons."""
+"""Output of departures tried, alternatives and reasons of a plan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables for people that lose nothing: as wide as the terminal, else a paragraph for each row; complete in a pipe."""
+"""Tables that lose no text: as wide as the terminal, else one paragraph per row; complete in a pipe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The wind forecast as a person reads it, hour by hour."""
+"""Output of a wind forecast, hour by hour."""
 
 from __future__ import annotations
 
