@@ -28,9 +28,9 @@ from skyway.link.protocol.verified import UploadJob, encode, upload_verified
 from skyway.missions.autopilots.registry import family_named
 from skyway.missions.items.commands import Command, Frame
 from skyway.missions.items.mission import Mission, MissionItem
+from skyway.sim_stub.autopilot.ardupilot.mission_server import RETRY_S as ARDUPILOT_RETRY_S
+from skyway.sim_stub.autopilot.px4.mission_server import RETRY_S as PX4_RETRY_S
 from skyway.sim_stub.config import VehicleConfig
-from skyway.sim_stub.protocols.ardupilot_missions import RETRY_S as ARDUPILOT_RETRY_S
-from skyway.sim_stub.protocols.px4_missions import RETRY_S as PX4_RETRY_S
 from skyway.sim_stub.transports.channel import Impairment
 from skyway.sim_stub.transports.lockstep import Lockstep
 from skyway.sim_stub.world import World

@@ -6,12 +6,10 @@ from dataclasses import dataclass, field
 
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
+from skyway.sim_stub.autopilot import NAMES
+from skyway.sim_stub.autopilot.registry import FAMILIES
 from skyway.sim_stub.plant.airframe import Airframe
 
-FAMILIES = ("px4", "ardupilot")
-FIRMWARES = {"px4": ("1.15", "1.16", "main"), "ardupilot": ("4.5", "4.6", "4.7", "4.8")}
-"""Versions of each family that are simulated."""
-_USUAL = {"px4": "1.16", "ardupilot": "4.6"}
 _MAIN = (1, 19)
 
 
@@ -28,9 +26,9 @@ class VehicleConfig:
     system : int
         MAVLink system id, 1-255.
     autopilot : str
-        ``px4`` or ``ardupilot``.
+        One of `sim_stub.autopilot.registry.FAMILIES`.
     firmware : str
-        Version of the autopilot, one of `FIRMWARES`; empty is 1.16 or 4.6.
+        Version of the autopilot, one of its family's `FIRMWARES`; empty is the usual one.
     soc : float
         State of charge at the start.
     payload_kg : float
@@ -51,7 +49,7 @@ class VehicleConfig:
     lon: float
     ground_m: float = 0.0
     system: int = 1
-    autopilot: str = "px4"
+    autopilot: str = NAMES[0]
     firmware: str = ""
     soc: float = 1.0
     payload_kg: float = 0.0
@@ -69,8 +67,8 @@ class VehicleConfig:
         if self.autopilot not in FAMILIES:
             known = "one of " + ", ".join(FAMILIES)
             faults.append(Wrong("unknown autopilot", field="autopilot", value=self.autopilot, remedy=known))
-        elif self.firmware and self.firmware not in FIRMWARES[self.autopilot]:
-            known = f"{self.autopilot} is simulated as {', '.join(FIRMWARES[self.autopilot])}"
+        elif self.firmware and self.firmware not in FAMILIES[self.autopilot].FIRMWARES:
+            known = f"{self.autopilot} is simulated as {', '.join(FAMILIES[self.autopilot].FIRMWARES)}"
             faults.append(Wrong("no such version", field="firmware", value=self.firmware, remedy=known))
         if not 0.0 <= self.soc <= 1.0:
             faults.append(Wrong("out of range", field="soc", value=self.soc, remedy="0 to 1"))
@@ -84,7 +82,7 @@ class VehicleConfig:
     @property
     def version(self) -> tuple[int, int]:
         """Major and minor number of the firmware."""
-        text = self.firmware or _USUAL[self.autopilot]
+        text = self.firmware or FAMILIES[self.autopilot].USUAL_FIRMWARE
         if text == "main":
             return _MAIN
         major, _, minor = text.partition(".")
@@ -94,5 +92,5 @@ class VehicleConfig:
     def version_number(self) -> int:
         """The same as AUTOPILOT_VERSION has it: a release, and main an unreleased state."""
         major, minor = self.version
-        unreleased = self.firmware in ("main", "4.8")
+        unreleased = self.firmware in FAMILIES[self.autopilot].UNRELEASED
         return major << 24 | minor << 16 | (0 if unreleased else 0xFF)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
+from skyway.sim_stub.autopilot import NAMES
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.pads import Pads
 from skyway.sim_stub.plant.airframe import Airframe
@@ -65,7 +66,7 @@ class FleetOptions:
     places: tuple[Station, ...]
     vehicles: int = 1
     first_system: int = 1
-    autopilot: str = "px4"
+    autopilot: str = NAMES[0]
     firmware: str = ""
     drone: Drone | None = None
     soc: float = 1.0

@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING, Any
 from skyway.models.base.errors import Fault, InputError
 from skyway.sim_stub.protocols.services import new_signing, text_frames
 from skyway.sim_stub.protocols.telemetry import (
-    ARDUPILOT_DEFAULT_HZ,
     BUILDERS,
-    FAMILY_ONLY,
-    PX4_DEFAULT_HZ,
     STREAM_GROUPS,
     mission_current,
 )
@@ -24,7 +21,6 @@ if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
 
 _MIN_INTERVAL_S = 0.02
-_REACHED_REPEATS = 10
 _MAX_PORTS = 16
 
 
@@ -118,12 +114,7 @@ class Radio:
 
     def _choose_version(self, port: Port) -> None:
         """Speak MAVLink 1 where the parameters say so, until (in automatic) MAVLink 2 is heard."""
-        store = self.vehicle.autopilot.parameters
-        if self.vehicle.autopilot.FAMILY == "px4":
-            wanted = int(store["MAV_PROTO_VER"])
-            port.writer.version = 1 if wanted == 1 or (wanted == 0 and not port.heard_version_2) else 2
-        else:
-            port.writer.version = 1 if store["SERIAL0_PROTOCOL"] == 1.0 else 2
+        port.writer.version = self.vehicle.autopilot.mavlink_version(heard_2=port.heard_version_2)
 
     def set_signing(self, key: bytes | None, timestamp: int) -> None:
         """Sign, and ask for signatures, on every port from now on; None stops it."""
@@ -171,19 +162,16 @@ class Radio:
 
     # Streams
 
-    def _default_hz(self) -> dict[str, float]:
-        return PX4_DEFAULT_HZ if self.vehicle.autopilot.FAMILY == "px4" else ARDUPILOT_DEFAULT_HZ
-
     def _default_streams(self, port: Port) -> None:
         port.streams.clear()
-        for name, rate in self._default_hz().items():
+        for name, rate in self.vehicle.autopilot.DEFAULT_HZ.items():
             port.set_interval(spec(name), 1.0 / rate, self.vehicle.sim_s)
 
     def set_interval(self, port: Port, number: int, interval_us: float) -> None:
         """Do SET_MESSAGE_INTERVAL: 0 is the default rate, -1 stops."""
         message = specs()[0][number]
         if interval_us == 0.0:
-            rate = self._default_hz().get(message.name)
+            rate = self.vehicle.autopilot.DEFAULT_HZ.get(message.name)
             interval_s = 1.0 / rate if rate else None
         else:
             interval_s = None if interval_us < 0.0 else max(interval_us * 1e-6, _MIN_INTERVAL_S)
@@ -192,9 +180,8 @@ class Radio:
     def stream_group(self, port: Port, group: int, rate_hz: int) -> None:
         """Do REQUEST_DATA_STREAM; group 0 is every one."""
         names = [n for g, members in STREAM_GROUPS.items() if group in (0, g) for n in members]
-        family = self.vehicle.autopilot.FAMILY
         for name in names:
-            if FAMILY_ONLY.get(name, family) == family:
+            if name not in self.vehicle.autopilot.LACKS:
                 interval_s = max(1.0 / rate_hz, _MIN_INTERVAL_S) if rate_hz > 0 else None
                 port.set_interval(spec(name), interval_s, self.vehicle.sim_s)
 
@@ -224,10 +211,11 @@ class Radio:
         self.broadcast("MISSION_CURRENT", mission_current(self.vehicle))
 
     def item_reached(self, index: int) -> None:
-        """Report an item as reached; PX4 says so again ten times, a second apart."""
+        """Report an item as reached, and again as often as the family does."""
         self.broadcast("MISSION_ITEM_REACHED", spec("MISSION_ITEM_REACHED").layout.pack(index))
-        if self.vehicle.autopilot.FAMILY == "px4":
-            self._reached = (index, _REACHED_REPEATS, self.vehicle.sim_s + 1.0)
+        repeats = self.vehicle.autopilot.REACHED_REPEATS
+        if repeats:
+            self._reached = (index, repeats, self.vehicle.sim_s + 1.0)
 
     def _repeat_reached(self, now: float) -> None:
         if self._reached is None:

@@ -10,18 +10,15 @@ from typing import TYPE_CHECKING
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
 from skyway.sim_stub import fault_effects as mishaps
-from skyway.sim_stub.autopilot.ardupilot.ardupilot import ArduPilot
-from skyway.sim_stub.autopilot.px4.px4 import Px4
+from skyway.sim_stub.autopilot.registry import FAMILIES
 from skyway.sim_stub.faults import FaultState
 from skyway.sim_stub.plant.battery import Battery
 from skyway.sim_stub.plant.physics import FINE_STEP_S, STEP_S, Body, Demand, offset_m
 from skyway.sim_stub.plant.positioning import Positioning
 from skyway.sim_stub.plant.power import PowerModel
 from skyway.sim_stub.plant.wind_truth import Gusts
-from skyway.sim_stub.protocols.ardupilot_missions import ArduPilotMissionServer
 from skyway.sim_stub.protocols.commands import CommandServer
 from skyway.sim_stub.protocols.parameters import ParameterServer
-from skyway.sim_stub.protocols.px4_missions import Px4MissionServer
 from skyway.sim_stub.protocols.services import LinkServices
 from skyway.sim_stub.radio import Radio
 
@@ -33,9 +30,6 @@ if TYPE_CHECKING:
     from skyway.sim_stub.wire.ports import Port
     from skyway.sim_stub.world import World
 
-AUTOPILOTS: dict[str, type[Px4 | ArduPilot]] = {"px4": Px4, "ardupilot": ArduPilot}
-"""The families, by the names of `sim_stub.config.FAMILIES`."""
-_SERVERS = {"px4": Px4MissionServer, "ardupilot": ArduPilotMissionServer}
 _POWER_ERROR = 0.05
 _IDLE_ARMED_W = 90.0
 _AVIONICS_W = 15.0
@@ -100,7 +94,7 @@ class Vehicle:
         self.step_s = STEP_S
         self._was_booting = not config.warm
         self.radio = Radio(self)
-        family = AUTOPILOTS[config.autopilot]
+        family = FAMILIES[config.autopilot]
         self.position = Positioning(self.body, self._mishap_rad, family.GLITCH_PATIENCE_S)
         self.autopilot: Autopilot = family(self)
         for name in ("MAV_SYS_ID", "SYSID_THISMAV", "MAV_SYSID"):  # whichever it has
@@ -108,14 +102,13 @@ class Vehicle:
         for name, value in config.parameters:
             if not self.autopilot.parameters.set(name, value):
                 raise InputError(Wrong("no such parameter, or not a number", field=name, value=value))
-        if config.warm and config.autopilot == "ardupilot":
-            capacity = self.autopilot.parameters["BATT_CAPACITY"]
-            self.counted_mah = (1.0 - config.soc) * capacity
+        if config.warm:
+            self.autopilot.begin_warm()
         self.autopilot.set_home_here()
         self._make_services()
 
     def _make_services(self) -> None:
-        self.missions = _SERVERS[self.config.autopilot](self)
+        self.missions = self.autopilot.MISSION_SERVER(self)
         self.commands = CommandServer(self)
         self.parameter_server = ParameterServer(self)
         self.services = LinkServices(self)
@@ -276,7 +269,7 @@ class Vehicle:
         self.event("autopilot restarts")
         self.power_on_s = self.sim_s
         self._was_booting = True
-        self.autopilot = AUTOPILOTS[self.config.autopilot](self)
+        self.autopilot = FAMILIES[self.config.autopilot](self)
         self.autopilot.parameters = old.parameters
         for kind, items in old.stores.items():
             self.autopilot.stores[kind][:] = items
@@ -341,7 +334,7 @@ class Vehicle:
         self.radio.item_reached(index)
 
     def set_mission_current(self, index: int) -> bool:
-        """Make an item the current one; ArduPilot's 0 is the start of the mission."""
+        """Make an item the current one, by the family's own number."""
         run = self.autopilot.run
         if index >= len(run.items):
             return False

@@ -16,7 +16,6 @@ from skyway.sim_stub.autopilot.modes import MANUAL_MODES, Mode
 from skyway.sim_stub.plant.physics import Demand, metres_per_degree
 
 if TYPE_CHECKING:
-    from skyway.sim_stub.autopilot.parameters import ParameterStore
     from skyway.sim_stub.plant.physics import Body
     from skyway.sim_stub.vehicle import Vehicle
 
@@ -45,13 +44,11 @@ class Autopilot(Family):
     ----------
     vehicle : Vehicle
         What it flies.
-    parameters : ParameterStore
-        With the family's defaults.
     """
 
-    def __init__(self, vehicle: Vehicle, parameters: ParameterStore) -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
-        self.parameters = parameters
+        self.parameters = self.default_parameters(vehicle.config.version)
         self.run = MissionRun()
         self.stores: dict[int, list[Item]] = {MISSION: self.run.items, FENCE: [], RALLY: []}
         self.fence = Fence()

@@ -10,14 +10,43 @@ from skyway.sim_stub.autopilot.items import Result
 if TYPE_CHECKING:
     from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
     from skyway.sim_stub.autopilot.items import Item
+    from skyway.sim_stub.autopilot.mission_server import MissionServer
     from skyway.sim_stub.autopilot.modes import Action, Mode
+    from skyway.sim_stub.autopilot.parameters import ParameterStore
 
 
 class Family(ABC):
     """The family's own: names, result codes, and decisions."""
 
-    FAMILY: ClassVar[str]
     AUTOPILOT_ID: ClassVar[int]
+    """MAV_AUTOPILOT."""
+    FIRMWARES: ClassVar[tuple[str, ...]]
+    """Versions that are simulated."""
+    USUAL_FIRMWARE: ClassVar[str]
+    UNRELEASED: ClassVar[frozenset[str]] = frozenset()
+    """Versions that say of themselves that they are no release."""
+    PARAMETER_ERRORS_SINCE: ClassVar[tuple[int, int]]
+    """Version that answers PARAM_ERROR where it has no such parameter; older ones are silent."""
+    CAPABILITIES: ClassVar[int]
+    """MAV_PROTOCOL_CAPABILITY."""
+    BYTEWISE: ClassVar[bool]
+    """Whole numbers of parameters travel as the bytes of a float."""
+    STRICT_PARAMETERS: ClassVar[bool] = False
+    """It refuses a parameter of another type, and says so, and of one that it does not have."""
+    DEFAULT_HZ: ClassVar[dict[str, float]]
+    """Messages that it streams unasked."""
+    LACKS: ClassVar[frozenset[str]] = frozenset()
+    """Messages that it does not have."""
+    OBEYS_STREAM_GROUPS: ClassVar[bool]
+    """Whether it knows REQUEST_DATA_STREAM."""
+    REACHED_REPEATS: ClassVar[int] = 0
+    """How often it tells again that an item is reached, a second apart."""
+    HOME_ITEMS: ClassVar[int] = 0
+    """Items of its missions that are home, not flown."""
+    ALWAYS_MANUAL_INPUT: ClassVar[bool] = False
+    """Its base_mode has the bit of manual input in every mode."""
+    MISSION_SERVER: ClassVar[type[MissionServer]]
+    """Its mission protocol."""
     REMOTE_CONTROL_LOST: ClassVar[str]
     POSITION_LOST: ClassVar[str]
     FENCE_BREACHED: ClassVar[str]
@@ -42,6 +71,21 @@ class Family(ABC):
     ARM_PREFIX: ClassVar[str] = "Arm: "
     ARMED_TEXT: ClassVar[str] = "Arming motors"
     DISARM_DENIED: ClassVar[str] = "Disarm: vehicle is not landed"
+
+    @abstractmethod
+    def default_parameters(self, version: tuple[int, int]) -> ParameterStore:
+        """Parameters as a version of the firmware has them, with its defaults."""
+
+    @abstractmethod
+    def mavlink_version(self, *, heard_2: bool) -> int:
+        """MAVLink 1 or 2 by its parameters, on a port on which MAVLink 2 was heard or not."""
+
+    @abstractmethod
+    def reported_airspeed_mps(self) -> float:
+        """Airspeed that it tells without a sensor."""
+
+    def begin_warm(self) -> None:  # noqa: B027  most have nothing to learn
+        """Take over what it would have learnt, had it been on for a while."""
 
     @abstractmethod
     def read_speeds(self) -> Speeds:

@@ -20,7 +20,6 @@ _TICK_S = 0.01
 _MAX_LISTS = 4
 _DOES_NOT_EXIST = 1
 """MAV_PARAM_ERROR."""
-_VERSION_NAMES = ("MAV_PROTO_VER", "SERIAL0_PROTOCOL")
 
 
 class ParameterServer:
@@ -34,7 +33,7 @@ class ParameterServer:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
-        self.bytewise = vehicle.autopilot.FAMILY == "px4"
+        self.bytewise = vehicle.autopilot.BYTEWISE
         self.lists: deque[tuple[Port, int]] = deque()
         self.next_s = math.inf
 
@@ -89,9 +88,8 @@ class ParameterServer:
             self._tell_absent(port, message)
 
     def _tell_absent(self, port: Port, message: Message) -> None:
-        """PARAM_ERROR, since late 2025: from ArduPilot 4.7 on, and on PX4's main branch."""
-        since = (1, 18) if self.bytewise else (4, 7)
-        if self.vehicle.config.version >= since:
+        """PARAM_ERROR, which MAVLink has since late 2025."""
+        if self.vehicle.config.version >= self.vehicle.autopilot.PARAMETER_ERRORS_SINCE:
             port.reply(
                 "PARAM_ERROR",
                 target_system=message.system,
@@ -102,16 +100,16 @@ class ParameterServer:
             )
 
     def set(self, port: Port, message: Message) -> None:
-        """Set a parameter and tell everybody; PX4 is silent about an unknown one."""
+        """Set a parameter and tell everybody; some say in a text what is wrong with it."""
         store = self.vehicle.autopilot.parameters
         parameter = store.find(message["param_id"])
         if parameter is None:
-            if self.bytewise:
+            if self.vehicle.autopilot.STRICT_PARAMETERS:
                 self.vehicle.say(3, f"unknown param: {message['param_id']}"[:50])
             self._tell_absent(port, message)
             return
         kind = message["param_type"]
-        if self.bytewise and kind != parameter.kind:
+        if self.vehicle.autopilot.STRICT_PARAMETERS and kind != parameter.kind:
             self.vehicle.say(3, f"param types mismatch param: {parameter.name}")
             return
         value = message["param_value"]
@@ -119,8 +117,7 @@ class ParameterServer:
             value = float(int.from_bytes(message.payload[:4].ljust(4, b"\0"), "little", signed=True))
         if store.set(parameter.name, value):
             self.vehicle.event(f"parameter {parameter.name} = {parameter.value:g}")
-            if parameter.name in _VERSION_NAMES:
-                self.vehicle.radio.choose_versions()
+            self.vehicle.radio.choose_versions()
         for open_port in self.vehicle.ports:
             self._send(open_port, parameter)
 

@@ -14,12 +14,6 @@ if TYPE_CHECKING:
     from skyway.sim_stub.wire.ports import Port
 
 _GROUND_STATION = 6
-_CAPABILITIES = {
-    # Mission float 1, mission int 4, command int 8, termination 2048, MAVLink 2 8192, fence 16384, rally 32768.
-    # Integer parameters travel bytewise (PX4, 16) or as numbers (ArduPilot, 131072; 2 is its old name).
-    "px4": 1 | 4 | 8 | 16 | 2048 | 8192 | 16384 | 32768,
-    "ardupilot": 1 | 2 | 4 | 8 | 256 | 2048 | 8192 | 16384 | 32768 | 131072,
-}
 _MAX_STATIONS = 32
 
 
@@ -80,8 +74,8 @@ class LinkServices:
         self.vehicle.radio.set_signing(key if any(key) else None, message["initial_timestamp"])
 
     def request_data_stream(self, port: Port, message: Message) -> None:
-        """Start or stop a group of messages; PX4 does not know this request."""
-        if self.vehicle.autopilot.FAMILY == "px4":
+        """Start or stop a group of messages, where the family knows this request."""
+        if not self.vehicle.autopilot.OBEYS_STREAM_GROUPS:
             return
         self.vehicle.radio.stream_group(
             port, message["req_stream_id"], message["req_message_rate"] if message["start_stop"] else 0
@@ -93,11 +87,10 @@ class LinkServices:
 
     def send_version(self, port: Port) -> None:
         """Send AUTOPILOT_VERSION."""
-        family = self.vehicle.autopilot.FAMILY
         uid = 0x5A17_0000_0000_0000 | self.vehicle.config.system
         port.reply(
             "AUTOPILOT_VERSION",
-            capabilities=_CAPABILITIES[family],
+            capabilities=self.vehicle.autopilot.CAPABILITIES,
             uid=uid,
             uid2=tuple(uid.to_bytes(8, "little")) + (0,) * 10,
             flight_sw_version=self.vehicle.config.version_number,
@@ -119,7 +112,7 @@ class LinkServices:
             pilot.request_mode(mode, f"station {message.system}")
 
     def set_position_target(self, port: Port, message: Message) -> None:  # noqa: ARG002
-        """Fly to a position in GUIDED (ArduPilot); anywhere else it is ignored."""
+        """Fly to a position in GUIDED; in any other mode it is ignored."""
         pilot = self.vehicle.autopilot
         fields: dict[str, Any] = message.fields
         if pilot.mode != Mode.GUIDED or pilot.landed or fields["type_mask"] & 7:

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from skyway.sim_stub.autopilot.items import Command, Result
-from skyway.sim_stub.protocols.telemetry import BUILDERS, FAMILY_ONLY
+from skyway.sim_stub.protocols.telemetry import BUILDERS
 from skyway.sim_stub.wire.messages import specs
 
 if TYPE_CHECKING:
@@ -100,9 +100,7 @@ class SystemCommands:
         message = specs()[0].get(whole)
         if message is None or whole not in BUILDERS:
             return None
-        if FAMILY_ONLY.get(message.name, self._pilot.FAMILY) != self._pilot.FAMILY:
-            return None
-        return whole
+        return None if message.name in self._pilot.LACKS else whole
 
     def _set_interval(self, order: Order) -> Result:
         number, interval_us = self._known(order.p[0]), order.p[1]

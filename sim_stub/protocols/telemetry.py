@@ -1,4 +1,4 @@
-"""Telemetry messages that a vehicle streams, and their rates per family."""
+"""Telemetry messages that a vehicle streams."""
 
 from __future__ import annotations
 
@@ -16,26 +16,6 @@ if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
 
 _NAN = math.nan
-PX4_DEFAULT_HZ = {
-    "HEARTBEAT": 1.0,
-    "ATTITUDE": 10.0,
-    "GLOBAL_POSITION_INT": 5.0,
-    "LOCAL_POSITION_NED": 4.0,
-    "VFR_HUD": 4.0,
-    "GPS_RAW_INT": 1.0,
-    "SYS_STATUS": 1.0,
-    "BATTERY_STATUS": 0.5,
-    "EXTENDED_SYS_STATE": 1.0,
-    "MISSION_CURRENT": 1.0,
-    "ALTITUDE": 1.0,
-    "ATTITUDE_QUATERNION": 2.0,
-    "WIND_COV": 0.5,
-    "SYSTEM_TIME": 1.0,
-    "HOME_POSITION": 0.5,
-    "ESTIMATOR_STATUS": 0.5,
-    "RC_CHANNELS": 1.0,
-}
-ARDUPILOT_DEFAULT_HZ = {"HEARTBEAT": 1.0}
 STREAM_GROUPS = {
     # MAV_DATA_STREAM of REQUEST_DATA_STREAM
     1: ("RAW_IMU", "SCALED_PRESSURE"),
@@ -60,7 +40,7 @@ def _heartbeat(v: Vehicle) -> bytes:
     base = 1 | (128 if pilot.armed else 0) | (16 if not manual else 64)
     if pilot.mode in (Mode.MISSION, Mode.RTL, Mode.LAND, Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED):
         base |= 8 | 4
-    if pilot.FAMILY == "ardupilot" or manual:
+    if pilot.ALWAYS_MANUAL_INPUT or manual:
         base |= 64
     if pilot.crashed or pilot.terminated:
         status = 6
@@ -122,8 +102,7 @@ def _local_position(v: Vehicle) -> bytes:
 
 def _vfr_hud(v: Vehicle) -> bytes:
     b, pilot = v.body, v.autopilot
-    # No airspeed sensor: PX4 reports NaN, ArduPilot a synthetic figure that is the ground speed.
-    airspeed = _NAN if pilot.FAMILY == "px4" else b.ground_speed_mps
+    airspeed = pilot.reported_airspeed_mps()
     throttle = min(100, int(50.0 * b.thrust_n / v.airframe.weight_n)) if pilot.armed else 0
     heading = int(math.degrees(b.yaw) % 360.0)
     return _VFR_HUD.pack(airspeed, b.ground_speed_mps, b.alt_m, b.up_mps, heading, throttle)
@@ -208,16 +187,15 @@ def _extended_sys_state(v: Vehicle) -> bytes:
 
 
 def mission_current(v: Vehicle) -> bytes:
-    """Payload of MISSION_CURRENT; ArduPilot's total does not count home."""
+    """Payload of MISSION_CURRENT; its total does not count home."""
     pilot = v.autopilot
     run = pilot.run
-    px4 = pilot.FAMILY == "px4"
     state = int(MissionState.NO_MISSION if pilot.mission_refused() else run.state)
     in_mission = 2 if pilot.mode != Mode.MISSION else 1
     return spec("MISSION_CURRENT").pack(
         {
             "seq": run.current,
-            "total": len(run.items) if px4 else max(len(run.items) - 1, 0),
+            "total": max(len(run.items) - pilot.HOME_ITEMS, 0),
             "mission_state": state,
             "mission_mode": in_mission,
             "mission_id": v.mission_ids[0],
@@ -373,12 +351,3 @@ BUILDERS: dict[int, Callable[[Vehicle], bytes | None]] = {
     }.items()
 }
 """Payload of each message that can be streamed or asked for; None where there is nothing to say."""
-FAMILY_ONLY = {
-    "WIND": "ardupilot",
-    "EKF_STATUS_REPORT": "ardupilot",
-    "FENCE_STATUS": "ardupilot",
-    "WIND_COV": "px4",
-    "ESTIMATOR_STATUS": "px4",
-    "ALTITUDE": "px4",
-}
-"""Messages that only one family knows."""

@@ -163,19 +163,19 @@ class Stage:
 
     def mission(self, *items):
         """The items in the vehicle's own numbering: ArduPilot's home goes first."""
-        return ([item(WAYPOINT, z=0.0, frame=0)] if self.pilot.FAMILY == "ardupilot" else []) + list(items)
+        return ([item(WAYPOINT, z=0.0, frame=0)] if self.vehicle.config.autopilot == "ardupilot" else []) + list(items)
 
     def start(self):
         """Arm and start the mission as each family wants it; returns the results of the commands."""
         s = self.station
-        if self.pilot.FAMILY == "px4":
+        if self.vehicle.config.autopilot == "px4":
             return s.command(400, 1), s.command(300)
         return s.command(176, 1, 4), s.command(400, 1), s.command(300)
 
     def take_off(self, height=30.0):
         """Hover at a height."""
         s = self.station
-        if self.pilot.FAMILY == "px4":
+        if self.vehicle.config.autopilot == "px4":
             assert s.command(400, 1) == 0
             assert s.command(22, 0, 0, 0, NAN, NAN, NAN, self.pilot.body.alt_m + height) == 0
         else:

@@ -94,11 +94,11 @@ def still_serves(stage):
     s = Station(stage.lockstep, stage.lockstep.connect(stage.vehicle))
     s.run(1.0)
     for _ in range(3):
-        if s.parameter("MAV_SYS_ID" if stage.pilot.FAMILY == "px4" else "SYSID_THISMAV") is not None:
+        if s.parameter("MAV_SYS_ID" if stage.vehicle.config.autopilot == "px4" else "SYSID_THISMAV") is not None:
             break
     else:
         pytest.fail("no answer to a good client")
-    if stage.pilot.run.state == 3 and stage.pilot.FAMILY == "ardupilot":
+    if stage.pilot.run.state == 3 and stage.vehicle.config.autopilot == "ardupilot":
         return
     assert s.upload(stage.mission(*leg())) == 0
 

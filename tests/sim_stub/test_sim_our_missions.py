@@ -106,7 +106,7 @@ class Delivery:
         items = [(w.frame, w.command, w.param1, w.param2, w.param3, w.param4, w.x, w.y, w.z) for w in wire]
         assert s.upload(items) == 0
         assert len(s.download()) == len(items)
-        if pilot.FAMILY == "ardupilot":
+        if pilot.vehicle.config.autopilot == "ardupilot":
             s.command(224, 0, 0)
             assert s.command(176, 1, 4) == 0
         assert s.command(400, 1) == 0

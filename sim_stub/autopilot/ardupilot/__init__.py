@@ -1,1 +1,5 @@
 """Simulated ArduPilot."""
+
+from skyway.sim_stub.autopilot.ardupilot.ardupilot import ArduPilot
+
+FAMILY = ArduPilot

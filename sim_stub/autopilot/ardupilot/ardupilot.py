@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from skyway.sim_stub.autopilot.ardupilot import parameters as ardupilot_parameters
 from skyway.sim_stub.autopilot.ardupilot.failsafes import ArduPilotFailsafes
+from skyway.sim_stub.autopilot.ardupilot.mission_server import ArduPilotMissionServer
 from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
 from skyway.sim_stub.autopilot.fence import nearest_rally
 from skyway.sim_stub.autopilot.items import FENCE, NAV_COMMANDS, RALLY, Command, Item, Result
@@ -15,6 +16,8 @@ from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.plant.physics import offset_m
 
 if TYPE_CHECKING:
+    from skyway.sim_stub.autopilot.mission_server import MissionServer
+    from skyway.sim_stub.autopilot.parameters import ParameterStore
     from skyway.sim_stub.vehicle import Vehicle
 
 _MODES = {
@@ -44,8 +47,20 @@ _CONTINUE_AFTER_LAND = 2
 class ArduPilot(ArduPilotFailsafes):
     """ArduPilot Copter."""
 
-    FAMILY: ClassVar[str] = "ardupilot"
     AUTOPILOT_ID: ClassVar[int] = 3
+    FIRMWARES: ClassVar[tuple[str, ...]] = ("4.5", "4.6", "4.7", "4.8")
+    USUAL_FIRMWARE: ClassVar[str] = "4.6"
+    UNRELEASED: ClassVar[frozenset[str]] = frozenset({"4.8"})
+    PARAMETER_ERRORS_SINCE: ClassVar[tuple[int, int]] = (4, 7)
+    # As PX4's, with whole numbers of parameters as numbers (131072; 2 is its old name) and SET_POSITION_TARGET_GLOBAL_INT (256).
+    CAPABILITIES: ClassVar[int] = 1 | 2 | 4 | 8 | 256 | 2048 | 8192 | 16384 | 32768 | 131072
+    BYTEWISE: ClassVar[bool] = False
+    DEFAULT_HZ: ClassVar[dict[str, float]] = {"HEARTBEAT": 1.0}
+    LACKS: ClassVar[frozenset[str]] = frozenset({"WIND_COV", "ESTIMATOR_STATUS", "ALTITUDE"})
+    OBEYS_STREAM_GROUPS: ClassVar[bool] = True
+    HOME_ITEMS: ClassVar[int] = 1
+    ALWAYS_MANUAL_INPUT: ClassVar[bool] = True
+    MISSION_SERVER: ClassVar[type[MissionServer]] = ArduPilotMissionServer
     REMOTE_CONTROL_LOST: ClassVar[str] = "Radio Failsafe"
     POSITION_LOST: ClassVar[str] = "EKF Failsafe: changed to LAND Mode"
     FENCE_BREACHED: ClassVar[str] = "Fence Breached"
@@ -67,9 +82,25 @@ class ArduPilot(ArduPilotFailsafes):
     REBOOT_REFUSED: ClassVar[Result] = Result.FAILED
 
     def __init__(self, vehicle: Vehicle) -> None:
-        super().__init__(vehicle, ardupilot_parameters.store(vehicle.config.version))
+        super().__init__(vehicle)
         self.mode = Mode.STABILIZE
         self.auto_armed = False
+
+    def default_parameters(self, version: tuple[int, int]) -> ParameterStore:
+        """Those that matter to a delivery."""
+        return ardupilot_parameters.store(version)
+
+    def mavlink_version(self, *, heard_2: bool) -> int:  # noqa: ARG002  its parameter alone decides
+        """SERIAL0_PROTOCOL."""
+        return 1 if self.parameters["SERIAL0_PROTOCOL"] == 1.0 else 2
+
+    def reported_airspeed_mps(self) -> float:
+        """A synthetic one: the ground speed."""
+        return self.body.ground_speed_mps
+
+    def begin_warm(self) -> None:
+        """Its counter knows what was drawn from the battery."""
+        self.vehicle.counted_mah = (1.0 - self.vehicle.config.soc) * self.parameters["BATT_CAPACITY"]
 
     def read_speeds(self) -> Speeds:
         """WPNAV_* and LAND_SPEED, kept in cm/s; at most 20 m/s."""

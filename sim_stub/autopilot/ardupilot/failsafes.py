@@ -10,7 +10,6 @@ from skyway.sim_stub.autopilot.modes import MANUAL_MODES, Action, Mode
 from skyway.sim_stub.plant.physics import offset_m
 
 if TYPE_CHECKING:
-    from skyway.sim_stub.autopilot.parameters import ParameterStore
     from skyway.sim_stub.vehicle import Vehicle
 
 _BATTERY_ACTIONS = {1: Action.LAND, 2: Action.RTL, 3: Action.RTL, 4: Action.LAND, 5: Action.TERMINATE}
@@ -26,12 +25,10 @@ class ArduPilotFailsafes(Autopilot):
     ----------
     vehicle : Vehicle
         What it flies.
-    parameters : ParameterStore
-        With the family's defaults.
     """
 
-    def __init__(self, vehicle: Vehicle, parameters: ParameterStore) -> None:
-        super().__init__(vehicle, parameters)
+    def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__(vehicle)
         self.low_volt_since: dict[int, float] = {}
 
     def reported_percent(self) -> int:

@@ -20,8 +20,6 @@ class Px4Failsafes(Autopilot):
     ----------
     vehicle : Vehicle
         What it flies.
-    parameters : ParameterStore
-        With the family's defaults.
     """
 
     def reported_percent(self) -> int:

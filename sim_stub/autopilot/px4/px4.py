@@ -13,9 +13,12 @@ from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.autopilot.px4 import missions as px4_missions
 from skyway.sim_stub.autopilot.px4 import parameters as px4_parameters
 from skyway.sim_stub.autopilot.px4.failsafes import Px4Failsafes
+from skyway.sim_stub.autopilot.px4.mission_server import Px4MissionServer
 from skyway.sim_stub.plant.physics import offset_m
 
 if TYPE_CHECKING:
+    from skyway.sim_stub.autopilot.mission_server import MissionServer
+    from skyway.sim_stub.autopilot.parameters import ParameterStore
     from skyway.sim_stub.vehicle import Vehicle
 
 _AUTO = 4 << 16
@@ -29,6 +32,25 @@ _MODES = {
     Mode.LAND: _AUTO | 6 << 24,
     Mode.RTL: _AUTO | 5 << 24,
     Mode.OFFBOARD: 6 << 16,
+}
+_DEFAULT_HZ = {
+    "HEARTBEAT": 1.0,
+    "ATTITUDE": 10.0,
+    "GLOBAL_POSITION_INT": 5.0,
+    "LOCAL_POSITION_NED": 4.0,
+    "VFR_HUD": 4.0,
+    "GPS_RAW_INT": 1.0,
+    "SYS_STATUS": 1.0,
+    "BATTERY_STATUS": 0.5,
+    "EXTENDED_SYS_STATE": 1.0,
+    "MISSION_CURRENT": 1.0,
+    "ALTITUDE": 1.0,
+    "ATTITUDE_QUATERNION": 2.0,
+    "WIND_COV": 0.5,
+    "SYSTEM_TIME": 1.0,
+    "HOME_POSITION": 0.5,
+    "ESTIMATOR_STATUS": 0.5,
+    "RC_CHANNELS": 1.0,
 }
 _BY_NUMBER = {number: mode for mode, number in _MODES.items()} | {1 << 16: Mode.STABILIZE}
 _CUSTOM_MODE, _AUTO_MODE, _GUIDED_MODE, _MANUAL_MODE = 1, 4, 8, 64
@@ -50,8 +72,20 @@ def _mode_of_base(base: int) -> Mode | None:
 class Px4(Px4Failsafes):
     """PX4."""
 
-    FAMILY: ClassVar[str] = "px4"
     AUTOPILOT_ID: ClassVar[int] = 12
+    FIRMWARES: ClassVar[tuple[str, ...]] = ("1.15", "1.16", "main")
+    USUAL_FIRMWARE: ClassVar[str] = "1.16"
+    UNRELEASED: ClassVar[frozenset[str]] = frozenset({"main"})
+    PARAMETER_ERRORS_SINCE: ClassVar[tuple[int, int]] = (1, 18)
+    # Mission float 1, mission int 4, command int 8, parameters bytewise 16, termination 2048, MAVLink 2 8192, fence 16384, rally 32768.
+    CAPABILITIES: ClassVar[int] = 1 | 4 | 8 | 16 | 2048 | 8192 | 16384 | 32768
+    BYTEWISE: ClassVar[bool] = True
+    STRICT_PARAMETERS: ClassVar[bool] = True
+    DEFAULT_HZ: ClassVar[dict[str, float]] = _DEFAULT_HZ
+    LACKS: ClassVar[frozenset[str]] = frozenset({"WIND", "EKF_STATUS_REPORT", "FENCE_STATUS"})
+    OBEYS_STREAM_GROUPS: ClassVar[bool] = False
+    REACHED_REPEATS: ClassVar[int] = 10
+    MISSION_SERVER: ClassVar[type[MissionServer]] = Px4MissionServer
     REMOTE_CONTROL_LOST: ClassVar[str] = "Manual control lost"
     POSITION_LOST: ClassVar[str] = "Failsafe activated: position estimate lost, blind land"
     FENCE_BREACHED: ClassVar[str] = "Geofence violation"
@@ -85,13 +119,26 @@ class Px4(Px4Failsafes):
     REBOOT_REFUSED: ClassVar[Result] = Result.DENIED
 
     def __init__(self, vehicle: Vehicle) -> None:
-        super().__init__(vehicle, px4_parameters.store(vehicle.config.version))
+        super().__init__(vehicle)
         self.infeasible: str | None = "No valid mission available"
         self.mode_after_disarming = Mode.HOLD
 
     def clock_of_day_s(self) -> float:
         """POSIX seconds by the computer's clock, as in PX4's simulator: only its time since boot is the simulation's."""
         return self.vehicle.world.epoch_s + self.vehicle.wall_s
+
+    def default_parameters(self, version: tuple[int, int]) -> ParameterStore:
+        """Those that matter to a delivery."""
+        return px4_parameters.store(version)
+
+    def mavlink_version(self, *, heard_2: bool) -> int:
+        """MAV_PROTO_VER; 0 speaks MAVLink 1 until MAVLink 2 is heard."""
+        wanted = int(self.parameters["MAV_PROTO_VER"])
+        return 1 if wanted == 1 or (wanted == 0 and not heard_2) else 2
+
+    def reported_airspeed_mps(self) -> float:
+        """NaN."""
+        return math.nan
 
     def read_speeds(self) -> Speeds:
         """MPC_* parameters; nothing above 20 m/s."""

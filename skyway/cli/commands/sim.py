@@ -12,10 +12,10 @@ import typer
 
 from skyway.cli import options
 from skyway.cli.bare_values import BareValueCommand
-from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.json_text import json_text
 from skyway.scenarios import load_scenario
+from skyway.sim_stub.autopilot import NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -70,7 +70,7 @@ Firmware = Annotated[
     str,
     typer.Option(
         "--firmware",
-        help="Firmware version: 1.15, 1.16 or main for px4 (default 1.16); 4.5, 4.6, 4.7 or 4.8 for ardupilot (default 4.6).",
+        help="Firmware version, such as 1.16, main or 4.7. Without it: a common release.",
         show_default=False,
     ),
 ]

@@ -9,9 +9,10 @@ from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
 from skyway.missions.autopilots.registry import FAMILIES, family_named
 from skyway.missions.items.parameters import FlightNeeds, Parameter
 from skyway.models.base.errors import InputError, LinkError, ParameterAbsentError, VehicleTimeoutError
-from skyway.sim_stub.config import FIRMWARES, VehicleConfig
+from skyway.sim_stub.autopilot.registry import FAMILIES as SIMULATED
+from skyway.sim_stub.config import VehicleConfig
 
-VERSIONS = [(family, version) for family, versions in FIRMWARES.items() for version in versions]
+VERSIONS = [(family, version) for family, simulated in SIMULATED.items() for version in simulated.FIRMWARES]
 EVERYTHING = FlightNeeds(17.0, 4.0, 2.0, 95.0, fenced=True, has_rally_points=True, continues_after_landing=True)
 SOON_S = 5.0
 
@@ -156,7 +157,7 @@ def test_a_parameter_file_for_one_version_serves_every_other(family, version, tm
     written = [line.split(",")[0] for line in file.read_text().splitlines() if not line.startswith("#")]
     assert written
     assert all(has.find(name) is not None for name in written)
-    for other in FIRMWARES[family]:
+    for other in SIMULATED[family].FIRMWARES:
         scene = aboard(family, other)
         for check in scene.craft.check_required(wanted):
             assert not check.absent, check.problem

@@ -7,8 +7,8 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from skyway.sim_stub.autopilot.items import ALL, FENCE, MISSION, RALLY, Answer, Item
+from skyway.sim_stub.autopilot.mission_server import PARTS, MissionServer, Partner, identity
 from skyway.sim_stub.autopilot.px4.missions import MAX_ITEMS, accept, present
-from skyway.sim_stub.protocols.mission_server import PARTS, MissionServer, Partner, identity
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle

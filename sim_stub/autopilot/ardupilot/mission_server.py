@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from skyway.sim_stub.autopilot.ardupilot.missions import MAX_ITEMS, accept
 from skyway.sim_stub.autopilot.fence import Fence
 from skyway.sim_stub.autopilot.items import FENCE, MISSION, RALLY, Answer, Command, Frame, Item
+from skyway.sim_stub.autopilot.mission_server import PARTS, MissionServer, Partner, identity
 from skyway.sim_stub.autopilot.modes import Mode
-from skyway.sim_stub.protocols.mission_server import PARTS, MissionServer, Partner, identity
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
