@@ -63,5 +63,5 @@ def test_a_name_that_a_person_gives_must_have_a_unit_of_that_meaning():
     speed = FAMILIES["ardupilot"].settings["mission-speed"].need("at-least", 12.0, "why")
     assert speed.called("NEW", "cm/s").value == pytest.approx(1200.0)
     for unit in ("m", "deg", "", "knots"):
-        with pytest.raises(InputError, match="no unit of ground speed"):
+        with pytest.raises(InputError, match="not a unit of ground speed"):
             speed.called("NEW", unit)
