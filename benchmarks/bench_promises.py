@@ -32,7 +32,8 @@ from skyway.planner.evaluation.evaluate import (
 )
 from skyway.planner.evaluation.flights import LEVELS
 from skyway.planner.evaluation.statistics import DayBootstrap
-from skyway.planner.plan import ROBUST, plan
+from skyway.planner.plan import plan
+from skyway.planner.registry import ROBUST
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -22,7 +22,7 @@ from benchmarks.results import Row, append, missing, read
 from benchmarks.trials import ROLLING, Case, Contender, case_of, try_case
 from skyway.planner.evaluation.evaluate import clairvoyant_times
 from skyway.planner.evaluation.statistics import DayBootstrap
-from skyway.planner.plan import ROBUST
+from skyway.planner.registry import ROBUST
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

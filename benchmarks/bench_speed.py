@@ -23,9 +23,10 @@ from skyway.missions.examples import NEW_YORK
 from skyway.models.base.errors import InfeasibleError
 from skyway.models.composition.composition import State
 from skyway.models.scenario.file import read_scenario
-from skyway.planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, candidates, plan
+from skyway.planner.plan import candidates, plan
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, forecast_planner
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -70,14 +71,14 @@ def time_search(scenario: Scenario, request: Request, name: str, ensemble: WindE
     _ = problem.curve_of, problem.curves
     ready = time.perf_counter()
     try:
-        FORECAST_PLANNERS[name](problem).solve()
+        forecast_planner(name)(problem).solve()
     except InfeasibleError:
         return None
     first = time.perf_counter() - ready
     again = []
     for _ in range(SEARCHES):
         begun = time.perf_counter()
-        itinerary = FORECAST_PLANNERS[name](problem).solve()
+        itinerary = forecast_planner(name)(problem).solve()
         again.append(time.perf_counter() - begun)
     return Timing(ready - started, first, min(again), len(itinerary))
 

@@ -30,7 +30,8 @@ from benchmarks.fuzz_cases import Case, draw
 from benchmarks.fuzz_online import carry_on, draw_online
 from skyway.models.base.errors import InfeasibleError, InputError
 from skyway.models.composition.file import from_json, to_json
-from skyway.planner.plan import CLAIRVOYANT_PLANNERS, plan
+from skyway.planner.plan import plan
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

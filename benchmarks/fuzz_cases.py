@@ -20,10 +20,10 @@ from skyway.models.network.builders import build_network
 from skyway.models.network.network import ConnectionRule, Station
 from skyway.models.queues.load import PadLoad
 from skyway.models.wind.ensemble import WindEnsemble
-from skyway.planner.plan import PLANNERS
 from skyway.planner.problem.objective import Objective
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request
+from skyway.planner.registry import PLANNERS
 
 if TYPE_CHECKING:
     from numpy.random import Generator

@@ -21,8 +21,9 @@ from skyway.planner.evaluation.evaluate import (
     summarise,
 )
 from skyway.planner.online.rolling import RollingRobust
-from skyway.planner.plan import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, plan
+from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H, Problem
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, forecast_planner
 from skyway.planner.schedule.itinerary import fly_sampled
 from skyway.planner.schedule.outcome import outcome
 
@@ -284,7 +285,7 @@ def _solve(
         result = plan(scenario, request, planner=name, forecast=forecast)
         return result.itinerary, result.outcome, result.planning_time_s
     problem = Problem(scenario, request, scenario.drone(request.drone or ""), forecast)
-    search = FORECAST_PLANNERS[name](problem)
+    search = forecast_planner(name)(problem)
     started = time.perf_counter()
     itinerary = search.solve()
     spent = time.perf_counter() - started

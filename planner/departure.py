@@ -8,8 +8,9 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InfeasibleError, InputError, NoRouteError
-from skyway.planner.plan import ROBUST, plan
+from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.registry import ROBUST
 
 if TYPE_CHECKING:
     from collections.abc import Callable

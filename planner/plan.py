@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,14 +13,12 @@ from skyway.models.base.errors import AuditError, Fault, InfeasibleError, InputE
 from skyway.models.base.formatting import later_text
 from skyway.models.base.units import S_PER_H
 from skyway.planner.baselines.ies import ExhaustiveSearch
-from skyway.planner.baselines.pfs import ForwardSearch
-from skyway.planner.baselines.pfs_strict import StrictForwardSearch
-from skyway.planner.baselines.shortest import ShortestFlight
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.explain import alternatives
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H, Problem, check_apart
 from skyway.planner.problem.skyline import skyline
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, forecast_planner
 from skyway.planner.result import Comparison, PlanResult
 from skyway.planner.robust.charge_policy import simulate_fixed, typical_fixed, world_of
 from skyway.planner.robust.robust import FINAL_RUNS, MEMBERS, MIN_ARRIVE, RobustSearch
@@ -32,7 +30,7 @@ from skyway.planner.schedule.outcome import later, outcome
 from skyway.planner.schedule.schedule_kernels import TOUCH_DOWN
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -42,35 +40,11 @@ if TYPE_CHECKING:
     from skyway.planner.problem.objective import Objective
     from skyway.planner.problem.request import Request
     from skyway.planner.robust.robust import RobustAnswer
-    from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
 
 
-class Search(Protocol):
-    """A planner at work on one problem."""
-
-    @property
-    def labels_expanded(self) -> int:
-        """How much it evaluated."""
-
-    def solve(self) -> Itinerary:
-        """Return what to fly, or raise `NoRouteError`."""
-
-
-FORECAST_PLANNERS: Mapping[str, Callable[[Problem], Search]] = {
-    "shortest": ShortestFlight,
-    "pfs": ForwardSearch,
-    "pfs-strict": StrictForwardSearch,
-    "pfs-charge-aware": lambda problem: ForwardSearch(problem, charge_aware=True),
-}
-"""Planners that know the forecast only."""
 SMALL_NETWORK = 200
 """Up to this many stations the waits are forecast for all of them beforehand; else as the search meets them."""
-CLAIRVOYANT_PLANNERS = ("ies", "exact")
-"""Planners that have perfect information."""
-ROBUST = "robust"
-"""The planner that decides charges at each stop."""
-PLANNERS = (ROBUST, *FORECAST_PLANNERS, *CLAIRVOYANT_PLANNERS)
 
 
 def plan(
@@ -275,7 +249,7 @@ def _solve(
     if planner in FORECAST_PLANNERS:
         if len(problem.network) <= SMALL_NETWORK:
             problem.waits.need(np.arange(len(problem.network)))
-        search = FORECAST_PLANNERS[planner](problem)
+        search = forecast_planner(planner)(problem)
         started = time.perf_counter()
         itinerary = search.solve()
         spent = time.perf_counter() - started

@@ -126,3 +126,10 @@ def _overflying(legs: list[Leg]) -> Itinerary:
         else:
             joined_legs.append(leg)
     return tuple(joined_legs)
+
+
+class ChargeAwareSearch(ForwardSearch):
+    """`ForwardSearch` that judges the rest of the way by flight and charging time, and overflies idle stops."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem, charge_aware=True)

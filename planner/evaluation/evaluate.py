@@ -252,7 +252,7 @@ def clairvoyant_times(
     drone : str
         Drone that it plans for.
     planner : str
-        One of `planner.plan.CLAIRVOYANT_PLANNERS`.
+        One of `planner.registry.CLAIRVOYANT_PLANNERS`.
     runs : sequence of int
         Which; clairvoyance is dear.
     time_limit_s : float

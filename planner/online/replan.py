@@ -18,8 +18,9 @@ from skyway.models.drones.energy import ScaledEnergy
 from skyway.planner.online.diverts import Reach
 from skyway.planner.online.replan_candidates import Candidate, best_charges, itinerary_of
 from skyway.planner.online.replan_departure import charge_needed, held_by_wind
-from skyway.planner.plan import ROBUST, plan
+from skyway.planner.plan import plan
 from skyway.planner.problem.problem import Problem
+from skyway.planner.registry import ROBUST
 from skyway.planner.robust.robust import RobustSearch
 from skyway.planner.schedule.composing import compose
 from skyway.planner.schedule.itinerary import typical_member

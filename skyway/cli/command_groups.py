@@ -7,16 +7,32 @@ from typing import TYPE_CHECKING, Any
 from typer.core import TyperGroup
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
-GROUPS: Mapping[str, Sequence[str]] = {
-    "Plan": ("plan", "compare", "wind", "forecast", "network", "scenario"),
-    "Missions": ("mission", "check", "convert", "show"),
-    "Vehicles": ("upload", "download", "verify", "clear", "watch", "params"),
-    "Fly": ("fly", "demo", "report", "sim"),
-    "Logs and measurements": ("replay", "calibrate", "bench"),
+GROUPS: Mapping[str, Mapping[str, str]] = {
+    "Plan": {
+        "plan": "plan",
+        "compare": "plan",
+        "wind": "scenario",
+        "forecast": "forecast",
+        "network": "scenario",
+        "scenario": "scenario",
+    },
+    "Missions": {"mission": "mission", "check": "mission", "convert": "mission", "show": "mission"},
+    "Vehicles": {
+        "upload": "link",
+        "download": "link",
+        "verify": "link",
+        "clear": "link",
+        "watch": "link",
+        "params": "link",
+    },
+    "Fly": {"fly": "fly", "demo": "demo", "report": "report", "sim": "sim"},
+    "Logs and measurements": {"replay": "replay", "calibrate": "calibrate", "bench": "bench"},
 }
-"""Headings, and the commands under each in order."""
+"""Headings; under each its commands in order, with the module of `skyway.cli.commands` that holds them."""
+MODULES = tuple(dict.fromkeys(module for commands in GROUPS.values() for module in commands.values()))
+"""Modules of commands, each once."""
 
 
 class GroupedCommands(TyperGroup):

@@ -27,7 +27,7 @@ def drones(ctx: Any, incomplete: str) -> list[tuple[str, str]]:
 
 def planners(incomplete: str) -> list[str]:
     """Offer the planners."""
-    from skyway.planner.plan import PLANNERS
+    from skyway.planner.registry import PLANNERS
 
     return [name for name in PLANNERS if name.startswith(incomplete)]
 

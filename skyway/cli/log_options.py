@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo
 import typer
 
 from skyway.cli import options
+from skyway.link.logs.formats import FORMATS, suffixes, titles
 from skyway.models.base.errors import Fault, InputError
 from skyway.scenarios import load_scenario
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.ensemble import WindEnsemble
 
-LogFile = Annotated[Path, typer.Argument(help="Flight log: .tlog, .bin, .ulg or .csv.", show_default=False)]
+LogFile = Annotated[Path, typer.Argument(help=f"Flight log: {suffixes()}.", show_default=False)]
 Columns = Annotated[
     Path | None,
     typer.Option("--columns", help="For a CSV log: TOML file that maps its columns.", show_default=False),
@@ -168,16 +169,12 @@ def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
 def open_any(path: Path, columns: Path | None) -> Log:
     """Open a log of any format; says on stderr where its name tells another."""
     from skyway.link.logs.csv_log import read_columns
-    from skyway.link.logs.reader import SUFFIX, open_log
+    from skyway.link.logs.reader import open_log
 
     opened = open_log(path, None if columns is None else read_columns(columns))
     if not opened.summary.messages:
-        raise InputError(
-            Fault(
-                "holds no valid message", str(path), remedy="a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv"
-            )
-        )
-    usual = SUFFIX[opened.summary.format]
+        raise InputError(Fault("holds no valid message", str(path), remedy=titles()))
+    usual = FORMATS[opened.summary.format].suffix
     names = [part.lower().lstrip(".") for part in path.suffixes]
     if usual not in names:
         typer.echo(f"skyway: {path} has another suffix, but is a .{usual} log", err=True)

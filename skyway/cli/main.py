@@ -9,24 +9,14 @@ import gc
 import io
 import os
 import sys
+from importlib import import_module
 from typing import Annotated
 
 import typer
 
 from skyway import __version__
 from skyway.cli import extras
-from skyway.cli.command_groups import GroupedCommands
-from skyway.cli.commands import bench as bench_commands
-from skyway.cli.commands import demo as demo_commands
-from skyway.cli.commands import fly as fly_commands
-from skyway.cli.commands import forecast as forecast_commands
-from skyway.cli.commands import link as link_commands
-from skyway.cli.commands import mission as mission_commands
-from skyway.cli.commands import plan as plan_commands
-from skyway.cli.commands import replay as replay_commands
-from skyway.cli.commands import report as report_commands
-from skyway.cli.commands import scenario as scenario_commands
-from skyway.cli.commands import sim as sim_commands
+from skyway.cli.command_groups import MODULES, GroupedCommands
 from skyway.cli.compiling import show_compiling
 from skyway.cli.renamed_options import with_new_names
 from skyway.models.base.errors import SkywayError
@@ -63,20 +53,8 @@ def _main(
     """Plan, upload, fly and replay drone deliveries that must recharge on the way."""
 
 
-for commands in (
-    plan_commands,
-    scenario_commands,
-    mission_commands,
-    sim_commands,
-    link_commands,
-    fly_commands,
-    demo_commands,
-    report_commands,
-    replay_commands,
-    forecast_commands,
-    bench_commands,
-):
-    commands.register(app)
+for module in MODULES:
+    import_module(f"skyway.cli.commands.{module}").register(app)
 
 
 def main(arguments: list[str] | None = None) -> int:

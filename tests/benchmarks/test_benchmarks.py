@@ -30,8 +30,9 @@ from benchmarks.trials import ROLLING, case_of, contenders  # noqa: E402
 from skyway.models.base.errors import InputError  # noqa: E402
 from skyway.planner.evaluation.evaluate import NO_ERRORS, fly_policy  # noqa: E402
 from skyway.planner.online.rolling import RollingRobust  # noqa: E402
-from skyway.planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST, plan  # noqa: E402
+from skyway.planner.plan import plan  # noqa: E402
 from skyway.planner.problem.problem import Problem  # noqa: E402
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST  # noqa: E402
 
 
 def quiet(_):

@@ -14,7 +14,8 @@ sys.path.append(str(ROOT))
 from benchmarks import fuzz  # noqa: E402
 from benchmarks.fuzz_cases import draw  # noqa: E402
 from benchmarks.fuzz_online import WAYS, draw_online  # noqa: E402
-from skyway.planner.plan import PLANNERS, plan  # noqa: E402
+from skyway.planner.plan import plan  # noqa: E402
+from skyway.planner.registry import PLANNERS  # noqa: E402
 
 END = {"end": 7, "planner": "pfs", "ended": "plan", "s": 0.1}
 SLEEP = "import time; time.sleep(600)"

@@ -53,7 +53,7 @@ def test_what_is_typed_wrongly_is_refused_before_anything_is_opened(planned, tmp
     assert "exists already" in told("--journal", "there.jsonl")
     assert "exclude each other" in told("--keep-parameters", "--no-restore")
     assert "no such planner" in told("--planner", "fastest")
-    assert "nobody knows in a flight" in told("--planner", "exact")
+    assert "a flight does not have" in told("--planner", "exact")
     assert "--wind" in told("--wind", "strong")
     assert "no such file" in told("--forecast", "nowhere.csv")
     assert "--pads" in told("--pads", "udp:here")
@@ -66,11 +66,11 @@ def test_what_only_a_person_could_answer_is_refused_where_nobody_is_listened_to(
     assert skyway(*longer).code == 0
     answer = skyway("fly", "plan.json", *NOBODY, "--pads", "manual", "--yes")
     assert answer.code == 2
-    assert "nobody could say charged" in answer.err
+    assert "nobody could confirm the charging" in answer.err
     assert "--pads tcp:HOST:PORT" in answer.err
     answer = skyway("fly", "plan.json", *NOBODY, "--pads", "tcp:127.0.0.1:1", "--yes", "--release", "operator")
     assert answer.code == 2
-    assert "package is taken off" in answer.err
+    assert "package was taken off" in answer.err
     assert not (tmp_path / "recordings").exists()
 
 
@@ -80,7 +80,7 @@ def test_a_plan_of_another_scenario_is_not_flown(planned, tmp_path):
     (tmp_path / "other.json").write_text(json.dumps(plan))
     answer = planned("fly", "other.json", *NOBODY)
     assert answer.code == 2
-    assert "not the one that the plan was made in" in answer.err
+    assert "the scenario differs from that of the plan" in answer.err
 
 
 def test_demo_plans_without_flying_and_refuses_what_is_no_day(skyway):
@@ -247,7 +247,7 @@ def test_from_a_pipe_that_has_ended_nobody_can_answer_and_that_is_said_at_once(a
         assert time.monotonic() - begun < 60.0
         assert there.world.vehicles[1].station() == "bellevue"
     assert run.returncode == 2
-    assert "nobody can answer" in run.stderr
+    assert "take-offs cannot be confirmed" in run.stderr
 
 
 @pytest.mark.slow

@@ -321,7 +321,7 @@ def test_a_robust_plan_says_what_it_would_do_otherwise_and_why(skyway):
     answer = skyway("plan", *TRIP, "--drone", "m200", "--alternatives", "2", "--explain")
     assert answer.code == 0
     out = answer.out
-    assert "the charge is decided by the wind then" in out
+    assert "the charge depends on the wind at that time" in out
     assert "simulated deliveries" in out
     assert "Alternatives" in out or "No alternative" in out
     assert "without this stop" in out

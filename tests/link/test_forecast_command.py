@@ -113,19 +113,19 @@ def test_measurements_far_from_every_site_or_of_another_day_change_nothing(skywa
         "forecast", "far.csv", "old.csv", "--drag", "drag.toml", "--depart", "2013-07-10T17:10:00Z", "--json"
     )
     assert "km from every wind site" in answer.err
-    assert "too far from the departure in time" in answer.err
+    assert "too long before or after the departure" in answer.err
     assert json.loads(answer.out)["observations"] == []
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "when the forecast is for"),
+        ((), "no time is known for the forecast"),
         (("missing.csv",), "cannot be read"),
         (("--slot", "0"), "out of range"),
         (("--depart", "noon"), "--depart"),
         (("--forecast", "missing.csv", "--depart", "2013-07-10T17:00Z"), "missing.csv"),
-        (("hollow.csv",), "does not know its date"),
+        (("hollow.csv",), "has no date"),
     ],
 )
 def test_bad_input_is_one_line(skyway, tmp_path, arguments, message):

@@ -59,7 +59,7 @@ def test_a_mission_is_shown_uploaded_verified_downloaded_and_cleared(run, plan, 
         assert code == 0
         assert json.loads(text.splitlines()[-1])["parts"][0]["state"] == "verified"
         code, text = run("verify", plan, port=port)
-        assert (code, text.strip()) == (0, "the vehicle holds what the file says")
+        assert (code, text.strip()) == (0, "the vehicle holds the mission of the file")
         code, text = run("download", "-o", tmp_path / "back.plan", port=port)
         assert text.startswith("8 items, 0 fence areas, 0 rally points")
         assert run("clear", "--kind", "all", port=port)[0] == 0

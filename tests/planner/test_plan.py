@@ -15,9 +15,10 @@ from skyway.models.composition.file import from_json, to_json
 from skyway.models.drones.drone import M200_V2
 from skyway.models.wind.forecast import constant_wind
 from skyway.models.wind.triangle import wind_triangle
-from skyway.planner.plan import FORECAST_PLANNERS, PLANNERS, ROBUST, compare, plan
+from skyway.planner.plan import compare, plan
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request
+from skyway.planner.registry import FORECAST_PLANNERS, PLANNERS, ROBUST
 
 AFTERNOON = datetime(2013, 7, 10, 18, tzinfo=UTC)
 
@@ -160,7 +161,7 @@ def test_wrong_questions_are_refused(newyork, steady):
         plan(newyork, ask("siuh-north", "montefiore"), planner="magic", forecast=steady)
     with pytest.raises(InputError, match="the same"):
         plan(newyork, ask("montefiore", "montefiore"), planner="pfs", forecast=steady)
-    with pytest.raises(InputError, match="must be told the truth"):
+    with pytest.raises(InputError, match="needs perfect information"):
         plan(newyork, ask("siuh-north", "montefiore"), planner="ies")
     for field, value in {"payload_kg": math.nan, "reserve_soc": 1.5, "epsilon": -0.1, "airspeed_mps": 0.0}.items():
         with pytest.raises(InputError, match=field):

@@ -69,3 +69,20 @@ def _hear(stream: BinaryIO, place: int, memory: ScanState) -> bool:
             memory.state[:], memory.clock[:], memory.kept[:] = state, clock, kept
             return bool(found >= 0)
         wanted *= 4
+
+
+def frame_within(head: bytes) -> bool:
+    """Return whether a whole frame stands behind a time stamp anywhere: a tlog whose beginning is cut or damaged."""
+    extras, data = crc_extras(), np.frombuffer(head, dtype=np.uint8)
+    for at in np.flatnonzero((data == kernels.V1) | (data == kernels.V2)).tolist():
+        if at < 8 or at + kernels.LONGEST > len(data):
+            continue
+        total = kernels.announced(data, at)
+        number = data[at + 5] if data[at] == kernels.V1 else data[at + 7] | data[at + 8].astype(int) << 8
+        if (
+            data[at - 8] == 0
+            and extras[number] >= 0
+            and kernels.frame_is_good(data, at, total, extras, kernels.CRC_TABLE)
+        ):
+            return True
+    return False

@@ -153,7 +153,7 @@ def _doubts(check: StampCheck, index: TlogIndex, climbs: Mapping[int, float]) ->
     ]
     if check.held:
         doubts.append(
-            f"{check.held} time time time time stamps are up to {check.JITTER_S:g} s before their predecessors; the predecessors' times are used"
+            f"{check.held} time stamps are up to {check.JITTER_S:g} s before their predecessors; the predecessors' times are used"
         )
     if check.set_back:
         most = max(check.set_back)

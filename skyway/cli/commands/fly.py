@@ -234,7 +234,7 @@ def _refuse_questions(composition: Composition, pads: str, release: str) -> None
 
 def _check_words(planner: str, wind: str | None, forecast: Path | None) -> None:
     """Find out before a vehicle is spoken with what would fail in the midst of a delivery."""
-    from skyway.planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS
+    from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS
 
     known = [name for name in PLANNERS if wind is not None or name not in CLAIRVOYANT_PLANNERS]
     if planner and planner not in known:

@@ -11,6 +11,7 @@ import typer
 
 from skyway.cli import completion, options
 from skyway.models.base.errors import Fault, InputError
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -105,6 +106,9 @@ Examples:
   skyway plan --from bellevue --to white-plains --payload 0.8 --depart-window 3h --alternatives 3 --explain
   skyway plan my-scenario --from depot --to clinic --payload 1.2 -o plan.json --plot plan.png
 """
+PLANNER_HELP = (
+    f"{', '.join((ROBUST, *FORECAST_PLANNERS))}; with perfect information: {', '.join(CLAIRVOYANT_PLANNERS)}."
+)
 COMPARE_HELP = """Compare several planners on the same request.
 
 \b
@@ -130,7 +134,7 @@ def plan(
         str,
         typer.Option(
             "--planner",
-            help="robust, pfs, pfs-charge-aware, pfs-strict, shortest; with perfect information: exact, ies.",
+            help=PLANNER_HELP,
             autocompletion=completion.planners,
         ),
     ] = "robust",
@@ -315,7 +319,6 @@ def _solve(
     quiet: bool,
 ) -> PlanResult:
     """Plan with the wind that was asked for."""
-    from skyway.planner.plan import CLAIRVOYANT_PLANNERS
     from skyway.planner.plan import plan as plan_delivery
 
     if not time_limit_s > 0:
@@ -348,7 +351,6 @@ def _solve_window(
 ) -> tuple[PlanResult, list[Departure]]:
     """Plan for the best departure of a window."""
     from skyway.planner.departure import plan_within
-    from skyway.planner.plan import CLAIRVOYANT_PLANNERS
 
     if planner in CLAIRVOYANT_PLANNERS or truth is not None:
         remedy = "robust or one of the pfs planners, without --actual-wind"
@@ -394,8 +396,6 @@ def _progress(labels_expanded: int, best_s: float) -> None:
 
 
 def _check_planners(names: list[str], option: str) -> None:
-    from skyway.planner.plan import PLANNERS
-
     known = ", ".join(PLANNERS)
     faults = [
         Fault("no such planner", field=option, value=name, remedy=f"one of {known}")

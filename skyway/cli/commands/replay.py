@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, cast
 import typer
 
 from skyway.cli import log_options, options
-from skyway.cli.commands import calibrate as calibrate_commands
 from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, open_any
+from skyway.link.logs.formats import titles
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from skyway.link.replay.prediction import Prediction
     from skyway.link.replay.replay import Replay, ReplayOptions
 
-REPLAY_HELP = """Replay a flight log as if it were live: legs, battery, wind, events.
+REPLAY_HELP = f"""Replay a flight log as if it were live: legs, battery, wind, events.
 
-Reads MAVLink .tlog, ArduPilot .bin, PX4 .ulg and .csv. Times are H:MM:SS from the start of the log.
+Reads {titles()}. Times are H:MM:SS from the start of the log.
 
 Examples:
 
@@ -333,6 +333,5 @@ def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands that look back, ``calibrate`` included."""
+    """Add the command."""
     app.command("replay", help=REPLAY_HELP)(replay)
-    calibrate_commands.register(app)

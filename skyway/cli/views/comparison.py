@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def print_comparison(answers: list[Comparison]) -> None:
     """Print planners side by side; all but those with perfect information are counted in the same simulated deliveries."""
-    from skyway.planner.plan import CLAIRVOYANT_PLANNERS
+    from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 
     columns = [
         Column("planner", justify="left"), Column("drone", justify="left"), Column("on average", "min"),
@@ -70,7 +70,7 @@ def _about(figure: Figure) -> str:
 def _print_bought(answers: list[Comparison]) -> None:
     """Say in plain words what the robust plan gains."""
     from skyway.planner.explain import bought
-    from skyway.planner.plan import CLAIRVOYANT_PLANNERS
+    from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 
     robust = next((one.result for one in answers if one.result is not None and one.result.robust is not None), None)
     if robust is None:

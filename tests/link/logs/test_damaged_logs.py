@@ -198,7 +198,7 @@ def test_one_wrong_first_stamp_does_not_shift_a_log(tmp_path, wrong_s):
     assert found.messages == whole.messages
     assert found.start_s == pytest.approx(whole.start_s, abs=0.2)
     assert found.end_s == pytest.approx(whole.end_s, abs=0.001)
-    assert any("1 stamps are far from those around them" in doubt for doubt in found.time_base.doubts)
+    assert any("1 time stamps are far from their neighbours" in doubt for doubt in found.time_base.doubts)
 
 
 @pytest.mark.parametrize("wrong_s", [20.0, -20.0, 3600.0, -3600.0])

@@ -325,7 +325,7 @@ def test_an_empty_file_a_folder_and_a_picture_are_no_logs(tmp_path):
     picture.write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00")
     for path, why in (
         (empty, "is empty"),
-        (picture, "no flight log"),
+        (picture, "not a known flight log format"),
         (tmp_path, "cannot be read"),
         (tmp_path / "x", "cannot be read"),
     ):

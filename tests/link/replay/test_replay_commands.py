@@ -94,13 +94,13 @@ def test_replay_at_a_finite_speed_takes_its_time(skyway, flight, monkeypatch):
     [
         (("--speed", "fast"), "is no speed"),
         (("--speed", "0"), "is no speed"),
-        (("--from", "later"), "no time of the log"),
+        (("--from", "later"), "not a time of the log"),
         (("--from", "0:09:00"), "after the end"),
         (("--from", "60", "--to", "30"), "is not after --from"),
         (("--follow", "birds"), "cannot be followed"),
         (("--system", "9"), "these did: 1"),
         (("--wind", "strong"), "not a wind"),
-        (("--plot", "flight.doc"), "no picture format"),
+        (("--plot", "flight.doc"), "not a picture format"),
         (("--control", "5000"), "needs --connect"),
     ],
 )
@@ -116,11 +116,11 @@ def test_replay_refuses_what_makes_no_sense_in_one_line(skyway, flight, argument
         ("empty.tlog", b"", "is empty"),
         ("half.tlog", b"\x00\x05\x0a\xfd\x09", "no valid message"),
         ("half.bin", b"\xa3\x95", "no valid message"),
-        ("half.ulg", b"ULog\x01\x12", "header is damaged or cut"),
+        ("half.ulg", b"ULog\x01\x12", "header is damaged or truncated"),
         ("half.csv", b"time_s,ro", "no columns that are known"),
         ("header.csv", b"time_s,roll_rad\n", "no valid message"),
         ("picture.tlog", b"\x89PNG\r\n\x1a\n", "no valid message"),
-        ("picture.png", b"\x89PNG\r\n\x1a\n", "no flight log"),
+        ("picture.png", b"\x89PNG\r\n\x1a\n", "not a known flight log format"),
     ],
 )
 @pytest.mark.parametrize("command", [("replay",), ("calibrate", "wind"), ("calibrate", "energy")])
@@ -162,7 +162,7 @@ def test_sensors_that_give_no_numbers_measure_no_wind(skyway, tmp_path):
 
 def test_times_that_go_backwards_are_held_and_said(skyway, tmp_path):
     (tmp_path / "back.csv").write_text("time_s,roll_rad,soc\n2,0.1,0.9\n1,0.2,0.8\n3,0.3,0.7\n")
-    assert "1 rows are earlier than the ones before them" in skyway("replay", "back.csv")
+    assert "1 rows are earlier than their predecessors" in skyway("replay", "back.csv")
 
 
 def test_a_log_under_a_wrong_name_is_read_and_said_so(capsys, flight, tmp_path):
@@ -217,7 +217,7 @@ def test_calibrate_energy_writes_a_drone_that_plan_uses(skyway, flight, tmp_path
 
 def test_calibrate_energy_needs_to_know_what_was_carried(skyway, flight):
     assert "--payload" in skyway("calibrate", "energy", flight, code=2)
-    assert "once for each log" in skyway("calibrate", "energy", flight, "--payload", "1", "--payload", "2", code=2)
+    assert "once per log" in skyway("calibrate", "energy", flight, "--payload", "1", "--payload", "2", code=2)
 
 
 def test_calibrate_energy_lists_every_m100_flight(skyway, shared_data):

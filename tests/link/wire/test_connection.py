@@ -261,7 +261,7 @@ def test_a_baud_rate_that_no_line_has_is_refused_with_those_that_there_are():
 
 
 @pytest.mark.parametrize(
-    ("device", "why"), [("/dev/no-such-line", "cannot be opened"), ("/dev/null", "no serial line")]
+    ("device", "why"), [("/dev/no-such-line", "cannot be opened"), ("/dev/null", "not a serial line")]
 )
 def test_a_device_that_is_no_serial_line_is_refused(device, why):
     with pytest.raises(InputError, match=why):

@@ -128,7 +128,7 @@ def test_jumps_follow_their_ids_whatever_numbers_those_are():
 
 def test_an_item_that_says_its_place_twice_is_refused_as_in_qgroundcontrol():
     twice = item(params=[0, 0, 0, None, 47.5, 8.5, 0], coordinate=[47.6, 8.6, 120])
-    with pytest.raises(InputError, match=r"items\[0\].coordinate: says again.*QGroundControl opens no such plan"):
+    with pytest.raises(InputError, match=r"items\[0\].coordinate: repeats.*QGroundControl refuses such a plan"):
         read(plan(twice))
     older = item(params=[0, 0, 0, None], coordinate=[47.6, 8.6, 120])
     assert read(plan(older)).mission.items[0].z == 120.0
@@ -279,7 +279,7 @@ def test_a_home_that_says_nothing_is_unknown(home):
     ("content", "message"),
     [
         (plan(item(), version=7), r"mission.version: is an unknown mission version \(got '7'\)"),
-        ({**plan(item()), "version": 3}, "plan version we do not know"),
+        ({**plan(item()), "version": 3}, "an unknown plan version"),
         ({**plan(item()), "fileType": "Parameters"}, "is not a mission plan"),
         ({"fileType": "Plan", "version": 1, "geoFence": {"version": 2}}, "mission: is not a mission plan: it has no"),
         ([], "is not an object"),
@@ -293,7 +293,7 @@ def test_a_home_that_says_nothing_is_unknown(home):
         (plan(item(command=70000)), "is not a whole number from 0 to 65535"),
         (plan({"type": "SimpleItem", "frame": 3}), r"items\[0\].command: is missing"),
         (plan(item(), plannedHomePosition=[1]), r"is not \[latitude, longitude\]"),
-        ({**plan(item()), "geoFence": {"version": 9}}, "fence version we do not know"),
+        ({**plan(item()), "geoFence": {"version": 9}}, "an unknown fence version"),
         (
             {**plan(item()), "geoFence": {"version": 2, "polygons": [{"inclusion": True, "polygon": [[1, 1]]}]}},
             "fewer than 3 vertices",

@@ -8,7 +8,7 @@ from skyway.models.base.errors import InputError
 from skyway.models.drones.drone import M200_V2
 
 REFUSED = {
-    "mavlink__qgroundcontrol_sample_wrong_mission_version.plan": "mission version we do not know",
+    "mavlink__qgroundcontrol_sample_wrong_mission_version.plan": "an unknown mission version",
 }
 EXPECTED = {
     "ardupilot__cmac-foamy-fence.txt": (0, 1, 0),

@@ -403,7 +403,7 @@ def test_sites_must_be_there_once_each_and_on_earth(tmp_path):
         ((), "there is no wind site"),
         ((PLACE[0], PLACE[0]), "same id"),
         ((WindSite("x", -74.0, 140.0), WindSite("y", 140.0, -74.0)), "may be swapped"),
-        (PAIR, "does not say its site"),
+        (PAIR, "does not name its site"),
     ):
         with pytest.raises(InputError, match=message):
             read_history(tmp_path / "wind.csv", ALONE, sites, 10.0)

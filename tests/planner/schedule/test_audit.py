@@ -13,7 +13,8 @@ from worlds import DEPART, make_request, make_wind, make_world
 from skyway.models.base.errors import AuditError, InfeasibleError
 from skyway.models.composition.composition import Composition, State
 from skyway.planner import plan as planning
-from skyway.planner.plan import CLAIRVOYANT_PLANNERS, PLANNERS, plan
+from skyway.planner.plan import plan
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS
 
 LATER = timedelta(seconds=3)
 

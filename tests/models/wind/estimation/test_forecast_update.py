@@ -78,9 +78,9 @@ def test_finer_slots_hold_the_same_wind():
 
 
 def test_an_observation_that_is_no_number_is_refused():
-    with pytest.raises(InputError, match="no wind observation"):
+    with pytest.raises(InputError, match="not a wind observation"):
         update_forecast(ensemble(), [seen(float("nan"), 0.0)])
-    with pytest.raises(InputError, match="no wind observation"):
+    with pytest.raises(InputError, match="not a wind observation"):
         update_forecast(ensemble(), [seen(1.0, 0.0, variance=0.0)])
 
 
