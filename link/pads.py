@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.wire.address import parse_address
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import percent
 from skyway.models.queues.pad_service import (
     MAX_LINE_BYTES,
     DroneOnPad,
@@ -134,9 +135,7 @@ class ManualPads:
         if self._asked.get((station, drone)) != to_soc:
             self._asked[station, drone] = to_soc
             self._done.pop(drone, None)
-            self.ask(
-                f"charge drone {drone} at {station} to {100 * to_soc:.0f} % (or swap its battery), then type charged"
-            )
+            self.ask(f"charge drone {drone} at {station} to {percent(to_soc)} (or swap its battery), then type charged")
         if drone in self._done:
             soc = self._done[drone]
             return DroneOnPad(drone=drone, state="done", soc=None if math.isnan(soc) else soc, to_soc=to_soc)

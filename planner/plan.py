@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import AuditError, Fault, InfeasibleError, InputError, NoRouteError
-from skyway.models.base.formatting import later_text
+from skyway.models.base.formatting import later_text, percent
 from skyway.models.base.units import S_PER_H
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.exact.exact import ExactSearch
@@ -213,17 +213,17 @@ def _doubts(
     broken = 1.0 - summary.p_success
     if simulated and broken > problem.epsilon + 2.0 * math.sqrt(problem.epsilon / simulated):
         doubts.append(
-            f"{100.0 * broken:.2g} % of deliveries land below the reserve, {100.0 * problem.epsilon:g} % were asked for: "
+            f"{percent(broken, None)} of deliveries land below the reserve, {percent(problem.epsilon, None)} were asked for: "
             "no route that the planner knows is safer"
         )
     elif not simulated and broken > problem.epsilon + 1e-9:
         doubts.append(
-            f"flown as it stands, {100.0 * broken:.2g} % of deliveries land below the reserve, {100.0 * problem.epsilon:g} % "
+            f"flown as it stands, {percent(broken, None)} of deliveries land below the reserve, {percent(problem.epsilon, None)} "
             "were asked for: decide the charge again at each stop"
         )
     if problem.in_flight and summary.p_arrive < 1.0 - problem.epsilon:
         doubts.append(
-            f"in {100.0 * (1.0 - summary.p_arrive):.2g} % of deliveries the wind forbids the first leg now, and a drone in the "
+            f"in {percent(1.0 - summary.p_arrive, None)} of deliveries the wind forbids the first leg now, and a drone in the "
             "air cannot hold: be ready to divert"
         )
     if not np.isfinite(schedule[-1, TOUCH_DOWN]) or schedule[-1, TOUCH_DOWN] > problem.depart_s + HORIZON_H * S_PER_H:
@@ -300,7 +300,7 @@ def _cut_off(search: ExactSearch | ExhaustiveSearch, time_limit_s: float) -> str
     """Say of an answer that it is not proved, and what is."""
     note = f"cut off after {time_limit_s:g} s: the best found, perhaps not the best there is"
     if isinstance(search, ExactSearch) and math.isfinite(search.gap):
-        note += f"; it takes at most {max(math.ceil(100.0 * search.gap), 1)} % longer than that"
+        note += f"; it takes at most {percent(max(math.ceil(100.0 * search.gap), 1) / 100.0)} longer than that"
     return note
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
+from skyway.models.base.formatting import percent
 from skyway.models.queues.pad_service import DroneOnPad, PadServiceError, StationStatus
 from skyway.sim_stub.faults import AT_STATIONS
 from skyway.sim_stub.vehicle import Charge
@@ -233,7 +234,7 @@ class Pads:
         power = site.station.recharge_power_w
         customer.end_s = self._now + vehicle.battery.time_to_soc_s(customer.to_soc, power)
         vehicle.charging = Charge(customer.to_soc, power)
-        vehicle.event(f"charges at {site.station.id}: {vehicle.battery.soc:.0%} to {customer.to_soc:.0%}")
+        vehicle.event(f"charges at {site.station.id}: {percent(vehicle.battery.soc)} to {percent(customer.to_soc)}")
         if customer.end_s <= self._now:
             customer.end_s = math.inf
             self._charged(site, customer)
@@ -244,7 +245,7 @@ class Pads:
             return
         vehicle.tend()
         vehicle.battery.soc = max(vehicle.battery.soc, min(customer.to_soc, 1.0))  # and the pad keeps it there
-        vehicle.event(f"is charged to {vehicle.battery.soc:.0%} at {site.station.id}")
+        vehicle.event(f"is charged to {percent(vehicle.battery.soc)} at {site.station.id}")
 
     # Other drones
 

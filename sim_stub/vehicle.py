@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
+from skyway.models.base.formatting import percent, place_text
 from skyway.sim_stub import fault_effects as mishaps
 from skyway.sim_stub.autopilot.registry import FAMILIES
 from skyway.sim_stub.faults import FaultState
@@ -252,7 +253,7 @@ class Vehicle:
             raise InputError(Wrong("a battery is swapped on the ground, disarmed", field="battery-swap"))
         self.tend()
         self.battery.soc = soc
-        self.event(f"another battery with {soc:.0%}")
+        self.event(f"another battery with {percent(soc)}")
         self.reboot_at_s = self.sim_s
 
     # Restart
@@ -369,7 +370,7 @@ class Vehicle:
     def place(self) -> str:
         """Where it is, for people."""
         near = self.station()
-        return f"at {near}" if near else f"at {self.body.lat:.5f},{self.body.lon:.5f}"
+        return f"at {near}" if near else f"at {place_text(self.body.lat, self.body.lon)}"
 
 
 def _name(command: int) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from skyway.missions.autopilots import NAMES
+from skyway.models.base.formatting import distance_text, duration, utc_clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -72,8 +73,9 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
     save(composition, options.folder / "plan.json", force=True)
     stops = [stop.station for stop in composition.stops if stop.recharge_s > 0.0]
     say(f"plan ({planner}): {' > '.join(composition.route)}")
-    minutes = composition.delivery_time_s / 60.0
-    say(f"  {minutes:.0f} min, {composition.distance_m / 1000:.0f} km, recharges at {', '.join(stops)}")
+    say(
+        f"  {duration(composition.delivery_time_s)}, {distance_text(composition.distance_m)}, recharges at {', '.join(stops)}"
+    )
     say(f"  forecast: {len(forecast)} days of the season; simulated wind: {options.day}, which is not one of them")
     drag = drag_of(scenario.drone(DRONE), PAYLOAD_KG)
     say("drag of the drone found in a calibration flight: its tilt measures the wind")
@@ -91,7 +93,7 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
         planner=planner,
         asking="never",
     )
-    operator = NobodyThere(show=lambda line: say(f"{_clock(lockstep.clock.posix_s())}  {line}"))
+    operator = NobodyThere(show=lambda line: say(f"{utc_clock(lockstep.clock.posix_s())}  {line}"))
     pads = world.pads or Pads(world, scenario.load, seed=options.seed)
     supervisor = Supervisor(job, vehicle, lockstep.clock, pads, operator, journal, on_tick=_truth_writer(world))
     try:
@@ -174,12 +176,6 @@ def _truth_writer(world: World) -> Callable[[Context], None]:
             ctx.note("truth", None, wind_north_mps=north, wind_east_mps=east, soc=craft.battery.soc)
 
     return write
-
-
-def _clock(posix_s: float) -> str:
-    from skyway.models.base.units import from_posix
-
-    return f"{from_posix(posix_s):%H:%M:%S}"
 
 
 def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.units import clock_text, from_posix
+from skyway.models.base.formatting import duration, percent, zone_clock
+from skyway.models.base.units import from_posix
 from skyway.report import fields as of
 
 if TYPE_CHECKING:
@@ -107,22 +108,17 @@ SHOWN = frozenset({"state", "change", "reboot", "link", "turn", "check", "waits"
 def line_of(record: Record, zone: tzinfo = UTC) -> str | None:
     """Tell a record of the journal as a plain line, its time in a zone; None for those that a person need not see."""
     data, at_s = record.data, of.instant_s(record.time)
-    clock = "unknown time" if at_s is None else clock_text(from_posix(at_s), zone)
+    clock = "unknown time" if at_s is None else zone_clock(from_posix(at_s), zone)
     if record.event == "track" and of.number(data, "left_s") is not None:
-        left_min = (of.number(data, "left_s") or 0.0) / 60.0
         return (
             f"{clock}  {record.state:<12} {_figure(data, 'height_m')} m, {_figure(data, 'ground_speed_mps', 1)} m/s, "
-            f"{_percent(of.share(data, 'soc'))}; {data.get('destination')} in {left_min:.1f} min "
-            f"({of.number(data, 'late_s') or 0.0:+.0f} s), landing with {_percent(of.share(data, 'soc_land'))} "
-            f"(planned {_percent(of.share(data, 'planned_soc_land'))}), {_figure(data, 'cross_track_m')} m off the route, "
+            f"{percent(of.share(data, 'soc'))}; {data.get('destination')} in {duration(of.number(data, 'left_s'))} "
+            f"({duration(of.number(data, 'late_s') or 0.0, signed=True)}), landing with {percent(of.share(data, 'soc_land'))} "
+            f"(planned {percent(of.share(data, 'planned_soc_land'))}), {_figure(data, 'cross_track_m')} m off the route, "
             f"wind {of.measured_words(data) or 'not measured'} (forecast {of.forecast_words(data) or 'unknown'})"
             + (f"; {limited}" if (limited := of.text(data, "limited")) else "")
         )
     return f"{clock}  {record.state:<12} {record.reason}" if record.event in SHOWN else None
-
-
-def _percent(value: float | None) -> str:
-    return "unknown" if value is None else f"{100 * value:.0f} %"
 
 
 def _figure(data: dict[str, Any], key: str, digits: int = 0) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from skyway.link.protocol.exchange import SPREADS, Exchange
 from skyway.link.protocol.mission_words import ACCEPTED, ERROR, ITEM_FIELDS, MissionKind
 from skyway.missions.autopilots.wire import WireItem
+from skyway.models.base.formatting import duration
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -129,7 +130,7 @@ class Download(Exchange):
         if self._pause:
             self._pause, self._count, self._got, self._tries = False, None, [], 0
         elif now_s >= self._heard_s + GIVE_UP_S:
-            self.problem = f"no answer for {GIVE_UP_S:.0f} s"
+            self.problem = f"no answer for {duration(GIVE_UP_S)}"
             self.finish()
             return
         elif self._count is not None and self._tries >= _FORGOTTEN_TRIES:  # a reboot, or it has forgotten the transfer

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from skyway.models.base.formatting import distance_text, duration, percent, wind_text, with_unit
 from skyway.models.calibration.energy import VERTICAL_MPS
 from skyway.models.drones.energy import PHASES, Phase
 from skyway.models.drones.telemetry import COLUMN, TelemetryTrack
@@ -202,7 +203,7 @@ class LegWatch:
                 self._leg.add(time_s, row)
                 if self._leg.time_s >= MIN_LEG_S and not self._leg.told:
                     self._leg.told = True
-                    ago = f"in the air for {self._leg.time_s:.0f} s"
+                    ago = f"in the air for {duration(self._leg.time_s)}"
                     found.append(Notice(time_s, "mission", f"leg {len(self.legs) + 1}: {ago}"))
             item = float(row[COLUMN["mission_item"]])
             if math.isfinite(item) and item != self._item:
@@ -235,8 +236,8 @@ class LegWatch:
         if leg is None or leg.time_s < MIN_LEG_S or len(self.legs) >= MAX_LEGS:
             return []
         self.legs.append(leg.done())
-        how = f"landed {time_s - leg.end_s:.0f} s ago" if landed else "still in the air at the end"
-        text = f"leg {len(self.legs)}: {how}, {leg.distance_m / 1000.0:.2f} km in {leg.time_s:.0f} s"
+        how = f"landed {duration(time_s - leg.end_s)} ago" if landed else "still in the air at the end"
+        text = f"leg {len(self.legs)}: {how}, {distance_text(leg.distance_m)} in {duration(leg.time_s)}"
         return [Notice(time_s, "mission", text)]
 
 
@@ -258,23 +259,23 @@ class BatteryWatch:
                 found += [Notice(time_s, "battery", text) for text in self._look(time_s, soc, power)]
             if time_s >= self._due_s and (math.isfinite(soc) or math.isfinite(power)):
                 self._due_s = time_s + BATTERY_EVERY_S
-                charge = f"{soc:.0%}" if math.isfinite(soc) else "unknown charge"
-                drawn = f"{power:.0f} W" if math.isfinite(power) else "unknown W"
+                charge = f"charge {percent(soc)}"
+                drawn = with_unit(power, "W", 0)
                 found.append(Notice(time_s, "battery", f"battery {charge}, {drawn}", event=False))
         return found
 
     def _look(self, time_s: float, soc: float, power: float) -> list[str]:
         texts = []
         if abs(soc - self.last) > SOC_JUMP:  # false for NaN
-            texts.append(f"the state of charge jumps from {self.last:.0%} to {soc:.0%}")
+            texts.append(f"the state of charge jumps from {percent(self.last)} to {percent(soc)}")
         if soc < SOC_LOW and not self._low:
-            texts.append(f"the state of charge falls below {SOC_LOW:.0%}")
+            texts.append(f"the state of charge falls below {percent(SOC_LOW)}")
         self._low = soc < SOC_LOW
         if soc != self.last or not power > SOC_STUCK_W:
             self._changed_s, self._stuck = time_s, False
         elif time_s - self._changed_s > SOC_STUCK_S and not self._stuck:
             self._stuck = True
-            texts.append(f"the state of charge is stuck at {soc:.0%} while {power:.0f} W are drawn")
+            texts.append(f"the state of charge is stuck at {percent(soc)} while {with_unit(power, 'W', 0)} are drawn")
         self.first = soc if math.isnan(self.first) else self.first
         self.last = soc
         return texts
@@ -301,7 +302,7 @@ class WindWatch:
         for place, time_s in enumerate(course.time_s[measured].tolist()):
             if time_s >= self._due_s:
                 self._due_s = time_s + WIND_EVERY_S
-                text = f"wind {speed[place]:.1f} ± {sigma[place]:.1f} m/s from {direction[place]:.0f}°"
+                text = f"wind {wind_text(speed[place], direction[place], sigma[place])}"
                 found.append(Notice(time_s, "wind", text, event=False))
         return found
 
@@ -346,6 +347,6 @@ class TrustWatch:
                 poor, doubted = "the receiver's fix is lost or poor", "the vehicle does not trust its own position"
                 found.append(Notice(time_s, "wind", f"{poor if gps == 0.0 else doubted}: no wind from here"))
             elif sure and self._since_s is not None:
-                found.append(Notice(time_s, "wind", f"position trusted again after {time_s - self._since_s:.0f} s"))
+                found.append(Notice(time_s, "wind", f"position trusted again after {duration(time_s - self._since_s)}"))
                 self._since_s = None
         return found

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from skyway.link.supervisor.observed.link_watch import must_answer, request_telemetry
 from skyway.link.supervisor.resume import resume
 from skyway.link.supervisor.states import State, Turn
+from skyway.models.base.formatting import percent
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
@@ -43,7 +44,7 @@ def connecting(ctx: Context) -> After:
     ctx.delivery.take_plan(ctx.job.composition)
     ctx.delivery.visit(origin)
     ctx.note_plan("the plan as given")
-    return State.REPLANNING, f"at {origin} with {100 * ctx.battery.soc:.0f} %"
+    return State.REPLANNING, f"at {origin} with {percent(ctx.battery.soc)}"
 
 
 def _meet(ctx: Context) -> None:

@@ -18,6 +18,7 @@ from skyway.link.supervisor.soc.modelled_use import count_use
 from skyway.link.supervisor.soc.soc_estimator import SocEstimator
 from skyway.link.supervisor.standing import standing
 from skyway.link.supervisor.states import ON_GROUND, TABLE, State, Status, Turn
+from skyway.models.base.formatting import duration
 from skyway.models.composition.file import to_json
 from skyway.planner.online.replan import GroundReplanner
 
@@ -189,7 +190,7 @@ class Context:
         if rule.overdue is None or self.clock.now_s() - self.status.entered_s <= rule.longest_s:
             return
         flies = self.in_air and rule.overdue is State.STOPPED
-        reason = f"{self.state} has lasted longer than {rule.longest_s / 60:.0f} min"
+        reason = f"{self.state} has lasted longer than {duration(rule.longest_s)}"
         raise Turn(State.HOLDING if flies else rule.overdue, reason)
 
     def wait(self, duration_s: float) -> None:

@@ -9,6 +9,7 @@ from skyway.link.supervisor.observed.link_watch import request_telemetry
 from skyway.link.supervisor.resume import take_up
 from skyway.link.supervisor.states import IN_AIR, State
 from skyway.models.base.errors import VehicleTimeoutError
+from skyway.models.base.formatting import duration
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
@@ -33,8 +34,8 @@ def lost_link(ctx: Context) -> After:
 
 
 def _found_again(ctx: Context, before: State, gone_s: float) -> After:
-    ctx.note("link", f"back after {gone_s:.0f} s", gone_s=gone_s)
-    ctx.tell(f"link back after {gone_s:.0f} s")
+    ctx.note("link", f"back after {duration(gone_s)}", gone_s=gone_s)
+    ctx.tell(f"link back after {duration(gone_s)}")
     ctx.link.found_again()
     if before is State.CONNECTING:
         return State.CONNECTING, "heard again"

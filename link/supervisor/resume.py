@@ -12,6 +12,7 @@ from skyway.link.supervisor.soc.modelled_use import ModelledUse
 from skyway.link.supervisor.standing import restore_standing
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base.errors import InputError, LinkError, VehicleTimeoutError
+from skyway.models.base.formatting import percent
 from skyway.models.composition.file import from_json
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def take_up(ctx: Context) -> After:
         return State.LANDED, f"it stands at {station or 'no station'}"
     if not delivery.begins_at(station):
         delivery.take_plan(None)
-    return State.REPLANNING, f"at {station} with {100 * ctx.battery.soc:.0f} %"
+    return State.REPLANNING, f"at {station} with {percent(ctx.battery.soc)}"
 
 
 def _settle(ctx: Context) -> None:

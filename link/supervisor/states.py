@@ -11,6 +11,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import SkywayError
+from skyway.models.base.formatting import duration
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -217,10 +218,6 @@ def markdown() -> str:
     """Tell the table in words, as a Markdown table."""
     lines = ["| state | meaning | at most | then |", "| --- | --- | --- | --- |"]
     for state, rule in TABLE.items():
-        most = "—" if math.isinf(rule.longest_s) else _duration(rule.longest_s)
+        most = "—" if math.isinf(rule.longest_s) else duration(rule.longest_s)
         lines.append(f"| `{state}` | {rule.meaning} | {most} | {f'`{rule.overdue}`' if rule.overdue else '—'} |")
     return "\n".join(lines) + "\n"
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds / 3600:g} h" if seconds >= 3600 else f"{seconds / 60:g} min"

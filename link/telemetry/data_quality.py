@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from skyway.models.base.formatting import distance_text, duration, height_text, percent
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -76,10 +78,10 @@ class DataQuality:
         turn = (reports["lon_deg"] - self._latest("lon_deg") + 180.0) % 360.0 - 180.0
         moved = math.hypot(north, turn * math.cos(math.radians(before)) * _M_PER_DEG)
         if moved > JUMP_MPS * step_s:
-            self._jumped("position", f"by {moved:.0f} m", time_s)
+            self._jumped("position", f"by {distance_text(moved)}", time_s)
         climbed = abs(reports["alt_msl_m"] - self._latest("alt_msl_m"))
         if climbed > CLIMB_MPS * step_s:
-            self._jumped("height", f"by {climbed:.0f} m", time_s)
+            self._jumped("height", f"by {height_text(climbed)}", time_s)
 
     def _motion(self, name: str, values: tuple[float, ...], time_s: float) -> None:
         """In the air nothing stands still to the last digit; a position may, as long as the vehicle does not move."""
@@ -93,7 +95,7 @@ class DataQuality:
         speed = math.hypot(self._latest("vel_north_mps"), self._latest("vel_east_mps"))
         if in_air and time_s - since > STUCK_S and (name == "attitude" or speed > _MOVING_MPS):
             self._until_s.pop(name, None)
-            self.words[name] = f"has not moved for {time_s - since:.0f} s in flight"
+            self.words[name] = f"has not moved for {duration(time_s - since)} in flight"
 
     def _charge(self, soc: float, time_s: float) -> None:
         before = self._latest("soc")
@@ -103,11 +105,11 @@ class DataQuality:
             return
         power_w = self._latest("voltage_v") * self._latest("current_a")
         if abs(soc - before) > SOC_JUMP:
-            self._jumped("soc", f"from {100 * before:.0f} to {100 * soc:.0f} %", time_s)
+            self._jumped("soc", f"from {percent(before)} to {percent(soc)}", time_s)
         elif soc != before and "soc" not in self._until_s:
             self.words.pop("soc", None)
         if soc != before or not power_w > STUCK_SOC_W:
             self._soc_changed_s = time_s
         elif time_s - self._soc_changed_s > STUCK_SOC_S:
-            self.words["soc"] = f"stuck at {100 * soc:.0f} % while {power_w:.0f} W are drawn"
+            self.words["soc"] = f"stuck at {percent(soc)} while {power_w:.0f} W are drawn"
             self._until_s.pop("soc", None)

@@ -11,6 +11,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
+from skyway.models.base.formatting import distance_text, duration
 from skyway.models.base.geodesy import distance_m
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ class Diversion:
         elif self.state is DivertState.FLYING:
             self._fly(sample)
         elif sample.time_s > self._end_s:
-            self._overdue(f"it has not landed in {_LANDING_S:.0f} s")
+            self._overdue(f"it has not landed in {duration(_LANDING_S)}")
         return self.state
 
     def _overdue(self, why: str) -> None:
@@ -177,10 +178,10 @@ class Diversion:
             self.state = DivertState.LANDING
             self._order_s, self._end_s = sample.time_s, sample.time_s + _LANDING_S
         elif sample.time_s > self._end_s:
-            self._overdue(f"it is still {away:.0f} m away")
+            self._overdue(f"it is still {distance_text(away)} away")
         elif away > ARRIVED_M and sample.time_s > self._closer_s + STALLED_S:
             if self._orders >= _ORDERS:
-                self._overdue(f"it stays {away:.0f} m away, though it was sent there {self._orders} times")
+                self._overdue(f"it stays {distance_text(away)} away, though it was sent there {self._orders} times")
                 return
             self._closer_s = sample.time_s
             self._order_again()

@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from skyway.models.base.formatting import duration
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -97,7 +99,7 @@ class Failsafes(ABC):
             why = self.name(loss.exceptions) if excepted else f"{self.name(loss.action)} 0"
             return f"it finishes its mission, lands and disarms there ({why})"
         wait = values.get(loss.timeout)
-        after = "some time" if wait is None else f"{wait:.0f} s"
+        after = "some time" if wait is None else duration(wait)
         return f"after {after} without us it {self.action(loss.action, loss.words, values)}"
 
     def _without_pilot(self, values: Mapping[str, float]) -> str:

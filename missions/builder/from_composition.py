@@ -12,6 +12,7 @@ from skyway.missions.items.commands import Command, Frame
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.mission import MissionItem
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import duration, percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -194,11 +195,11 @@ def _hold_notes(composition: Composition, numbers: Iterable[int]) -> tuple[str, 
         stop = _stop_before(composition, number)
         if stop is None:
             continue
-        parts = [f"wait {stop.wait_s / 60:.1f} min for a pad"] if stop.wait_s else []
+        parts = [f"wait {duration(stop.wait_s)} for a pad"] if stop.wait_s else []
         if stop.recharge_s:
-            parts.append(f"charge {stop.recharge_s / 60:.1f} min to {100 * stop.soc_to:.0f} %")
+            parts.append(f"charge {duration(stop.recharge_s)} to {percent(stop.soc_to)}")
         if stop.hold_s:
-            parts.append(f"stay {stop.hold_s / 60:.1f} min")
-        parts.append(f"then arm for leg {number + 1} with at least {100 * stop.soc_to:.0f} %")
+            parts.append(f"stay {duration(stop.hold_s)}")
+        parts.append(f"then arm for leg {number + 1} with at least {percent(stop.soc_to)}")
         notes.append(f"at {stop.station}: {', '.join(parts)}")
     return tuple(notes)

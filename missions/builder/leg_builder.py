@@ -24,6 +24,7 @@ from skyway.missions.items.mission import Home, Mission, MissionItem
 from skyway.missions.items.parameters import FlightNeeds
 from skyway.missions.items.rally import RallyPoint, RallyPoints
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import speed_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -289,8 +290,8 @@ class LegBuilder:
     def warnings(self, services: Sequence[DroneService]) -> tuple[str, ...]:
         """Return what the operator must know of these legs."""
         found = [
-            f"leg {service.origin} to {service.destination} is planned at {service.ground_speed_mps:.1f} m/s and"
-            f" commanded at {self.speed_mps(service):.1f} m/s: it takes longer than planned"
+            f"leg {service.origin} to {service.destination} is planned at {speed_text(service.ground_speed_mps)} and"
+            f" commanded at {speed_text(self.speed_mps(service))}: it takes longer than planned"
             for service in services
             if service.ground_speed_mps > self.speed_mps(service) + 0.01
         ]

@@ -17,6 +17,7 @@ from skyway.missions.checks.near_stations import NearStations
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Frame
 from skyway.missions.items.finding import Finding
 from skyway.models.base import geodesy
+from skyway.models.base.formatting import height_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -177,10 +178,10 @@ def _check_open_end(known: _Knot, other: _Knot) -> Iterator[Finding]:
 
 def _finding(severity: Severity, item: int, height_m: float, ground_m: float, own_m: float) -> Finding:
     message = (
-        f"flies at {height_m:.0f} m above home, and the ground at the higher end of this way is at {ground_m:.0f} m:"
+        f"flies at {height_text(height_m)} above home, and the ground at the higher end of this way is at {height_text(ground_m)}:"
         " it need not fall, or rise, where the vehicle does"
     )
-    remedy = f"stay at {ground_m + own_m:.0f} m or higher between the two ends" if own_m else "fly higher"
+    remedy = f"stay at {height_text(ground_m + own_m)} or higher between the two ends" if own_m else "fly higher"
     return Finding(severity, item, "below-clearance", message, remedy)
 
 

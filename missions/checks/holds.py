@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from skyway.missions.checks.weather import SteadyWind
 from skyway.missions.items.finding import Finding
+from skyway.models.base.formatting import duration, percent, probability, speed_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -45,14 +46,14 @@ def _wind(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
             "wait for less wind",
         )
     elif leg.p_flyable < 1.0 - EPSILON:
-        message = f"the wind forbids this flight with probability {1.0 - leg.p_flyable:.2f}"
+        message = f"the wind forbids this flight with probability {probability(1.0 - leg.p_flyable)}"
         yield Finding("warning", leg.worst_item, "wind-may-forbid", message, "be ready to hold on the ground")
     if leg.p_flyable > 0.0 and leg.least_airspeed_margin_mps < 0.0:
         yield Finding(
             "warning",
             leg.worst_item,
             "speed-not-held",
-            f"{_which_wind(conditions)}the commanded ground speed needs {-leg.least_airspeed_margin_mps:.1f} m/s more"
+            f"{_which_wind(conditions)}the commanded ground speed needs {speed_text(-leg.least_airspeed_margin_mps)} more"
             f" airspeed than the {drone.max_airspeed_mps:g} m/s of the {drone.name}: it will fly slower",
             "order a lower ground speed",
         )
@@ -71,15 +72,15 @@ def _reserve(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
     reserve = conditions.reserve_soc
     if leg.soc_end <= 0.0:
         message = (
-            f"the battery is empty before item {leg.item_to}: the flight takes {(leg.soc_start - leg.soc_end) * 100:.0f} %"
-            f" of a full battery, and begins with {100 * leg.soc_start:.0f} %"
+            f"the battery is empty before item {leg.item_to}: the flight takes {percent(leg.soc_start - leg.soc_end)}"
+            f" of a full battery, and begins with {percent(leg.soc_start)}"
         )
         yield Finding("error", leg.item_to, BATTERY_EMPTY, message, "land and recharge on the way")
     elif leg.soc_end < reserve:
-        message = f"ends at {100 * leg.soc_end:.0f} % charge, below the reserve of {100 * reserve:.0f} %"
+        message = f"ends at {percent(leg.soc_end)} charge, below the reserve of {percent(reserve)}"
         yield Finding("error", leg.item_to, "below-reserve", message, "recharge before, or fly a shorter way")
     elif leg.p_reserve < 1.0 - EPSILON:
-        message = f"keeps the reserve of {100 * reserve:.0f} % with probability {leg.p_reserve:.3f} only"
+        message = f"keeps the reserve of {percent(reserve)} with probability {probability(leg.p_reserve, 1)} only"
         yield Finding("warning", leg.item_to, "reserve-unsure", message, "recharge more before")
 
 
@@ -92,7 +93,7 @@ def _hold(flown: LegEnergy, leg: RouteLeg, following: LegEnergy, conditions: Fli
     if hold_s == 0.0 or flown.soc_end is None or following.energy_j is None:
         return
     if conditions.stations and flown.pad is None:
-        message = f"a hold of {hold_s:.0f} s where no station has a pad: nothing is charged"
+        message = f"a hold of {duration(hold_s)} where no station has a pad: nothing is charged"
         yield Finding("warning", flown.item_to, "hold-without-pad", message, "hold at a station")
         return
     power_w = next((s.recharge_power_w for s in conditions.stations if s.name == flown.pad), None)
@@ -106,10 +107,10 @@ def _hold(flown: LegEnergy, leg: RouteLeg, following: LegEnergy, conditions: Fli
             "error",
             flown.item_to,
             "hold-too-short",
-            f"a hold of {hold_s:.0f} s charges to {100 * following.soc_start:.0f} %, and the next flight needs"
-            f" {100 * wanted:.0f} %",
+            f"a hold of {duration(hold_s)} charges to {percent(following.soc_start)}, and the next flight needs"
+            f" {percent(wanted)}",
             f"hold {needed_s} s",
         )
     elif hold_s > full_s + 60.0:
-        message = f"a hold of {hold_s:.0f} s, and the battery is full after {full_s:.0f} s"
+        message = f"a hold of {duration(hold_s)}, and the battery is full after {duration(full_s)}"
         yield Finding("info", flown.item_to, "hold-longer-than-charge", message)

@@ -11,6 +11,7 @@ from skyway.missions.checks.clearance import items_over_stations, next_ground_m
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
 from skyway.missions.items.finding import Finding
 from skyway.models.base import geodesy
+from skyway.models.base.formatting import distance_text, height_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -68,7 +69,7 @@ def check_home_distance(mission: Mission, route: Route) -> Iterator[Finding]:
                 "warning",
                 first.item,
                 "far-from-home",
-                f"the first position is {away / 1000:.1f} km from the planned home: PX4 refuses more than 10 km",
+                f"the first position is {distance_text(away)} from the planned home: PX4 refuses more than 10 km",
                 "correct the home, or the position",
             )
 
@@ -86,7 +87,7 @@ def check_rally_distances(document: MissionDocument, route: Route) -> Iterator[F
             "warning" if distance > longest else "info",
             steps[nearest[number]].item,
             "rally-far",
-            f"rally point {number} is {distance / 1000:.1f} km from here, the nearest place of the mission: a vehicle"
+            f"rally point {number} is {distance_text(distance)} from here, the nearest place of the mission: a vehicle"
             " that goes there needs the energy for it",
             "put a rally point near the route",
         )
@@ -130,8 +131,8 @@ def check_reach(route: Route, drone: Drone) -> Iterator[Finding]:
             "error",
             steps[index + 1].item,
             "too-far",
-            f"is {length[index] / 1000:.1f} km from the position before, beyond the range of the vehicle"
-            f" ({reach / 1000:.0f} km)",
+            f"is {distance_text(length[index])} from the position before, beyond the range of the vehicle"
+            f" ({distance_text(reach)})",
             "correct the coordinates, or land and recharge between",
         )
 
@@ -198,5 +199,5 @@ def _height(step: Step, item: MissionItem, leaves_m: float, lowest_m: float) -> 
             "right only where the ground is lower there",
         )
     elif step.height_m > USUAL_CEILING_M and item.frame not in _TERRAIN:
-        message = f"{step.height_m:.0f} m above home: most countries allow {USUAL_CEILING_M:.0f} m"
+        message = f"{height_text(step.height_m)} above home: most countries allow {height_text(USUAL_CEILING_M)}"
         yield Finding("info", step.item, "high", message, "needs a permit, unless the ground is higher there")

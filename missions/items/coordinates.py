@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from skyway.models.base.formatting import stored_degrees
+
 E7 = 10_000_000
 
 
@@ -45,4 +47,4 @@ class Point(NamedTuple):
         return cls(round(lat * E7), round(lon * E7))
 
     def __str__(self) -> str:
-        return f"{self.lat:.7f},{self.lon:.7f}"
+        return ",".join(stored_degrees(self.lat, self.lon))

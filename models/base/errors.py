@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from skyway.models.base.formatting import duration
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -161,7 +163,7 @@ class VehicleTimeoutError(LinkError):
     """
 
     def __init__(self, what: str, waited_s: float) -> None:
-        super().__init__(f"the vehicle did not answer within {waited_s:.0f} s: {what}")
+        super().__init__(f"the vehicle did not answer within {duration(waited_s)}: {what}")
         self.what, self.waited_s = what, waited_s
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from datetime import datetime
+    from datetime import tzinfo
     from zoneinfo import ZoneInfo
 
     from skyway.models.base.figure import Figure
@@ -26,16 +26,26 @@ def step_for(half_width_s: float) -> int:
     return next((step for step in STEPS_S if step >= SURE * half_width_s), STEPS_S[-1])
 
 
-def duration(seconds: float) -> str:
-    """Return a duration for people: ``1 h 12 min``, ``17 min``, ``4.5 min``, ``20 s``."""
-    if not math.isfinite(seconds):
+def duration(seconds: float | None, *, signed: bool = False) -> str:
+    """Return a duration for people: ``1 h 12 min``, ``17 min``, ``4.5 min``, ``20 s``; signed ``+4.5 min``."""
+    if seconds is None or not math.isfinite(seconds):
         return UNKNOWN
-    if seconds < 59.5:
-        return f"{seconds:.0f} s"
-    minutes = seconds / 60.0
-    if minutes < 9.95:
-        return f"{minutes:.1f} min"
-    return _hours(round(minutes))
+    length = abs(seconds)
+    if length < 59.5:
+        text = f"{length:.0f} s"
+    elif length < 597.0:
+        text = f"{length / 60.0:.1f}".removesuffix(".0") + " min"
+    else:
+        text = _hours(round(length / 60.0))
+    return ("-" if seconds <= -0.5 else "+" if signed else "") + text
+
+
+def counter(seconds: float | None) -> str:
+    """Return a running time to the second, hours first: ``0:04:09``, ``1:02:35``."""
+    if seconds is None or not math.isfinite(seconds):
+        return UNKNOWN
+    minutes, rest = divmod(abs(round(seconds)), 60)
+    return f"{'-' * (seconds < -0.5)}{minutes // 60}:{minutes % 60:02d}:{rest:02d}"
 
 
 def about(figure: Figure) -> str:
@@ -80,16 +90,23 @@ def share(figure: Figure) -> str:
         return UNKNOWN
     value, low, high = figure.value, figure.low, figure.high
     if high <= low:
-        return percent(value, 1)
+        return probability(value, 1)
     if value >= 1.0:
         return f">{_floor(100.0 * low)} %"
     if value <= 0.0:
         return f"<{_ceil(100.0 * high)} %"
-    return percent(value, 0 if figure.half_width >= 0.005 else 1)
+    return probability(value, 0 if figure.half_width >= 0.005 else 1)
 
 
-def percent(fraction: float | None, digits: int = 0) -> str:
-    """Return a percentage; a probability just below 1 does not round up to it, nor one just above 0 down."""
+def percent(fraction: float | None, digits: int | None = 0, *, signed: bool = False) -> str:
+    """Return a share as a percentage: ``87 %``; with no `digits`, three significant ones, for what was given: ``0.05 %``."""
+    if fraction is None or not math.isfinite(fraction):
+        return UNKNOWN
+    return f"{100 * fraction:{'+' if signed else ''}{'.3g' if digits is None else f'.{digits}f'}} %"
+
+
+def probability(fraction: float | None, digits: int = 0) -> str:
+    """Return a probability as a percentage: just below 1 it does not round up to it, just above 0 not down."""
     if fraction is None or not math.isfinite(fraction):
         return UNKNOWN
     text = f"{100 * fraction:.{digits}f}"
@@ -105,6 +122,98 @@ def spent(seconds: float) -> str:
     if not math.isfinite(seconds):
         return UNKNOWN
     return f"{1000 * seconds:.1f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
+
+
+def distance_text(metres: float | None) -> str:
+    """Return a distance: ``850 m``, ``12.3 km``."""
+    if metres is None or not math.isfinite(metres):
+        return UNKNOWN
+    return f"{metres:.0f} m" if abs(metres) < 999.5 else f"{metres / 1000.0:.1f} km"
+
+
+def height_text(metres: float | None) -> str:
+    """Return a height in whole metres: ``60 m``."""
+    return with_unit(metres, "m", 0)
+
+
+def speed_text(mps: float | None) -> str:
+    """Return a speed: ``7.4 m/s``."""
+    return with_unit(mps, "m/s")
+
+
+def wind_text(mps: float, from_deg: float, sigma_mps: float | None = None) -> str:
+    """Return a wind by speed and the direction it blows from: ``7.4 ± 0.8 m/s from 031°``."""
+    sure = "" if sigma_mps is None else f" ± {sigma_mps:.1f}"
+    return f"{mps:.1f}{sure} m/s from {direction_text(from_deg)}" if math.isfinite(mps + from_deg) else UNKNOWN
+
+
+def direction_text(degrees: float, step: int = 1) -> str:
+    """Return a direction clockwise from north as three digits, to a step: ``031°``."""
+    return f"{round(degrees / step) * step % 360:03d}°"
+
+
+def energy_text(joule: float | None) -> str:
+    """Return an energy in watt-hours: ``41.3 Wh``, ``612 Wh``."""
+    if joule is None or not math.isfinite(joule):
+        return UNKNOWN
+    return f"{watt_hours(joule)} Wh"
+
+
+def watt_hours(joule: float) -> str:
+    """Return an energy for a column in watt-hours."""
+    return f"{joule / 3600.0:.{1 if abs(joule) < 359_820.0 else 0}f}"
+
+
+def kilometres(metres: float) -> str:
+    """Return a distance for a column in kilometres."""
+    return f"{metres / 1000.0:.1f}"
+
+
+def from_to(first: float, last: float) -> str:
+    """Return two shares for a column in percent: ``95 > 41``."""
+    return f"{100 * first:.0f} > {100 * last:.0f}"
+
+
+def mass_text(kg: float | None) -> str:
+    """Return a mass to the gram: ``2.35 kg``."""
+    return UNKNOWN if kg is None or not math.isfinite(kg) else f"{round(kg, 3):g} kg"
+
+
+def place_text(lat_deg: float, lon_deg: float) -> str:
+    """Return a place to about a metre: ``40.71234,-74.00123``."""
+    return f"{lat_deg:.5f},{lon_deg:.5f}"
+
+
+def stored_degrees(lat_deg: float, lon_deg: float) -> tuple[str, str]:
+    """Return latitude and longitude of an item as vehicles store them: 1e-7 degree, about a centimetre."""
+    return f"{lat_deg:.7f}", f"{lon_deg:.7f}"
+
+
+def with_unit(value: float | None, unit: str, digits: int = 1) -> str:
+    """Return a figure of any other quantity, rounded, with its unit: ``412 W``."""
+    return UNKNOWN if value is None or not math.isfinite(value) else f"{value:.{digits}f} {unit}"
+
+
+def zone_clock(instant: datetime, zone: tzinfo) -> str:
+    """Return the time of day in a zone, with the zone's name: ``14:03:22 EDT``."""
+    local = instant.astimezone(zone)
+    return f"{local:%H:%M:%S} {local:%Z}"
+
+
+def utc_clock(at_s: float | None) -> str:
+    """Return the time of day in UTC of POSIX seconds: ``18:03:22``."""
+    return UNKNOWN if at_s is None else f"{datetime.fromtimestamp(at_s, UTC):%H:%M:%S}"
+
+
+def date_clock(instant: datetime, zone: tzinfo = UTC, *, named: bool = False) -> str:
+    """Return day and time of day in a zone: ``2013-07-10 14:00``; with the zone named: ``2013-07-10 14:00 EDT``."""
+    local = instant.astimezone(zone)
+    return f"{local:%Y-%m-%d %H:%M}" + (f" {local:%Z}" if named else "")
+
+
+def weekday_clock(instant: datetime, zone: tzinfo) -> str:
+    """Return weekday and time of day in a zone, for the hours of a forecast: ``Wed 14:00``."""
+    return f"{instant.astimezone(zone):%a %H:%M}"
 
 
 def clock(instant: datetime, zone: ZoneInfo, since: datetime, *, seconds: bool = False) -> str:

@@ -9,7 +9,7 @@ Wh, km/h, minutes and percent appear only where a person reads or types them.
 
 from __future__ import annotations
 
-from datetime import UTC, datetime, tzinfo
+from datetime import UTC, datetime
 
 from skyway.models.base.errors import Fault, InputError
 
@@ -82,12 +82,6 @@ def utc(instant: datetime) -> datetime:
 def from_posix(posix_s: float) -> datetime:
     """Aware UTC instant of POSIX seconds."""
     return datetime.fromtimestamp(posix_s, UTC)
-
-
-def clock_text(instant: datetime, zone: tzinfo) -> str:
-    """Time of day in a zone, with the zone's name: ``14:03:22 EDT``."""
-    local = instant.astimezone(zone)
-    return f"{local:%H:%M:%S} {local:%Z}"
 
 
 def iso(instant: datetime) -> str:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base.formatting import percent
 from skyway.models.drones.airspeed import AirspeedModel
 from skyway.models.wind.estimation.blocks import MIN_SPREAD_DEG, course_spread_deg
 from skyway.models.wind.estimation.measurement import MIN_AIRSPEED_MPS
@@ -74,7 +75,7 @@ def identify_airspeed(air: Blocks) -> AirspeedFit:
     factor, sigma, wind, scatter = _fit(part)
     north, east = (float(value) for value in wind.mean(axis=0))
     if sigma > MAX_FACTOR_SIGMA:
-        reason = f"the factor of the airspeed is uncertain by {sigma:.0%} (limit {MAX_FACTOR_SIGMA:.0%})"
+        reason = f"the factor of the airspeed is uncertain by {percent(sigma)} (limit {percent(MAX_FACTOR_SIGMA)})"
         return AirspeedFit(reason, None, sigma, north, east)
     through = part.velocity - wind
     slip = np.arctan2(through[:, 1], through[:, 0]) - part.yaw_rad

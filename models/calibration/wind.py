@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import duration, percent, speed_text
 from skyway.models.drones.drag import DragModel
 from skyway.models.wind.estimation.blocks import MIN_SPEED_MPS, MIN_SPREAD_DEG, course_spread_deg
 from skyway.models.wind.estimation.filter import WindFilterSettings
@@ -87,7 +88,9 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
             identified=False, reason="the vehicle flies on wings: its tilt does not measure the wind", blocks=count
         )
     if count < MIN_BLOCKS:
-        reason = f"only {count * period_s:.0f} s of flight with attitude and velocity, at least {MIN_BLOCKS} are needed"
+        reason = (
+            f"only {duration(count * period_s)} of flight with attitude and velocity, at least {MIN_BLOCKS} are needed"
+        )
         return DragFit(identified=False, reason=reason, blocks=count)
     velocity, drag, yaw, time_s = (
         values[good][-MAX_BLOCKS:] for values in (air.velocity, air.drag, air.yaw_rad, air.time_s)
@@ -96,7 +99,7 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
     speed = float(np.percentile(np.hypot(*velocity.T), 90))
     if speed < MIN_SPEED_MPS:
         reason = (
-            f"the drone hovers (ground speed up to {speed:.1f} m/s): drag and wind cannot be told apart; "
+            f"the drone hovers (ground speed up to {speed_text(speed)}): drag and wind cannot be told apart; "
             "fly out and back, or a circle, at cruise speed, or give the wind with --wind"
         )
         return DragFit(identified=False, reason=reason, course_spread_deg=spread, blocks=count)
@@ -105,7 +108,7 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
     one_course = spread < MIN_SPREAD_DEG
     if relative > MAX_RELATIVE_SIGMA or model is None or one_course:
         turn = f"the courses flown differ by {spread:.0f}° only: fly out and back, or a circle"
-        unsure = f"the drag is uncertain by {relative:.0%} (limit {MAX_RELATIVE_SIGMA:.0%})"
+        unsure = f"the drag is uncertain by {percent(relative)} (limit {percent(MAX_RELATIVE_SIGMA)})"
         reason = "; ".join([unsure] * (relative > MAX_RELATIVE_SIGMA) + [turn] * one_course)
         return DragFit(
             identified=False,
@@ -116,7 +119,7 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
             course_spread_deg=spread,
             blocks=count,
         )
-    reason = f"found from {count * period_s:.0f} s of flight on courses that differ by {spread:.0f}°"
+    reason = f"found from {duration(count * period_s)} of flight on courses that differ by {spread:.0f}°"
     return DragFit(
         identified=True,
         reason=reason,

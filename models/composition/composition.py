@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 from skyway.models.base import views
 from skyway.models.base.errors import AuditError
+from skyway.models.base.formatting import direction_text, duration
 from skyway.models.base.units import iso
 
 if TYPE_CHECKING:
@@ -91,8 +92,7 @@ class Wind:
         """Direction for people: ``203°``, to ten degrees (``200°``) where it is not certain, or ``variable``."""
         if self.from_deg is None:
             return "variable"
-        step = 1 if self.certain else 10
-        return f"{round(self.from_deg / step) * step % 360:03d}°"
+        return direction_text(self.from_deg, 1 if self.certain else 10)
 
     def __str__(self) -> str:
         """``8 (5 to 11) m/s from 200°``; ``8 (5 to 11) m/s, variable direction``; ``7.5 m/s from 203°``; ``calm``."""
@@ -413,9 +413,7 @@ class Composition:
         return f"Composition({self})"
 
     def __str__(self) -> str:
-        return (
-            f"{self.planner}: {' > '.join(self.route)} in {self.delivery_time_s / 60:.1f} min from {iso(self.depart)}"
-        )
+        return f"{self.planner}: {' > '.join(self.route)} in {duration(self.delivery_time_s)} from {iso(self.depart)}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from skyway.models.base import geodesy, views
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import place_text
 from skyway.models.wind.ensemble import WindEnsemble
 
 if TYPE_CHECKING:
@@ -313,7 +314,7 @@ class Network:
         unique_id = id
         while unique_id in self.index:
             unique_id += "-new"
-        target = Station(unique_id, f"delivery target {lat:.5f},{lon:.5f}", lat, lon, None, 0, 0)
+        target = Station(unique_id, f"delivery target {place_text(lat, lon)}", lat, lon, None, 0, 0)
         near = self._near(lat, lon)
         node = np.full(len(near), len(self.stations))
         pairs = np.concatenate((np.column_stack((near, node)), np.column_stack((node, near))))

@@ -16,6 +16,7 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_text
+from skyway.models.base.formatting import percent
 from skyway.models.base.units import S_PER_H, S_PER_MIN
 from skyway.models.queues.load import (
     IDLE_CHARGING_S,
@@ -364,7 +365,7 @@ def _occupancy_warnings(table: _Table, station_ids: Sequence[str], full: NDArray
         names = _listed([station_ids[i] for i in np.flatnonzero(full.any(axis=1)).tolist()])
         warnings.append(
             f"{table.file}: all pads busy on average in {int(full.sum())} hours of the week, "
-            f"counted as {CLAMPED_UTILISATION:.0%} of the pads, at {names}"
+            f"counted as {percent(CLAMPED_UTILISATION)} of the pads, at {names}"
         )
     return warnings
 

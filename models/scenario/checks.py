@@ -9,6 +9,7 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault
+from skyway.models.base.formatting import distance_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,13 +66,13 @@ def fit_warnings(network: Network, sites: Sequence[WindSite]) -> list[str]:
     ids = [station.id for station in network.stations]
     warnings = []
     far = _nearest_m(here, np.median(here, axis=0, keepdims=True))
-    warnings += [f"station {ids[i]} lies {far[i] / 1000:.0f} km from the others" for i in np.flatnonzero(far > LOST_M)]
+    warnings += [f"station {ids[i]} lies {distance_text(far[i])} from the others" for i in np.flatnonzero(far > LOST_M)]
     if len(sites):
         wind = _nearest_m(here, _positions(sites))
         distant = np.flatnonzero(wind > WIND_FAR_M)
         if len(distant):
             worst = int(np.argmax(wind))
-            farthest = f"station {ids[worst]}, {wind[worst] / 1000:.0f} km"
+            farthest = f"station {ids[worst]}, {distance_text(wind[worst])}"
             warnings.append(f"{len(distant)} stations lie more than 300 km from every wind site (farthest: {farthest})")
     places = Counter((station.lat, station.lon) for station in network.stations)
     shared = [station.id for station in network.stations if places[station.lat, station.lon] > 1]

@@ -15,6 +15,7 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import date_clock, speed_text
 from skyway.models.base.geodesy import coordinate_faults
 from skyway.models.base.units import iso
 from skyway.models.wind.columns import read_rows
@@ -135,7 +136,7 @@ class WindHistory:
     def covers(self) -> str:
         """The time it covers, for people."""
         first, last = (datetime.fromtimestamp(t, UTC) for t in (self.start_s, self.end_s))
-        return f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
+        return f"{date_clock(first)} to {date_clock(last, named=True)}"
 
     @property
     def complete(self) -> NDArray[np.bool_]:
@@ -237,7 +238,7 @@ def _span(rows: WindRows, sites: int, file: str) -> tuple[int, int]:
     first, last = float(rows.time_s.min()), float(rows.time_s.max())
     slots = math.floor(last / SLOT_S) - math.floor(first / SLOT_S) + 1
     if slots > MAX_YEARS * 8766 or slots * sites > MAX_CELLS:
-        span = " to ".join(datetime.fromtimestamp(t, UTC).strftime("%Y-%m-%d") for t in (first, last))
+        span = " to ".join(datetime.fromtimestamp(t, UTC).date().isoformat() for t in (first, last))
         limit = f"at most {min(MAX_YEARS, MAX_CELLS // (8766 * sites))} years for {sites} sites"
         raise InputError(Fault("covers too long a time", file, field="time", value=span, remedy=limit))
     return math.floor(first / SLOT_S), slots
@@ -336,7 +337,7 @@ def _warnings(rows: WindRows, counts: RowCounts, silent: list[str], file: str, s
     said = []
     median = float(np.nanmedian(rows.speed_mps))
     if median > SUSPECT_MEDIAN_MPS:
-        said.append(f"{file}: the median speed is {median:.1f} m/s; is {speed_unit} really the unit?")
+        said.append(f"{file}: the median speed is {speed_text(median)}; is {speed_unit} really the unit?")
     if silent:
         said.append(f"{file}: no row of {', '.join(silent)}; their wind is taken from the other sites")
     if counts.hours_empty:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import NoRouteError
+from skyway.models.base.formatting import distance_text, duration, percent
 from skyway.models.base.geodesy import coarse_distance_m
-from skyway.models.base.units import S_PER_MIN
 from skyway.models.flight.kernels import NEVER, next_opening
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
@@ -55,7 +55,7 @@ def _parted(problem: Problem, start: str, goal: str) -> str:
     return (
         f"no route from {start} to {goal}: no chain of segments joins them (the network is in parts; {len(near)} stations can be "
         f"reached from {start}, {len(far)} are beyond); the gap is least from {network.stations[int(near[a])].id} to "
-        f"{network.stations[int(far[b])].id}, {gaps[a, b] / 1000.0:.1f} km"
+        f"{network.stations[int(far[b])].id}, {distance_text(gaps[a, b])}"
     )
 
 
@@ -87,14 +87,14 @@ def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc:
     segments = np.array(itinerary[leg].segments, dtype=np.int64)
     a, b = (network.stations[int(node)].id for node in (network.tail[segments[0]], network.head[segments[-1]]))
     begin = f"no route from {network.stations[problem.origin].id} to {network.stations[problem.destination].id}:"
-    where = f"leg {a} > {b} ({network.distance_m[segments].sum() / 1000:.1f} km)"
+    where = f"leg {a} > {b} ({distance_text(network.distance_m[segments].sum())})"
     members = range(len(problem.probability))
     most = problem.soc if leg == 0 and not problem.has_pads(problem.origin) else 1.0
     if required_soc > most:
         message = (
-            f"{begin} {where} takes {100 * (required_soc - problem.reserve):.0f} % of the battery of {drone.id} in the best "
-            f"of the forecast winds, with gusts and the error of the energy model, {100 * (most - problem.reserve):.0f} % are "
-            f"there above the reserve of {100 * problem.reserve:.0f} %{'' if most == 1.0 else f', and no pad at {a}'}"
+            f"{begin} {where} takes {percent(required_soc - problem.reserve)} of the battery of {drone.id} in the best "
+            f"of the forecast winds, with gusts and the error of the energy model, {percent(most - problem.reserve)} are "
+            f"there above the reserve of {percent(problem.reserve)}{'' if most == 1.0 else f', and no pad at {a}'}"
         )
         return NoRouteError(message, constraint="energy")
     if all(next_opening(problem.air, member, segments, problem.depart_s) == NEVER for member in members):
@@ -159,13 +159,13 @@ def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> No
     if reached[problem.destination]:
         message = (
             f"no route from {start} to {goal} within the forecast: each segment can be flown on a full battery now, "
-            f"but not one after the other as wind, queues and charge ({100 * problem.soc:.0f} % now) develop"
+            f"but not one after the other as wind, queues and charge ({percent(problem.soc)} now) develop"
         )
         return NoRouteError(message, constraint="energy")
     out = np.flatnonzero(reached[network.tail] & ~reached[network.head]).tolist()
     least = min(out, key=lambda i: (charge[i], network.distance_m[i]))
     a, b = network.stations[int(network.tail[least])].id, network.stations[int(network.head[least])].id
-    where = f"segment {a} > {b} ({network.distance_m[least] / 1000:.1f} km)"
+    where = f"segment {a} > {b} ({distance_text(network.distance_m[least])})"
     if not math.isfinite(charge[least]):
         drone = problem.drone
         message = (
@@ -178,8 +178,8 @@ def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> No
     if int(network.head[least]) == problem.destination and problem.needs_escape:
         escape = " and on to a station with pads"
     message = (
-        f"no route from {start} to {goal}: {where}{escape} takes {100 * charge[least]:.0f} % of the battery of "
-        f"{problem.drone.id} in the worst forecast wind, {100 * lookahead.budget:.0f} % are there above the reserve "
-        f"of {100 * problem.reserve:.0f} % (longest flight {problem.longest_flight_s / S_PER_MIN:.0f} min)"
+        f"no route from {start} to {goal}: {where}{escape} takes {percent(charge[least])} of the battery of "
+        f"{problem.drone.id} in the worst forecast wind, {percent(lookahead.budget)} are there above the reserve "
+        f"of {percent(problem.reserve)} (longest flight {duration(problem.longest_flight_s)})"
     )
     return NoRouteError(message, constraint="energy")

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from skyway.models.base.formatting import speed_text
 from skyway.sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Idle, Land, ReturnHome
 from skyway.sim_stub.autopilot.failsafe import Failsafes
 from skyway.sim_stub.autopilot.family import Family
@@ -190,7 +191,7 @@ class Autopilot(Family):
         self.armed = False
         self.landed = True
         self.say(0, "Crash: Disarming")
-        self.event(f"crashed at {impact_mps:.1f} m/s {self.vehicle.place()}")
+        self.event(f"crashed at {speed_text(impact_mps)} {self.vehicle.place()}")
 
     def _behaviour_done(self) -> None:
         if self.mode == Mode.TAKEOFF:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from skyway.models.base.formatting import speed_text
 from skyway.sim_stub.autopilot.base import Home
 from skyway.sim_stub.autopilot.items import Command, Result
 from skyway.sim_stub.autopilot.mission_run import MissionState
@@ -131,7 +132,7 @@ class FlightCommands:
         pilot = self._pilot
         result = pilot.speed_command(order.p[0], order.p[1])
         if result == Result.ACCEPTED:
-            pilot.event(f"speed {pilot.cruise_mps:.1f} m/s ({order.by})")
+            pilot.event(f"speed {speed_text(pilot.cruise_mps)} ({order.by})")
         return result
 
     def _set_home(self, order: Order) -> Result:

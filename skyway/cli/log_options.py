@@ -12,6 +12,7 @@ import typer
 from skyway.cli import options
 from skyway.link.logs.formats import FORMATS, suffixes, titles
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import distance_text
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -161,7 +162,7 @@ def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
             here = float(track["lat_deg"][placed[0]]), float(track["lon_deg"][placed[0]])
             distance, _ = geodesy.inverse(*here, ensemble.site_lat, ensemble.site_lon)
             if float(distance.min()) > FAR_M:
-                away = f"{float(distance.min()) / 1000.0:.0f} km from the nearest site of the forecast"
+                away = f"{distance_text(float(distance.min()))} from the nearest site of the forecast"
                 typer.echo(f"skyway: the flight was {away}", err=True)
             return
 

@@ -14,6 +14,7 @@ import typer
 
 from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import Fault, InputError, NoRouteError
+from skyway.models.base.formatting import distance_text
 from skyway.models.base.ranges import percent_faults
 
 if TYPE_CHECKING:
@@ -166,7 +167,7 @@ def _target(scenario: Scenario, lat: float, lon: float) -> tuple[Scenario, str]:
     if len(wider.network.tail) == len(network.tail):
         message = (
             f"no route to {lat:g},{lon:g}: no segment leads there; the nearest station, "
-            f"{network.stations[nearest].id}, is {distance[nearest] / 1000:.1f} km away"
+            f"{network.stations[nearest].id}, is {distance_text(distance[nearest])} away"
         )
         swapped, _ = inverse(lon if abs(lon) <= 90 else 0.0, lat, network.lat, network.lon)
         if abs(lon) <= 90 and swapped.min() < distance[nearest] / 10:

@@ -12,7 +12,7 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.base.antimeridian import about, middle_longitude, wrapped
-from skyway.models.base.formatting import headline
+from skyway.models.base.formatting import distance_text, duration, from_to, headline
 from skyway.plots.charge import draw_charge
 from skyway.plots.pictures import (
     CALM,
@@ -101,7 +101,7 @@ def plot_composition(
 def _headline(composition: Composition, zone: ZoneInfo) -> str:
     """What is to be expected first: on average, half and 95 % by when; the length of the typical schedule where that is unknown."""
     who = f"{composition.origin} > {composition.destination}, {composition.payload_kg:g} kg by {composition.drone}"
-    return f"{who}, {composition.distance_m / 1000:.1f} km\n{headline(composition, zone)}"
+    return f"{who}, {distance_text(composition.distance_m)}\n{headline(composition, zone)}"
 
 
 class Frame(NamedTuple):
@@ -300,8 +300,8 @@ def _name_stops(
         text = key
         if key in charging:
             stop = stops[key]
-            text += f"\n{100 * stop.soc_from:.0f} > {100 * stop.soc_to:.0f} % in {stop.recharge_s / 60:.0f} min"
-            text += f"\nwait {stop.wait_s / 60:.0f} min" if stop.wait_s >= 90 else ""
+            text += f"\n{from_to(stop.soc_from, stop.soc_to)} % in {duration(stop.recharge_s)}"
+            text += f"\nwait {duration(stop.wait_s)}" if stop.wait_s >= 90 else ""
         font_pt = (8.0 if len(landings) <= 8 else 7.0) if key in landings else 6.5
         placer.place(text, *at[key], gap=7, fontsize=font_pt, color=INK, zorder=6, bbox=paper)
 

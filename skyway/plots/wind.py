@@ -7,6 +7,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
+from skyway.models.base.formatting import date_clock
 from skyway.models.base.units import from_posix
 from skyway.models.base.weighted import weighted_quantile
 from skyway.models.wind.marginal import rose
@@ -39,10 +40,11 @@ def plot_wind(
         true_north, true_east = over_region(truth, scenario)
         _steps(axes, ensemble, np.hypot(true_north[0, :slots], true_east[0, :slots]), color=INK, label="truth")
     top = _draw_limits(axes, scenario, float(axes.get_ylim()[1]))
-    begin = from_posix(ensemble.start_s).astimezone(ZoneInfo(scenario.timezone))
+    zone = ZoneInfo(scenario.timezone)
+    begin = from_posix(ensemble.start_s).astimezone(zone)
     axes.set_xlim(0, slots * ensemble.slot_s / 3600.0)
     axes.set_ylim(0, top)
-    axes.set_xlabel(f"hours after {begin:%Y-%m-%d %H:%M %Z}")
+    axes.set_xlabel(f"hours after {date_clock(begin, zone, named=True)}")
     axes.set_ylabel(f"wind at {scenario.rules.cruise_height_m:g} m at the centre of the network, m/s", fontsize=8)
     axes.grid(color=MUTED, alpha=0.3, linewidth=0.5)
     axes.legend(fontsize=7, loc="lower left", framealpha=0.9)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from skyway.models.base.formatting import percent
 from skyway.report import fields as of
 from skyway.report.svg import BROAD, Band, Chart, Course
 
@@ -87,7 +88,7 @@ def _charge(document: dict[str, Any], common: dict[str, Any]) -> Chart:
         courses.append(true)
     courses.append(Course("expected at each take-off", "expected", expected))
     reserve = document["delivery"]["reserve_soc"]
-    level = None if reserve is None else (100.0 * reserve, f"reserve {100.0 * reserve:.0f} %")
+    level = None if reserve is None else (100.0 * reserve, f"reserve {percent(reserve)}")
     return Chart("State of charge", "%", courses=courses, level=level, low=0.0, high=100.0, step=20.0, **common)
 
 

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import SkywayError
+from skyway.models.base.formatting import wind_text
 from skyway.models.base.units import parse_instant
 from skyway.models.wind.summary import summary_from
 
@@ -121,7 +122,7 @@ def measured_words(data: Mapping[str, Any]) -> str | None:
     if length is None or comes_from is None or source not in (None, "measured", "held"):
         return None
     earlier = ", measured earlier" if source == "held" else ""
-    return f"{length:.1f}{'' if sigma is None else f' ± {sigma:.1f}'} m/s from {round(comes_from) % 360:03d}°{earlier}"
+    return f"{wind_text(length, comes_from, sigma)}{earlier}"
 
 
 def timed(records: tuple[Record, ...]) -> Iterator[tuple[float, Record]]:

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from skyway import __version__
+from skyway.models.base.formatting import (
+    UNKNOWN,
+    counter,
+    distance_text,
+    duration,
+    mass_text,
+    percent,
+    speed_text,
+    utc_clock,
+)
 from skyway.report.charts import charts
 from skyway.report.map import drawn_map
 from skyway.report.svg import safe
@@ -14,7 +23,6 @@ from skyway.report.svg import safe
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-UNKNOWN = "unknown"
 _MAX_EVENTS = 2_000
 _ENDS = {
     "delivered": "Delivered",
@@ -66,30 +74,6 @@ def _section(title: str, content: str) -> str:
     return f"<section><h2>{safe(title)}</h2>{content}</section>"
 
 
-def clock(at_s: float | None) -> str:
-    """Return a time of day in UTC."""
-    return UNKNOWN if at_s is None else datetime.fromtimestamp(at_s, UTC).strftime("%H:%M:%S")
-
-
-def lasting(seconds: float | None) -> str:
-    """Return a duration such as ``1:02:35`` or ``4:09``."""
-    if seconds is None:
-        return UNKNOWN
-    sign, whole = ("-" if seconds < -0.5 else ""), abs(round(seconds))
-    hours, rest = divmod(whole, 3600)
-    return sign + (f"{hours}:{rest // 60:02d}:{rest % 60:02d}" if hours else f"{rest // 60}:{rest % 60:02d}")
-
-
-def percent(share: float | None) -> str:
-    """Return a share as a percentage."""
-    return UNKNOWN if share is None else f"{100.0 * share:.0f} %"
-
-
-def figure(value: float | None, unit: str, digits: int = 1) -> str:
-    """Return a number with its unit."""
-    return UNKNOWN if value is None else f"{value:.{digits}f} {unit}"
-
-
 def rows(head: Sequence[str], body: Iterable[Sequence[str]], kinds: str) -> str:
     """Return a table; `kinds` says of each column whether it has numbers (n), times (t) or words (w)."""
     lines = [
@@ -115,14 +99,14 @@ def _head(document: dict[str, Any]) -> str:
     delivery, outcome = document["delivery"], document["outcome"]
     planned, actual = document["totals"]["planned"], document["totals"]["actual"]
     good = "good" if outcome["delivered"] else "bad"
-    what = [delivery["drone_name"] or delivery["drone"] or "drone unknown", figure(delivery["payload_kg"], "kg")]
+    what = [delivery["drone_name"] or delivery["drone"] or "drone unknown", mass_text(delivery["payload_kg"])]
     what += [f"planner {delivery['planner'] or UNKNOWN}", delivery["vehicle"] or "vehicle unknown"]
     if outcome["resumed"]:
         what.append(f"resumed {outcome['resumed']} times")
     where = f"at {outcome['station']}" if outcome["station"] else "station unknown"
     lines = (
-        ("until the end", "delivery_s", lasting), ("in flight", "flight_s", lasting), ("waiting for pads", "wait_s", lasting),
-        ("charging", "charge_s", lasting), ("flights", "flights", lambda n: UNKNOWN if n is None else f"{n}"),
+        ("until the end", "delivery_s", counter), ("in flight", "flight_s", counter), ("waiting for pads", "wait_s", counter),
+        ("charging", "charge_s", counter), ("flights", "flights", lambda n: UNKNOWN if n is None else f"{n}"),
         ("lowest charge at a landing", "lowest_soc", percent),
     )  # fmt: skip
     cells = "".join(
@@ -146,15 +130,10 @@ def _expectation(document: dict[str, Any]) -> str:
     begun = planned["depart_s"]
     if begun is None or None in arrives:
         return "The expected time is unknown."
-    mean, half, most = (_minutes(at_s - begun) for at_s in arrives)
+    mean, half, most = (duration(at_s - begun) for at_s in arrives)
     took = actual["delivery_s"] if document["outcome"]["delivered"] else None
-    arrived = "It did not arrive" if took is None else f"It took {_minutes(took)}"
+    arrived = "It did not arrive" if took is None else f"It took {duration(took)}"
     return f"{arrived}; expected at the first plan: {mean} on average, half within {half}, 95 % within {most}."
-
-
-def _minutes(seconds: float) -> str:
-    hours, minutes = divmod(round(seconds / 60.0), 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 
 def _story(document: dict[str, Any]) -> str:
@@ -167,7 +146,7 @@ def _story(document: dict[str, Any]) -> str:
         if event["event"] != "decision" and not told_already:
             lines.append((event["time_s"], words))
     speeds = sum(1 for d in document["decisions"] if d["action"] == "speed")
-    told = rows(("at", "what and why"), [(clock(at_s), text) for at_s, text in sorted(lines)], "tw")
+    told = rows(("at", "what and why"), [(utc_clock(at_s), text) for at_s, text in sorted(lines)], "tw")
     if not lines:
         told = '<p class="none">Nothing: the first plan was flown.</p>'
     sent = "once" if speeds == 1 else f"{speeds} times"
@@ -208,10 +187,10 @@ def _legs(document: dict[str, Any]) -> str:
             to += f", landed at {leg['landed_at'] or 'an unknown place'}"
         body.append(
             (
-                str(leg["flight"]), leg["from"] or UNKNOWN, to, clock(leg["depart_s"]), lasting(leg["flight_s"]),
-                f"({lasting(leg['planned_s'])})", percent(leg["soc_depart"]), percent(leg["soc_land"]),
+                str(leg["flight"]), leg["from"] or UNKNOWN, to, utc_clock(leg["depart_s"]), counter(leg["flight_s"]),
+                f"({counter(leg['planned_s'])})", percent(leg["soc_depart"]), percent(leg["soc_land"]),
                 f"({percent(leg['planned_soc'])})", percent(leg["used_soc"]), f"({percent(leg['modelled_soc'])})",
-                figure(leg["most_cross_track_m"], "m"), ", ".join(leg["diverts"]) or "none told",
+                distance_text(leg["most_cross_track_m"]), ", ".join(leg["diverts"]) or "none told",
             )
         )  # fmt: skip
     return rows(head, body, "nswtnnnnnnnns")
@@ -233,8 +212,8 @@ def _winds(document: dict[str, Any]) -> str:
     )
     body = [
         (
-            str(leg["flight"]), told(wind["forecast"]), told(wind["estimate"], "not measured"), figure(wind["estimate_sigma_mps"], "m/s"),
-            told(wind["truth"]), figure(wind["forecast_rms_mps"], "m/s"), figure(wind["estimate_rms_mps"], "m/s"),
+            str(leg["flight"]), told(wind["forecast"]), told(wind["estimate"], "not measured"), speed_text(wind["estimate_sigma_mps"]),
+            told(wind["truth"]), speed_text(wind["forecast_rms_mps"]), speed_text(wind["estimate_rms_mps"]),
         )
         for leg in document["legs"] for wind in (leg["wind"],)
     ]  # fmt: skip
@@ -253,9 +232,9 @@ def _stops(document: dict[str, Any]) -> str:
         was = planned.get(stop["station"])
         body.append(
             (
-                stop["station"] or UNKNOWN, clock(stop["arrive_s"]), clock(stop["leave_s"]), lasting(stop["wait_s"]),
-                "no stop" if was is None else lasting(was["wait_s"]), lasting(stop["charge_s"]),
-                "no stop" if was is None else lasting(was["charge_s"]),
+                stop["station"] or UNKNOWN, utc_clock(stop["arrive_s"]), utc_clock(stop["leave_s"]), counter(stop["wait_s"]),
+                "no stop" if was is None else counter(was["wait_s"]), counter(stop["charge_s"]),
+                "no stop" if was is None else counter(was["charge_s"]),
                 f"{percent(stop['soc_from'])} > {percent(stop['soc_to'])}",
                 "no stop" if was is None else f"{percent(was['soc_from'])} > {percent(was['soc_to'])}",
             )
@@ -266,7 +245,7 @@ def _stops(document: dict[str, Any]) -> str:
 def _decisions(document: dict[str, Any]) -> str:
     body = [
         (
-            clock(d["time_s"]), str(d["flight"]), d["where"] or UNKNOWN, d["action"] or UNKNOWN, d["reason"] or "none told",
+            utc_clock(d["time_s"]), str(d["flight"]), d["where"] or UNKNOWN, d["action"] or UNKNOWN, d["reason"] or "none told",
             percent(d["figures"].get("soc")), percent(d["figures"].get("soc_land", d["figures"].get("planned_soc"))),
         )
         for d in document["decisions"]
@@ -276,7 +255,8 @@ def _decisions(document: dict[str, Any]) -> str:
 
 def _plans(document: dict[str, Any]) -> str:
     body = [
-        (clock(p["time_s"]), " > ".join(p["route"]) or "no plan", p["reason"] or "none told") for p in document["plans"]
+        (utc_clock(p["time_s"]), " > ".join(p["route"]) or "no plan", p["reason"] or "none told")
+        for p in document["plans"]
     ]
     return rows(("at", "route", "because"), body, "tww")
 
@@ -291,7 +271,7 @@ def _preflights(document: dict[str, Any]) -> str:
             for check in entry["checks"]
         ]
         parts.append(
-            f"<details><summary>{clock(entry['time_s'])}, before flight {entry['flight'] + 1}: "
+            f"<details><summary>{utc_clock(entry['time_s'])}, before flight {entry['flight'] + 1}: "
             f"{safe(entry['reason'] or UNKNOWN)}</summary>"
             f'<div class="wide"><table><tbody>{"".join(lines)}</tbody></table></div></details>'
         )
@@ -304,7 +284,9 @@ def _verdict(verdict: str | None) -> str:
 
 def _events(document: dict[str, Any]) -> str:
     events = document["events"]
-    body = [(str(e["n"]), clock(e["time_s"]), e["state"], e["event"], e["reason"] or "") for e in events[:_MAX_EVENTS]]
+    body = [
+        (str(e["n"]), utc_clock(e["time_s"]), e["state"], e["event"], e["reason"] or "") for e in events[:_MAX_EVENTS]
+    ]
     more = "" if len(events) <= _MAX_EVENTS else f"<p>{len(events) - _MAX_EVENTS} more are in the journal.</p>"
     table = rows(("n", "at", "state", "event", "what"), body, "ntttw")
     return f"<details><summary>{len(events)} events, telemetry left out</summary>{table}{more}</details>"

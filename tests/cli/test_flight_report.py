@@ -18,6 +18,7 @@ from benchmarks.deliveries import Stage, Story
 from skyway.cli.views.flight import FlightView
 from skyway.flying import line_of
 from skyway.link.supervisor import read_journal
+from skyway.models.base.formatting import duration
 from skyway.report.report import flight, write_report
 from skyway.report.svg import Band, Chart, Course, time_ticks
 
@@ -350,10 +351,10 @@ def test_the_live_table_sets_expected_beside_actual(records):
     assert rows["charge at the landing"] == tuple(
         f"{100 * track.data[key]:.0f} %" for key in ("planned_soc_land", "soc_land")
     )
-    assert rows["off the route"][1] == f"{track.data['cross_track_m']:.1f} m"
+    assert rows["off the route"][1] == f"{track.data['cross_track_m']:.0f} m"
     assert "±" in rows["wind"][1]
     assert re.fullmatch(r"\d+ \(\d+ to \d+\) m/s(, variable direction| from \d{3}°)", rows["wind"][0])
-    assert f"{track.data['late_s']:+.0f} s" in rows["flight time"][1]
+    assert duration(track.data["late_s"], signed=True) in rows["flight time"][1]
 
 
 def test_what_limits_the_speed_is_shown_while_it_does(records):
@@ -392,18 +393,14 @@ def test_the_page_begins_with_what_was_expected_and_what_came(flown, tmp_path):
     text = html.unescape((tmp_path / "report.html").read_text())
     arrival = json.loads(flown.read_text().splitlines()[0])["data"]["composition"]
     begun = datetime.fromisoformat(arrival["depart"])
-    minutes = {
-        name: round((datetime.fromisoformat(arrival["arrival"][name]) - begun).total_seconds() / 60.0)
+    mean, half, most = (
+        duration((datetime.fromisoformat(arrival["arrival"][name]) - begun).total_seconds())
         for name in ("mean", "p50", "p95")
-    }
-    took = round(document["totals"]["actual"]["delivery_s"] / 60.0)
-
-    def told(value):
-        return f"{value // 60} h {value % 60} min" if value >= 60 else f"{value} min"
-
+    )
+    took = duration(document["totals"]["actual"]["delivery_s"])
     assert (
-        f"It took {told(took)}; expected at the first plan: {told(minutes['mean'])} on average, half within "
-        f"{told(minutes['p50'])}, 95 % within {told(minutes['p95'])}." in text
+        f"It took {took}; expected at the first plan: {mean} on average, half within {half}, 95 % within {most}."
+        in text
     )
     assert "typical schedule" in text
     assert ">planned 0:" not in text

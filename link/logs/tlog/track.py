@@ -14,6 +14,7 @@ from skyway.link.logs.common.messages import SPOKEN, quantities
 from skyway.link.logs.tlog.events import TlogEvents
 from skyway.link.logs.tlog.stamps import StampCheck
 from skyway.link.logs.tlog.tlog import read_frames, scan
+from skyway.models.base.formatting import duration
 from skyway.models.drones.telemetry import TimeBase
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ class Tlog:
         found = list(_doubts(check, self.index, self._climbs))
         for system, clock in sorted(self._clocks.items()):
             if abs(clock.own_s - clock.recorder_s) > max(CLOCK_S, CLOCK_SHARE * clock.recorder_s):
-                went = f"went {clock.own_s:.0f} s while the recorder's went {clock.recorder_s:.0f} s"
+                went = f"went {duration(clock.own_s)} while the recorder's went {duration(clock.recorder_s)}"
                 found.append(f"the clock of vehicle {system} {went}: parts were not recorded as they happened")
         return tuple(found)
 
@@ -158,7 +159,7 @@ def _doubts(check: StampCheck, index: TlogIndex, climbs: Mapping[int, float]) ->
     if check.set_back:
         most = max(check.set_back)
         doubts.append(
-            f"the clock was set back {len(check.set_back)} times, by {most:.1f} s at most; later times are shifted"
+            f"the clock was set back {len(check.set_back)} times, by {duration(most)} at most; later times are shifted"
         )
     if check.disbelieved:
         doubts.append(f"{check.disbelieved} time stamps are far from their neighbours; the previous ones are used")

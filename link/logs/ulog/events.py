@@ -13,6 +13,7 @@ from skyway.link.logs.common.stamps import EDGE_S
 from skyway.link.logs.ulog.messages import ARMED
 from skyway.link.logs.ulog.px4_events import EventReports
 from skyway.models.base.errors import one_line
+from skyway.models.base.formatting import speed_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -136,7 +137,7 @@ class ULogEvents:
         for row in np.flatnonzero(changed & (step >= RESET_MPS) & np.isfinite(stamps_us)).tolist():
             if len(self._told) < MAX_EVENTS:
                 at_us = float(stamps_us[row])
-                self._told.append((at_us, f"the filter corrects its velocity by {step[row]:.1f} m/s"))
+                self._told.append((at_us, f"the filter corrects its velocity by {speed_text(step[row])}"))
                 self._wrong.append((at_us * 1e-6 - BEFORE_RESET_S, at_us * 1e-6 + SETTLE_S))
 
     def lasting(self) -> dict[str, float]:

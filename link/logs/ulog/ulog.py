@@ -16,6 +16,7 @@ from skyway.link.logs.ulog.format import HEADER_BYTES, MAGIC, ULogContents, ULog
 from skyway.link.logs.ulog.messages import REPLACED, SPOKEN
 from skyway.link.logs.ulog.px4_events import EventWords
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import duration
 from skyway.models.drones.telemetry import TimeBase
 
 if TYPE_CHECKING:
@@ -176,7 +177,7 @@ class ULogFile:
         doubts = self._time_base.doubts
         if self._log.dropouts:
             lost = self._log.dropouts_ms / 1000.0
-            doubts += (f"the logger lost data {self._log.dropouts} times, {lost:.1f} s in all",)
+            doubts += (f"the logger lost data {self._log.dropouts} times, {duration(lost)} in all",)
         if self._odd_stamps:
             doubts += (f"{self._odd_stamps} messages have times far from their neighbours' and are left out",)
         first_us, last_us = self._range_us

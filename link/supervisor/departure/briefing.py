@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from skyway.link.supervisor.departure.parameter_changes import told
-from skyway.models.base.units import clock_text
+from skyway.models.base.formatting import duration, percent, zone_clock
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
@@ -50,7 +49,7 @@ class Checklist:
             return
         self._reminded_s = now
         left_s = max(left_s, 0.0)
-        self._ctx.note("waits", f"waits for {reason} (at most {left_s:.0f} s more)", left_s=left_s)
+        self._ctx.note("waits", f"waits for {reason} (at most {duration(left_s)} more)", left_s=left_s)
 
 
 def brief(ctx: Context, leg: Leg) -> None:
@@ -80,11 +79,11 @@ def _flight_line(ctx: Context, leg: Leg) -> str:
     """The flight that is asked for; legs are numbered from 1."""
     left = len(ctx.delivery.plan.services) if ctx.delivery.plan is not None else 1
     number = ctx.delivery.flight + 1
-    kept = f" (reserve {100 * ctx.job.request.reserve_soc:.0f} %)"
+    kept = f" (reserve {percent(ctx.job.request.reserve_soc)})"
     via = f" over {', '.join(leg.via)}" if leg.via else ""
     return (
-        f"leg {number} of {number + left - 1}: {leg.origin} > {leg.destination}{via}, on average {leg.planned_s / 60:.0f} min, "
-        f"from {_percent(ctx.battery.soc)} to {_percent(leg.planned_soc)}{kept}"
+        f"leg {number} of {number + left - 1}: {leg.origin} > {leg.destination}{via}, on average {duration(leg.planned_s)}, "
+        f"from {percent(ctx.battery.soc)} to {percent(leg.planned_soc)}{kept}"
     )
 
 
@@ -99,14 +98,10 @@ def _delivery_lines(ctx: Context) -> list[str]:
         "half by": plan.arrival.p50,
         "95 % by": plan.arrival.p95,
     }
-    known = [f"{word} {clock_text(at, zone)}" for word, at in arrival.items() if at is not None]
+    known = [f"{word} {zone_clock(at, zone)}" for word, at in arrival.items() if at is not None]
     if not known:
         return []
     begins = min([plan.depart, *(service.depart for service in plan.services[:1])])
     late = abs(begins.timestamp() - ctx.now_s) >= LATE_S
-    planned = f" (planned for a departure at {clock_text(begins, zone)})" if late else ""
+    planned = f" (planned for a departure at {zone_clock(begins, zone)})" if late else ""
     return [f"delivery at {plan.destination}{planned}: {', '.join(known)}"]
-
-
-def _percent(share: float) -> str:
-    return "unknown" if math.isnan(share) else f"{100 * share:.0f} %"

@@ -11,6 +11,7 @@ from skyway.link.pads import ManualPads
 from skyway.link.supervisor.observed.link_watch import ask
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import CommandRefusedError
+from skyway.models.base.formatting import duration, percent
 from skyway.models.queues.pad_service import DroneOnPad, PadServiceError
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def waiting(ctx: Context) -> After:
                 _note_pad(ctx, told)
                 ctx.tell(line)
         if ctx.now_s > begun_s + REDECIDE_S:
-            return State.REPLANNING, f"no pad for {REDECIDE_S / 60:.0f} min: think again"
+            return State.REPLANNING, f"no pad for {duration(REDECIDE_S)}: think again"
         ctx.wait_until(ctx.now_s + POLL_S)
 
 
@@ -83,8 +84,8 @@ def charging(ctx: Context) -> After:
     _note_pad(ctx, told)
     _reset_counter(ctx, told.soc)
     ctx.delivery.charge_done()
-    ctx.tell(f"charged to {100 * ctx.battery.soc:.0f} % at {ctx.delivery.station}")
-    return State.REPLANNING, f"charged to {100 * ctx.battery.soc:.0f} %"
+    ctx.tell(f"charged to {percent(ctx.battery.soc)} at {ctx.delivery.station}")
+    return State.REPLANNING, f"charged to {percent(ctx.battery.soc)}"
 
 
 def _least_s(ctx: Context, before: float, after: float) -> float:
@@ -122,7 +123,7 @@ def _reset_counter(ctx: Context, soc: float | None) -> None:
     except CommandRefusedError:
         ctx.wait(2.0)
         return
-    ctx.note("battery", f"the vehicle's counter was set to {100 * soc:.0f} %", soc=soc, reported=reported)
+    ctx.note("battery", f"the vehicle's counter was set to {percent(soc)}", soc=soc, reported=reported)
     if math.isfinite(reported):
         ctx.battery.counter_set(ctx.now_s, reported)
 

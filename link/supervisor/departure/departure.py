@@ -18,6 +18,7 @@ from skyway.link.supervisor.soc.modelled_use import ModelledUse
 from skyway.link.supervisor.standing import standing
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base.errors import CommandRefusedError, LinkError, VehicleTimeoutError
+from skyway.models.base.formatting import duration, percent
 
 if TYPE_CHECKING:
     from skyway.link.protocol.verified import Part
@@ -184,8 +185,8 @@ def ready(ctx: Context) -> After:
         count = len(ctx.parameters.proposed)
         sets = "" if not count else f"set {count} parameter{'s' if count > 1 else ''} as listed, and "
         question = (
-            f"{sets}take off from {leg.origin} to {leg.destination}: {leg.planned_s / 60:.0f} min, landing with about "
-            f"{100 * leg.planned_soc:.0f} %; yes or no?"
+            f"{sets}take off from {leg.origin} to {leg.destination}: {duration(leg.planned_s)}, landing with about "
+            f"{percent(leg.planned_soc)}; yes or no?"
         )
         answer = ctx.conversation.answer(ctx, question, ("yes", "y", "no", "n"))
         ctx.note("operator", f"asked to {question} answered {answer}")

@@ -10,6 +10,7 @@ from skyway.link.supervisor.observed.link_watch import ASK_AGAIN_S, ASK_FOR_S, r
 from skyway.link.supervisor.progress import UNUSABLE_S
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base.errors import InputError, LinkError
+from skyway.models.base.formatting import percent
 from skyway.planner.online.replan import Decision, Grounded
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def replanning(ctx: Context) -> After:
         ctx.wait_until(max(decision.until_s or 0.0, ctx.now_s + POLL_S))
         return State.REPLANNING, "the wait is over"
     if decision.charge_to is not None:
-        return State.WAITING, f"charge to {100 * decision.charge_to:.0f} %"
+        return State.WAITING, f"charge to {percent(decision.charge_to)}"
     return State.PREFLIGHT, decision.reason
 
 

@@ -13,6 +13,7 @@ from skyway.link.supervisor.flight.crash import LIES_DEG, leans_deg
 from skyway.link.supervisor.flight.lean import airspeed_at_lean
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError, LinkError, VehicleTimeoutError
+from skyway.models.base.formatting import distance_text, height_text, percent, probability, speed_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -111,25 +112,30 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
     away = geodesy.distance_m(*place, station.lat, station.lon)
     doubt = _doubts(ctx).get("position")
     if away > AT_PLACE_M:
-        yield Check("position", "no", f"{away:.0f} m from {service.origin}, at most {AT_PLACE_M:.0f} m", waits=True)
+        yield Check(
+            "position",
+            "no",
+            f"{distance_text(away)} from {service.origin}, at most {distance_text(AT_PLACE_M)}",
+            waits=True,
+        )
     elif doubt is not None:
         yield Check("position", "no", doubt, waits=True)
     elif ctx.observed.sample is not None and ctx.observed.sample.gps_ok == 0.0:
         yield Check("position", "no", "its receiver has no fix that it trusts", waits=True)
     else:
-        yield Check("position", "ok", f"{away:.0f} m from {service.origin}")
+        yield Check("position", "ok", f"{distance_text(away)} from {service.origin}")
     try:
         home = ctx.vehicle.home()
     except LinkError as error:
         yield Check("home", "unknown", str(error), waits=True)
         return
     off = geodesy.distance_m(home.lat_deg, home.lon_deg, *place)
-    moves = "moves here at arming" if off > HOME_M else f"{off:.0f} m away"
+    moves = "moves here at arming" if off > HOME_M else f"{distance_text(off)} away"
     ground = station.elevation_m
     height = ctx.observed.sample.alt_msl_m if ctx.observed.sample is not None else math.nan
     if ground is not None and math.isfinite(height) and abs(height - ground) > HOME_HEIGHT_M:
         said = (
-            f"the vehicle puts the ground at {height:.0f} m above the sea, {service.origin} has {ground:.0f} m: set its home "
+            f"the vehicle puts the ground at {height_text(height)} above the sea, {service.origin} has {height_text(ground)}: set its home "
             "height, or correct the station's elevation"
         )
         yield Check("home", "no", said, waits=True)
@@ -148,7 +154,7 @@ def _battery(ctx: Context, service: DroneService) -> Check:
         ctx.observed.sample is not None and not math.isfinite(ctx.observed.sample.soc)
     ):
         return Check("battery", "unknown", "the vehicle does not tell its state of charge", waits=True)
-    said = f"{100 * ctx.battery.soc:.0f} %, {100 * wanted:.0f} % wanted for {service.destination}"
+    said = f"{percent(ctx.battery.soc)}, {percent(wanted)} wanted for {service.destination}"
     doubt = _doubts(ctx).get("soc")
     if doubt is not None and ("stuck" in doubt or "know" in doubt):
         return Check("battery", "unknown", doubt, waits=True)
@@ -167,7 +173,7 @@ def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:
     highest = np.max(speeds, axis=0)
     p_over = float(wind.probability @ (highest > drone.wind_limit_mps))
     told = ctx.wind.on_way(_way(plan, service), ctx.now_s, service.distance_m / max(service.ground_speed_mps, 1.0))
-    said = f"{told} ({ctx.wind.origin}), above {drone.wind_limit_mps:g} m/s with probability {p_over:.2f}"
+    said = f"{told} ({ctx.wind.origin}), above {drone.wind_limit_mps:g} m/s with probability {probability(p_over)}"
     yield Check("wind", "no" if p_over > 0.5 else "ok", said, waits=True)
 
 
@@ -209,7 +215,7 @@ def _lean(ctx: Context) -> Check:
         return Check("lean limit", "ok", f"{said}; what airspeed it allows is not known without --drag")
     planned = ctx.job.request.airspeed_mps or drone.cruise_airspeed_mps
     most = airspeed_at_lean(ctx.job.drag, min(known))
-    said += f" allows {most:.1f} m/s through the air, {planned:.1f} are planned"
+    said += f" allows {speed_text(most)} through the air, {speed_text(planned)} are planned"
     if most >= LEAN_SLACK * planned:
         return Check("lean limit", "ok", said)
     return Check("lean limit", "no", f"{said}: plan with --airspeed {math.floor(most)}, or allow more lean")

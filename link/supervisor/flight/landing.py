@@ -10,6 +10,7 @@ from skyway.link.supervisor.observed.link_watch import ask, must_answer, request
 from skyway.link.supervisor.standing import standing
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import LinkError
+from skyway.models.base.formatting import percent, place_text
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
@@ -39,7 +40,7 @@ def after_landing(ctx: Context) -> After:
     ctx.delivery.stand_at(station)
     if leg is not None and math.isfinite(leg.soc_start) and leg.learns:
         ctx.energy.learn(ctx, leg)
-    where = station or f"{ctx.place[0]:.5f}, {ctx.place[1]:.5f}"
+    where = station or place_text(*ctx.place)
     planned = leg is not None and station == leg.destination
     if ctx.delivery.landed_at is None or leg is not None:
         _note_landing(ctx, where, planned=planned)
@@ -68,12 +69,12 @@ def _note_landing(ctx: Context, where: str, *, planned: bool) -> None:
     leg = ctx.delivery.leg
     ctx.delivery.note_landing(ctx.delivery.station or where)
     ctx.note(
-        "landed", f"at {where} with {100 * ctx.battery.soc:.0f} %", soc=ctx.battery.soc, planned=planned,
+        "landed", f"at {where} with {percent(ctx.battery.soc)}", soc=ctx.battery.soc, planned=planned,
         planned_soc=math.nan if leg is None else leg.planned_soc,
         planned_s=math.nan if leg is None else leg.planned_s,
         flight_s=math.nan if leg is None else ctx.now_s - leg.start_s, **standing(ctx),
     )  # fmt: skip
-    ctx.tell(f"landed at {where} with {100 * ctx.battery.soc:.0f} %")
+    ctx.tell(f"landed at {where} with {percent(ctx.battery.soc)}")
 
 
 def _deliver(ctx: Context) -> After:
@@ -91,7 +92,7 @@ def _deliver(ctx: Context) -> After:
             else:
                 break
         ctx.note("release", "the gripper is open")
-        return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.battery.soc:.0f} %"
+        return State.DELIVERED, f"delivered at {destination}, disarmed, {percent(ctx.battery.soc)}"
     ctx.conversation.answer(ctx, f"is the package taken off at {destination}? done", ("done",))
     ctx.note("release", "by a person")
-    return State.DELIVERED, f"delivered at {destination}, disarmed, {100 * ctx.battery.soc:.0f} %"
+    return State.DELIVERED, f"delivered at {destination}, disarmed, {percent(ctx.battery.soc)}"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base.formatting import speed_text, wind_text
 from skyway.models.base.units import GRAVITY_MPS2
 from skyway.models.drones.drag import thrust_acceleration
 
@@ -179,7 +180,7 @@ class LeanWatch:
 
     def said(self, commanded_mps: float) -> str:
         """What limits it, in words."""
-        return f"limited by lean {self.limit_deg:.0f}°: {self.speed_mps:.1f} m/s over ground of {commanded_mps:.1f} commanded"
+        return f"limited by lean {self.limit_deg:.0f}°: {speed_text(self.speed_mps)} over ground of {speed_text(commanded_mps)} commanded"
 
 
 def watch_lean(ctx: Context, s: TelemetrySample) -> None:
@@ -196,9 +197,9 @@ def watch_lean(ctx: Context, s: TelemetrySample) -> None:
         return
     estimate, words = ctx.wind.estimate, watch.said(leg.commanded_mps)
     if not watch.limited:
-        words = f"no longer limited by lean: {leg.commanded_mps:.1f} m/s are reached"
+        words = f"no longer limited by lean: {speed_text(leg.commanded_mps)} are reached"
     elif estimate is not None:
-        words += f"; wind put at {estimate.speed_mps:.1f} ± {estimate.sigma_mps:.1f} m/s from {estimate.from_deg:.0f}°"
+        words += f"; wind put at {wind_text(estimate.speed_mps, estimate.from_deg, estimate.sigma_mps)}"
     ctx.note(
         "limit", words, limited=watch.limited, lean_deg=watch.lean_deg, limit_deg=watch.limit_deg,
         ground_speed_mps=watch.speed_mps, commanded_mps=leg.commanded_mps,

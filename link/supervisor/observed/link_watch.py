@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from skyway.link.supervisor.states import IN_AIR, State, Turn
 from skyway.models.base.errors import LinkError, VehicleTimeoutError
+from skyway.models.base.formatting import duration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -94,7 +95,7 @@ def must_be_heard(ctx: Context) -> None:
         To the lost link.
     """
     if ctx.state is not State.LOST_LINK and ctx.vehicle.silent_s > SILENT_S:
-        raise Turn(State.LOST_LINK, f"nothing was heard of the vehicle for {ctx.vehicle.silent_s:.0f} s")
+        raise Turn(State.LOST_LINK, f"nothing was heard of the vehicle for {duration(ctx.vehicle.silent_s)}")
 
 
 def request_telemetry(ctx: Context) -> None:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from skyway.models.base.formatting import percent
 from skyway.planner.online.energy_belief import EnergyBelief
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class EnergyLearning:
         if not (used > LEARN_SOC and expected > 0.0):
             return
         self.belief = self.belief.learnt(used, expected)
-        reason = f"the flight took {100 * used:.0f} %, the model says {100 * expected:.0f} %"
+        reason = f"the flight took {percent(used)}, the model says {percent(expected)}"
         figures = {"used_soc": used, "modelled_soc": expected}
         ctx.note("energy", reason, **figures, factor=self.belief.factor, sigma=self.belief.sigma)
 

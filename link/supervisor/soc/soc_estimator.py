@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from skyway.link.supervisor.soc.reported_soc import ReportedSoc
 from skyway.link.supervisor.soc.voltage import VoltageWatch
 from skyway.link.supervisor.states import IN_AIR
+from skyway.models.base.formatting import percent
 from skyway.models.drones.airspeed_load import BLADE_SHARE, INFLOW_MPS
 
 if TYPE_CHECKING:
@@ -74,12 +75,12 @@ class SocEstimator:
         if not math.isfinite(told.soc):
             return
         if told.contradicted and not was_contradicted:
-            ctx.say("gauge", f"the vehicle says {100 * sample.soc:.0f} %, its voltage says otherwise: not believed")
+            ctx.say("gauge", f"the vehicle says {percent(sample.soc)}, its voltage says otherwise: not believed")
         self.told_soc = told.line(sample.time_s, rate)
         if leg is not None and flies and fell != 0.0:
             leg.lose_told(fell)
             self._lose(
-                ctx, fell, f"the charge fell by {100 * fell:.0f} % at once, and the voltage with it: lost, not used"
+                ctx, fell, f"the charge fell by {percent(fell)} at once, and the voltage with it: lost, not used"
             )
         if told.contradicted or not sample.time_s < told.held_s + CONFIRMING_S:
             self._hear_voltage(ctx, sample, flies=flies)
@@ -95,8 +96,8 @@ class SocEstimator:
         if doubted and self._voltage.lost > 0.0 and not self._voltage.doubtful():
             self.lost_s = ctx.now_s
         if flies and fell != 0.0:
-            said = f"the vehicle says {100 * sample.soc:.0f} %, that is not believed"
-            self._lose(ctx, fell, f"the voltage fell as if {100 * fell:.0f} % were lost at once; {said}")
+            said = f"the vehicle says {percent(sample.soc)}, that is not believed"
+            self._lose(ctx, fell, f"the voltage fell as if {percent(fell)} were lost at once; {said}")
 
     def _lose(self, ctx: Context, fell: float, reason: str) -> None:
         """Take charge that is gone from what the flight began with: it was not used. What was never gone is given back."""
@@ -106,7 +107,7 @@ class SocEstimator:
         if fell > 0.0:
             self.lost_s = ctx.now_s
         else:
-            reason = f"the {100 * -fell:.0f} % that seemed lost are there again: a wrong measurement"
+            reason = f"the {percent(-fell)} that seemed lost are there again: a wrong measurement"
         ctx.say("gauge", reason, fell_soc=fell)
 
     # Flights and pads
@@ -123,7 +124,7 @@ class SocEstimator:
             return
         ratio = min(max(used / said, 0.7), 1.5)
         self.gauge += 0.5 * (ratio - self.gauge)
-        reason = f"the pad finds {100 * pad_soc:.0f} %, the vehicle says {100 * self.told_soc:.0f} %"
+        reason = f"the pad finds {percent(pad_soc)}, the vehicle says {percent(self.told_soc)}"
         ctx.note("gauge", reason, used_soc=used, said_soc=said, factor=self.gauge)
 
     def measured(self, pad_soc: float) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from skyway.missions.autopilots.ardupilot.settings import SETTINGS
 from skyway.missions.autopilots.failsafes import Failsafes, LinkLoss
+from skyway.models.base.formatting import percent
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,7 +50,7 @@ class ArduPilotFailsafes(Failsafes):
         )
         at = []
         if charge:
-            at.append(f"{100 * charge / capacity:.0f} %" if capacity else f"{charge:g} mAh left")
+            at.append(percent(charge / capacity) if capacity else f"{charge:g} mAh left")
         if volts:
             at.append(f"{volts:g} V")
         if charge is None or volts is None:

@@ -23,6 +23,7 @@ from skyway.missions.items.commands import (
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.finding import Finding
 from skyway.missions.items.mission import Home, Mission, MissionItem
+from skyway.models.base.formatting import duration
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -285,7 +286,7 @@ def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
         yield Finding("error", number, "ardupilot-delay-until-midnight", message, "give it at least 1 s")
     seconds = item.param1
     if item.command in _WHOLE_SECONDS and math.isfinite(seconds) and seconds > 65535:
-        message = f"a hold of {seconds:.0f} s does not fit the 16 bits that ArduPilot has for it"
+        message = f"a hold of {duration(seconds)} does not fit the 16 bits that ArduPilot has for it"
         yield Finding("error", number, "ardupilot-hold-too-long", message, "use NAV_DELAY, or several holds")
 
 

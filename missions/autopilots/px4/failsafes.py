@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from skyway.missions.autopilots.failsafes import Failsafes, LinkLoss
 from skyway.missions.autopilots.px4.settings import SETTINGS
+from skyway.models.base.formatting import percent
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -52,7 +53,7 @@ class Px4Failsafes(Failsafes):
         return f"at critical battery ({self._percent(values, 'critical-battery')}) it {action}"
 
     def _percent(self, values: Mapping[str, float], key: str) -> str:
-        return f"{100 * values[key]:.0f} %" if key in values else f"{self.name(key)}, not told"
+        return percent(values[key]) if key in values else f"{self.name(key)}, not told"
 
 
 FAILSAFES = Px4Failsafes(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base.formatting import percent
 from skyway.models.wind.estimation.blocks import MIN_SPREAD_DEG, course_spread_deg
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class DragCheck:
         if not self.wrong:
             return "the drag fits"
         return (
-            f"airspeeds by tilt are {abs(self.factor - 1.0):.0%} too {'low' if self.factor > 1.0 else 'high'}: "
+            f"airspeeds by tilt are {percent(abs(self.factor - 1.0))} too {'low' if self.factor > 1.0 else 'high'}: "
             "the drag in use is wrong, run skyway calibrate wind"
         )
 

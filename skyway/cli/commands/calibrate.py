@@ -14,6 +14,7 @@ from skyway.cli import options
 from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, VehicleKind, open_any, towards, write
 from skyway.cli.views.sheet import Column, Sheet
 from skyway.models.base.errors import Fault, InputError, one_line
+from skyway.models.base.formatting import duration, percent, watt_hours, wind_text
 
 if TYPE_CHECKING:
     from skyway.link.logs.common.vehicle_kind import Kind
@@ -190,7 +191,7 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
         notes = [f"{chosen} model fitted to {len(records)} flights: {names}"]
         if len(records) > 1:
             notes.append(
-                f"error on a flight left out: worst {fits[chosen].worst:.1%}, median {fits[chosen].median:.1%}"
+                f"error on a flight left out: worst {percent(fits[chosen].worst, 1)}, median {percent(fits[chosen].median, 1)}"
             )
         if written.id != start.id:
             notes.append(f"not measured, taken from {start.id}: maximum payload, airspeeds, wind limit, recharge time")
@@ -237,7 +238,7 @@ def _tell_air(found: _Air) -> None:
         typer.echo(f"  level bias forward {drag.bias_forward_mps2:+.3f}, right {drag.bias_right_mps2:+.3f} m/s²")
         later = drag.another_flight()
         typer.echo(
-            f"  on another flight of this aircraft the drag may differ by ± {later.relative_sigma:.0%}, the level by "
+            f"  on another flight of this aircraft the drag may differ by ± {percent(later.relative_sigma)}, the level by "
             f"± {later.bias_sigma_mps2:.2f} m/s² (written with the drag)"
         )
     if found.airspeed is not None:
@@ -249,7 +250,7 @@ def _tell_air(found: _Air) -> None:
         from skyway.models.wind.triangle import speed_from
 
         speed, direction = (float(value) for value in speed_from(*found.wind))
-        typer.echo(f"  in this flight sure to ± {found.sigma:.1%}; mean wind {speed:.1f} m/s from {direction:.0f}°")
+        typer.echo(f"  in this flight sure to ± {percent(found.sigma, 1)}; mean wind {wind_text(speed, direction)}")
 
 
 def _base_drone(path: Path | None, name: str) -> Drone:
@@ -372,15 +373,15 @@ def _tell_energy(
     sheet = Sheet([*columns, Column("endurance"), Column("momentum"), Column("published")])
     for number, record in enumerate(records):
         errors = [fits[name].left_out_error[number] for name in fits] + [published[number]]
-        cells = [f"{error:+.1%}" if math.isfinite(error) else "-" for error in errors]
-        figures = f"{record.mass_kg:.2f}", f"{record.total_s:.0f}", f"{record.total_j / 3600.0:.1f}"
+        cells = ["-" if math.isnan(error) else percent(error, 1, signed=True) for error in errors]
+        figures = f"{record.mass_kg:.2f}", f"{record.total_s:.0f}", watt_hours(record.total_j)
         sheet.add(Path(record.name).name, *figures, *cells)
         if record.idle_s > 5.0:
-            sheet.note(f"  {record.idle_s:.0f} s with the motors off are left out")
+            sheet.note(f"  {duration(record.idle_s)} with the motors off are left out")
     sheet.show()
     if len(records) > 1:
         for name, fit in fits.items():
-            typer.echo(f"  {name}: worst {fit.worst:.1%}, median {fit.median:.1%}")
+            typer.echo(f"  {name}: worst {percent(fit.worst, 1)}, median {percent(fit.median, 1)}")
     else:
         typer.echo("  with one flight there is no other to check against: the error on unseen flights is unknown")
     typer.echo(

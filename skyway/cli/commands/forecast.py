@@ -14,6 +14,7 @@ import typer
 from skyway.cli import log_options, options
 from skyway.cli.log_options import AsJson, Columns, Force, open_any, write
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import distance_text, wind_text
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -148,7 +149,7 @@ def _update(
         )
     near = [one for one in fresh if _distance_m(world, one) <= log_options.FAR_M]
     if len(near) < len(fresh):
-        away = f"more than {log_options.FAR_M / 1000.0:.0f} km from every wind site"
+        away = f"more than {distance_text(log_options.FAR_M)} from every wind site"
         typer.echo(f"skyway: {len(fresh) - len(near)} measurements are {away} and are left out", err=True)
     fresh = near
     begin = from_posix(min([depart_s, *(one.time_s for one in fresh)]))
@@ -252,7 +253,7 @@ def _tell(update: Update, output: Path | None) -> None:
     when = iso(from_posix(round(update.depart_s)))
     typer.echo(f"{len(update.after)} members updated with {what} of 10 minutes, for {when}")
     for row in _field(update):
-        wind = f"{row['speed_mps']:.1f} ± {row['sigma_mps']:.1f} m/s from {row['from_deg']:.0f}°"
+        wind = wind_text(row["speed_mps"], row["from_deg"], row["sigma_mps"])
         typer.echo(f"  {row['site']}: {wind} at {update.before.height_m:g} m")
     typer.echo("  at the centre of the network, at cruise height, before and after:")
     for row in _rows(update):

@@ -10,6 +10,7 @@ import typer
 
 from skyway.cli.options import FamilyName
 from skyway.missions.autopilots import NAMES
+from skyway.models.base.formatting import distance_text, duration, energy_text, percent, probability, stored_degrees
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -326,21 +327,19 @@ def _circumstances(conditions: FlightConditions, wind: str | None, depart: str |
 
 
 def _print_report(report: CheckReport) -> None:
-    from skyway.models.base.units import J_PER_WH
-
     for finding in report.findings:
         typer.echo(str(finding))
     for number, leg in enumerate(report.legs, start=1):
         cells = [
             f"leg {number}: items {leg.item_from} to {leg.item_to}",
-            f"{leg.distance_m / 1000:.2f} km",
+            distance_text(leg.distance_m),
         ]
         if leg.time_s is not None and leg.energy_j is not None and leg.soc_end is not None:
             cells += [
-                f"{leg.time_s / 60:.1f} min",
-                f"{leg.energy_j / J_PER_WH:.0f} Wh",
-                f"ends at {100 * leg.soc_end:.0f} %" if leg.soc_end > 0 else "the battery does not last",
-                f"keeps the reserve with probability {leg.p_reserve:.3f}",
+                duration(leg.time_s),
+                energy_text(leg.energy_j),
+                f"ends at {percent(leg.soc_end)}" if leg.soc_end > 0 else "the battery does not last",
+                f"keeps the reserve with probability {probability(leg.p_reserve, 1)}",
             ]
         elif report.vehicle_judged:
             cells.append("no end, or cannot be flown")
@@ -398,7 +397,7 @@ def _print_table(document: MissionDocument) -> None:
     for number, item in enumerate(document.mission.items):
         numbers = ("" if math.isnan(value) else f"{value:g}" for value in item.params)
         point = item.point
-        place = (f"{point.lat:.7f}", f"{point.lon:.7f}") if point else ("", "")
+        place = stored_degrees(point.lat, point.lon) if point else ("", "")
         height = f"{item.z:g}" if item.is_located and not math.isnan(item.z) else ""
         sheet.add(str(number), item.name, frame_name(item.frame), *numbers, *place, height)
     if document.mission.items:

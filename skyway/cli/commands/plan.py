@@ -11,6 +11,7 @@ import typer
 
 from skyway.cli import completion, options
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import duration
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST
 from skyway.scenarios import load_scenario
 
@@ -391,7 +392,7 @@ def _own_day(scenario: Scenario, request: Request) -> str | None:
 
 
 def _progress(labels_expanded: int, best_s: float) -> None:
-    best = "none yet" if best_s == float("inf") else f"{best_s / 60:.1f} min"
+    best = "none yet" if best_s == float("inf") else duration(best_s)
     typer.echo(f"\r  {labels_expanded} sequences, best {best} ", nl=False, err=True)
 
 

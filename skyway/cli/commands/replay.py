@@ -16,6 +16,16 @@ from skyway.cli import log_options, options
 from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, open_any
 from skyway.link.logs.formats import titles
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import (
+    counter,
+    distance_text,
+    duration,
+    energy_text,
+    mass_text,
+    percent,
+    speed_text,
+    with_unit,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -134,7 +144,7 @@ def _go_through(
 
     def tell(notice: Notice) -> None:
         if notice.kind in followed:
-            typer.echo(f"{_clock(notice.time_s - zero)}  {notice.text}", err=err)
+            typer.echo(f"{counter(notice.time_s - zero)}  {notice.text}", err=err)
 
     with ExitStack() as stack:
         listener = None
@@ -209,7 +219,7 @@ def _part(log: Log, begin: str | None, end: str | None) -> tuple[float, float]:
     length = log.summary.end_s - zero
     if first is not None and math.isfinite(length) and first > length:
         raise InputError(
-            Fault("is after the end of the log", field="--from", value=begin, remedy=f"it is {_clock(length)} long")
+            Fault("is after the end of the log", field="--from", value=begin, remedy=f"it is {counter(length)} long")
         )
     return (-math.inf if first is None else zero + first), (math.inf if last is None else zero + last)
 
@@ -254,21 +264,6 @@ def _serve(
     typer.echo(f"sent {sent} packets to {connect}")
 
 
-def _clock(seconds: float) -> str:
-    if not math.isfinite(seconds):
-        return "-:--:--"
-    whole = max(0, round(seconds))
-    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
-
-
-def _percent(value: float) -> str:
-    return f"{value:.0%}" if math.isfinite(value) else "unknown charge"
-
-
-def _figure(value: float, unit: str, digits: int = 1) -> str:
-    return f"{value:.{digits}f} {unit}" if math.isfinite(value) else f"unknown {unit}"
-
-
 def _tell(found: Replay, path: Path) -> None:
     from skyway.link.replay.report import as_json as report
 
@@ -283,29 +278,29 @@ def _tell(found: Replay, path: Path) -> None:
     typer.echo(f"  vehicles: {shown}" + ("" if found.system is None else f"; shown: {found.system}, {what}"))
     for number, leg in enumerate(found.legs, 1):
         typer.echo(
-            f"  leg {number}: {_clock(leg.start_s - summary.start_s)} to {_clock(leg.end_s - summary.start_s)}, "
-            f"{leg.distance_m / 1000:.2f} km, {_percent(leg.soc_start)} to {_percent(leg.soc_end)}, "
-            f"{_figure(leg.energy_j / 3600.0, 'Wh')}"
+            f"  leg {number}: {counter(leg.start_s - summary.start_s)} to {counter(leg.end_s - summary.start_s)}, "
+            f"{distance_text(leg.distance_m)}, charge {percent(leg.soc_start)} to {percent(leg.soc_end)}, "
+            f"{energy_text(leg.energy_j)}"
         )
     for name, phase in found.phases.items():
         if phase.time_s > 0.0:
-            used = f"{_figure(phase.energy_j / 3600.0, 'Wh')}, {_figure(phase.energy_j / phase.time_s, 'W', 0)}"
-            typer.echo(f"  {name}: {phase.time_s:.0f} s, {used}")
+            used = f"{energy_text(phase.energy_j)}, {with_unit(phase.energy_j / phase.time_s, 'W', 0)}"
+            typer.echo(f"  {name}: {duration(phase.time_s)}, {used}")
     _tell_wind(found, facts["wind_summary"])
     for event in found.events:
-        typer.echo(f"  {_clock(event.time_s - summary.start_s)}  {event.text}")
+        typer.echo(f"  {counter(event.time_s - summary.start_s)}  {event.text}")
 
 
 def _tell_prediction(made: Prediction) -> None:
-    measured = "not in the log" if math.isnan(made.measured_j) else f"{made.measured_j / 3600.0:.1f} Wh"
-    apart = "" if math.isnan(made.error) else f", {made.error:+.1%}"
+    measured = "not in the log" if math.isnan(made.measured_j) else energy_text(made.measured_j)
+    apart = "" if math.isnan(made.error) else f", {percent(made.error, 1, signed=True)}"
     typer.echo(
-        f"  {made.drone.id} at {made.mass_kg:.2f} kg predicts {made.total_j / 3600.0:.1f} Wh; measured {measured}{apart}"
+        f"  {made.drone.id} at {mass_text(made.mass_kg)} predicts {energy_text(made.total_j)}; measured {measured}{apart}"
     )
     for name, energy in made.predicted_j.items():
-        typer.echo(f"    {name}: {energy / 3600.0:.1f} Wh predicted")
-    used = "" if math.isnan(made.measured_soc) else f"; the log says {100.0 * made.measured_soc:.0f} %"
-    typer.echo(f"    of the battery: {100.0 * made.predicted_soc:.0f} % predicted{used}")
+        typer.echo(f"    {name}: {energy_text(energy)} predicted")
+    used = "" if math.isnan(made.measured_soc) else f"; the log says {percent(made.measured_soc)}"
+    typer.echo(f"    of the battery: {percent(made.predicted_soc)} predicted{used}")
 
 
 def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
@@ -322,7 +317,7 @@ def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
     }[found.drag_source]
     typer.echo(
         f"  wind: {facts['mean_speed_mps']} m/s from {facts['mean_from_deg']}° on average, ± "
-        f"{float(found.wind.sigma_mps[-1]):.1f} m/s at the end ({how})"
+        f"{speed_text(float(found.wind.sigma_mps[-1]))} at the end ({how})"
     )
     forecast = facts["forecast"]
     if isinstance(forecast, dict):

@@ -12,6 +12,7 @@ from skyway.cli import options
 from skyway.cli.commands.plan import Depart, Force, Forecast, ScenarioArgument, Truth, WindOption
 from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.errors import InputError
+from skyway.models.base.formatting import distance_text, duration, kilometres, place_text
 from skyway.models.base.json_text import json_text
 from skyway.scenarios import load_scenario
 
@@ -128,13 +129,12 @@ def _print_network(world: Scenario) -> None:
         nearest = "none"
         if segments.stop > segments.start:
             best = segments.start + int(np.argmin(net.distance_m[segments]))
-            nearest = f"{net.stations[int(net.head[best])].id} {net.distance_m[best] / 1000:.1f} km"
+            nearest = f"{net.stations[int(net.head[best])].id} {distance_text(net.distance_m[best])}"
         height = "unknown" if s.elevation_m is None else f"{s.elevation_m:.0f}"
         sheet.add(
             s.id,
             s.name,
-            f"{s.lat:.4f}",
-            f"{s.lon:.4f}",
+            *place_text(s.lat, s.lon).split(","),
             height,
             str(s.pads),
             str(s.holding_spots),
@@ -148,7 +148,7 @@ def _print_network(world: Scenario) -> None:
     parts = len(net.parts())
     joined = "all joined" if parts == 1 else f"in {parts} parts"
     if len(net.distance_m):
-        lengths = f"{net.distance_m.min() / 1000:.1f} to {net.distance_m.max() / 1000:.1f} km"
+        lengths = f"{kilometres(net.distance_m.min())} to {kilometres(net.distance_m.max())} km"
         say(f"{len(net)} stations, {both} segments ({lengths}), {joined}, {zones} no-fly zones")
     else:
         say(f"{len(net)} stations, no segments, {zones} no-fly zones")
@@ -157,8 +157,8 @@ def _print_network(world: Scenario) -> None:
     for drone in world.drones:
         say(
             f"{drone.id}: {drone.name} of {drone.provider}, lifts {drone.max_payload_kg:g} kg, "
-            f"still-air range {drone.flight_range_m / 1000:.1f} km fully loaded, wind up to {drone.wind_limit_mps:g} m/s, "
-            f"recharge {drone.recharge_full_s / 3600:.2f} h",
+            f"still-air range {distance_text(drone.flight_range_m)} fully loaded, wind up to {drone.wind_limit_mps:g} m/s, "
+            f"recharge {duration(drone.recharge_full_s)}",
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import duration, later_text, minutes, share, spent
+from skyway.models.base.formatting import duration, kilometres, later_text, minutes, share, spent
 
 if TYPE_CHECKING:
     from skyway.models.base.figure import Figure
@@ -40,7 +40,7 @@ def print_comparison(answers: list[Comparison]) -> None:
             duration(c.wait_time_s),
             duration(c.recharge_time_s),
             str(len(c.stops)),
-            f"{c.distance_m / 1000:.1f}",
+            kilometres(c.distance_m),
             spent(answer.result.planning_time_s),
         )
     if sheet.rows:

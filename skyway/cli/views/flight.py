@@ -11,7 +11,18 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from skyway.flying import line_of
-from skyway.models.base.units import clock_text, from_posix
+from skyway.models.base.formatting import (
+    UNKNOWN,
+    counter,
+    distance_text,
+    duration,
+    height_text,
+    percent,
+    probability,
+    speed_text,
+    zone_clock,
+)
+from skyway.models.base.units import from_posix
 from skyway.report import fields as of
 
 if TYPE_CHECKING:
@@ -25,7 +36,6 @@ if TYPE_CHECKING:
     from skyway.link.supervisor import Record
     from skyway.link.supervisor.context import Context
 
-UNKNOWN = "unknown"
 _REFRESH_HZ = 2.0
 
 
@@ -142,21 +152,21 @@ class FlightView:
 
     def _head(self, context: Context | None) -> str:
         now = from_posix(context.now_s) if context is not None else datetime.now(UTC)
-        lasts = _clock(time.monotonic() - self._entered_s)
+        lasts = counter(time.monotonic() - self._entered_s)
         meaning = f": {self._meaning}" if self._meaning else ""
-        return f"{clock_text(now, self._zone)}  {self._state} ({lasts}){meaning}"
+        return f"{zone_clock(now, self._zone)}  {self._state} ({lasts}){meaning}"
 
     def _now(self, context: Context | None) -> list[str]:
         """What is known now, besides the table of a flight."""
         if context is None:
             return []
         sample, silent_s = context.observed.sample, context.vehicle.silent_s
-        heard = f"silent for {silent_s:.0f} s" if silent_s > 2.0 else "heard"
+        heard = f"silent for {duration(silent_s)}" if silent_s > 2.0 else "heard"
         found = [f"vehicle: {context.vehicle.mode}, {'armed' if context.vehicle.armed else 'disarmed'}, {heard}"]
         if sample is not None and not self._leg:
-            aim = "" if context.delivery.charge_to is None else f", to be {100 * context.delivery.charge_to:.0f} %"
+            aim = "" if context.delivery.charge_to is None else f", to be {percent(context.delivery.charge_to)}"
             found[0] += (
-                f"; at {context.delivery.station or 'no known station'}; charge {_percent(_finite(context.battery.soc))}{aim}"
+                f"; at {context.delivery.station or 'no known station'}; charge {percent(_finite(context.battery.soc))}{aim}"
             )
         if self._checks and not self._leg:
             found += self._open_checks()
@@ -177,7 +187,7 @@ class FlightView:
 
         to = of.text(record.data, "destination") or of.text(self._leg, "destination")
         at_s = of.instant_s(record.time)
-        clock = UNKNOWN if at_s is None else clock_text(from_posix(at_s), self._zone)
+        clock = UNKNOWN if at_s is None else zone_clock(from_posix(at_s), self._zone)
         head = f"{clock}  {record.state}" + (f"  flight {record.flight} to {to}" if to else "")
         found = Table(title=head, title_justify="left", title_style="bold")
         for name, side in (("", "left"), ("expected", "right"), ("actual", "right")):
@@ -193,14 +203,14 @@ class FlightView:
         left, planned_s, late = of.number(data, "left_s"), of.number(self._leg, "planned_s"), of.number(data, "late_s")
         whole = None if flown is None or left is None else flown + left
         rows = [
-            ("flight time", _clock(planned_s), f"{_clock(whole)}{_late(late)}; {_clock(left)} left"),
-            ("charge now", _percent(self._expected_now(flown, planned_s)), _percent(of.share(data, "soc"))),
-            ("charge at the landing", _percent(of.share(data, "planned_soc_land")), _percent(of.share(data, "soc_land"))),
-            ("below the reserve", "", _probability(of.share(data, "p_below_reserve"))),
+            ("flight time", counter(planned_s), f"{counter(whole)}{_late(late)}; {counter(left)} left"),
+            ("charge now", percent(self._expected_now(flown, planned_s)), percent(of.share(data, "soc"))),
+            ("charge at the landing", percent(of.share(data, "planned_soc_land")), percent(of.share(data, "soc_land"))),
+            ("below the reserve", "", probability(of.share(data, "p_below_reserve"), 1)),
             ("wind", of.forecast_words(data) or UNKNOWN, of.measured_words(data) or "not measured"),
-            ("ground speed", _with(of.number(data, "commanded_mps"), "m/s"), _with(of.number(data, "ground_speed_mps"), "m/s")),
-            ("off the route", "0 m", _with(of.number(data, "cross_track_m"), "m")),
-            ("height above home", "", _with(of.number(data, "height_m"), "m")),
+            ("ground speed", speed_text(of.number(data, "commanded_mps")), speed_text(of.number(data, "ground_speed_mps"))),
+            ("off the route", "0 m", distance_text(of.number(data, "cross_track_m"))),
+            ("height above home", "", height_text(of.number(data, "height_m"))),
         ]  # fmt: skip
         limited = of.text(data, "limited")
         if limited:
@@ -246,23 +256,5 @@ def _finite(value: float) -> float | None:
     return of.number({"value": value}, "value")
 
 
-def _clock(seconds: float | None) -> str:
-    return UNKNOWN if seconds is None else f"{max(seconds, 0.0) // 60:.0f}:{max(seconds, 0.0) % 60:02.0f}"
-
-
 def _late(seconds: float | None) -> str:
-    return "" if seconds is None else f" ({seconds:+.0f} s)"
-
-
-def _percent(share: float | None) -> str:
-    return UNKNOWN if share is None else f"{100.0 * share:.0f} %"
-
-
-def _probability(share: float | None) -> str:
-    if share is None:
-        return UNKNOWN
-    return "below 0.1 %" if share < 0.001 else f"{100.0 * share:.1f} %"
-
-
-def _with(value: float | None, unit: str) -> str:
-    return UNKNOWN if value is None else f"{value:.1f} {unit}"
+    return "" if seconds is None else f" ({duration(seconds, signed=True)})"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from skyway.cli.views.sheet import Column, Sheet
+from skyway.models.base.formatting import stored_degrees
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -75,7 +76,7 @@ def size_of(part: Part) -> str:
 
 def _place(item: MissionItem) -> tuple[str, str, str]:
     point = item.point
-    place = ("", "") if point is None else (f"{point.lat:.7f}", f"{point.lon:.7f}")
+    place = ("", "") if point is None else stored_degrees(point.lat, point.lon)
     return (*place, f"{item.z:g} m" if item.is_located and not math.isnan(item.z) else "")
 
 

@@ -11,10 +11,17 @@ from skyway.models.base.formatting import (
     between,
     by,
     clock,
+    date_clock,
+    direction_text,
+    distance_text,
     duration,
+    energy_text,
+    from_to,
     headline,
+    kilometres,
     later_text,
     percent,
+    probability,
     share,
     spent,
 )
@@ -34,7 +41,7 @@ def print_plan(result: PlanResult) -> None:
     say(f"{first.name or c.origin}  >  {last.name or c.destination}")
     say(
         f"{c.drone_parameters.get('name', c.drone)} ({c.drone}), {c.payload_kg:g} kg, airspeed {c.airspeed_mps:g} m/s, "
-        f"departs {c.depart.astimezone(zone):%Y-%m-%d %H:%M %Z}, planner {c.planner}"
+        f"departs {date_clock(c.depart, zone, named=True)}, planner {c.planner}"
     )
     say("")
     _print_expected(result, zone)
@@ -60,7 +67,7 @@ def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
     if objective.deadline is not None and c.on_time is not None:
         say(f"On time, by {clock(objective.deadline, zone, c.depart)}: {share(c.on_time)}")
     if c.success is not None:
-        say(f"Every landing keeps the reserve of {100 * c.reserve_soc:g} %: {share(c.success)} of the deliveries")
+        say(f"Every landing keeps the reserve of {percent(c.reserve_soc, None)}: {share(c.success)} of the deliveries")
     if result.outcome.p_arrive < 1.0 - 1e-9:
         never = percent(1.0 - result.outcome.p_arrive, 1)
         say(f"In {never} of the deliveries the wind closes a leg until the forecast ends")
@@ -107,26 +114,26 @@ def _leg_cells(leg: DroneService, runs: int | None) -> tuple[str, ...]:
     bends = len(leg.segments) > 1
     return (
         leg_name(leg),
-        f"{leg.distance_m / 1000:.1f}",
-        "" if bends else f"{round(leg.bearing_deg) % 360:03d}°",
+        kilometres(leg.distance_m),
+        "" if bends else direction_text(leg.bearing_deg),
         leg.wind.range_text,
         leg.wind.direction_text,
         "" if bends else f"{leg.tailwind_mps:+.1f}",
         "" if bends else f"{leg.crosswind_mps:+.1f}",
         f"{leg.ground_speed_mps:.1f}",
         duration(leg.flight_time_s),
-        f"{100 * leg.soc_depart:.0f} > {100 * leg.soc_arrive:.0f}",
+        from_to(leg.soc_depart, leg.soc_arrive),
         _kept(leg.p_reserve, runs),
-        percent(leg.p_hold),
-        percent(leg.p_hold_room),
+        probability(leg.p_hold),
+        probability(leg.p_hold_room),
     )
 
 
 def _segment_cells(segment: LegSegment) -> tuple[str, ...]:
     return (
         f"  to {segment.head}",
-        f"{segment.distance_m / 1000:.1f}",
-        f"{round(segment.bearing_deg) % 360:03d}°",
+        kilometres(segment.distance_m),
+        direction_text(segment.bearing_deg),
         segment.wind.range_text,
         segment.wind.direction_text,
         f"{segment.tailwind_mps:+.1f}",
@@ -139,7 +146,7 @@ def _kept(p_reserve: float | None, runs: int | None) -> str:
     """Probability to land above the reserve; in so many runs nobody sees more than three in their number."""
     if p_reserve is not None and runs and p_reserve >= 1.0 - 0.5 / runs:
         return f">{100.0 - int(3000.0 / runs + 0.999) / 10.0:g} %"
-    return percent(p_reserve)
+    return probability(p_reserve)
 
 
 def stop_text(stop: Stop, bound_for: str) -> str:
@@ -147,8 +154,8 @@ def stop_text(stop: Stop, bound_for: str) -> str:
     doing = []
     if stop.recharge_s > 0:
         wait = f"wait {duration(stop.wait_s)} for a pad" if stop.wait_s >= 0.5 else "a pad at once"
-        doing.append(f"{wait} (free on arrival {percent(stop.p_pad_free)})")
-        doing.append(f"charge {duration(stop.recharge_s)} to {100 * stop.soc_to:.0f} %")
+        doing.append(f"{wait} (free on arrival {probability(stop.p_pad_free)})")
+        doing.append(f"charge {duration(stop.recharge_s)} to {percent(stop.soc_to)}")
     if stop.hold_room_s >= 0.5:
         doing.append(f"hold {duration(stop.hold_room_s)} for free capacity at {bound_for}")
     if stop.hold_s - stop.hold_room_s >= 0.5:
@@ -162,8 +169,8 @@ def _print_totals(result: PlanResult) -> None:
     if c.recharge_time_s or c.wait_time_s:
         parts += [f"wait {duration(c.wait_time_s)}", f"recharge {duration(c.recharge_time_s)}"]
     say(
-        f"Total: {', '.join(parts)}; {c.distance_m / 1000:.1f} km, {c.energy_j / 3600:.0f} Wh, "
-        f"lowest charge {100 * c.min_soc:.0f} % (reserve {100 * c.reserve_soc:g} %)"
+        f"Total: {', '.join(parts)}; {distance_text(c.distance_m)}, {energy_text(c.energy_j)}, "
+        f"lowest charge {percent(c.min_soc)} (reserve {percent(c.reserve_soc, None)})"
     )
     say("Wind: mean and 80 % range of the speed at the place, time and height of the flight; tail and cross: averages")
     if result.robust is not None:
@@ -181,7 +188,7 @@ def _print_choices(answer: RobustAnswer) -> None:
     from skyway.planner.schedule.outcome import later
 
     for one in charge_ranges(answer):
-        often = f"; {percent(one.idle)} of the deliveries leave at once" if one.idle >= 0.005 else ""
+        often = f"; {probability(one.idle)} of the deliveries leave at once" if one.idle >= 0.005 else ""
         low, high = percent(one.low), percent(one.high)
         between_ = low if low == high else f"{low} to {high}"
         say(f"At {one.station} the charge depends on the wind at that time: {between_} in 8 of 10 deliveries{often}")

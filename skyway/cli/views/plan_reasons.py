@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import later_text, minutes, percent, share
+from skyway.models.base.formatting import date_clock, later_text, minutes, percent, share
 from skyway.models.base.units import J_PER_WH, iso
 from skyway.models.composition.file import figure_json
 
@@ -81,7 +81,7 @@ def _print_departures(result: PlanResult, tried: Sequence[Departure]) -> None:
         chosen = "< chosen" if one.depart == result.composition.depart else ""
         time = "no route" if one.delivery is None else minutes(one.delivery)
         on_time = [percent(one.p_on_time)] if deadline else []
-        sheet.add(f"{one.depart.astimezone(zone):%Y-%m-%d %H:%M}", time, *on_time, chosen)
+        sheet.add(date_clock(one.depart, zone), time, *on_time, chosen)
     say("")
     sheet.show()
 

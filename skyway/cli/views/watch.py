@@ -9,6 +9,7 @@ import typer
 
 from skyway.cli.connection_options import AsJson, Line, linked
 from skyway.cli.views.sheet import width
+from skyway.models.base.formatting import duration, height_text, percent, place_text, speed_text, wind_text
 from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
@@ -180,26 +181,22 @@ _COLUMNS = ("vehicle", "mode", "position", "height", "speed", "charge", "wind", 
 def _cells(row: dict[str, Any]) -> list[str]:
     """The same for a person, in the order of the columns."""
     silent = row["silent_s"] > _SILENT_S
-    place = _UNKNOWN if row["lat"] is None else f"{row['lat']:.5f},{row['lon']:.5f}"
-    wind = _UNKNOWN if row["wind_mps"] is None else f"{row['wind_mps']:.1f} m/s from {row['wind_from_deg']:.0f}°"
+    place = _UNKNOWN if row["lat"] is None else place_text(row["lat"], row["lon"])
+    wind = _UNKNOWN if row["wind_mps"] is None else wind_text(row["wind_mps"], row["wind_from_deg"])
     item = "" if row["item"] is None else f"item {row['item']:.0f}"
     state = "" if row["mission"] == _UNKNOWN else row["mission"]
     return [
         f"{row['system']} {row['autopilot']}",
         f"{row['mode']}{', armed' if row['armed'] else ''}",
         place,
-        _with_unit(row["height_m"], "m"),
-        _with_unit(row["ground_speed_mps"], "m/s"),
-        _UNKNOWN if row["soc"] is None else f"{100 * row['soc']:.0f} %",
+        height_text(row["height_m"]),
+        speed_text(row["ground_speed_mps"]),
+        percent(row["soc"]),
         wind,
         " ".join(word for word in (item, state) if word) or _UNKNOWN,
-        f"silent for {row['silent_s']:.0f} s" if silent else f"{100 * (1 - row['loss']):.0f} %",
+        f"silent for {duration(row['silent_s'])}" if silent else percent(1 - row["loss"]),
         "; ".join(row["doubts"]),
     ]
-
-
-def _with_unit(value: float | None, unit: str) -> str:
-    return _UNKNOWN if value is None else f"{value:.1f} {unit}"
 
 
 def _table(watched: _Watch) -> Table:

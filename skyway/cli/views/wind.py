@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import percent
+from skyway.models.base.formatting import percent, weekday_clock
 from skyway.models.composition.composition import Wind
 
 if TYPE_CHECKING:
@@ -34,8 +34,12 @@ def print_wind(rows: list[dict[str, Any]], ensemble: WindEnsemble, scenario: Sce
     sheet = Sheet([*columns, *([Column("truth", justify="left")] if truth else [])])
     for row in rows:
         wind = Wind(row["mean_mps"], row["from_deg"], row["p10_mps"], row["p90_mps"])
-        local = datetime.fromisoformat(row["start"]).astimezone(zone)
-        cells = [f"{local:%a %H:%M}", wind.range_text, wind.direction_text, percent(row["sector_share"])]
+        cells = [
+            weekday_clock(datetime.fromisoformat(row["start"]), zone),
+            wind.range_text,
+            wind.direction_text,
+            percent(row["sector_share"]),
+        ]
         cells += [percent(value) for value in row["p_hold"].values()]
         if truth:
             cells.append(str(Wind(row["truth_mps"], row["truth_from_deg"])))

@@ -175,7 +175,7 @@ def test_preflight_knows_that_a_plan_is_faster_than_the_lean_allows():
     for limits, drag, verdict, words in (
         ({"lean_limit": 30.0, "position_lean_limit": 0.0}, DragModel(linear_per_s=0.5), "no", "allows 11.3 m/s"),
         ({"lean_limit": 30.0, "position_lean_limit": 10.0}, DragModel(linear_per_s=0.2), "no", "10° allows 8.6 m/s"),
-        ({"lean_limit": 45.0}, DragModel(linear_per_s=0.2), "ok", "20.0 are planned"),
+        ({"lean_limit": 45.0}, DragModel(linear_per_s=0.2), "ok", "20.0 m/s are planned"),
         ({"lean_limit": 30.0}, None, "ok", "without --drag"),
         ({}, None, "ok", "does not tell it"),
     ):

@@ -216,7 +216,7 @@ def test_a_stop_without_a_stay_is_no_delay_of_zero(two_legs, autopilot):
 
 @BOTH
 def test_a_disarmed_hold_tells_the_operator_how_long_and_how_much_to_charge(two_legs, autopilot):
-    note = "at mast: wait 5.0 min for a pad, charge 20.0 min to 90 %, then arm for leg 2 with at least 90 %"
+    note = "at mast: wait 5 min for a pad, charge 20 min to 90 %, then arm for leg 2 with at least 90 %"
     assert whole_mission(two_legs, autopilot).notes == (note,)
     assert leg_mission(two_legs, 1, autopilot).notes == (note,)
     assert leg_mission(two_legs, 0, autopilot).notes == ()
@@ -226,5 +226,5 @@ def test_a_disarmed_hold_tells_the_operator_how_long_and_how_much_to_charge(two_
 def test_a_stop_at_the_origin_is_charged_before_the_first_leg(two_legs, small):
     charging = Stop("hill", small.NOON - timedelta(minutes=10), 0.0, 600.0, 0.0, 0.5, 0.7)
     plan = replace(two_legs, stops=(charging, *two_legs.stops))
-    assert whole_mission(plan, PX4).notes[0].startswith("at hill: charge 10.0 min to 70 %, then arm for leg 1")
+    assert whole_mission(plan, PX4).notes[0].startswith("at hill: charge 10 min to 70 %, then arm for leg 1")
     assert [i.param1 for i in only(armed_mission(plan, PX4)).mission.items if i.command == 93] == [1500.0]

@@ -1,0 +1,132 @@
+"""How figures are put into words: one rule for each quantity, and nobody else formats them."""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+import pytest
+
+import skyway.models.base.formatting as words
+
+ROOT = Path(words.__file__).resolve().parents[2]
+FLOORS = ("models", "planner", "missions", "link", "sim_stub", "skyway")
+ELSEWHERE = {
+    "models/wind/forecast.py": "days of a season without a year",
+    "models/base/formatting.py": "the rules themselves",
+    "models/wind/columns.py": "patterns of dates in the files of other people",
+    "skyway/report/svg.py": "names of the ticks of a time axis, as long as its span needs",
+    "skyway/plots/charge.py": "ticks of an axis, named by matplotlib",
+    "skyway/flying.py": "the name of a file",
+    "link/wire/recorder.py": "the name of a file",
+    "link/telemetry/timebase.py": "milliseconds, in which clocks are compared",
+    "sim_stub/autopilot/px4/missions.py": "what PX4 says, letter by letter",
+}
+PENDING = ("planner/online/",)
+UNIT = re.compile(r" ?(%|km|min|m/s(?!²)|Wh|kg|h|s|m)(?![\w/²])")
+SCALES = {60.0, 100.0, 1000.0, 3600.0}
+SCALE_NAMES = {"S_PER_MIN", "S_PER_H", "J_PER_WH"}
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        (words.duration(20.4), "20 s"),
+        (words.duration(59.6), "1 min"),
+        (words.duration(596.0), "9.9 min"),
+        (words.duration(597.0), "10 min"),
+        (words.duration(4320.0), "1 h 12 min"),
+        (words.duration(-300.0), "-5 min"),
+        (words.duration(75.0, signed=True), "+1.2 min"),
+        (words.duration(None), "unknown"),
+        (words.counter(249.4), "0:04:09"),
+        (words.counter(3755.0), "1:02:35"),
+        (words.counter(math.inf), "unknown"),
+        (words.percent(0.996), "100 %"),
+        (words.percent(0.0005, None), "0.05 %"),
+        (words.percent(0.125, None), "12.5 %"),
+        (words.percent(-0.043, 1, signed=True), "-4.3 %"),
+        (words.percent(math.nan), "unknown"),
+        (words.probability(0.996), ">99 %"),
+        (words.probability(0.9996, 1), ">99.9 %"),
+        (words.probability(0.001), "<1 %"),
+        (words.probability(0.0), "0 %"),
+        (words.probability(1.0), "100 %"),
+        (words.distance_text(999.4), "999 m"),
+        (words.distance_text(999.6), "1.0 km"),
+        (words.distance_text(None), "unknown"),
+        (words.height_text(1234.0), "1234 m"),
+        (words.speed_text(7.44), "7.4 m/s"),
+        (words.wind_text(7.44, 359.7, 0.81), "7.4 ± 0.8 m/s from 000°"),
+        (words.energy_text(41.3 * 3600.0), "41.3 Wh"),
+        (words.energy_text(99.96 * 3600.0), "100 Wh"),
+        (words.mass_text(2.34567), "2.346 kg"),
+        (words.place_text(40.712345678, -74.0), "40.71235,-74.00000"),
+        (words.stored_degrees(40.712345678, -74.0), ("40.7123457", "-74.0000000")),
+        (words.zone_clock(datetime(2013, 7, 10, 18, 3, 22, tzinfo=UTC), ZoneInfo("America/New_York")), "14:03:22 EDT"),
+        (words.utc_clock(0.0), "00:00:00"),
+        (words.date_clock(datetime(2013, 7, 10, 18, 3, 22, tzinfo=UTC)), "2013-07-10 18:03"),
+    ],
+)
+def test_each_quantity_has_one_rule(said: object, expected: object) -> None:
+    assert said == expected
+
+
+@pytest.mark.parametrize("floor", FLOORS)
+def test_no_other_module_formats_these_quantities(floor: str) -> None:
+    own = [
+        f"{name}:{line}: {what}"
+        for path in sorted((ROOT / floor).rglob("*.py"))
+        if (name := path.relative_to(ROOT).as_posix()) not in ELSEWHERE and not name.startswith(PENDING)
+        for line, what in _own_formats(ast.parse(path.read_text(encoding="utf-8")))
+    ]
+    assert own == []
+
+
+def test_every_exception_is_needed() -> None:
+    for name in ELSEWHERE:
+        assert list(_own_formats(ast.parse((ROOT / name).read_text(encoding="utf-8")))), name
+
+
+def _own_formats(tree: ast.AST) -> list[tuple[int, str]]:
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            found += [(node.lineno, what) for what in map(_own_figure, node.values, [*node.values[1:], None]) if what]
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "strftime":
+            found.append((node.lineno, "strftime: use a clock of `formatting`"))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "divmod" and _scale(node.args[1]):
+            found.append((node.lineno, "divmod: use `duration` or `counter`"))
+        if (
+            isinstance(node, ast.BinOp)
+            and isinstance(node.op, ast.FloorDiv)
+            and ast.unparse(node.right) in ("60", "3600")
+        ):
+            found.append((node.lineno, "// 60: use `duration` or `counter`"))
+    return found
+
+
+def _own_figure(value: ast.expr, following: ast.expr | None) -> str | None:
+    if not isinstance(value, ast.FormattedValue) or not isinstance(value.format_spec, ast.JoinedStr):
+        return None
+    spec = "".join(part.value for part in value.format_spec.values if isinstance(part, ast.Constant))
+    if "%" in spec:
+        return f"{{:{spec}}}"
+    text = following.value if isinstance(following, ast.Constant) else ""
+    rounded = re.fullmatch(r"[+]?\.\d[f%]", spec)
+    if rounded and (UNIT.match(text) or (isinstance(value.value, ast.BinOp) and _scaled(value.value))):
+        return f"{{{ast.unparse(value.value)}:{spec}}}{text[:5]}"
+    return None
+
+
+def _scaled(expression: ast.BinOp) -> bool:
+    sides = (expression.left, expression.right) if isinstance(expression.op, ast.Mult) else (expression.right,)
+    return isinstance(expression.op, ast.Mult | ast.Div) and any(map(_scale, sides))
+
+
+def _scale(node: ast.expr) -> bool:
+    return (isinstance(node, ast.Constant) and node.value in SCALES) or ast.unparse(node) in SCALE_NAMES
