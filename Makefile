@@ -55,6 +55,7 @@ bench: setup
 
 docs: setup
 	$(BIN)/python -m tests.rooms_page
+	$(BIN)/python -m tests.decisions_page
 	$(BIN)/zensical build --strict --clean
 
 clean:

@@ -45,10 +45,10 @@ def read_parameters(path: Path) -> dict[str, float]:
         try:
             found[name] = float(value)
         except ValueError:
-            faults.append(Fault("is no parameter", str(path), number, value=text, remedy="NAME,VALUE"))
+            faults.append(Fault("is not a parameter", str(path), number, value=text, remedy="NAME,VALUE"))
             continue
         if not math.isfinite(found[name]) or not re.fullmatch(r"[A-Za-z0-9_]{1,16}", name):
-            faults.append(Fault("is no parameter", str(path), number, value=text, remedy="NAME,VALUE"))
+            faults.append(Fault("is not a parameter", str(path), number, value=text, remedy="NAME,VALUE"))
     if faults:
         raise InputError(faults)
     return found

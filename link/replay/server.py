@@ -41,7 +41,7 @@ class Output:
             raise LinkError(f"cannot open {url}: {error}") from None
         except SystemExit:  # pymavlink's answer to an address without a port
             remedy = "udpout:127.0.0.1:14550"
-            raise InputError(Fault("is no address", field="--connect", value=url, remedy=remedy)) from None
+            raise InputError(Fault("is not an address", field="--connect", value=url, remedy=remedy)) from None
 
     def send(self, data: bytes) -> None:
         """Send one packet."""

@@ -113,7 +113,7 @@ def read_journal(path: Path) -> ReadJournal:
         records.append(record)
         at += len(line) + 1
     if not records or records[0].event != "start" or records[0].data.get("schema") != SCHEMA:
-        raise InputError(Fault("is no flight journal", str(path), remedy="name the file that --journal wrote"))
+        raise InputError(Fault("is not a flight journal", str(path), remedy="name the file that --journal wrote"))
     return ReadJournal(tuple(records), at)
 
 

@@ -102,3 +102,5 @@ M200_V2 = Drone(
     recharge_full_s=2.24 * S_PER_H,
 )
 """The paper's drone (table 1) with two TB55 batteries; figures of the maker and of the paper."""
+BUILT_IN = {drone.id: drone for drone in (M200_V2,)}
+"""Drones that a fleet may start from with ``base``, and the fleet where none is given."""

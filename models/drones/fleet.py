@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.fields import Table, read_toml
 from skyway.models.base.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
-from skyway.models.drones.drone import M200_V2, Drone
+from skyway.models.drones.drone import BUILT_IN, Drone
 from skyway.models.drones.energy import M100_COEFFICIENTS, PHASES, EnergyModel, MomentumEnergy, Phase
 
 if TYPE_CHECKING:
@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
 SCHEMA = "skyway.fleet/1"
 MAX_DRONES = 1000
-BUILT_IN = {M200_V2.id: M200_V2}
-"""Drones that a fleet may start from with ``base``, and the fleet where none is given."""
 
 
 def read_fleet(path: Path) -> tuple[Drone, ...]:

@@ -101,7 +101,7 @@ def _station(row: Any, faults: list[Fault]) -> Station:
     """Read one station; what is wrong joins the faults."""
     if not isinstance(row, Mapping):
         faults.append(
-            Fault("is no station", field="stations", value=row, remedy="a Station, or a mapping with id, lat, lon")
+            Fault("is not a station", field="stations", value=row, remedy="a Station, or a mapping with id, lat, lon")
         )
         return Station("", "", math.nan, math.nan)
     given = {key: value for key, value in row.items() if not _missing(value)}

@@ -101,7 +101,8 @@ def air_of(path: Path | None) -> dict[str, Any]:
 
 def drone_of(named: Path) -> Drone:
     """Read the one drone of a fleet file, or return a built-in drone by its id."""
-    from skyway.models.drones.fleet import BUILT_IN, read_fleet
+    from skyway.models.drones.drone import BUILT_IN
+    from skyway.models.drones.fleet import read_fleet
 
     if str(named) in BUILT_IN:
         return BUILT_IN[str(named)]

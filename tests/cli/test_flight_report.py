@@ -270,7 +270,7 @@ def test_a_journal_of_nonsense_is_told_as_unknown_and_never_breaks(flown, tmp_pa
 
 def test_what_is_no_journal_is_refused_in_a_line(refused, tmp_path):
     (tmp_path / "empty.jsonl").write_text("")
-    assert "is no flight journal" in refused("report", "empty.jsonl")
+    assert "is not a flight journal" in refused("report", "empty.jsonl")
     assert "no such file" in refused("report", "nothing.jsonl")
 
 

@@ -119,7 +119,7 @@ def test_a_networks_graph_gives_the_network_back():
         ([{"id": "a", "lat": 40.0, "lon": math.nan}], "lon: station a: is not a number"),
         ([{"lat": 40.0, "lon": 1.0}], "no id"),
         ([{"id": "a", "lat": 40.0, "lon": 1.0}] * 2, "same id"),
-        ([3.0], "is no station"),
+        ([3.0], "is not a station"),
     ],
 )
 def test_stations_that_are_none_are_refused_with_the_reason(stations, problem):

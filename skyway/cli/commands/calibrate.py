@@ -254,7 +254,8 @@ def _tell_air(found: _Air) -> None:
 
 
 def _base_drone(path: Path | None, name: str) -> Drone:
-    from skyway.models.drones.fleet import BUILT_IN, read_fleet
+    from skyway.models.drones.drone import BUILT_IN
+    from skyway.models.drones.fleet import read_fleet
 
     known = BUILT_IN if path is None else {drone.id: drone for drone in read_fleet(path)}
     if path is not None and name not in known and len(known) == 1:

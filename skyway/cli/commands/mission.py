@@ -303,7 +303,7 @@ def _conditions(
 def _vehicle(region: Scenario | None, identity: str | None) -> tuple[Drone, bool]:
     """Return the vehicle, and whether nobody named it."""
     from skyway.models.base.errors import Fault, InputError
-    from skyway.models.drones.fleet import BUILT_IN
+    from skyway.models.drones.drone import BUILT_IN
 
     if identity is None:
         if region is not None and len(region.drones) == 1:

@@ -92,8 +92,8 @@ def test_replay_at_a_finite_speed_takes_its_time(skyway, flight, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--speed", "fast"), "is no speed"),
-        (("--speed", "0"), "is no speed"),
+        (("--speed", "fast"), "is not a speed"),
+        (("--speed", "0"), "is not a speed"),
         (("--from", "later"), "not a time of the log"),
         (("--from", "0:09:00"), "after the end"),
         (("--from", "60", "--to", "30"), "is not after --from"),
