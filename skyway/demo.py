@@ -166,6 +166,8 @@ def _aboard(options: DemoOptions, lockstep: Any, world: World) -> tuple[Any, Cal
 
 def _truth_writer(world: World) -> Callable[[Context], None]:
     """Write into the journal what truly blows at the vehicle, for the report; nothing else reads it."""
+    from skyway.link.supervisor.journal.entries import Truth
+
     craft = next(iter(world.vehicles.values()))
     written = [float("-inf")]
 
@@ -173,7 +175,7 @@ def _truth_writer(world: World) -> Callable[[Context], None]:
         if ctx.in_air and ctx.now_s >= written[0] + TRUTH_EVERY_S:
             written[0] = ctx.now_s
             north, east = craft.true_wind
-            ctx.note("truth", None, wind_north_mps=north, wind_east_mps=east, soc=craft.battery.soc)
+            ctx.note(Truth(wind_north_mps=north, wind_east_mps=east, soc=craft.battery.soc))
 
     return write
 

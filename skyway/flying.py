@@ -5,17 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import UTC, tzinfo
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.journal import fields as of
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import duration, percent, zone_clock
 from skyway.models.base.units import from_posix
-from skyway.report import fields as of
 
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from skyway.link.supervisor.journal import Record
+    from skyway.link.supervisor.journal.entries import Tracked
+    from skyway.link.supervisor.journal.file import Record
     from skyway.models.composition.composition import Composition
     from skyway.models.drones.drag import DragModel
     from skyway.models.scenario.scenario import Scenario
@@ -107,20 +108,27 @@ SHOWN = frozenset({"state", "change", "reboot", "link", "turn", "check", "waits"
 
 def line_of(record: Record, zone: tzinfo = UTC) -> str | None:
     """Tell a record of the journal as a plain line, its time in a zone; None for those that a person need not see."""
-    data, at_s = record.data, of.instant_s(record.time)
+    from skyway.link.supervisor.journal.entries import Tracked
+
+    at_s = of.instant_s(record.time)
     clock = "unknown time" if at_s is None else zone_clock(from_posix(at_s), zone)
-    if record.event == "track" and of.number(data, "left_s") is not None:
-        return (
-            f"{clock}  {record.state:<12} {_figure(data, 'height_m')} m, {_figure(data, 'ground_speed_mps', 1)} m/s, "
-            f"{percent(of.share(data, 'soc'))}; {data.get('destination')} in {duration(of.number(data, 'left_s'))} "
-            f"({duration(of.number(data, 'late_s') or 0.0, signed=True)}), landing with {percent(of.share(data, 'soc_land'))} "
-            f"(planned {percent(of.share(data, 'planned_soc_land'))}), {_figure(data, 'cross_track_m')} m off the route, "
-            f"wind {of.measured_words(data) or 'not measured'} (forecast {of.forecast_words(data) or 'unknown'})"
-            + (f"; {limited}" if (limited := of.text(data, "limited")) else "")
-        )
+    if (told := record.told(Tracked)) is not None and told.expected.left_s is not None:
+        return f"{clock}  {record.state:<12} {_flight_line(told)}"
     return f"{clock}  {record.state:<12} {record.reason}" if record.event in SHOWN else None
 
 
-def _figure(data: dict[str, Any], key: str, digits: int = 0) -> str:
-    value = of.number(data, key)
+def _flight_line(told: Tracked) -> str:
+    """Where a flight stands, beside what was planned."""
+    expected = told.expected
+    line = (
+        f"{_figure(told.height_m)} m, {_figure(told.ground_speed_mps, 1)} m/s, {percent(told.soc)}; "
+        f"{expected.destination} in {duration(expected.left_s)} ({duration(expected.late_s or 0.0, signed=True)}), "
+        f"landing with {percent(expected.soc_land)} (planned {percent(expected.planned_soc_land)}), "
+        f"{_figure(expected.cross_track_m)} m off the route, wind {told.measured_words() or 'not measured'} "
+        f"(forecast {told.forecast.words() or 'unknown'})"
+    )
+    return f"{line}; {expected.limited}" if expected.limited else line
+
+
+def _figure(value: float | None, digits: int = 0) -> str:
     return "unknown" if value is None else f"{value:.{digits}f}"

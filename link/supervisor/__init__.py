@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.job import DeliveryJob, Outcome
-    from skyway.link.supervisor.journal import Journal, Record, read_journal
+    from skyway.link.supervisor.journal.file import Journal, Record, read_journal
     from skyway.link.supervisor.machine import Supervisor
     from skyway.link.supervisor.operators import NobodyThere, Operator, Scripted
     from skyway.link.supervisor.states import State
 
 _HOMES = {
-    "Journal": "journal",
+    "Journal": "journal.file",
     "DeliveryJob": "job",
     "NobodyThere": "operators",
     "Operator": "operators",
     "Outcome": "job",
-    "Record": "journal",
+    "Record": "journal.file",
     "Scripted": "operators",
     "State": "states",
     "Supervisor": "machine",
-    "read_journal": "journal",
+    "read_journal": "journal.file",
 }
 
 __all__ = [

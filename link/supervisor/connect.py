@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.journal.entries import Met
 from skyway.link.supervisor.observed.link_watch import must_answer, request_telemetry
 from skyway.link.supervisor.resume import resume
 from skyway.link.supervisor.states import State, Turn
@@ -22,28 +23,30 @@ LOOK_AGAIN_S = 15.0
 def connecting(ctx: Context) -> After:
     """Meet it; for the first time it must stand disarmed where the plan begins."""
     _meet(ctx)
-    must_answer(ctx, "it does not say who it is")
+    must_answer(ctx, "the drone does not answer when asked who it is")
     who = ctx.vehicle.identify()
     ctx.observed.restarted(ctx.vehicle.reboots)
     if ctx.delivery.resumed:
         return resume(ctx, who)
     ctx.observed.identify(who.uid)
-    ctx.note("vehicle", str(who), system=who.system, autopilot=who.autopilot, uid=who.uid)
-    ctx.tell(str(who))
+    ctx.note(Met(system=who.system, autopilot=who.autopilot, uid=who.uid), str(who))
+    ctx.tell(f"connected to {who}")
     origin = ctx.job.composition.origin
     end = ctx.clock.now_s() + LOOK_AGAIN_S
     while not (ctx.on_ground and ctx.here_station() == origin) and ctx.clock.now_s() < end:
         ctx.tick()
     if not ctx.on_ground:
         armed = State.LEFT if ctx.vehicle.armed else State.STOPPED
-        return State.HOLDING if ctx.in_air else armed, "the vehicle does not stand disarmed on the ground"
+        if ctx.in_air:
+            return State.HOLDING, "the drone is in the air already, on a flight that this delivery did not begin"
+        return armed, f"the drone does not stand disarmed on the ground: disarm it at {origin}, then start again"
     station = ctx.here_station()
     ctx.delivery.stand_at(station)
     if station != origin:
-        return State.STOPPED, f"the vehicle stands at {station or 'no station'}, and the plan begins at {origin}"
+        return State.STOPPED, _wrong_place(station, origin)
     ctx.delivery.take_plan(ctx.job.composition)
     ctx.delivery.visit(origin)
-    ctx.note_plan("the plan as given")
+    ctx.note_plan("the plan from the file")
     return State.REPLANNING, f"at {origin} with {percent(ctx.battery.soc)}"
 
 
@@ -58,7 +61,7 @@ def _meet(ctx: Context) -> None:
         if s is not None and ctx.place is not None and all(map(math.isfinite, (s.armed, s.landed, ctx.battery.soc))):
             return
         if ctx.clock.now_s() > asked + 10.0:
-            must_answer(ctx, "it does not send what it is asked for")
+            must_answer(ctx, "the drone does not send the telemetry it was asked for")
             asked = ctx.clock.now_s()
             request_telemetry(ctx)
     s = ctx.observed.sample
@@ -66,5 +69,12 @@ def _meet(ctx: Context) -> None:
     if not math.isfinite(ctx.battery.soc):
         lacking.append("state of charge")
     if s is None or not math.isfinite(s.armed + s.landed):
-        lacking.append("whether it is armed and landed")
-    raise Turn(State.STOPPED, f"the vehicle does not tell its {', its '.join(lacking)}")
+        lacking.append("armed and landed state")
+    remedy = "check GPS, battery monitor and radio, then start again"
+    raise Turn(State.STOPPED, f"the drone does not report its {', its '.join(lacking)}: {remedy}")
+
+
+def _wrong_place(station: str | None, origin: str) -> str:
+    """What is wrong where it does not stand at the beginning of the plan."""
+    where = "not at a known station" if station is None else f"at {station}"
+    return f"the drone is {where}, and the plan begins at {origin}: bring it there, or plan from where it is"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.departure.failsafes import Failsafes
 from skyway.link.supervisor.departure.parameter_changes import ParameterChanges
@@ -11,12 +11,13 @@ from skyway.link.supervisor.flight.divert import Divert
 from skyway.link.supervisor.flight.lean import LeanWatch, watch_lean
 from skyway.link.supervisor.flight.pilot_intervention import follows_a_landing, refuse_on_ground
 from skyway.link.supervisor.flight.track import Track
+from skyway.link.supervisor.journal.entries import Changed, PlanTaken, Rebooted
+from skyway.link.supervisor.journal.standing import standing
 from skyway.link.supervisor.observed.link_watch import LinkWatch, must_be_heard, request_telemetry
 from skyway.link.supervisor.observed.vehicle_state import VehicleState
 from skyway.link.supervisor.observed.vehicle_texts import TextLog, tell_texts
 from skyway.link.supervisor.soc.modelled_use import count_use
 from skyway.link.supervisor.soc.soc_estimator import SocEstimator
-from skyway.link.supervisor.standing import standing
 from skyway.link.supervisor.states import ON_GROUND, TABLE, State, Status, Turn
 from skyway.models.base.formatting import duration
 from skyway.models.composition.file import to_json
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
 
     from skyway.link.supervisor.conversation import Conversation
     from skyway.link.supervisor.job import DeliveryJob
-    from skyway.link.supervisor.journal import Journal, Record
+    from skyway.link.supervisor.journal.entry import Entry
+    from skyway.link.supervisor.journal.file import Journal, Record
     from skyway.link.supervisor.operators import Operator
     from skyway.link.supervisor.progress import DeliveryProgress
     from skyway.link.supervisor.soc.energy_learning import EnergyLearning
@@ -161,7 +163,7 @@ class Context:
         for change in changes:
             own = change.ours or follows_a_landing(self, change)
             said = str(replace(change, ours=own)) + ("" if own == change.ours else ": it has landed")
-            self.note("change", said, what=change.what, before=change.before, after=change.after, ours=own)
+            self.note(Changed(what=change.what, before=change.before, after=change.after, ours=own), said)
         self._after_reboot()
         tell_texts(self)
         self.conversation.listen(self)
@@ -180,7 +182,7 @@ class Context:
         if self.observed.restarted(self.vehicle.reboots):
             self.battery.forget()
             self.note(
-                "reboot", "the vehicle has restarted: identified, checked and uploaded anew before it flies again"
+                Rebooted(), "the drone has restarted: it is identified, checked and uploaded again before it takes off"
             )
             request_telemetry(self)
 
@@ -190,7 +192,7 @@ class Context:
         if rule.overdue is None or self.clock.now_s() - self.status.entered_s <= rule.longest_s:
             return
         flies = self.in_air and rule.overdue is State.STOPPED
-        reason = f"{self.state} has lasted longer than {duration(rule.longest_s)}"
+        reason = f"the state {self.state} has lasted longer than its limit of {duration(rule.longest_s)}"
         raise Turn(State.HOLDING if flies else rule.overdue, reason)
 
     def wait(self, duration_s: float) -> None:
@@ -206,20 +208,20 @@ class Context:
 
     # Saying
 
-    def note(self, event: str, reason: str | None = None, **data: Any) -> Record:
+    def note(self, entry: Entry, reason: str | None = None) -> Record:
         """Write into the journal."""
-        return self.journal.write(self.state, event, reason, flight=self.delivery.flight, data=data)
+        return self.journal.write(self.state, entry, reason, flight=self.delivery.flight)
 
     def tell(self, line: str) -> None:
         """Say something to the operator."""
         self.operator.tell(line)
 
-    def say(self, event: str, reason: str, **data: Any) -> None:
+    def say(self, entry: Entry, reason: str) -> None:
         """Write into the journal, and say it to the operator."""
-        self.note(event, reason, **data)
+        self.note(entry, reason)
         self.tell(reason)
 
     def note_plan(self, reason: str) -> None:
         """Write the plan in force, and all that a resume needs."""
         plan = None if self.delivery.plan is None else to_json(self.delivery.plan)
-        self.note("plan", reason, plan=plan, **standing(self))
+        self.note(PlanTaken(plan=plan, standing=standing(self)), reason)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.departure.failsafes import left_words
+from skyway.link.supervisor.journal.entries import OperatorNote
 from skyway.link.supervisor.states import ON_GROUND, State, Turn
 
 if TYPE_CHECKING:
@@ -70,19 +71,22 @@ class Conversation:
         if self.stays and self._words and self._words[-1] == "go":
             self._words.pop()
             self.stays = False
-            ctx.note("operator", "go: the delivery goes on")
+            ctx.note(OperatorNote(), "go: the delivery continues")
 
     def _interrupted(self, ctx: Context) -> None:
         if self.stays:
-            raise Turn(State.LEFT, f"Ctrl-C twice: left to itself; {left_words(ctx)}")
+            raise Turn(State.LEFT, f"Ctrl-C twice: the program ends and leaves the drone to itself; {left_words(ctx)}")
         if ctx.on_ground and ctx.state in (State.CONNECTING, *ON_GROUND):
-            ctx.note("operator", "Ctrl-C on the ground")
-            raise Turn(State.STOPPED, f"Ctrl-C: the vehicle stays at {_heading_for(ctx)}, disarmed")
+            ctx.note(OperatorNote(), "Ctrl-C on the ground")
+            raise Turn(
+                State.STOPPED,
+                f"Ctrl-C: the drone stays at {_heading_for(ctx)}, disarmed; --resume continues the delivery",
+            )
         self.stays = True
-        ctx.note("operator", "Ctrl-C: the vehicle stays at the next landing")
+        ctx.note(OperatorNote(), "Ctrl-C: the drone stays at the next landing")
         self.operator.ask(
-            f"Ctrl-C: the vehicle stays at {_heading_for(ctx)}; Ctrl-C again leaves it now, then {left_words(ctx)}. "
-            "Type go to go on after all."
+            f"Ctrl-C: the drone lands at {_heading_for(ctx)} and stays there. Type go to continue the delivery after all. "
+            f"Ctrl-C again ends the program now; then {left_words(ctx)}"
         )
 
     def answer(self, ctx: Context, question: str, words: tuple[str, ...]) -> str:
@@ -93,7 +97,7 @@ class Conversation:
         Turn
             Nobody is there any more who could say one.
         """
-        ctx.note("operator", f"asked: {question}", question=question, answers=list(words))
+        ctx.note(OperatorNote(question=question, answers=words), f"asked: {question}")
         self.operator.ask(question)
         self.question = question
         try:
@@ -101,9 +105,9 @@ class Conversation:
                 while (word := self.next_word()) is not None:
                     if word in words:
                         return word
-                    self.operator.ask(f"please answer {', '.join(words)}")
+                    self.operator.ask(f"not understood. Please answer: {', '.join(words)}")
                 if not self.attended:
-                    raise Turn(State.STOPPED, f"nobody is there any more to answer: {question}")
+                    raise Turn(State.STOPPED, f"nobody is there any more to answer the question: {question}")
                 ctx.tick()
         finally:
             self.question = None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.departure.failsafes import left_words
 from skyway.link.supervisor.flight.crash import crash_end
+from skyway.link.supervisor.journal.entries import OperatorNote
 from skyway.link.supervisor.resume import take_up
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import LinkError
@@ -14,16 +15,16 @@ from skyway.models.base.errors import LinkError
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
 
-WORDS = "go, land, leave"
+WORDS = "go (take control, continue the delivery), land (land where it is) or leave (end the program)"
 
 
 def holding(ctx: Context) -> After:
     """Command nothing; watch, record, and go on only on the operator's word."""
     ctx.conversation.forget()
     if ctx.operator.present:
-        ctx.operator.ask(f"nothing is commanded any more; say {WORDS} when it is ours again")
+        ctx.operator.ask(f"nothing is commanded until you answer: {WORDS}")
     else:
-        ctx.tell("nothing is commanded any more; nobody is there to give the word")
+        ctx.tell("nothing is commanded; nobody is there to answer, so it is watched until it stands disarmed")
     ground_s = math.nan
     while True:
         ctx.tick()
@@ -41,25 +42,28 @@ def holding(ctx: Context) -> After:
             station = ctx.here_station()
             ctx.delivery.stand_at(station)
             if station is None:
-                return State.ENDED_ELSEWHERE, "it was landed away from any station, not by us"
-            return State.STOPPED, f"it was landed at {station}, not by us; nobody is there to give the word"
+                return State.ENDED_ELSEWHERE, "somebody else landed the drone, away from any station: fetch it there"
+            return (
+                State.STOPPED,
+                f"somebody else landed the drone at {station}, and nobody is there to continue: start again with --resume",
+            )
 
 
 def _word(ctx: Context, word: str) -> After | None:
-    ctx.note("operator", f"said {word}")
+    ctx.note(OperatorNote(), f"the operator said {word}")
     if word == "leave":
-        return State.LEFT, f"left by the operator's word; {left_words(ctx)}"
+        return State.LEFT, f"the operator ended the program; {left_words(ctx)}"
     if word == "land" and ctx.in_air:
         ctx.divert.call_off()
-        return State.DIVERTING, "the operator wants it to land here"
+        return State.DIVERTING, "the operator ordered a landing where it is"
     if word == "go":
         return _go_on(ctx)
-    ctx.operator.ask(f"please say {WORDS}")
+    ctx.operator.ask(f"not understood. Type {WORDS}")
     return None
 
 
 def _restored_turn(ctx: Context) -> bool:
-    """Whether it was turned before the program was begun anew: then its mission is not the leg's, and is not known here."""
+    """Whether it was diverted before the program was started again: then its mission is not the leg's, and is not known here."""
     leg = ctx.delivery.leg
     return ctx.divert.turned and leg is not None and leg.destination != ctx.divert.station
 
@@ -71,18 +75,18 @@ def _go_on(ctx: Context) -> After | None:
         return take_up(ctx)
     leg = ctx.delivery.leg
     if not ctx.in_air or leg is None or ctx.delivery.plan is None:
-        ctx.operator.ask("it is not on a leg of this delivery; land it, then say go")
+        ctx.operator.ask("the drone is not on a leg of this delivery: land it, then type go")
         return None
     try:
         if not _restored_turn(ctx) and ctx.vehicle.verify(leg.mission.document.mission):
             outcome = ctx.vehicle.upload(leg.mission.document.mission)
             if not outcome.verified:
-                ctx.operator.ask(f"its mission is not ours and could not be sent anew ({outcome}); say {WORDS}")
+                ctx.operator.ask(f"the mission of this delivery could not be sent again ({outcome}). Type {WORDS}")
                 return None
         ctx.vehicle.resume()
         ctx.wait(3.0)
     except LinkError as error:
-        ctx.operator.ask(f"it cannot be taken over: {error}; say {WORDS}")
+        ctx.operator.ask(f"control could not be taken: {error}. Type {WORDS}")
         return None
     ctx.vehicle.changes()
-    return (State.DIVERTING if ctx.divert.station is not None else State.FLYING), "ours again, by the operator's word"
+    return (State.DIVERTING if ctx.divert.station is not None else State.FLYING), "the operator gave control back"

@@ -14,7 +14,7 @@ from skyway.models.composition.composition import Place
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from skyway.link.supervisor.flight.lookahead import Lookahead
+    from skyway.link.supervisor.journal.entries import Expected
     from skyway.link.supervisor.soc.modelled_use import ModelledUse
     from skyway.missions.autopilots.family import Family
     from skyway.missions.builder.mission_options import MissionOptions
@@ -68,7 +68,7 @@ class Leg:
         Charge that it should have taken so far.
     last, learns : bool
         It ends at the destination; the energy of the whole flight is to be learnt.
-    lookahead : Lookahead or None
+    lookahead : Expected or None
         What was expected of it last.
     """
 
@@ -86,7 +86,7 @@ class Leg:
     modelled: ModelledUse | None = None
     last: bool = False
     learns: bool = True
-    lookahead: Lookahead | None = None
+    lookahead: Expected | None = None
 
     def begin(self, time_s: float, soc: float, told_soc: float) -> None:
         """Begin with the take-off."""
@@ -98,7 +98,7 @@ class Leg:
         """Take a ground speed that was sent."""
         self.commanded_mps = speed_mps
 
-    def expect(self, lookahead: Lookahead) -> None:
+    def expect(self, lookahead: Expected) -> None:
         """Take what is expected of it now."""
         self.lookahead = lookahead
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.departure.failsafes import left_words
+from skyway.link.supervisor.journal.entries import LinkNote
 from skyway.link.supervisor.observed.link_watch import request_telemetry
 from skyway.link.supervisor.resume import take_up
 from skyway.link.supervisor.states import IN_AIR, State
@@ -21,7 +22,8 @@ BACK_S = 3.0
 def lost_link(ctx: Context) -> After:
     """Listen until it is heard and answers again, then find it where it is."""
     before = ctx.status.before
-    ctx.tell(f"link lost; {left_words(ctx)}" if before in IN_AIR else "link lost")
+    alone = f"without the link {left_words(ctx)}" if before in IN_AIR else "the drone was on the ground"
+    ctx.tell(f"link lost: {alone}. Nothing is commanded; listening until it answers again")
     begun = ctx.clock.now_s()
     while True:
         ctx.tick()
@@ -30,17 +32,17 @@ def lost_link(ctx: Context) -> After:
         try:
             return _found_again(ctx, before, ctx.clock.now_s() - begun)
         except VehicleTimeoutError as error:
-            ctx.note("link", f"lost again: {error}")
+            ctx.note(LinkNote(), f"the link was lost again: {error}")
 
 
 def _found_again(ctx: Context, before: State, gone_s: float) -> After:
-    ctx.note("link", f"back after {duration(gone_s)}", gone_s=gone_s)
-    ctx.tell(f"link back after {duration(gone_s)}")
+    reason = f"the link is back after {duration(gone_s)}"
+    ctx.say(LinkNote(gone_s=gone_s), reason)
     ctx.link.found_again()
     if before is State.CONNECTING:
-        return State.CONNECTING, "heard again"
+        return State.CONNECTING, reason
     request_telemetry(ctx)
     ctx.wait(3.0)
     if before is State.HOLDING:
-        return State.HOLDING, "heard again; somebody else has had control"
+        return State.HOLDING, f"{reason}; somebody else had control before"
     return take_up(ctx)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from skyway.link.supervisor import connect, holding, lost_link
 from skyway.link.supervisor import resume as resuming
@@ -13,7 +13,8 @@ from skyway.link.supervisor.departure import charging, departure, ground
 from skyway.link.supervisor.departure.parameter_changes import restore_at_end
 from skyway.link.supervisor.flight import air, landing
 from skyway.link.supervisor.job import Outcome
-from skyway.link.supervisor.journal import SCHEMA, read_journal
+from skyway.link.supervisor.journal.entries import Ended, Forecast, Resumed, Start, StateEntered
+from skyway.link.supervisor.journal.file import SCHEMA, read_journal
 from skyway.link.supervisor.progress import DeliveryProgress
 from skyway.link.supervisor.soc.energy_learning import EnergyLearning
 from skyway.link.supervisor.states import ENDS, IN_AIR, State, Status, Turn
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
     from skyway.link.supervisor.context import After
     from skyway.link.supervisor.job import DeliveryJob
-    from skyway.link.supervisor.journal import Journal
+    from skyway.link.supervisor.journal.file import Journal
     from skyway.link.supervisor.operators import Operator
     from skyway.link.vehicle.vehicle import Vehicle
     from skyway.models.base.clock import Clock
@@ -96,31 +97,27 @@ class Supervisor:
         if resume:
             records = read_journal(journal.path).records
             resuming.restore(self.context, records)
-            self.context.note("resume", f"the journal ends in state {records[-1].state}", last=records[-1].n)
+            self.context.note(Resumed(last=records[-1].n), f"the journal ends in the state {records[-1].state}")
         else:
-            self.context.note("start", f"delivery {job.composition}", **self._start(job))
+            self.context.note(self._start(job), f"delivery {job.composition}")
 
     @staticmethod
-    def _start(job: DeliveryJob) -> dict[str, Any]:
+    def _start(job: DeliveryJob) -> Start:
         """Everything that a report, or a resume, needs of the beginning."""
-        c = job.composition
-        return {
-            "schema": SCHEMA,
-            "composition": to_json(c),
-            "planner": job.planner,
-            "supervised": job.replanning is not None,
-            "replanning": None if job.replanning is None else asdict(job.replanning),
-            "release": job.options.release,
-            "asking": job.asking,
-            "forecast": {
-                "members": len(job.forecast),
-                "labels": list(job.forecast.labels),
-                "height_m": job.forecast.height_m,
-            },
-            "destination": job.request.destination,
-            "reserve_soc": job.request.reserve_soc,
-            "payload_kg": job.request.payload_kg,
-        }
+        forecast = job.forecast
+        return Start(
+            schema=SCHEMA,
+            composition=to_json(job.composition),
+            planner=job.planner,
+            supervised=job.replanning is not None,
+            replanning=None if job.replanning is None else asdict(job.replanning),
+            release=job.options.release,
+            asking=job.asking,
+            forecast=Forecast(members=len(forecast), labels=tuple(forecast.labels), height_m=forecast.height_m),
+            destination=job.request.destination,
+            reserve_soc=job.request.reserve_soc,
+            payload_kg=job.request.payload_kg,
+        )
 
     def run(self) -> Outcome:
         """Take it to its end.
@@ -140,8 +137,9 @@ class Supervisor:
                 after, reason = self._failed(error)
             self._go(after, reason)
         restore_at_end(ctx)
-        ctx.note("end", self.reason, outcome=str(ctx.state), station=ctx.delivery.station, flights=ctx.delivery.flight)
-        return Outcome(str(ctx.state), self.reason, ctx.delivery.station, ctx.delivery.flight)
+        station, flights = ctx.delivery.station, ctx.delivery.flight
+        ctx.note(Ended(outcome=str(ctx.state), station=station, flights=flights), self.reason)
+        return Outcome(str(ctx.state), self.reason, station, flights)
 
     reason = ""
 
@@ -151,7 +149,7 @@ class Supervisor:
         before = ctx.state
         ctx.status.enter(after, ctx.clock.now_s())
         self.reason = reason
-        ctx.note("state", reason, before=str(before), after=str(after))
+        ctx.note(StateEntered(before=str(before), after=str(after)), reason)
         if after in (State.HOLDING, State.LOST_LINK) or after in ENDS:
             ctx.tell(f"{after}: {reason}")
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.departure.departure import make_leg
+from skyway.link.supervisor.journal.entries import Landed, LegBegun, Met, PlanTaken, Resumed, StartNote, Tracked, Turned
+from skyway.link.supervisor.journal.standing import restore_standing
 from skyway.link.supervisor.legs import Leg
 from skyway.link.supervisor.soc.modelled_use import ModelledUse
-from skyway.link.supervisor.standing import restore_standing
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base.errors import InputError, LinkError, VehicleTimeoutError
 from skyway.models.base.formatting import percent
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.link.supervisor.context import After, Context
-    from skyway.link.supervisor.journal import Record
+    from skyway.link.supervisor.journal.file import Record
     from skyway.link.vehicle.vehicle import Identity
 
 SETTLE_S = 90.0
@@ -35,59 +36,64 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
     delivery.restore_flight(max(record.flight for record in records))
     ctx.parameters.follow(records)
     for record in records:
-        data = record.data
-        if record.event == "vehicle":
-            ctx.observed.identify(int(data.get("uid") or 0))
-        if record.event == "plan" and data.get("plan") is not None:
-            delivery.take_plan(from_json(json.dumps(data["plan"]), file="journal"))
-        if record.event in ("plan", "leg", "landed"):
-            restore_standing(ctx, data)
-        if record.event == "leg":
+        if met := record.told(Met):
+            ctx.observed.identify(met.uid or 0)
+        elif taken := record.told(PlanTaken):
+            if taken.plan:
+                delivery.take_plan(from_json(json.dumps(taken.plan), file="journal"))
+            restore_standing(ctx, taken.standing)
+        elif begun := record.told(LegBegun):
+            restore_standing(ctx, begun.standing)
             delivery.note_landing(None)
-            delivery.take_leg(_restored_leg(ctx, data, record.time_s))
+            delivery.take_leg(_restored_leg(ctx, begun, record.time_s))
             ctx.divert.call_off()
-        elif record.event == "track" and delivery.leg is not None and delivery.leg.modelled is not None:
-            if data.get("modelled_soc") is not None:
-                delivery.leg.modelled.restore(float(data["modelled_soc"]), record.time_s)
-        elif record.event == "turn" and delivery.leg is not None and data.get("destination"):
-            ctx.divert.to(str(data["destination"]), turned=not data.get("begun"))
-        elif record.event == "landed":
+        elif landed := record.told(Landed):
+            restore_standing(ctx, landed.standing)
             delivery.take_leg(None)
             ctx.divert.call_off()
-            delivery.note_landing(data.get("station"))
-            delivery.reach(data.get("station"))  # a later plan in the journal replaces what is left of this one
+            delivery.note_landing(landed.standing.station)
+            delivery.reach(landed.standing.station)  # a later plan in the journal replaces what is left of this one
+        elif delivery.leg is not None:
+            _restore_flight(ctx, delivery.leg, record)
 
 
-def _restored_leg(ctx: Context, data: dict[str, Any], time_s: float) -> Leg | None:
+def _restore_flight(ctx: Context, leg: Leg, record: Record) -> None:
+    """Bring back what became of a leg in the air: what it should have taken so far, and where it was sent."""
+    if (point := record.told(Tracked)) and leg.modelled is not None and point.modelled_soc is not None:
+        leg.modelled.restore(point.modelled_soc, record.time_s)
+    elif (turned := record.told(Turned)) and turned.destination:
+        ctx.divert.to(turned.destination, turned=not turned.begun)
+
+
+def _restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
     """Make the leg under way again from what was written before its take-off."""
     if ctx.delivery.plan is None or not ctx.delivery.plan.services:
         return None
     try:
-        _, mission = make_leg(ctx, _number(data.get("ground_speed_mps")))
+        _, mission = make_leg(ctx, _number(told.ground_speed_mps))
     except (InputError, Turn):
         return None
     use = ModelledUse.by(ctx.replanner().reach(ctx.job.forecast, ctx.energy.belief))
     use.begin(time_s)
-    soc, planned_s, planned_soc = (_number(data.get(key)) for key in ("soc", "planned_s", "planned_soc"))
     return Leg(
-        origin=str(data["origin"]),
-        destination=str(data["destination"]),
-        via=tuple(data.get("via", ())),
-        diverts=tuple(data.get("diverts", ())),
+        origin=told.origin or "",
+        destination=told.destination or "",
+        via=told.via,
+        diverts=told.standing.diverts,
         mission=mission,
-        commanded_mps=_number(data.get("ground_speed_mps")),
+        commanded_mps=_number(told.ground_speed_mps),
         start_s=time_s,
-        soc_start=soc,
-        told_start=_number(data.get("told_soc")),
-        planned_s=planned_s,
-        planned_soc=planned_soc,
+        soc_start=_number(told.soc),
+        told_start=_number(told.told_soc),
+        planned_s=_number(told.planned_s),
+        planned_soc=_number(told.planned_soc),
         modelled=use,
-        last=bool(data.get("last")),
+        last=bool(told.last),
     )
 
 
-def _number(value: Any) -> float:
-    return math.nan if value is None else float(value)
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 # From the vehicle
@@ -96,8 +102,12 @@ def _number(value: Any) -> float:
 def resume(ctx: Context, who: Identity) -> After:
     """Find the vehicle where it is, and go on from there: never upload or start what was flown already."""
     if ctx.observed.is_another(who.uid):
-        return State.STOPPED, f"{who} is not the vehicle of this journal"
-    ctx.note("resume", f"found {who} {'in the air' if ctx.in_air else 'on the ground'}", mode=ctx.vehicle.mode)
+        return (
+            State.STOPPED,
+            f"{who} is not the drone of this journal: connect that one, or name the journal of this one with --resume",
+        )
+    where = "in the air" if ctx.in_air else "on the ground"
+    ctx.note(Resumed(mode=ctx.vehicle.mode), f"found {who} {where}")
     return take_up(ctx)
 
 
@@ -108,18 +118,18 @@ def take_up(ctx: Context) -> After:
     if ctx.in_air:
         return _in_the_air(ctx)
     if not ctx.on_ground:
-        return State.HOLDING, "it is armed on the ground, and not by us"
+        return State.HOLDING, "the drone is armed on the ground, and this program did not arm it"
     delivery = ctx.delivery
     station, leg = ctx.here_station(), delivery.leg
     if leg is not None and station != leg.origin:
-        return State.LANDED, f"flight {delivery.flight} has ended while nobody watched"
+        return State.LANDED, f"flight {delivery.flight} ended while this program was not connected"
     if leg is not None:
         delivery.take_leg(None)
         delivery.not_begun()
-        ctx.note("start", f"the flight from {leg.origin} was not begun")
+        ctx.note(StartNote(), f"the flight from {leg.origin} had not begun")
     delivery.stand_at(station)
     if station is None or station == ctx.job.request.destination:
-        return State.LANDED, f"it stands at {station or 'no station'}"
+        return State.LANDED, f"the drone stands at {station or 'no known station'}"
     if not delivery.begins_at(station):
         delivery.take_plan(None)
     return State.REPLANNING, f"at {station} with {percent(ctx.battery.soc)}"
@@ -134,7 +144,7 @@ def _settle(ctx: Context) -> None:
         try:
             ctx.vehicle.disarm()
         except LinkError as error:
-            ctx.note("start", str(error))
+            ctx.note(StartNote(), f"the drone was not disarmed: {error}")
         ctx.wait(3.0)
 
 
@@ -142,14 +152,15 @@ def _in_the_air(ctx: Context) -> After:
     """Go on with a flight where the vehicle flies what we gave it."""
     leg, divert = ctx.delivery.leg, ctx.divert
     if leg is None or ctx.delivery.plan is None:
-        return State.HOLDING, "it is in the air, and not on a leg of this delivery"
+        return State.HOLDING, "the drone is in the air, and not on a leg of this delivery"
     mode = ctx.vehicle.mode
+    strange = f"the drone is in mode {mode}, which this program did not command"
     if divert.station is not None and not divert.turned:
         if mode in ("mission", "hold", "guided"):
-            return State.DIVERTING, f"the turn to {divert.station} was not finished"
-        return State.HOLDING, f"it is in mode {mode}, which we did not command"
+            return State.DIVERTING, f"the divert to {divert.station} was not finished: it is sent again"
+        return State.HOLDING, strange
     if mode not in ("mission", "takeoff"):
-        return State.HOLDING, f"it is in mode {mode}, which we did not command"
+        return State.HOLDING, strange
     if divert.station is not None:
         return State.DIVERTING, f"on its way to {divert.station}"
     try:
@@ -157,7 +168,9 @@ def _in_the_air(ctx: Context) -> After:
     except VehicleTimeoutError:
         raise
     except LinkError as error:
-        raise Turn(State.HOLDING, f"it could not be told whether it flies our mission: {error}") from None
+        raise Turn(
+            State.HOLDING, f"whether the drone flies the mission of this delivery could not be checked: {error}"
+        ) from None
     if differences:
-        return State.HOLDING, f"it flies another mission than ours: {differences[0]}"
+        return State.HOLDING, f"the drone flies another mission than that of this delivery: {differences[0]}"
     return State.FLYING, f"on its way to {leg.destination}"

@@ -71,43 +71,55 @@ TABLE: Mapping[State, Rule] = {
         (_S.REPLANNING, _S.FLYING, _S.DIVERTING, _S.LANDED, *_GROUND_TROUBLE, _S.DELIVERED),
         120.0,
         _S.STOPPED,
-        "who it is, where it is; after a resume also what it was doing",
+        "identify the drone, find where it is; after a resume also what it was doing",
     ),
     _S.REPLANNING: Rule(
         (_S.WAITING, _S.PREFLIGHT, _S.REPLANNING, *_GROUND_TROUBLE),
         24 * 3600.0,
         _S.STOPPED,
-        "on the ground: where next, how much to charge, whether to wait for wind",
+        "on the ground: choose the next leg, its charge, and whether to wait for wind",
     ),
     _S.WAITING: Rule(
-        (_S.CHARGING, _S.REPLANNING, *_GROUND_TROUBLE), 12 * 3600.0, _S.STOPPED, "disarmed on a holding spot"
+        (_S.CHARGING, _S.REPLANNING, *_GROUND_TROUBLE),
+        12 * 3600.0,
+        _S.STOPPED,
+        "disarmed on a holding spot until a pad is free",
     ),
     _S.CHARGING: Rule(
         (_S.REPLANNING, _S.WAITING, *_GROUND_TROUBLE), 12 * 3600.0, _S.STOPPED, "disarmed on a pad, charging"
     ),
     _S.PREFLIGHT: Rule(
-        (_S.UPLOADING, _S.REPLANNING, *_GROUND_TROUBLE), 900.0, _S.STOPPED, "the list that must be in order"
+        (_S.UPLOADING, _S.REPLANNING, *_GROUND_TROUBLE), 900.0, _S.STOPPED, "checks before the take-off"
     ),
     _S.UPLOADING: Rule(
-        (_S.READY, _S.PREFLIGHT, *_GROUND_TROUBLE), 900.0, _S.STOPPED, "fence, rally points, mission: sent, read back"
+        (_S.READY, _S.PREFLIGHT, *_GROUND_TROUBLE),
+        900.0,
+        _S.STOPPED,
+        "send fence, rally points and mission, read them back",
     ),
     _S.READY: Rule(
-        (_S.ARMING, _S.REPLANNING, _S.PREFLIGHT, *_GROUND_TROUBLE), 3600.0, _S.STOPPED, "waits for the operator's word"
+        (_S.ARMING, _S.REPLANNING, _S.PREFLIGHT, *_GROUND_TROUBLE),
+        3600.0,
+        _S.STOPPED,
+        "wait for the operator to allow the take-off",
     ),
     _S.ARMING: Rule(
-        (_S.FLYING, _S.PREFLIGHT, *_GROUND_TROUBLE), 600.0, _S.STOPPED, "armed and started, until it is in the air"
+        (_S.FLYING, _S.PREFLIGHT, *_GROUND_TROUBLE), 600.0, _S.STOPPED, "arm and start, until the drone is in the air"
     ),
     _S.FLYING: Rule(
-        (_S.LANDED, _S.DIVERTING, *_AIR_TROUBLE), 4 * 3600.0, _S.HOLDING, "flies the leg; watched, wind learnt"
+        (_S.LANDED, _S.DIVERTING, *_AIR_TROUBLE),
+        4 * 3600.0,
+        _S.HOLDING,
+        "fly the leg; progress, charge and wind are watched",
     ),
     _S.DIVERTING: Rule(
-        (_S.LANDED, *_AIR_TROUBLE), 4 * 3600.0, _S.HOLDING, "flies to a station that is safe to reach, or lands here"
+        (_S.LANDED, *_AIR_TROUBLE), 4 * 3600.0, _S.HOLDING, "fly to a station within safe reach, or land where it is"
     ),
     _S.LANDED: Rule(
         (_S.REPLANNING, _S.DELIVERED, _S.ENDED_ELSEWHERE, *_GROUND_TROUBLE),
         1800.0,
         _S.HOLDING,
-        "on the ground and disarmed: where is it? the package is handed over",
+        "on the ground and disarmed: find the station, hand over the package",
     ),
     _S.LOST_LINK: Rule(
         (
@@ -126,7 +138,7 @@ TABLE: Mapping[State, Rule] = {
         ),
         3600.0,
         _S.LEFT,
-        "not heard, or hears us not: it does what its parameters say; nothing is commanded",
+        "no contact: the drone follows its failsafe parameters; nothing is commanded",
     ),
     _S.HOLDING: Rule(
         (
@@ -142,13 +154,13 @@ TABLE: Mapping[State, Rule] = {
         ),
         math.inf,
         None,
-        "somebody else has control: nothing is commanded, all is watched, until the operator's word",
+        "somebody else has control: nothing is commanded until the operator answers",
     ),
-    _S.DELIVERED: Rule((), math.inf, None, "the package is there, the vehicle stands disarmed"),
-    _S.STOPPED: Rule((), math.inf, None, "on the ground, disarmed, at a known place, with a reason"),
+    _S.DELIVERED: Rule((), math.inf, None, "the package has arrived, the drone stands disarmed"),
+    _S.STOPPED: Rule((), math.inf, None, "on the ground at a known place, disarmed, not delivered"),
     _S.ENDED_ELSEWHERE: Rule((), math.inf, None, "on the ground, disarmed, away from any station"),
-    _S.CRASHED: Rule((), math.inf, None, "on the ground after a crash, or lying over: people must look at it"),
-    _S.LEFT: Rule((), math.inf, None, "left to what its parameters make it do, and that was said"),
+    _S.CRASHED: Rule((), math.inf, None, "on the ground after a crash or a roll-over: somebody must go there"),
+    _S.LEFT: Rule((), math.inf, None, "the program has ended; the drone follows its parameters"),
 }
 
 IN_AIR = frozenset({State.FLYING, State.DIVERTING})
@@ -211,7 +223,7 @@ class Status:
 def check(before: State, after: State) -> None:
     """Raise `OffTableError` for a step that the table does not allow."""
     if after not in TABLE[before].following:
-        raise OffTableError(f"no way from the state {before} to {after}: a defect in skyway, please report it")
+        raise OffTableError(f"no way from the state {before} to {after}: this is a defect in skyway, please report it")
 
 
 def markdown() -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec.structs import asdict
 
 from skyway.models.base import geodesy
 from skyway.models.wind.estimation.field import WindObservation
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.link.supervisor.flight.lean import WindAtLimit
+    from skyway.link.supervisor.journal.entries import Observation
     from skyway.models.drones.drag import DragModel
     from skyway.models.drones.telemetry import TelemetrySample
     from skyway.models.wind.ensemble import WindEnsemble
@@ -85,9 +87,10 @@ class WindBook:
             (found.north_mps, found.east_mps), found.noise, place, gap * gap * np.outer(along, along), SAME_ERROR
         )
 
-    def restore(self, data: Sequence[dict[str, Any]]) -> None:
+    def restore(self, told: Sequence[Observation]) -> None:
         """Bring back what a journal says was measured."""
-        self.earlier = observations_of(data)
+        numbers = ({name: math.nan if x is None else x for name, x in asdict(one).items()} for one in told)
+        self.earlier = tuple(WindObservation(**one) for one in numbers)
 
     def here(self, sample: TelemetrySample) -> tuple[float, float]:
         """Return the wind at the vehicle, (north, east), m/s: measured where it is, else as the first forecast has it."""
@@ -126,7 +129,7 @@ class WindBook:
     @property
     def origin(self) -> str:
         """Where a wind that is told before a take-off comes from, for a person: it is never measured there and then."""
-        return "forecast, corrected by what earlier legs measured" if self.observations else "forecast"
+        return "forecast corrected by measurements of earlier legs" if self.observations else "forecast"
 
     @property
     def source(self) -> str:
@@ -142,26 +145,3 @@ class WindBook:
             self._updated_s = time_s
             self._updated = update_forecast(self.base, self.observations)
         return self._updated
-
-    def as_data(self) -> list[dict[str, float]]:
-        """Observations for the journal."""
-        return [
-            {
-                "time_s": one.time_s,
-                "lat_deg": one.lat_deg,
-                "lon_deg": one.lon_deg,
-                "north_mps": one.north_mps,
-                "east_mps": one.east_mps,
-                "variance": one.variance,
-                "height_m": one.height_m,
-            }
-            for one in self.observations
-        ]
-
-
-def observations_of(data: Sequence[dict[str, Any]]) -> tuple[WindObservation, ...]:
-    """Read observations from a journal."""
-    return tuple(
-        WindObservation(**{key: math.nan if value is None else float(value) for key, value in one.items()})
-        for one in data
-    )

@@ -1,18 +1,27 @@
 """The document ``skyway.flight/1``: what was planned and what happened, from the journal of a flight.
 
-Every figure is the journal's, or is computed from its figures; what it does not tell is None.
+Every figure is the journal's, or is computed from its figures; what it does not tell is None. All of it is computed here;
+pages, maps and charts only show it.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from skyway.report import fields as of
-from skyway.report.series import series_of, wind_errors
+import msgspec
+from msgspec.structs import replace
+
+from skyway.link.supervisor.journal import entries
+from skyway.link.supervisor.journal import fields as of
+from skyway.report.series import Columns, LegWind, Series, series_of, wind_errors
 
 if TYPE_CHECKING:
-    from skyway.link.supervisor.journal import Record
+    from collections.abc import Iterator
 
+    from skyway.link.supervisor.journal.entry import Entry
+    from skyway.link.supervisor.journal.file import Record
+
+E = TypeVar("E", bound="Entry")
 SCHEMA = "skyway.flight/1"
 END_WORDS = ("delivered", "stopped-safe", "landed-elsewhere", "crashed", "left-to-itself")
 _QUIET = frozenset({"track", "truth"})
@@ -20,8 +29,240 @@ _MAX_ROWS = 20_000
 _LANDING_S = 15.0
 
 
-def flight_document(records: tuple[Record, ...], plan: dict[str, Any] | None = None) -> dict[str, Any]:
-    """Return the document of a flight.
+class Scenario(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the plan was made: folder and digest."""
+
+    path: str | None
+    sha256: str | None
+
+
+class Delivery(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "from", "destination": "to"}):
+    """What was to be delivered, by what, and under which settings."""
+
+    origin: str | None
+    destination: str | None
+    drone: str | None
+    drone_name: str | None
+    vehicle: str | None
+    autopilot: str | None
+    payload_kg: float | None
+    reserve_soc: float | None
+    planner: str | None
+    supervised: bool | None
+    asking: str | None
+    forecast: entries.Forecast
+    scenario: Scenario
+
+
+class Result(msgspec.Struct, frozen=True, kw_only=True):
+    """How it ended, or that it has not; `resumed`: how often."""
+
+    ended: bool
+    state: str
+    delivered: bool
+    reason: str | None
+    station: str | None
+    time: str
+    flights: int
+    resumed: int
+
+
+class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "from", "destination": "to"}):
+    """A leg of the plan."""
+
+    origin: str | None
+    destination: str | None
+    via: list[str]
+    depart_s: float | None
+    arrive_s: float | None
+    flight_s: float | None
+    distance_m: float | None
+    soc_depart: float | None
+    soc_arrive: float | None
+    ground_speed_mps: float | None
+    p_reserve: float | None
+
+
+class PlannedStop(msgspec.Struct, frozen=True, kw_only=True):
+    """A stop of the plan."""
+
+    station: str | None
+    arrive_s: float | None
+    leave_s: float | None
+    wait_s: float | None
+    charge_s: float | None
+    soc_from: float | None
+    soc_to: float | None
+
+
+class Station(msgspec.Struct, frozen=True):
+    """A station on the map."""
+
+    lat: float
+    lon: float
+    name: str | None
+
+
+class Planned(msgspec.Struct, frozen=True, kw_only=True):
+    """The plan; `stations` grows by those that a map shows besides."""
+
+    legs: list[PlannedLeg]
+    stops: list[PlannedStop]
+    stations: dict[str, Station]
+    cruise_height_m: float | None
+    climb_rate_mps: float | None
+    descent_rate_mps: float | None
+    airspeed_mps: float | None
+
+
+class Times(msgspec.Struct, frozen=True, kw_only=True):
+    """Times and charges of the whole that happened."""
+
+    depart_s: float | None
+    delivery_s: float | None
+    flight_s: float | None
+    wait_s: float | None
+    charge_s: float | None
+    lowest_soc: float | None
+    flights: int | None
+
+
+class PlannedTimes(Times, frozen=True, kw_only=True):
+    """The same as planned, with the arrival on average, and by which half and 95 % of such deliveries arrive."""
+
+    arrive_mean_s: float | None
+    arrive_p50_s: float | None
+    arrive_p95_s: float | None
+
+
+class Totals(msgspec.Struct, frozen=True, kw_only=True):
+    """The whole, planned and actual."""
+
+    planned: PlannedTimes
+    actual: Times
+
+
+class FlownLeg(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "from", "destination": "to"}):
+    """A flight: what was planned at the take-off, and what came of it."""
+
+    flight: int
+    origin: str | None
+    destination: str | None
+    via: tuple[str, ...]
+    depart_s: float
+    land_s: float | None = None
+    landed_at: str | None = None
+    as_planned: bool | None = None
+    planned_s: float | None
+    flight_s: float | None = None
+    soc_depart: float | None
+    planned_soc: float | None
+    soc_land: float | None = None
+    used_soc: float | None = None
+    modelled_soc: float | None = None
+    diverts: tuple[str, ...]
+    ground_speed_mps: float | None
+    way: tuple[tuple[float, float], ...]
+    wind: LegWind
+    most_cross_track_m: float | None = None
+
+
+class Stop(msgspec.Struct, frozen=True, kw_only=True):
+    """Time on the ground: how long it waited, how long it charged and to what."""
+
+    station: str | None
+    arrive_s: float
+    leave_s: float | None = None
+    wait_s: float = 0.0
+    charge_s: float = 0.0
+    soc_from: float | None
+    soc_to: float | None = None
+
+
+class Decision(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that was decided, and by what."""
+
+    time_s: float
+    flight: int
+    state: str
+    action: str | None
+    where: str | None
+    reason: str | None
+    new_plan: bool | None
+    figures: dict[str, float]
+
+
+class PlanInForce(msgspec.Struct, frozen=True, kw_only=True):
+    """A plan that came into force, as its route."""
+
+    time_s: float
+    reason: str | None
+    route: list[str]
+
+
+class Preflight(msgspec.Struct, frozen=True, kw_only=True):
+    """The list before a take-off."""
+
+    time_s: float
+    flight: int
+    reason: str | None
+    checks: tuple[entries.Checked, ...]
+
+
+class Contingency(msgspec.Struct, frozen=True, kw_only=True):
+    """What was not meant to happen."""
+
+    time_s: float
+    flight: int
+    event: str
+    reason: str | None
+
+
+class Event(msgspec.Struct, frozen=True, kw_only=True):
+    """A record of the journal."""
+
+    n: int
+    time_s: float
+    state: str
+    event: str
+    flight: int
+    reason: str | None
+
+
+class Sources(msgspec.Struct, frozen=True, kw_only=True):
+    """Names of the files that it was made from."""
+
+    journal: str
+    logs: list[str]
+    plan: str | None
+
+
+class FlightReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What was planned and what happened."""
+
+    schema: str
+    delivery: Delivery
+    outcome: Result
+    planned: Planned
+    totals: Totals
+    legs: list[FlownLeg]
+    stops: list[Stop]
+    decisions: list[Decision]
+    plans: list[PlanInForce]
+    preflights: list[Preflight]
+    contingencies: list[Contingency]
+    events: list[Event]
+    series: Series
+    sources: Sources | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as ``skyway.flight/1``."""
+        found: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
+        return found
+
+
+def flight_report(records: tuple[Record, ...], plan: dict[str, Any] | None = None) -> FlightReport:
+    """Return what was planned and what happened.
 
     Parameters
     ----------
@@ -30,71 +271,80 @@ def flight_document(records: tuple[Record, ...], plan: dict[str, Any] | None = N
     plan : dict, optional
         Composition to compare with; without it, the one that the journal begins with.
     """
-    start = records[0].data
-    planned = plan or of.table(start, "composition")
+    start = entries.Start.read(records[0].data)
+    planned = plan or start.composition
     series = series_of(records)
-    legs = _legs(records, series)
-    stops = _stops(records)
-    return {
-        "schema": SCHEMA,
-        "delivery": _delivery(records, planned),
-        "outcome": _outcome(records),
-        "planned": _planned(planned),
-        "totals": _totals(records, planned, legs, stops),
-        "legs": legs,
-        "stops": stops,
-        "decisions": [_decision(at_s, record) for at_s, record in _of(records, "decision")],
-        "plans": _plans(records),
-        "preflights": [_preflight(at_s, record) for at_s, record in _of(records, "preflight")],
-        "contingencies": _contingencies(records),
-        "events": _events(records),
-        "series": series,
-    }
+    legs, outcome = _legs(records, series), _outcome(records)
+    stops = _stops(records, start, outcome)
+    decisions = [
+        Decision(
+            time_s=at_s, flight=record.flight, state=record.state, action=told.action, where=told.where,
+            reason=record.reason, new_plan=told.new_plan, figures=told.numbers(),
+        )
+        for at_s, record, told in _of(records, entries.Decided)
+    ]  # fmt: skip
+    return FlightReport(
+        schema=SCHEMA,
+        delivery=_delivery(records, start, planned),
+        outcome=outcome,
+        planned=_planned(planned),
+        totals=_totals(records, planned, legs, stops),
+        legs=legs,
+        stops=stops,
+        decisions=decisions,
+        plans=_plans(records),
+        preflights=[
+            Preflight(time_s=at_s, flight=record.flight, reason=record.reason, checks=told.checks)
+            for at_s, record, told in _of(records, entries.ListDone)
+        ],
+        contingencies=_contingencies(records),
+        events=_events(records),
+        series=series,
+    )
 
 
-def _of(records: tuple[Record, ...], event: str) -> list[tuple[float, Record]]:
-    return [(at_s, record) for at_s, record in of.timed(records) if record.event == event]
+def _of(records: tuple[Record, ...], kind: type[E]) -> Iterator[tuple[float, Record, E]]:
+    """Go through the records of a kind that have an instant."""
+    for at_s, record in of.timed(records):
+        told = record.told(kind)
+        if told is not None:
+            yield at_s, record, told
 
 
-def _delivery(records: tuple[Record, ...], planned: dict[str, Any]) -> dict[str, Any]:
-    """Return what was to be delivered, by what, and under which settings."""
-    start = records[0].data
-    met = next((record for record in records if record.event == "vehicle"), None)
+def _delivery(records: tuple[Record, ...], start: entries.Start, planned: dict[str, Any]) -> Delivery:
+    met = next((record for record in records if record.event == entries.Met.EVENT), None)
     scenario = of.table(planned, "scenario")
-    return {
-        "from": of.text(planned, "from"),
-        "to": of.text(planned, "to"),
-        "drone": of.text(planned, "drone"),
-        "drone_name": of.text(of.table(planned, "drone_parameters"), "name"),
-        "vehicle": None if met is None else met.reason,
-        "autopilot": None if met is None else of.text(met.data, "autopilot"),
-        "payload_kg": of.number(planned, "payload_kg"),
-        "reserve_soc": of.share(start, "reserve_soc"),
-        "planner": of.text(start, "planner"),
-        "supervised": of.truth(start, "supervised"),
-        "asking": of.text(start, "asking"),
-        "forecast": of.table(start, "forecast"),
-        "scenario": {"path": of.text(scenario, "path"), "sha256": of.text(scenario, "sha256")},
-    }
+    return Delivery(
+        origin=of.text(planned, "from"),
+        destination=of.text(planned, "to"),
+        drone=of.text(planned, "drone"),
+        drone_name=of.text(of.table(planned, "drone_parameters"), "name"),
+        vehicle=None if met is None else met.reason,
+        autopilot=None if met is None else of.text(met.data, "autopilot"),
+        payload_kg=of.number(planned, "payload_kg"),
+        reserve_soc=start.reserve_soc,
+        planner=start.planner,
+        supervised=start.supervised,
+        asking=start.asking,
+        forecast=start.forecast,
+        scenario=Scenario(path=of.text(scenario, "path"), sha256=of.text(scenario, "sha256")),
+    )
 
 
-def _outcome(records: tuple[Record, ...]) -> dict[str, Any]:
-    """Return how it ended, or that it has not."""
+def _outcome(records: tuple[Record, ...]) -> Result:
     last = records[-1]
-    end = next((record for record in reversed(records) if record.event == "end"), None)
-    ended = end is not None and end is last
-    state = of.text(last.data, "outcome") if ended else None
-    state = state or last.state
-    return {
-        "ended": ended,
-        "state": state,
-        "delivered": ended and state == "delivered",
-        "reason": _reason(records, ended=ended),
-        "station": of.text(last.data, "station") if ended else _last_station(records),
-        "time": last.time,
-        "flights": max((record.flight for record in records), default=0),
-        "resumed": sum(1 for r in records if r.event == "resume" and r.data.get("last") is not None),
-    }
+    end = last.told(entries.Ended)
+    state = (None if end is None else end.outcome) or last.state
+    return Result(
+        ended=end is not None,
+        state=state,
+        delivered=end is not None and state == "delivered",
+        reason=_reason(records, ended=end is not None),
+        station=_last_station(records) if end is None else end.station,
+        time=last.time,
+        flights=max((record.flight for record in records), default=0),
+        resumed=sum(1 for r in records if (told := r.told(entries.Resumed)) is not None and told.last is not None),
+    )
 
 
 def _reason(records: tuple[Record, ...], *, ended: bool) -> str | None:
@@ -107,106 +357,123 @@ def _reason(records: tuple[Record, ...], *, ended: bool) -> str | None:
 def _last_station(records: tuple[Record, ...]) -> str | None:
     """Where it stood last; None where it has taken off since."""
     for record in reversed(records):
-        if record.event == "leg":
+        if record.event == entries.LegBegun.EVENT:
             return None
-        if record.event in ("landed", "plan"):
-            return of.text(record.data, "station")
+        if (told := record.told(entries.Landed) or record.told(entries.PlanTaken)) is not None:
+            return told.standing.station
     return None
 
 
-def _planned(planned: dict[str, Any]) -> dict[str, Any]:
+def _planned(planned: dict[str, Any]) -> Planned:
     """Return the plan: legs, stops and stations, as numbers or None."""
     legs = [
-        {
-            "from": of.text(leg, "from"), "to": of.text(leg, "to"), "via": of.words(leg, "via"),
-            "depart_s": of.instant_s(leg.get("depart")), "arrive_s": of.instant_s(leg.get("arrive")),
-            "flight_s": of.number(leg, "flight_time_s"), "distance_m": of.number(leg, "distance_m"),
-            "soc_depart": of.share(leg, "soc_depart"), "soc_arrive": of.share(leg, "soc_arrive"),
-            "ground_speed_mps": of.number(leg, "ground_speed_mps"), "p_reserve": of.share(leg, "p_reserve"),
-        }
+        PlannedLeg(
+            origin=of.text(leg, "from"), destination=of.text(leg, "to"), via=of.words(leg, "via"),
+            depart_s=of.instant_s(leg.get("depart")), arrive_s=of.instant_s(leg.get("arrive")),
+            flight_s=of.number(leg, "flight_time_s"), distance_m=of.number(leg, "distance_m"),
+            soc_depart=of.share(leg, "soc_depart"), soc_arrive=of.share(leg, "soc_arrive"),
+            ground_speed_mps=of.number(leg, "ground_speed_mps"), p_reserve=of.share(leg, "p_reserve"),
+        )
         for leg in of.tables(planned, "legs")
     ]  # fmt: skip
     stops = [
-        {
-            "station": of.text(stop, "station"), "arrive_s": of.instant_s(stop.get("arrive")),
-            "leave_s": of.instant_s(stop.get("leave")), "wait_s": of.number(stop, "wait_s"),
-            "charge_s": of.number(stop, "recharge_s"), "soc_from": of.share(stop, "soc_from"),
-            "soc_to": of.share(stop, "soc_to"),
-        }
+        PlannedStop(
+            station=of.text(stop, "station"), arrive_s=of.instant_s(stop.get("arrive")),
+            leave_s=of.instant_s(stop.get("leave")), wait_s=of.number(stop, "wait_s"),
+            charge_s=of.number(stop, "recharge_s"), soc_from=of.share(stop, "soc_from"),
+            soc_to=of.share(stop, "soc_to"),
+        )
         for stop in of.tables(planned, "stops")
     ]  # fmt: skip
     stations = {}
     for name, station in of.table(planned, "stations").items():
         if isinstance(station, dict) and (at := of.place(station.get("lat"), station.get("lon"))) is not None:
-            stations[str(name)[: of.LONGEST]] = {"lat": at[0], "lon": at[1], "name": of.text(station, "name")}
-    keys = ("cruise_height_m", "climb_rate_mps", "descent_rate_mps", "airspeed_mps")
-    return {"legs": legs, "stops": stops, "stations": stations} | {key: of.number(planned, key) for key in keys}
+            stations[str(name)[: of.LONGEST]] = Station(*at, of.text(station, "name"))
+    return Planned(
+        legs=legs,
+        stops=stops,
+        stations=stations,
+        cruise_height_m=of.number(planned, "cruise_height_m"),
+        climb_rate_mps=of.number(planned, "climb_rate_mps"),
+        descent_rate_mps=of.number(planned, "descent_rate_mps"),
+        airspeed_mps=of.number(planned, "airspeed_mps"),
+    )
 
 
-def _totals(
-    records: tuple[Record, ...], planned: dict[str, Any], legs: list[dict[str, Any]], stops: list[dict[str, Any]]
-) -> dict[str, Any]:
+def _totals(records: tuple[Record, ...], planned: dict[str, Any], legs: list[FlownLeg], stops: list[Stop]) -> Totals:
     """Return times and charges of the whole, planned and actual."""
-    begun, last_s = of.instant_s(planned.get("depart")), of.instant_s(records[-1].time)
-    took_off = next((leg["depart_s"] for leg in legs), None)
-    flown = [leg["flight_s"] for leg in legs if leg["flight_s"] is not None]
-    lowest = [leg["soc_land"] for leg in legs if leg["soc_land"] is not None]
+    last_s = of.instant_s(records[-1].time)
+    took_off = legs[0].depart_s if legs else None
+    flown = [leg.flight_s for leg in legs if leg.flight_s is not None]
     arrival = of.table(planned, "arrival")
-    return {
-        "planned": {
-            "depart_s": begun, "delivery_s": of.number(planned, "delivery_time_s"),
-            "flight_s": of.number(planned, "flight_time_s"), "wait_s": of.number(planned, "wait_time_s"),
-            "charge_s": of.number(planned, "recharge_time_s"), "lowest_soc": of.share(planned, "min_soc"),
-            "flights": len({stop["station"] for stop in of.tables(planned, "stops") if "station" in stop}) + 1
-            if of.tables(planned, "legs") else None,
-            "arrive_mean_s": of.instant_s(arrival.get("mean")),
-            "arrive_p50_s": of.instant_s(arrival.get("p50")), "arrive_p95_s": of.instant_s(arrival.get("p95")),
-        },
-        "actual": {
-            "depart_s": took_off,
-            "delivery_s": None if took_off is None or last_s is None else last_s - took_off,
-            "flight_s": sum(flown) if flown else None,
-            "wait_s": sum(stop["wait_s"] for stop in stops),
-            "charge_s": sum(stop["charge_s"] for stop in stops),
-            "lowest_soc": min(lowest) if lowest else None,
-            "flights": len(legs),
-        },
-    }  # fmt: skip
+    landings = {of.text(stop, "station") for stop in of.tables(planned, "stops") if "station" in stop}
+    return Totals(
+        planned=PlannedTimes(
+            depart_s=of.instant_s(planned.get("depart")),
+            delivery_s=of.number(planned, "delivery_time_s"),
+            flight_s=of.number(planned, "flight_time_s"),
+            wait_s=of.number(planned, "wait_time_s"),
+            charge_s=of.number(planned, "recharge_time_s"),
+            lowest_soc=of.share(planned, "min_soc"),
+            flights=len(landings) + 1 if of.tables(planned, "legs") else None,
+            arrive_mean_s=of.instant_s(arrival.get("mean")),
+            arrive_p50_s=of.instant_s(arrival.get("p50")),
+            arrive_p95_s=of.instant_s(arrival.get("p95")),
+        ),
+        actual=Times(
+            depart_s=took_off,
+            delivery_s=None if took_off is None or last_s is None else last_s - took_off,
+            flight_s=sum(flown) if flown else None,
+            wait_s=sum(stop.wait_s for stop in stops),
+            charge_s=sum(stop.charge_s for stop in stops),
+            lowest_soc=min((leg.soc_land for leg in legs if leg.soc_land is not None), default=None),
+            flights=len(legs),
+        ),
+    )
 
 
-def _legs(records: tuple[Record, ...], series: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the flights: what was planned at the take-off, and what came of it."""
-    legs: list[dict[str, Any]] = []
+def _legs(records: tuple[Record, ...], series: Series) -> list[FlownLeg]:
+    """Return the flights."""
+    legs: list[FlownLeg] = []
     for at_s, record in of.timed(records):
-        data = record.data
-        if record.event == "leg":
-            legs.append(
-                {
-                    "flight": record.flight, "from": of.text(data, "origin"), "to": of.text(data, "destination"),
-                    "via": of.words(data, "via"), "depart_s": at_s, "land_s": None, "landed_at": None,
-                    "as_planned": None, "planned_s": of.number(data, "planned_s"), "flight_s": None,
-                    "soc_depart": of.share(data, "soc"), "planned_soc": of.share(data, "planned_soc"),
-                    "soc_land": None, "used_soc": None, "modelled_soc": None, "diverts": of.words(data, "diverts"),
-                    "ground_speed_mps": of.number(data, "ground_speed_mps"), "way": of.places(data, "way"),
-                    "forecast": {
-                        "words": of.forecast_words(of.table(data, "wind"), ""), "origin": of.text(data, "wind_origin"),
-                    },
-                }
+        if begun := record.told(entries.LegBegun):
+            legs.append(_leg_begun(at_s, record, begun))
+        elif not legs:
+            continue
+        elif (landed := record.told(entries.Landed)) and legs[-1].land_s is None:
+            legs[-1] = replace(
+                legs[-1], land_s=at_s, landed_at=landed.standing.station, as_planned=landed.planned,
+                flight_s=landed.flight_s, soc_land=landed.soc,
             )  # fmt: skip
-        elif record.event == "landed" and legs and legs[-1]["land_s"] is None:
-            legs[-1] |= {
-                "land_s": at_s, "landed_at": of.text(data, "station"), "as_planned": of.truth(data, "planned"),
-                "flight_s": of.number(data, "flight_s"), "soc_land": of.share(data, "soc"),
-            }  # fmt: skip
-        elif record.event == "energy" and legs and legs[-1]["flight"] == record.flight:
-            legs[-1] |= {"used_soc": of.number(data, "used_soc"), "modelled_soc": of.number(data, "modelled_soc")}
-    for leg in legs:
-        leg["wind"] = {"forecast": leg.pop("forecast")} | wind_errors(series, leg["depart_s"], leg["land_s"])
-        leg["most_cross_track_m"] = _largest(series["track"], "cross_track_m", leg["depart_s"], leg["land_s"])
-    return legs
+        elif (learnt := record.told(entries.EnergyLearnt)) and legs[-1].flight == record.flight:
+            legs[-1] = replace(legs[-1], used_soc=learnt.used_soc, modelled_soc=learnt.modelled_soc)
+    return [
+        replace(
+            leg, wind=wind_errors(series, leg.wind, leg.depart_s, leg.land_s),
+            most_cross_track_m=_largest(series.track, "cross_track_m", leg.depart_s, leg.land_s),
+        )
+        for leg in legs
+    ]  # fmt: skip
 
 
-def _largest(track: dict[str, list[Any]], name: str, begin_s: float, end_s: float | None) -> float | None:
+def _leg_begun(at_s: float, record: Record, told: entries.LegBegun) -> FlownLeg:
+    return FlownLeg(
+        flight=record.flight,
+        origin=told.origin,
+        destination=told.destination,
+        via=told.via,
+        depart_s=at_s,
+        planned_s=told.planned_s,
+        soc_depart=told.soc,
+        planned_soc=told.planned_soc,
+        diverts=told.standing.diverts,
+        ground_speed_mps=told.ground_speed_mps,
+        way=told.way,
+        wind=LegWind.expected(told.wind.words(), told.wind_origin),
+    )
+
+
+def _largest(track: Columns, name: str, begin_s: float, end_s: float | None) -> float | None:
     found = [
         value
         for at_s, value in zip(track["time_s"], track[name], strict=True)
@@ -215,100 +482,82 @@ def _largest(track: dict[str, list[Any]], name: str, begin_s: float, end_s: floa
     return max(found, default=None)
 
 
-def _stops(records: tuple[Record, ...]) -> list[dict[str, Any]]:
-    """Return the times on the ground: how long it waited, how long it charged and to what.
+def _stops(records: tuple[Record, ...], start: entries.Start, outcome: Result) -> list[Stop]:
+    """Return the times on the ground.
 
     The start is one where it waited or charged; the customer is none where it was delivered.
     """
     times = [at_s for at_s, _ in of.timed(records)]
     if not times:
         return []
-    stops = [_stop(of.text(of.table(records[0].data, "composition"), "from"), times[0], None)]
+    stops = [Stop(station=of.text(start.composition, "from"), arrive_s=times[0], soc_from=None)]
     entered: tuple[float, str] | None = None
     for at_s, record in of.timed(records):
-        current = stops[-1] if stops[-1]["leave_s"] is None else None
-        if record.event == "landed":
-            stops.append(_stop(of.text(record.data, "station"), at_s, of.share(record.data, "soc")))
-        elif record.event == "leg" and current is not None:
-            current |= {"leave_s": at_s, "soc_to": of.share(record.data, "soc")}
-        elif record.event == "state":
-            _count(current, entered, at_s)
+        stands = stops[-1].leave_s is None
+        if landed := record.told(entries.Landed):
+            stops.append(Stop(station=landed.standing.station, arrive_s=at_s, soc_from=landed.soc))
+        elif (begun := record.told(entries.LegBegun)) and stands:
+            stops[-1] = replace(stops[-1], leave_s=at_s, soc_to=begun.soc)
+        elif record.event == entries.StateEntered.EVENT:
+            if stands:
+                stops[-1] = _counted(stops[-1], entered, at_s)
             entered = (at_s, record.state)
-        elif record.event == "track" and current is not None and current["soc_from"] is None:
-            current["soc_from"] = of.share(record.data, "soc")
-    if stops[-1]["leave_s"] is None:
-        _count(stops[-1], entered, times[-1])
-        if len(stops) > 1 and _outcome(records)["delivered"]:
+        elif stands and stops[-1].soc_from is None and (point := record.told(entries.Tracked)):
+            stops[-1] = replace(stops[-1], soc_from=point.soc)
+    if stops[-1].leave_s is None:
+        stops[-1] = _counted(stops[-1], entered, times[-1])
+        if len(stops) > 1 and outcome.delivered:
             stops.pop()
-    first = stops[0]
-    return stops if first["wait_s"] + first["charge_s"] > 0.0 else stops[1:]
+    return stops if stops[0].wait_s + stops[0].charge_s > 0.0 else stops[1:]
 
 
-def _stop(station: str | None, arrive_s: float, soc: float | None) -> dict[str, Any]:
-    return {
-        "station": station, "arrive_s": arrive_s, "leave_s": None, "wait_s": 0.0, "charge_s": 0.0, "soc_from": soc,
-        "soc_to": None,
-    }  # fmt: skip
-
-
-def _count(stop: dict[str, Any] | None, entered: tuple[float, str] | None, until_s: float) -> None:
+def _counted(stop: Stop, entered: tuple[float, str] | None, until_s: float) -> Stop:
     """Add the time in a state to the stop it was spent at."""
-    key = {"waiting-for-pad": "wait_s", "charging": "charge_s"}.get(entered[1]) if entered else None
-    if stop is not None and entered is not None and key is not None:
-        stop[key] += max(until_s - max(entered[0], stop["arrive_s"]), 0.0)
+    if entered is None:
+        return stop
+    spent_s = max(until_s - max(entered[0], stop.arrive_s), 0.0)
+    if entered[1] == "waiting-for-pad":
+        return replace(stop, wait_s=stop.wait_s + spent_s)
+    return replace(stop, charge_s=stop.charge_s + spent_s) if entered[1] == "charging" else stop
 
 
-def _decision(at_s: float, record: Record) -> dict[str, Any]:
-    figures = {
-        key: value
-        for key in record.data
-        if key not in ("action", "where") and (value := of.number(record.data, key)) is not None
-    }
-    return {
-        "time_s": at_s, "flight": record.flight, "state": record.state, "action": of.text(record.data, "action"),
-        "where": of.text(record.data, "where"), "reason": record.reason, "new_plan": of.truth(record.data, "new_plan"),
-        "figures": figures,
-    }  # fmt: skip
-
-
-def _plans(records: tuple[Record, ...]) -> list[dict[str, Any]]:
-    """Return the plans that came into force, each as its route."""
+def _plans(records: tuple[Record, ...]) -> list[PlanInForce]:
+    """Return the plans that came into force."""
     found = []
-    for at_s, record in _of(records, "plan"):
-        legs = of.tables(of.table(record.data, "plan"), "legs")
+    for at_s, record, told in _of(records, entries.PlanTaken):
+        legs = of.tables(told.plan or {}, "legs")
         route = [of.text(legs[0], "from") or "unknown"] if legs else []
         for leg in legs:
             route += [f"({name})" for name in of.words(leg, "via")] + [of.text(leg, "to") or "unknown"]
-        found.append({"time_s": at_s, "reason": record.reason, "route": route})
+        found.append(PlanInForce(time_s=at_s, reason=record.reason, route=route))
     return found
 
 
-def _preflight(at_s: float, record: Record) -> dict[str, Any]:
-    checks = [
-        {key: of.text(check, key) for key in ("name", "verdict", "said")} for check in of.tables(record.data, "checks")
-    ]
-    return {"time_s": at_s, "flight": record.flight, "reason": record.reason, "checks": checks}
-
-
-def _contingencies(records: tuple[Record, ...]) -> list[dict[str, Any]]:
+def _contingencies(records: tuple[Record, ...]) -> list[Contingency]:
     """Return what was not meant to happen: diverts, lost links, foreign commands, reboots, resumes."""
     found = []
-    landings = [at_s for at_s, record in of.timed(records) if record.event == "landed"]
+    landings = [at_s for at_s, record in of.timed(records) if record.event == entries.Landed.EVENT]
     for at_s, record in of.timed(records):
-        data, event = record.data, record.event
-        foreign = event == "change" and of.truth(data, "ours") is False
-        if foreign and data.get("after") == "disarmed" and any(abs(at_s - t) <= _LANDING_S for t in landings):
+        event, changed = record.event, record.told(entries.Changed)
+        foreign = changed is not None and changed.ours is False
+        if (
+            changed is not None
+            and foreign
+            and changed.after == "disarmed"
+            and any(abs(at_s - t) <= _LANDING_S for t in landings)
+        ):
             continue  # an autopilot disarms itself when it has landed
-        turned = event == "decision" and data.get("action") in ("divert", "land", "stop")
-        entered = event == "state" and data.get("after") in ("lost-link", "holding", "diverting", *END_WORDS[1:])
-        if foreign or turned or entered or event in ("turn", "reboot", "link", "resume"):
-            found.append({"time_s": at_s, "flight": record.flight, "event": event, "reason": record.reason})
+        decided, entered = record.told(entries.Decided), record.told(entries.StateEntered)
+        turned = decided is not None and decided.action in ("divert", "land", "stop")
+        apart = entered is not None and entered.after in ("lost-link", "holding", "diverting", *END_WORDS[1:])
+        if foreign or turned or apart or event in ("turn", "reboot", "link", "resume"):
+            found.append(Contingency(time_s=at_s, flight=record.flight, event=event, reason=record.reason))
     return found[:_MAX_ROWS]
 
 
-def _events(records: tuple[Record, ...]) -> list[dict[str, Any]]:
+def _events(records: tuple[Record, ...]) -> list[Event]:
     return [
-        {"n": record.n, "time_s": at_s, "state": record.state, "event": record.event, "flight": record.flight,
-         "reason": record.reason}
-        for at_s, record in of.timed(records) if record.event not in _QUIET
-    ][:_MAX_ROWS]  # fmt: skip
+        Event(n=r.n, time_s=at_s, state=r.state, event=r.event, flight=r.flight, reason=r.reason)
+        for at_s, r in of.timed(records)
+        if r.event not in _QUIET
+    ][:_MAX_ROWS]

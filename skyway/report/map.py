@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 from skyway.report.svg import nice_step, safe, swatch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from skyway.report.document import FlightReport, FlownLeg, PlannedLeg
+    from skyway.report.series import Columns
 
 WIDTH, _LEAST, _MOST = 640.0, 360.0, 760.0
 _MARGIN = 0.09
@@ -20,6 +23,13 @@ _AWAY = frozenset({"divert", "land", "station", "stop"})
 """Decisions that send it elsewhere."""
 
 Place = tuple[float, float]
+
+
+class Zone(NamedTuple):
+    """A no-fly zone: its rings as (lat, lon)."""
+
+    name: str
+    rings: list[list[Place]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,15 +71,15 @@ def framed(places: Sequence[Place]) -> Frame:
     return Frame(lat, lon, left, top, scale, height)
 
 
-def drawn_map(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> str:
+def drawn_map(document: FlightReport, zones: list[Zone] | None) -> str:
     """Return the map with its legend, as HTML.
 
     Parameters
     ----------
-    document : dict
-        The document of the flight.
-    zones : list of dict, optional
-        No-fly zones, each ``name`` and ``rings`` of (lat, lon); None where they are not known.
+    document : FlightReport
+        What was planned and what happened.
+    zones : list of Zone, optional
+        No-fly zones; None where they are not known.
     """
     drawn = map_picture(document, zones)
     if drawn is None:
@@ -86,20 +96,20 @@ def drawn_map(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> s
     )
 
 
-def map_picture(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> tuple[str, float] | None:
+def map_picture(document: FlightReport, zones: list[Zone] | None) -> tuple[str, float] | None:
     """Return what stands inside the picture, `WIDTH` wide, and its height; None where no position is known."""
-    stations = document["planned"]["stations"]
+    stations = document.planned.stations
     tracks = _tracks(document)
     ways = _planned_ways(document)
     route = _on_route(document)
-    on_route = [(at["lat"], at["lon"]) for name, at in stations.items() if name in route]
+    on_route = [(at.lat, at.lon) for name, at in stations.items() if name in route]
     everything = [at for way in (*tracks, *ways) for at in way] + on_route
     if not everything:
         return None
     frame = framed(everything)
     parts = _zones(frame, zones)
     parts += [f'<path class="line planned" d="{frame.path(way)}"/>' for way in ways if len(way) > 1]
-    uploaded = [leg["way"] for leg in document["legs"] if len(leg["way"]) > 1]
+    uploaded = [leg.way for leg in document.legs if len(leg.way) > 1]
     parts += [f'<path class="line expected" d="{frame.path(way)}"/>' for way in uploaded]
     parts += [f'<path class="line actual" d="{frame.path(track)}"/>' for track in tracks if len(track) > 1]
     parts += _turns(frame, document)
@@ -108,7 +118,7 @@ def map_picture(document: dict[str, Any], zones: list[dict[str, Any]] | None) ->
     return "".join(parts), frame.height
 
 
-def map_entries(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> list[tuple[str, str]]:
+def map_entries(document: FlightReport, zones: list[Zone] | None) -> list[tuple[str, str]]:
     """Return the legend: words, and the CSS class of the mark."""
     found = [
         ("first plan", "line planned"), ("route as uploaded", "line expected"), ("flown", "line actual"),
@@ -116,8 +126,8 @@ def map_entries(document: dict[str, Any], zones: list[dict[str, Any]] | None) ->
     ]  # fmt: skip
     diverts, route = _diverts(document), _on_route(document)
     found += [("divert station", "station divert")] if diverts - route else []
-    found += [("other station", "station other")] if set(document["planned"]["stations"]) - route - diverts else []
-    decided = {d["action"] for d in document["decisions"] if d["where"] == "flight"}
+    found += [("other station", "station other")] if set(document.planned.stations) - route - diverts else []
+    decided = {d.action for d in document.decisions if d.where == "flight"}
     if decided - _AWAY:
         found.append(("decision in flight", "turn-mark"))
     if decided & _AWAY:
@@ -125,31 +135,28 @@ def map_entries(document: dict[str, Any], zones: list[dict[str, Any]] | None) ->
     return [*found, ("no-fly zone", "zone")] if zones else found
 
 
-def _on_route(document: dict[str, Any]) -> set[str]:
-    return {name for leg in (*document["planned"]["legs"], *document["legs"]) for name in _names(leg)}
+def _on_route(document: FlightReport) -> set[str | None]:
+    legs: list[PlannedLeg | FlownLeg] = [*document.planned.legs, *document.legs]
+    return {name for leg in legs for name in (leg.origin, leg.destination, *leg.via)}
 
 
-def _diverts(document: dict[str, Any]) -> set[str]:
-    return {name for leg in document["legs"] for name in leg["diverts"]}
+def _diverts(document: FlightReport) -> set[str]:
+    return {name for leg in document.legs for name in leg.diverts}
 
 
-def _names(leg: dict[str, Any]) -> list[str]:
-    return [leg["from"], leg["to"], *leg["via"]]
-
-
-def _planned_ways(document: dict[str, Any]) -> list[list[Place]]:
-    stations = document["planned"]["stations"]
+def _planned_ways(document: FlightReport) -> list[list[Place]]:
+    stations = document.planned.stations
     found = []
-    for leg in document["planned"]["legs"]:
-        names = [leg["from"], *leg["via"], leg["to"]]
-        found.append([(at["lat"], at["lon"]) for name in names if (at := stations.get(name)) is not None])
+    for leg in document.planned.legs:
+        names = [leg.origin, *leg.via, leg.destination]
+        found.append([(at.lat, at.lon) for name in names if (at := stations.get(name or "")) is not None])
     return found
 
 
-def _tracks(document: dict[str, Any]) -> list[list[Place]]:
+def _tracks(document: FlightReport) -> list[list[Place]]:
     """Return the flown track, in one piece per flight."""
-    series = document["series"]
-    columns = series["log"] or series["track"]
+    series = document.series
+    columns = series.log or series.track
     flights = columns.get("flight") or [0] * len(columns["time_s"])
     found: dict[int, list[Place]] = {}
     for flight, lat, lon in zip(flights, columns["lat"], columns["lon"], strict=True):
@@ -158,28 +165,28 @@ def _tracks(document: dict[str, Any]) -> list[list[Place]]:
     return [way[:: max(math.ceil(len(way) / _MAX_TRACK), 1)] + way[-1:] for way in found.values()]
 
 
-def _zones(frame: Frame, zones: list[dict[str, Any]] | None) -> list[str]:
+def _zones(frame: Frame, zones: list[Zone] | None) -> list[str]:
     parts = []
     for zone in zones or ():
-        path = "".join(frame.path(ring) + "Z" for ring in zone["rings"])
-        parts.append(f'<path class="zone" d="{path}"><title>no-fly zone {safe(zone["name"])}</title></path>')
+        path = "".join(frame.path(ring) + "Z" for ring in zone.rings)
+        parts.append(f'<path class="zone" d="{path}"><title>no-fly zone {safe(zone.name)}</title></path>')
     return parts
 
 
-def _turns(frame: Frame, document: dict[str, Any]) -> list[str]:
+def _turns(frame: Frame, document: FlightReport) -> list[str]:
     """Mark where something was decided in flight, at the position told next to that time."""
-    track = document["series"]["track"]
+    track = document.series.track
     parts = []
-    for decision in document["decisions"]:
-        if decision["where"] != "flight":
+    for decision in document.decisions:
+        if decision.where != "flight":
             continue
-        at = _position(track, decision["time_s"])
+        at = _position(track, decision.time_s)
         if at is not None:
             x, y = frame.xy(at)
-            away = decision["action"] in _AWAY
+            away = decision.action in _AWAY
             shape = "M0 -7L7 6H-7Z" if away else "M0 -5L5 0L0 5L-5 0Z"
             kind = "turn-away" if away else "turn-mark"
-            words = f"{decision['action']}: {decision['reason']}"
+            words = f"{decision.action}: {decision.reason}"
             parts.append(
                 f'<g class="fixed" transform="translate({x:.1f} {y:.1f})"><path class="{kind}" d="{shape}">'
                 f"<title>{safe(words)}</title></path></g>"
@@ -187,7 +194,7 @@ def _turns(frame: Frame, document: dict[str, Any]) -> list[str]:
     return parts
 
 
-def _position(track: dict[str, list[Any]], at_s: float) -> Place | None:
+def _position(track: Columns, at_s: float) -> Place | None:
     rows = [i for i, lat in enumerate(track["lat"]) if lat is not None and track["lon"][i] is not None]
     if not rows:
         return None
@@ -195,22 +202,22 @@ def _position(track: dict[str, list[Any]], at_s: float) -> Place | None:
     return track["lat"][nearest], track["lon"][nearest]
 
 
-def _stations(frame: Frame, document: dict[str, Any], route: set[str]) -> list[str]:
+def _stations(frame: Frame, document: FlightReport, route: set[str | None]) -> list[str]:
     """Draw the stations; those of the route with their names, the others with theirs under the pointer."""
-    landed = {leg["landed_at"] for leg in document["legs"] if leg["landed_at"]}
+    landed = {leg.landed_at for leg in document.legs if leg.landed_at}
     parts = []
     taken: list[tuple[float, float, float]] = []
     diverts = _diverts(document)
     ordered = sorted(
-        document["planned"]["stations"].items(),
+        document.planned.stations.items(),
         key=lambda item: (item[0] not in landed, item[0] not in route, item[0] not in diverts),
     )
     for name, station in ordered:
-        x, y = frame.xy((station["lat"], station["lon"]))
+        x, y = frame.xy((station.lat, station.lon))
         if not (0.0 <= x <= WIDTH and 0.0 <= y <= frame.height):
             continue
         kind = "landed" if name in landed else "passed" if name in route else "divert" if name in diverts else "other"
-        title = f"{name}: {station['name']}" if station["name"] else name
+        title = f"{name}: {station.name}" if station.name else name
         text = ""
         if kind != "other":
             wide = _LABEL_PX * len(name) + 12.0

@@ -1,9 +1,9 @@
-"""Flight report as one self-contained HTML page, made from ``skyway.flight/1``."""
+"""The report of a flight as one page that needs nothing else: made from the struct `FlightReport` alone."""
 
 from __future__ import annotations
 
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from skyway import __version__
 from skyway.models.base.formatting import (
@@ -23,29 +23,33 @@ from skyway.report.svg import safe
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from skyway.report.document import FlightReport
+    from skyway.report.map import Zone
+    from skyway.report.series import WindExpected, WindFound
+
 _MAX_EVENTS = 2_000
 _ENDS = {
     "delivered": "Delivered",
     "stopped-safe": "Not delivered: stopped, safe on the ground",
     "landed-elsewhere": "Not delivered: landed away from a station",
     "crashed": "Not delivered: crashed",
-    "left-to-itself": "Not delivered: left to the vehicle's own failsafes",
+    "left-to-itself": "Not delivered: left to the drone's own failsafes",
 }
 
 
-def page(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> str:
+def page(document: FlightReport, zones: list[Zone] | None) -> str:
     """Return the page.
 
     Parameters
     ----------
-    document : dict
-        ``skyway.flight/1``.
-    zones : list of dict, optional
-        No-fly zones for the map, see `drawn_map`; None where they are not known.
+    document : FlightReport
+        What was planned and what happened.
+    zones : list of Zone, optional
+        No-fly zones for the map; None where they are not known.
     """
     template = page_template()
-    delivery = document["delivery"]
-    title = f"{_headline(document)}: {delivery['from'] or UNKNOWN} to {delivery['to'] or UNKNOWN}"
+    delivery = document.delivery
+    title = f"{_headline(document)}: {delivery.origin or UNKNOWN} to {delivery.destination or UNKNOWN}"
     body = "\n".join(
         (
             _head(document),
@@ -88,72 +92,72 @@ def rows(head: Sequence[str], body: Iterable[Sequence[str]], kinds: str) -> str:
     return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
 
 
-def _headline(document: dict[str, Any]) -> str:
-    outcome = document["outcome"]
-    if not outcome["ended"]:
-        return f"Not ended: the journal breaks off while {outcome['state']}"
-    return _ENDS.get(outcome["state"], f"Ended in state {outcome['state']}")
+def _headline(document: FlightReport) -> str:
+    outcome = document.outcome
+    if not outcome.ended:
+        return f"Not ended: the journal breaks off in the state {outcome.state}"
+    return _ENDS.get(outcome.state, f"Ended in state {outcome.state}")
 
 
-def _head(document: dict[str, Any]) -> str:
-    delivery, outcome = document["delivery"], document["outcome"]
-    planned, actual = document["totals"]["planned"], document["totals"]["actual"]
-    good = "good" if outcome["delivered"] else "bad"
-    what = [delivery["drone_name"] or delivery["drone"] or "drone unknown", mass_text(delivery["payload_kg"])]
-    what += [f"planner {delivery['planner'] or UNKNOWN}", delivery["vehicle"] or "vehicle unknown"]
-    if outcome["resumed"]:
-        what.append(f"resumed {outcome['resumed']} times")
-    where = f"at {outcome['station']}" if outcome["station"] else "station unknown"
+def _head(document: FlightReport) -> str:
+    delivery, outcome = document.delivery, document.outcome
+    planned, actual = document.totals.planned, document.totals.actual
+    good = "good" if outcome.delivered else "bad"
+    what = [delivery.drone_name or delivery.drone or "drone unknown", mass_text(delivery.payload_kg)]
+    what += [f"planner {delivery.planner or UNKNOWN}", delivery.vehicle or "vehicle unknown"]
+    if outcome.resumed:
+        what.append(f"resumed {outcome.resumed} times")
+    where = f"at {outcome.station}" if outcome.station else "station unknown"
     lines = (
         ("until the end", "delivery_s", counter), ("in flight", "flight_s", counter), ("waiting for pads", "wait_s", counter),
         ("charging", "charge_s", counter), ("flights", "flights", lambda n: UNKNOWN if n is None else f"{n}"),
         ("lowest charge at a landing", "lowest_soc", percent),
     )  # fmt: skip
     cells = "".join(
-        f"<div><dt>{name}</dt><dd><b>{safe(show(actual[key]))}</b><span>typical schedule {safe(show(planned[key]))}</span></dd></div>"
+        f"<div><dt>{name}</dt><dd><b>{safe(show(getattr(actual, key)))}</b><span>typical schedule {safe(show(getattr(planned, key)))}</span></dd></div>"
         for name, key, show in lines
     )
-    last = document["outcome"]["time"]
+    last = document.outcome.time
     return (
         f'<header><span class="badge {good}">{safe(_headline(document))}</span>'
-        f"<h1>{safe(delivery['from'] or UNKNOWN)} to {safe(delivery['to'] or UNKNOWN)}</h1>"
-        f"<p>{safe(outcome['reason'] or 'no reason recorded')} ({safe(where)}, {safe(last[:10])} {safe(last[11:19])} UTC)</p>"
+        f"<h1>{safe(delivery.origin or UNKNOWN)} to {safe(delivery.destination or UNKNOWN)}</h1>"
+        f"<p>{safe(outcome.reason or 'no reason recorded')} ({safe(where)}, {safe(last[:10])} {safe(last[11:19])} UTC)</p>"
         f"<p><b>{safe(_expectation(document))}</b></p>"
         f'<p class="soft">{safe(", ".join(what))}</p><dl class="totals">{cells}</dl></header>'
     )
 
 
-def _expectation(document: dict[str, Any]) -> str:
+def _expectation(document: FlightReport) -> str:
     """Say how long it took beside what was expected: on average, and by when half and 95 % of such deliveries arrive."""
-    planned, actual = document["totals"]["planned"], document["totals"]["actual"]
-    arrives = [planned[f"arrive_{name}_s"] for name in ("mean", "p50", "p95")]
-    begun = planned["depart_s"]
-    if begun is None or None in arrives:
+    planned, actual = document.totals.planned, document.totals.actual
+    arrives = (planned.arrive_mean_s, planned.arrive_p50_s, planned.arrive_p95_s)
+    begun, known = planned.depart_s, [at_s for at_s in arrives if at_s is not None]
+    if begun is None or len(known) < len(arrives):
         return "The expected time is unknown."
-    mean, half, most = (duration(at_s - begun) for at_s in arrives)
-    took = actual["delivery_s"] if document["outcome"]["delivered"] else None
+    mean, half, most = (duration(at_s - begun) for at_s in known)
+    took = actual.delivery_s if document.outcome.delivered else None
     arrived = "It did not arrive" if took is None else f"It took {duration(took)}"
     return f"{arrived}; expected at the first plan: {mean} on average, half within {half}, 95 % within {most}."
 
 
-def _story(document: dict[str, Any]) -> str:
+def _story(document: FlightReport) -> str:
     """Return what differed from the plan, in short: decisions that changed something, and what was not meant to happen."""
-    changed = [d for d in document["decisions"] if d["new_plan"] or d["action"] not in ("continue", "speed", None)]
-    lines = [(d["time_s"], f"{d['action'] or 'decided'}: {d['reason'] or 'no reason recorded'}") for d in changed]
-    for event in document["contingencies"]:
-        words = event["reason"] or event["event"]
-        told_already = any(d["reason"] and d["reason"] in words and d["time_s"] == event["time_s"] for d in changed)
-        if event["event"] != "decision" and not told_already:
-            lines.append((event["time_s"], words))
-    speeds = sum(1 for d in document["decisions"] if d["action"] == "speed")
+    changed = [d for d in document.decisions if d.new_plan or d.action not in ("continue", "speed", None)]
+    lines = [(d.time_s, f"{d.action or 'decided'}: {d.reason or 'no reason recorded'}") for d in changed]
+    for event in document.contingencies:
+        words = event.reason or event.event
+        told_already = any(d.reason and d.reason in words and d.time_s == event.time_s for d in changed)
+        if event.event != "decision" and not told_already:
+            lines.append((event.time_s, words))
+    speeds = sum(1 for d in document.decisions if d.action == "speed")
     told = rows(("at", "what and why"), [(utc_clock(at_s), text) for at_s, text in sorted(lines)], "tw")
     if not lines:
         told = '<p class="none">Nothing: the first plan was flown.</p>'
     sent = "once" if speeds == 1 else f"{speeds} times"
-    return _section("What changed on the way", f"{told}<p class='soft'>The ground speed was sent again {sent}.</p>")
+    return _section("What changed on the way", f"{told}<p class='soft'>The ground speed was changed {sent}.</p>")
 
 
-def _figures(document: dict[str, Any]) -> str:
+def _figures(document: FlightReport) -> str:
     found = charts(document)
     return (
         f'<div class="charts">{"".join(chart.drawn() for chart in found)}</div>'
@@ -162,7 +166,7 @@ def _figures(document: dict[str, Any]) -> str:
     )
 
 
-def _legs(document: dict[str, Any]) -> str:
+def _legs(document: FlightReport) -> str:
     head = (
         "",
         "from",
@@ -179,27 +183,30 @@ def _legs(document: dict[str, Any]) -> str:
         "diverts",
     )
     body = []
-    for leg in document["legs"]:
-        to = " > ".join([*(f"({name})" for name in leg["via"]), leg["to"] or UNKNOWN])
-        if leg["land_s"] is None:
+    for leg in document.legs:
+        to = " > ".join([*(f"({name})" for name in leg.via), leg.destination or UNKNOWN])
+        if leg.land_s is None:
             to += ", no landing recorded"
-        elif leg["as_planned"] is False or leg["landed_at"] != leg["to"]:
-            to += f", landed at {leg['landed_at'] or 'an unknown place'}"
+        elif leg.as_planned is False or leg.landed_at != leg.destination:
+            to += f", landed at {leg.landed_at or 'an unknown place'}"
         body.append(
             (
-                str(leg["flight"]), leg["from"] or UNKNOWN, to, utc_clock(leg["depart_s"]), counter(leg["flight_s"]),
-                f"({counter(leg['planned_s'])})", percent(leg["soc_depart"]), percent(leg["soc_land"]),
-                f"({percent(leg['planned_soc'])})", percent(leg["used_soc"]), f"({percent(leg['modelled_soc'])})",
-                distance_text(leg["most_cross_track_m"]), ", ".join(leg["diverts"]) or "none told",
+                str(leg.flight), leg.origin or UNKNOWN, to, utc_clock(leg.depart_s), counter(leg.flight_s),
+                f"({counter(leg.planned_s)})", percent(leg.soc_depart), percent(leg.soc_land),
+                f"({percent(leg.planned_soc)})", percent(leg.used_soc), f"({percent(leg.modelled_soc)})",
+                distance_text(leg.most_cross_track_m), ", ".join(leg.diverts) or "none",
             )
         )  # fmt: skip
     return rows(head, body, "nswtnnnnnnnns")
 
 
-def _winds(document: dict[str, Any]) -> str:
-    def told(wind: dict[str, Any] | None, without: str = UNKNOWN) -> str:
-        origin = "" if wind is None or not wind.get("origin") else f" ({wind['origin']})"
-        return without if wind is None or wind["words"] is None else f"{wind['words']}{origin}"
+def _winds(document: FlightReport) -> str:
+    def told(wind: WindFound | None, without: str = UNKNOWN) -> str:
+        return without if wind is None or wind.words is None else wind.words
+
+    def expected(wind: WindExpected) -> str:
+        origin = f" ({wind.origin})" if wind.origin else ""
+        return UNKNOWN if wind.words is None else f"{wind.words}{origin}"
 
     head = (
         "flight",
@@ -212,10 +219,10 @@ def _winds(document: dict[str, Any]) -> str:
     )
     body = [
         (
-            str(leg["flight"]), told(wind["forecast"]), told(wind["estimate"], "not measured"), speed_text(wind["estimate_sigma_mps"]),
-            told(wind["truth"]), speed_text(wind["forecast_rms_mps"]), speed_text(wind["estimate_rms_mps"]),
+            str(leg.flight), expected(wind.forecast), told(wind.estimate, "not measured"), speed_text(wind.estimate_sigma_mps),
+            told(wind.truth), speed_text(wind.forecast_rms_mps), speed_text(wind.estimate_rms_mps),
         )
-        for leg in document["legs"] for wind in (leg["wind"],)
+        for leg in document.legs for wind in (leg.wind,)
     ]  # fmt: skip
     note = (
         "Mean speed (10 to 90 %) and prevailing direction of each flight; errors: root mean square of the difference to "
@@ -224,55 +231,52 @@ def _winds(document: dict[str, Any]) -> str:
     return rows(head, body, "nttntnn") + f'<p class="soft">{note}</p>'
 
 
-def _stops(document: dict[str, Any]) -> str:
-    planned = {stop["station"]: stop for stop in document["planned"]["stops"]}
+def _stops(document: FlightReport) -> str:
+    planned = {stop.station: stop for stop in document.planned.stops}
     head = ("station", "landed", "left", "waited", "typical", "charged for", "typical", "charge", "typical")
     body = []
-    for stop in document["stops"]:
-        was = planned.get(stop["station"])
+    for stop in document.stops:
+        was = planned.get(stop.station)
         body.append(
             (
-                stop["station"] or UNKNOWN, utc_clock(stop["arrive_s"]), utc_clock(stop["leave_s"]), counter(stop["wait_s"]),
-                "no stop" if was is None else counter(was["wait_s"]), counter(stop["charge_s"]),
-                "no stop" if was is None else counter(was["charge_s"]),
-                f"{percent(stop['soc_from'])} > {percent(stop['soc_to'])}",
-                "no stop" if was is None else f"{percent(was['soc_from'])} > {percent(was['soc_to'])}",
+                stop.station or UNKNOWN, utc_clock(stop.arrive_s), utc_clock(stop.leave_s), counter(stop.wait_s),
+                "no stop" if was is None else counter(was.wait_s), counter(stop.charge_s),
+                "no stop" if was is None else counter(was.charge_s),
+                f"{percent(stop.soc_from)} > {percent(stop.soc_to)}",
+                "no stop" if was is None else f"{percent(was.soc_from)} > {percent(was.soc_to)}",
             )
         )  # fmt: skip
     return rows(head, body, "tttnnnnnn")
 
 
-def _decisions(document: dict[str, Any]) -> str:
+def _decisions(document: FlightReport) -> str:
     body = [
         (
-            utc_clock(d["time_s"]), str(d["flight"]), d["where"] or UNKNOWN, d["action"] or UNKNOWN, d["reason"] or "none told",
-            percent(d["figures"].get("soc")), percent(d["figures"].get("soc_land", d["figures"].get("planned_soc"))),
+            utc_clock(d.time_s), str(d.flight), d.where or UNKNOWN, d.action or UNKNOWN, d.reason or "none",
+            percent(d.figures.get("soc")), percent(d.figures.get("soc_land", d.figures.get("planned_soc"))),
         )
-        for d in document["decisions"]
+        for d in document.decisions
     ]  # fmt: skip
-    return rows(("at", "flight", "on", "decided", "because", "charge", "needs or lands with"), body, "tnttwnn")
+    return rows(("at", "flight", "on", "decided", "because", "charge", "charge needed, or at landing"), body, "tnttwnn")
 
 
-def _plans(document: dict[str, Any]) -> str:
-    body = [
-        (utc_clock(p["time_s"]), " > ".join(p["route"]) or "no plan", p["reason"] or "none told")
-        for p in document["plans"]
-    ]
+def _plans(document: FlightReport) -> str:
+    body = [(utc_clock(p.time_s), " > ".join(p.route) or "no plan", p.reason or "none") for p in document.plans]
     return rows(("at", "route", "because"), body, "tww")
 
 
-def _preflights(document: dict[str, Any]) -> str:
+def _preflights(document: FlightReport) -> str:
     parts = []
-    for entry in document["preflights"]:
+    for entry in document.preflights:
         lines = [
-            f'<tr><td class="t">{safe(check["name"] or UNKNOWN)}</td>'
-            f'<td class="t {_verdict(check["verdict"])}">{safe(check["verdict"] or UNKNOWN)}</td>'
-            f'<td class="w">{safe(check["said"] or "")}</td></tr>'
-            for check in entry["checks"]
+            f'<tr><td class="t">{safe(check.name or UNKNOWN)}</td>'
+            f'<td class="t {_verdict(check.verdict)}">{safe(check.verdict or UNKNOWN)}</td>'
+            f'<td class="w">{safe(check.said or "")}</td></tr>'
+            for check in entry.checks
         ]
         parts.append(
-            f"<details><summary>{utc_clock(entry['time_s'])}, before flight {entry['flight'] + 1}: "
-            f"{safe(entry['reason'] or UNKNOWN)}</summary>"
+            f"<details><summary>{utc_clock(entry.time_s)}, before flight {entry.flight + 1}: "
+            f"{safe(entry.reason or UNKNOWN)}</summary>"
             f'<div class="wide"><table><tbody>{"".join(lines)}</tbody></table></div></details>'
         )
     return "".join(parts) or '<p class="none">none</p>'
@@ -282,27 +286,23 @@ def _verdict(verdict: str | None) -> str:
     return verdict if verdict in ("ok", "no") else "unknown"
 
 
-def _events(document: dict[str, Any]) -> str:
-    events = document["events"]
-    body = [
-        (str(e["n"]), utc_clock(e["time_s"]), e["state"], e["event"], e["reason"] or "") for e in events[:_MAX_EVENTS]
-    ]
+def _events(document: FlightReport) -> str:
+    events = document.events
+    body = [(str(e.n), utc_clock(e.time_s), e.state, e.event, e.reason or "") for e in events[:_MAX_EVENTS]]
     more = "" if len(events) <= _MAX_EVENTS else f"<p>{len(events) - _MAX_EVENTS} more are in the journal.</p>"
     table = rows(("n", "at", "state", "event", "what"), body, "ntttw")
     return f"<details><summary>{len(events)} events, telemetry left out</summary>{table}{more}</details>"
 
 
-def _foot(document: dict[str, Any]) -> str:
-    sources = document["sources"]
-    told = [f"journal {sources['journal']}"]
-    told += [f"recording {name}" for name in sources["logs"]]
-    if sources["plan"]:
-        told.append(f"plan {sources['plan']}")
-    known = document["delivery"]["forecast"]
-    members = known.get("members")
-    if isinstance(members, int):
+def _foot(document: FlightReport) -> str:
+    sources = document.sources
+    told = [] if sources is None else [f"journal {sources.journal}", *(f"recording {name}" for name in sources.logs)]
+    if sources is not None and sources.plan:
+        told.append(f"plan {sources.plan}")
+    members = document.delivery.forecast.members
+    if members is not None:
         told.append(f"forecast of {members} members")
     return (
-        f"<footer>Made by skyway {safe(__version__)} from {safe(', '.join(told))}. Times are UTC, winds are where they come from. "
+        f"<footer>Made by skyway {safe(__version__)} from {safe(', '.join(told))}. Times are UTC; wind directions are those the wind comes from. "
         "Values missing in the journal are shown as unknown.</footer>"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.report import map as chart_of_places
@@ -14,13 +14,16 @@ from skyway.report.svg import BROAD, HEIGHT, safe, swatch
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from skyway.report.document import FlightReport
+    from skyway.report.map import Zone
+
 _SHOWN = 2
 """Charge and wind: the first of the charts."""
 _ROW, _CHAR = 24.0, 7.2
 _MAP_SHARE = 0.36
 
 
-def picture(document: dict[str, Any], zones: list[dict[str, Any]] | None) -> str:
+def picture(document: FlightReport, zones: list[Zone] | None) -> str:
     """Return the picture.
 
     Raises

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
     from skyway.models.scenario.scenario import Scenario
+    from skyway.report.document import FlightReport
+    from skyway.report.map import Zone
 
 
-def flight(journal: Path, *, logs: Sequence[Path] = (), plan: Path | None = None) -> dict[str, Any]:
+def flight(journal: Path, *, logs: Sequence[Path] = (), plan: Path | None = None) -> FlightReport:
     """Return what was planned and what happened, as ``skyway.flight/1``.
 
     Parameters
@@ -28,21 +30,18 @@ def flight(journal: Path, *, logs: Sequence[Path] = (), plan: Path | None = None
     InputError
         A file cannot be read, or is not what it should be.
     """
+    from msgspec.structs import replace
+
     from skyway.link.supervisor import read_journal
     from skyway.models.composition.file import load, to_json
-    from skyway.report.document import flight_document
+    from skyway.report.document import Sources, flight_report
     from skyway.report.series import log_series
 
     records = read_journal(journal).records
-    document = flight_document(records, None if plan is None else to_json(load(plan)))
-    if logs:
-        document["series"]["log"] = log_series(logs)
-    document["sources"] = {
-        "journal": journal.name,
-        "logs": [log.name for log in logs],
-        "plan": None if plan is None else plan.name,
-    }
-    return document
+    document = flight_report(records, None if plan is None else to_json(load(plan)))
+    series = replace(document.series, log=log_series(logs)) if logs else document.series
+    sources = Sources(journal=journal.name, logs=[log.name for log in logs], plan=None if plan is None else plan.name)
+    return replace(document, series=series, sources=sources)
 
 
 def write_report(
@@ -54,7 +53,7 @@ def write_report(
     scenario: Scenario | None = None,
     plot: Path | None = None,
     force: bool = False,
-) -> dict[str, Any]:
+) -> FlightReport:
     """Write the report of a flight as one page that needs no other file; returns what it was made of.
 
     Parameters
@@ -90,29 +89,33 @@ def write_report(
     return document
 
 
-def _built_in(document: dict[str, Any]) -> Scenario | None:
+def _built_in(document: FlightReport) -> Scenario | None:
     """Return the built-in scenario, if the plan was made in it; None where its scenario is not at hand.
 
     No path out of the journal is opened: it may come from anybody.
     """
     from skyway.scenarios import BUILT_IN, load_scenario
 
-    told = document["delivery"]["scenario"]
-    if told["path"] != BUILT_IN:
+    told = document.delivery.scenario
+    if told.path != BUILT_IN:
         return None
     scenario = load_scenario(None)
-    return scenario if scenario.sha256 == told["sha256"] else None
+    return scenario if scenario.sha256 == told.sha256 else None
 
 
-def _add_stations(document: dict[str, Any], scenario: Scenario) -> None:
+def _add_stations(document: FlightReport, scenario: Scenario) -> None:
     """Put the other stations of the scenario beside those that the plan names."""
-    known = document["planned"]["stations"]
+    from skyway.report.document import Station
+
+    known = document.planned.stations
     for station in scenario.network.stations:
-        known.setdefault(station.id, {"lat": station.lat, "lon": station.lon, "name": station.name})
+        known.setdefault(station.id, Station(station.lat, station.lon, station.name))
 
 
-def _zones(scenario: Scenario) -> list[dict[str, Any]]:
+def _zones(scenario: Scenario) -> list[Zone]:
     """Return the no-fly zones that the plan knew."""
+    from skyway.report.map import Zone
+
     zones = scenario.network.zones
     if zones is None:
         return []
@@ -120,5 +123,5 @@ def _zones(scenario: Scenario) -> list[dict[str, Any]]:
     for name, shape in zip(zones.names, zones.polygons, strict=True):
         parts = getattr(shape, "geoms", [shape])
         rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
-        found.append({"name": name, "rings": [[(lat, lon) for lon, lat, *_ in ring.coords] for ring in rings]})
+        found.append(Zone(name, [[(lat, lon) for lon, lat, *_ in ring.coords] for ring in rings]))
     return found

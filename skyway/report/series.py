@@ -5,55 +5,117 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from skyway.report import fields as of
+import msgspec
+
+from skyway.link.supervisor.journal import entries
+from skyway.link.supervisor.journal import fields as of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from skyway.link.supervisor.journal import Record
+    from skyway.link.supervisor.journal.file import Record
 
-_QUANTITIES = (
-    "height_m", "ground_speed_mps", "power_w", "forecast_north_mps", "forecast_east_mps", "wind_north_mps",
-    "wind_east_mps", "wind_sigma_mps", "believed_north_mps", "believed_east_mps", "left_s", "late_s", "cross_track_m",
-    "commanded_mps", "energy_factor", "forecast_mean_mps", "forecast_p10_mps", "forecast_p90_mps", "forecast_from_deg",
-    "believed_mean_mps",
+Columns = dict[str, list[Any]]
+"""Values over time by name, all of one length; None is not known."""
+_PLAIN = (
+    "lat", "lon", "height_m", "ground_speed_mps", "power_w", "forecast_north_mps", "forecast_east_mps", "soc",
 )  # fmt: skip
-_MEASURED = frozenset({"wind_north_mps", "wind_east_mps", "wind_sigma_mps"})
-_SHARES = ("soc", "soc_land", "planned_soc_land", "p_below_reserve")
+_EXPECTED = (
+    "believed_north_mps", "believed_east_mps", "left_s", "late_s", "cross_track_m", "commanded_mps", "energy_factor",
+    "soc_land", "planned_soc_land", "p_below_reserve",
+)  # fmt: skip
+_MEASURED = ("wind_north_mps", "wind_east_mps", "wind_sigma_mps")
 _SAME_S = 10.0
 """A truth no further away in time than this belongs to an estimate."""
 
 
-def series_of(records: tuple[Record, ...]) -> dict[str, Any]:
-    """Return columns: ``track`` (the vehicle's telemetry and the filter) and ``truth`` (of a simulation)."""
-    track: dict[str, list[Any]] = {"time_s": [], "flight": [], "lat": [], "lon": [], "air": []}
-    track |= {name: [] for name in (*_QUANTITIES, *_SHARES)}
-    true: dict[str, list[Any]] = {"time_s": [], "wind_north_mps": [], "wind_east_mps": [], "soc": []}
-    for at_s, record in of.timed(records):
-        data = record.data
-        if record.event == "track":
-            at = of.place(data.get("lat"), data.get("lon")) or (None, None)
-            track["time_s"].append(at_s)
-            track["flight"].append(record.flight)
-            track["lat"].append(at[0])
-            track["lon"].append(at[1])
-            track["air"].append(of.truth(data, "landed") is False)
-            unmeasured = of.measured_words(data) is None  # the filter tells its forecast where nothing was measured
-            for name in _QUANTITIES:
-                known = None if unmeasured and name in _MEASURED else of.number(data, name)
-                track[name].append(known)
-            for name in _SHARES:
-                track[name].append(of.share(data, name))
-        elif record.event == "truth":
-            true["time_s"].append(at_s)
-            true["wind_north_mps"].append(of.number(data, "wind_north_mps"))
-            true["wind_east_mps"].append(of.number(data, "wind_east_mps"))
-            true["soc"].append(of.share(data, "soc"))
-    return {"track": track, "truth": true, "log": None}
+class Series(msgspec.Struct, frozen=True, kw_only=True):
+    """The courses of a flight.
+
+    Attributes
+    ----------
+    track : dict
+        The vehicle's telemetry and the filter.
+    truth : dict
+        What really blew, of a simulation.
+    log : dict or None
+        Telemetry of recordings, finer than the journal's.
+    """
+
+    track: Columns
+    truth: Columns
+    log: Columns | None = None
 
 
-def log_series(paths: Sequence[Path]) -> dict[str, list[Any]]:
+class WindFound(msgspec.Struct, frozen=True, kw_only=True):
+    """Winds of a flight in the figures and words that every wind is told in."""
+
+    north_mps: float
+    east_mps: float
+    mean_mps: float | None
+    p10_mps: float | None
+    p90_mps: float | None
+    from_deg: float | None
+    sector_share: float | None
+    words: str
+
+
+class WindExpected(msgspec.Struct, frozen=True, kw_only=True):
+    """Winds expected at a take-off, in words, and where they come from."""
+
+    words: str | None
+    origin: str | None
+
+
+class LegWind(msgspec.Struct, frozen=True, kw_only=True):
+    """Winds of a flight: expected, estimated, true; how far the first two were from the truth (RMS of the vector)."""
+
+    forecast: WindExpected
+    estimate: WindFound | None = None
+    estimate_sigma_mps: float | None = None
+    truth: WindFound | None = None
+    estimate_rms_mps: float | None = None
+    forecast_rms_mps: float | None = None
+
+    @classmethod
+    def expected(cls, words: str | None, origin: str | None) -> LegWind:
+        """Return what is known at the take-off."""
+        return cls(forecast=WindExpected(words=words, origin=origin))
+
+
+def series_of(records: tuple[Record, ...]) -> Series:
+    """Return the courses that a journal tells."""
+    track = [row for at_s, record in of.timed(records) if (row := _track_row(at_s, record)) is not None]
+    truth = [
+        {"time_s": at_s, "wind_north_mps": told.wind_north_mps, "wind_east_mps": told.wind_east_mps, "soc": told.soc}
+        for at_s, record in of.timed(records)
+        if (told := record.told(entries.Truth)) is not None
+    ]
+    names = ("time_s", "flight", "air", *_PLAIN, *_EXPECTED, *_MEASURED, "forecast_mean_mps", "forecast_p10_mps",
+             "forecast_p90_mps", "forecast_from_deg", "believed_mean_mps")  # fmt: skip
+    return Series(
+        track={name: [row[name] for row in track] for name in names},
+        truth={name: [row[name] for row in truth] for name in ("time_s", "wind_north_mps", "wind_east_mps", "soc")},
+    )
+
+
+def _track_row(at_s: float, record: Record) -> dict[str, Any] | None:
+    """Values of a ``track`` record; None of another."""
+    told = record.told(entries.Tracked)
+    if told is None:
+        return None
+    place = of.place(told.lat, told.lon) or (None, None)
+    row: dict[str, Any] = {"time_s": at_s, "flight": record.flight, "air": told.landed is False}
+    row |= {name: getattr(told, name) for name in _PLAIN} | dict(zip(("lat", "lon"), place, strict=True))
+    row |= {name: getattr(told.expected, name) for name in _EXPECTED}
+    unmeasured = told.measured_words() is None  # the filter tells its forecast where nothing was measured
+    row |= {name: None if unmeasured else getattr(told, name) for name in _MEASURED}
+    row |= {f"forecast_{name}": getattr(told.forecast, name) for name in ("mean_mps", "p10_mps", "p90_mps", "from_deg")}
+    return row | {"believed_mean_mps": told.believed.mean_mps}
+
+
+def log_series(paths: Sequence[Path]) -> Columns:
     """Return the columns of recordings, a row a second: finer than the journal's.
 
     Raises
@@ -98,25 +160,26 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def wind_errors(series: dict[str, Any], begin_s: float, end_s: float | None) -> dict[str, Any]:
+def wind_errors(series: Series, expected: LegWind, begin_s: float, end_s: float | None) -> LegWind:
     """Return the winds of a flight, and how far estimate and forecast were from the truth (RMS of the vector).
 
     Estimate and truth are summarised as a forecast is: mean speed, 10 and 90 %, prevailing direction.
     """
-    track, truth = series["track"], series["truth"]
+    track, truth = series.track, series.truth
     rows = [
         i for i, at_s in enumerate(track["time_s"])
         if at_s >= begin_s and (end_s is None or at_s <= end_s) and track["wind_north_mps"][i] is not None
     ]  # fmt: skip
-    found: dict[str, Any] = {}
-    found["estimate"] = _summary([(track["wind_north_mps"][i], track["wind_east_mps"][i]) for i in rows])
     sigmas = [s for i in rows if (s := track["wind_sigma_mps"][i]) is not None]
-    found["estimate_sigma_mps"] = sum(sigmas) / len(sigmas) if sigmas else None
-    near = [(i, j) for i, j in _nearest([track["time_s"][i] for i in rows], rows, truth["time_s"])]
-    found["truth"] = _summary([(truth["wind_north_mps"][j], truth["wind_east_mps"][j]) for _, j in near])
-    for name, key in (("wind", "estimate_rms_mps"), ("forecast", "forecast_rms_mps")):
-        found[key] = _rms(track, truth, name, near)
-    return found
+    near = _nearest([track["time_s"][i] for i in rows], rows, truth["time_s"])
+    return LegWind(
+        forecast=expected.forecast,
+        estimate=_summary([(track["wind_north_mps"][i], track["wind_east_mps"][i]) for i in rows]),
+        estimate_sigma_mps=sum(sigmas) / len(sigmas) if sigmas else None,
+        truth=_summary([(truth["wind_north_mps"][j], truth["wind_east_mps"][j]) for _, j in near]),
+        estimate_rms_mps=_rms(track, truth, "wind", near),
+        forecast_rms_mps=_rms(track, truth, "forecast", near),
+    )
 
 
 def _nearest(times: list[float], rows: list[int], true_times: list[float]) -> list[tuple[int, int]]:
@@ -130,7 +193,7 @@ def _nearest(times: list[float], rows: list[int], true_times: list[float]) -> li
     return found
 
 
-def _summary(pairs: list[tuple[Any, Any]]) -> dict[str, Any] | None:
+def _summary(pairs: list[tuple[Any, Any]]) -> WindFound | None:
     """Summarise winds as every wind is; None without any."""
     import numpy as np
 
@@ -140,12 +203,10 @@ def _summary(pairs: list[tuple[Any, Any]]) -> dict[str, Any] | None:
     if not len(known):
         return None
     found = summary_of(known[:, 0], known[:, 1], np.ones(len(known)))
-    return {"north_mps": found.north_mps, "east_mps": found.east_mps, **found.as_data(), "words": str(found)}
+    return WindFound(north_mps=found.north_mps, east_mps=found.east_mps, **found.as_data(), words=str(found))
 
 
-def _rms(
-    track: dict[str, list[Any]], truth: dict[str, list[Any]], name: str, near: list[tuple[int, int]]
-) -> float | None:
+def _rms(track: Columns, truth: Columns, name: str, near: list[tuple[int, int]]) -> float | None:
     squares = []
     for i, j in near:
         values = (

@@ -262,7 +262,7 @@ def test_a_yes_from_a_pipe_is_an_answer_and_all_it_answers_to_stands_before_it(p
         "connecting",
         "home: ok",
         "wind: ok",
-        "diverts on the way",
+        "divert stations on the way",
         "MPC_XY_VEL_MAX 12 > 20",
         "link to us lost",
         "EDT",

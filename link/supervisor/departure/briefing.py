@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from skyway.link.supervisor.departure.parameter_changes import told
+from skyway.link.supervisor.journal.entries import Briefed, CheckDone, ParameterToSet, Waiting, winds
 from skyway.models.base.formatting import duration, percent, zone_clock
 
 if TYPE_CHECKING:
@@ -37,8 +38,8 @@ class Checklist:
         """Take an entry; time passes, so that the operator and the vehicle are heard between two of them."""
         if self._verdicts.get(check.name) != check.verdict:
             self._verdicts[check.name] = check.verdict
-            data = {"name": check.name, "verdict": check.verdict, "said": check.said, "waits": check.waits}
-            self._ctx.note("check", str(check), **data)
+            entry = CheckDone(name=check.name, verdict=check.verdict, said=check.said, waits=check.waits)
+            self._ctx.note(entry, str(check))
         self._ctx.tick(0.0)
         return check
 
@@ -49,7 +50,7 @@ class Checklist:
             return
         self._reminded_s = now
         left_s = max(left_s, 0.0)
-        self._ctx.note("waits", f"waits for {reason} (at most {duration(left_s)} more)", left_s=left_s)
+        self._ctx.note(Waiting(left_s=left_s), f"waiting for at most {duration(left_s)} more: {reason}")
 
 
 def brief(ctx: Context, leg: Leg) -> None:
@@ -62,15 +63,23 @@ def brief(ctx: Context, leg: Leg) -> None:
         _flight_line(ctx, leg),
         *_delivery_lines(ctx),
         f"wind on the way: {wind} ({ctx.wind.origin})",
-        f"diverts on the way: {', '.join(leg.diverts)}",
+        f"divert stations on the way: {', '.join(leg.diverts)}",
     ]
     lines += told(changes, restored=ctx.job.restore_parameters)
     if first:
-        lines += ["by itself the vehicle does:", *(f"  {line}" for line in alone)]
+        lines += ["what the drone does by itself:", *(f"  {line}" for line in alone)]
+    to_set = tuple(ParameterToSet(name=one.name, now=one.before, then=one.after, why=one.why) for one in changes)
     ctx.note(
-        "briefing", lines[0], lines=lines, diverts=list(leg.diverts), by_itself=alone, wind=wind.as_data(), wind_origin=ctx.wind.origin,
-        parameters=[{"name": s.name, "now": s.before, "then": s.after, "why": s.why} for s in changes],
-    )  # fmt: skip
+        Briefed(
+            lines=tuple(lines),
+            diverts=leg.diverts,
+            by_itself=tuple(alone),
+            wind=winds(wind),
+            wind_origin=ctx.wind.origin,
+            parameters=to_set,
+        ),
+        lines[0],
+    )
     for line in lines:
         ctx.tell(line)
 
@@ -82,8 +91,8 @@ def _flight_line(ctx: Context, leg: Leg) -> str:
     kept = f" (reserve {percent(ctx.job.request.reserve_soc)})"
     via = f" over {', '.join(leg.via)}" if leg.via else ""
     return (
-        f"leg {number} of {number + left - 1}: {leg.origin} > {leg.destination}{via}, on average {duration(leg.planned_s)}, "
-        f"from {percent(ctx.battery.soc)} to {percent(leg.planned_soc)}{kept}"
+        f"leg {number} of {number + left - 1}: {leg.origin} > {leg.destination}{via}, {duration(leg.planned_s)} on average, "
+        f"charge {percent(ctx.battery.soc)} to {percent(leg.planned_soc)}{kept}"
     )
 
 

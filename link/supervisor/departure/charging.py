@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.link.pads import ManualPads
+from skyway.link.supervisor.journal.entries import CounterSet, PadAnswered
 from skyway.link.supervisor.observed.link_watch import ask
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import CommandRefusedError
@@ -34,19 +35,19 @@ def waiting(ctx: Context) -> After:
         except PadServiceError as error:
             if str(error) != said:
                 said = str(error)
-                ctx.note("pad", said, answer="refused")
-                ctx.tell(f"pads: {said}")
+                ctx.note(PadAnswered(answer="refused"), said)
+                ctx.tell(f"no pad at {ctx.delivery.station} yet: {said}. Asked again every {duration(POLL_S)}")
         else:
             if told.state in ("charging", "done"):
                 _note_pad(ctx, told)
-                return State.CHARGING, f"on a pad of {ctx.delivery.station}"
-            line = f"waits for a pad at {ctx.delivery.station}, {told.place_in_line} before it"
+                return State.CHARGING, f"on a pad at {ctx.delivery.station}"
+            line = f"waiting for a pad at {ctx.delivery.station}, {told.place_in_line} before it in line. Nothing to do"
             if line != said:
                 said = line
                 _note_pad(ctx, told)
                 ctx.tell(line)
         if ctx.now_s > begun_s + REDECIDE_S:
-            return State.REPLANNING, f"no pad for {duration(REDECIDE_S)}: think again"
+            return State.REPLANNING, f"no pad was free for {duration(REDECIDE_S)}: decide again"
         ctx.wait_until(ctx.now_s + POLL_S)
 
 
@@ -58,18 +59,21 @@ def charging(ctx: Context) -> After:
     while True:
         _hear_charged(ctx)
         if isinstance(ctx.pads, ManualPads) and not ctx.conversation.attended:
-            return State.STOPPED, f"it must be charged at {ctx.delivery.station}, and nobody is there to say charged"
+            return (
+                State.STOPPED,
+                f"the battery must be charged at {ctx.delivery.station}, and nobody is there to type charged",
+            )
         try:
             told = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, target)
         except PadServiceError as error:
-            ctx.note("pad", str(error), answer="refused")
+            ctx.note(PadAnswered(answer="refused"), str(error))
             return State.REPLANNING, f"charging ended: {error}"
         if told.state == "waiting":
-            return State.WAITING, "it lost its pad"
+            return State.WAITING, "the pad was taken from the drone: wait for another"
         if told.soc is not None and not 0.0 <= told.soc <= 1.0:
-            told = _doubted(ctx, told, "is no state of charge")
+            told = _doubted(ctx, told, "not a state of charge")
         if told.soc is not None and ctx.now_s < begun_s + _least_s(ctx, soc, told.soc):
-            told = _doubted(ctx, told, "no charger is so fast")
+            told = _doubted(ctx, told, "faster than any charger")
         if told.soc is not None:
             if not compared:
                 compared = True
@@ -96,7 +100,7 @@ def _least_s(ctx: Context, before: float, after: float) -> float:
 
 def _doubted(ctx: Context, told: DroneOnPad, why: str) -> DroneOnPad:
     """What is left of an answer that cannot be: the pad is ours, and nothing else is known."""
-    ctx.note("pad", f"the pad says {told.soc}: {why}; asked again", answer="doubted", soc=told.soc)
+    ctx.note(PadAnswered(answer="doubted", soc=told.soc), f"the pad reports {told.soc}: {why}; asked again")
     return DroneOnPad(drone=told.drone, state="charging", to_soc=told.to_soc)
 
 
@@ -105,7 +109,7 @@ def _hear_charged(ctx: Context) -> None:
     while isinstance(ctx.pads, ManualPads) and (said := ctx.conversation.next_word()) is not None:
         word, _, percent = said.partition(" ")
         if word != "charged":
-            ctx.operator.ask("say charged when it is done")
+            ctx.operator.ask("not understood. Type charged when the battery is charged, or charged 83 for 83 %")
             continue
         known = percent.strip(" %").replace(".", "", 1).isdigit()
         ctx.pads.charged(
@@ -123,13 +127,18 @@ def _reset_counter(ctx: Context, soc: float | None) -> None:
     except CommandRefusedError:
         ctx.wait(2.0)
         return
-    ctx.note("battery", f"the vehicle's counter was set to {percent(soc)}", soc=soc, reported=reported)
+    ctx.note(CounterSet(soc=soc, reported=reported), f"the battery counter of the drone was set to {percent(soc)}")
     if math.isfinite(reported):
         ctx.battery.counter_set(ctx.now_s, reported)
 
 
 def _note_pad(ctx: Context, told: DroneOnPad) -> None:
-    ctx.note(
-        "pad", f"{told.state} at {ctx.delivery.station}", answer=told.state, soc=told.soc, to_soc=told.to_soc,
-        place_in_line=told.place_in_line, pad_free_s=told.pad_free_s, done_s=told.done_s,
-    )  # fmt: skip
+    answer = PadAnswered(
+        answer=told.state,
+        soc=told.soc,
+        to_soc=told.to_soc,
+        place_in_line=told.place_in_line,
+        pad_free_s=told.pad_free_s,
+        done_s=told.done_s,
+    )
+    ctx.note(answer, f"{told.state} at {ctx.delivery.station}")

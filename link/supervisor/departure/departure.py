@@ -12,10 +12,11 @@ from skyway.link.supervisor.departure.parameter_changes import apply
 from skyway.link.supervisor.departure.preflight import run_checks
 from skyway.link.supervisor.flight.crash import crashed
 from skyway.link.supervisor.flight.pilot_intervention import refuse_foreign
+from skyway.link.supervisor.journal.entries import Checked, LegBegun, ListDone, OperatorNote, StartNote, Uploaded, winds
+from skyway.link.supervisor.journal.standing import standing
 from skyway.link.supervisor.legs import Leg, plan_leg, with_places
 from skyway.link.supervisor.observed.link_watch import must_answer, unanswered
 from skyway.link.supervisor.soc.modelled_use import ModelledUse
-from skyway.link.supervisor.standing import standing
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base.errors import CommandRefusedError, LinkError, VehicleTimeoutError
 from skyway.models.base.formatting import duration, percent
@@ -42,7 +43,7 @@ STARTS = 3
 def next_service(ctx: Context, speed_mps: float | None = None) -> DroneService:
     """Return the leg to be flown next, with its divert stations and the ground speed that the wind gives, or this one."""
     if ctx.delivery.plan is None or not ctx.delivery.plan.services:
-        raise Turn(State.STOPPED, "there is no plan from here")
+        raise Turn(State.STOPPED, _no_plan(ctx))
     service = ctx.delivery.plan.services[0]
     if speed_mps is not None:
         return replace(service, diverts=ctx.delivery.diverts, ground_speed_mps=speed_mps)
@@ -53,11 +54,15 @@ def next_service(ctx: Context, speed_mps: float | None = None) -> DroneService:
     return replace(service, diverts=ctx.delivery.diverts, ground_speed_mps=round(speed, 2))
 
 
+def _no_plan(ctx: Context) -> str:
+    return f"no plan leads on from {ctx.delivery.station or 'here'}: make one from there, and fly it"
+
+
 def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService, LegMission]:
     """Make the mission of the next leg."""
     service = next_service(ctx, speed_mps)
     if ctx.delivery.plan is None:
-        raise Turn(State.STOPPED, "there is no plan from here")
+        raise Turn(State.STOPPED, _no_plan(ctx))
     job = ctx.job
     plan = replace(
         with_places(ctx.delivery.plan, job.scenario, service.diverts),
@@ -79,8 +84,8 @@ def preflight(ctx: Context) -> After:
             if isinstance(error, VehicleTimeoutError):
                 unanswered(ctx, error)
             if waited_s >= (UNKNOWN_PATIENCE_S if isinstance(error, VehicleTimeoutError) else CHECK_PATIENCE_S):
-                return State.STOPPED, f"preflight: {error}"
-            shown.waits(f"the list is not finished: {error}", CHECK_PATIENCE_S - waited_s)
+                return State.STOPPED, f"not ready for take-off: {error}"
+            shown.waits(f"the checks are not finished: {error}", CHECK_PATIENCE_S - waited_s)
             ctx.wait(CHECK_AGAIN_S)
             continue
         wrong = [check for check in checks if not check.ok]
@@ -94,17 +99,18 @@ def preflight(ctx: Context) -> After:
             break
         shown.waits("; ".join(map(str, wrong)), patience_s - waited_s)
         ctx.wait(CHECK_AGAIN_S)
-    data = [{"name": c.name, "verdict": c.verdict, "said": c.said} for c in checks]
-    ctx.note("preflight", "; ".join(map(str, wrong)) or "all in order", checks=data, failsafes=ctx.failsafes.values)
+    told = tuple(Checked(name=one.name, verdict=one.verdict, said=one.said) for one in checks)
+    reason = "; ".join(map(str, wrong)) or "all checks passed"
+    ctx.note(ListDone(checks=told, failsafes=ctx.failsafes.values), reason)
     if not wrong:
-        return State.UPLOADING, "preflight in order"
-    return _after_preflight(ctx, wrong[0], "; ".join(map(str, wrong)), service)
+        return State.UPLOADING, reason
+    return _after_preflight(ctx, wrong[0], reason, service)
 
 
 def _after_preflight(ctx: Context, first: Check, reason: str, service: DroneService) -> After:
-    """Plan anew where another station, more charge or another hour helps; else stop: what is not known is no reason to fly."""
+    """Plan again where another station, more charge or another hour helps; else stop: what is not known is no reason to fly."""
     if first.verdict == "unknown":
-        return State.STOPPED, f"preflight: {reason}"
+        return State.STOPPED, f"not ready for take-off: {reason}"
     if first.name == "attitude":
         return State.CRASHED, first.said
     if first.name == "pads":
@@ -113,7 +119,7 @@ def _after_preflight(ctx: Context, first: Check, reason: str, service: DroneServ
     if first.name in ("battery", "wind"):
         ctx.wait(REPLAN_AGAIN_S)
         return State.REPLANNING, reason
-    return State.STOPPED, f"preflight: {reason}"
+    return State.STOPPED, f"not ready for take-off: {reason}"
 
 
 def uploading(ctx: Context) -> After:
@@ -127,7 +133,8 @@ def uploading(ctx: Context) -> After:
     for kind, part in parts:
         reason = _upload(ctx, kind, part)
         if reason:
-            return State.STOPPED, f"the {kind.word} could not be uploaded: {reason}"
+            remedy = "Check the radio link, then continue with --resume"
+            return State.STOPPED, f"the {kind.word} could not be uploaded: {reason}. {remedy}"
     ctx.vehicle.changes()  # what we have just sent
     ctx.delivery.take_leg(_new_leg(ctx, service, leg))
     return State.READY, f"the leg to {service.destination} is uploaded and verified"
@@ -146,7 +153,7 @@ def _upload(ctx: Context, kind: MissionKind, part: Part | None) -> str:
             reason = str(error)
         else:
             reason = "" if outcome.verified else str(outcome)
-            ctx.note("upload", str(outcome), part=kind.word, verified=outcome.verified, attempts=outcome.attempts)
+            ctx.note(Uploaded(part=kind.word, verified=outcome.verified, attempts=outcome.attempts), str(outcome))
             if outcome.verified or outcome.state is UploadState.REFUSED:
                 return reason
         must_answer(ctx, f"the {kind.word} could not be uploaded: {reason}")
@@ -175,58 +182,74 @@ def ready(ctx: Context) -> After:
     """Ask before the take-off where that was asked for."""
     leg = ctx.delivery.leg
     if leg is None:
-        return State.PREFLIGHT, "the leg is prepared anew"
+        return State.PREFLIGHT, "the leg must be prepared again"
     job = ctx.job
     brief(ctx, leg)
     must = job.asking == "each" or (job.asking == "once" and not ctx.conversation.asked_once)
     if must or (job.asking != "never" and ctx.parameters.unasked):
         if not ctx.conversation.attended:
-            return State.STOPPED, "nobody is there to allow the take-off (--yes for rehearsals)"
+            return (
+                State.STOPPED,
+                "nobody is there to allow the take-off: run skyway fly at a terminal, or with --yes in a simulation",
+            )
         count = len(ctx.parameters.proposed)
         sets = "" if not count else f"set {count} parameter{'s' if count > 1 else ''} as listed, and "
         question = (
-            f"{sets}take off from {leg.origin} to {leg.destination}: {duration(leg.planned_s)}, landing with about "
-            f"{percent(leg.planned_soc)}; yes or no?"
+            f"{sets}take off from {leg.origin} to {leg.destination}? {duration(leg.planned_s)}, landing with about "
+            f"{percent(leg.planned_soc)} of charge; yes or no?"
         )
         answer = ctx.conversation.answer(ctx, question, ("yes", "y", "no", "n"))
-        ctx.note("operator", f"asked to {question} answered {answer}")
+        ctx.note(OperatorNote(), f"the operator answered {answer} to: {question}")
         if answer.startswith("n"):
-            return State.STOPPED, f"the operator does not allow the take-off to {leg.destination}"
+            return (
+                State.STOPPED,
+                f"the operator said no to the take-off to {leg.destination}; the drone stays at {leg.origin}, disarmed",
+            )
         ctx.conversation.allow()
         if ctx.battery.soc < (ctx.delivery.charge_to or 0.0) - 0.03:
-            return State.REPLANNING, "the charge has fallen while waiting for the operator"
+            return State.REPLANNING, "the charge has fallen while the answer was waited for: decide again"
     if ctx.conversation.stays:
-        return State.STOPPED, f"the operator asked to stay at {ctx.delivery.station}"
+        return State.STOPPED, f"stopped at {ctx.delivery.station} as asked: the drone stands disarmed"
     try:
         apply(ctx)
     except LinkError as error:
-        return State.STOPPED, f"a parameter that the leg to {leg.destination} needs could not be set: {error}"
-    return State.ARMING, f"to {leg.destination}"
+        return State.STOPPED, f"a parameter that the leg to {leg.destination} needs was not set: {error}"
+    return State.ARMING, f"ready to take off to {leg.destination}"
 
 
 def arming(ctx: Context) -> After:
     """Arm and start, until it is in the air."""
     leg = ctx.delivery.leg
     if leg is None or ctx.delivery.plan is None:
-        return State.PREFLIGHT, "the leg is prepared anew"
+        return State.PREFLIGHT, "the leg must be prepared again"
     ctx.wait(FRESH_S)
     ctx.delivery.begin_flight()
     ctx.lean.begin()
     leg.begin(ctx.now_s, ctx.battery.soc, ctx.battery.told_soc)
     ctx.battery.begin_flight(charged=ctx.delivery.charged)
     ctx.note(
-        "leg", f"flight {ctx.delivery.flight}: {leg.origin} to {leg.destination}",
-        origin=leg.origin, destination=leg.destination, via=list(leg.via),
-        planned_s=leg.planned_s, planned_soc=leg.planned_soc,
-        wind=ctx.wind.on_way(leg.mission.way, ctx.now_s, leg.planned_s).as_data(), wind_origin=ctx.wind.origin,
-        soc=ctx.battery.soc, told_soc=ctx.battery.told_soc, ground_speed_mps=leg.commanded_mps,
-        way=[list(point) for point in leg.mission.way], last=leg.last, **standing(ctx),
-    )  # fmt: skip
+        LegBegun(
+            origin=leg.origin,
+            destination=leg.destination,
+            via=leg.via,
+            way=leg.mission.way,
+            planned_s=leg.planned_s,
+            planned_soc=leg.planned_soc,
+            wind=winds(ctx.wind.on_way(leg.mission.way, ctx.now_s, leg.planned_s)),
+            wind_origin=ctx.wind.origin,
+            soc=ctx.battery.soc,
+            told_soc=ctx.battery.told_soc,
+            ground_speed_mps=leg.commanded_mps,
+            last=leg.last,
+            standing=standing(ctx),
+        ),
+        f"flight {ctx.delivery.flight}: {leg.origin} to {leg.destination}",
+    )
     problem = _start(ctx)
     if problem and not ctx.in_air:
         return _disarmed(ctx, f"the take-off to {leg.destination} failed: {problem}")
     ctx.delivery.take_off()
-    return State.FLYING, f"in the air to {leg.destination}"
+    return State.FLYING, f"in the air, on the way to {leg.destination}"
 
 
 def _start(ctx: Context) -> str:
@@ -244,19 +267,18 @@ def _start(ctx: Context) -> str:
     end = ctx.clock.now_s() + ARM_PATIENCE_S
     while tries < STARTS:
         if ctx.conversation.stays:
-            return "the operator asked to stay"
+            return "the operator asked the drone to stay"
         try:
             ctx.vehicle.start()
             tries += 1
-            problem = "it does not take off"
+            problem = f"it was started and is not in the air after {duration(TAKE_OFF_S)}"
         except LinkError as error:
             refused = isinstance(error, CommandRefusedError)
             tries += int(not refused or ctx.clock.now_s() >= end)
             if isinstance(error, VehicleTimeoutError):
                 unanswered(ctx, error)
             elif str(error) != problem:
-                ctx.note("start", str(error))
-                ctx.tell(str(error))
+                ctx.say(StartNote(), f"the drone does not start: {error}")
             problem = str(error)
             ctx.wait(2.0)
             if not ctx.vehicle.armed:
@@ -284,7 +306,7 @@ def _disarmed(ctx: Context, reason: str) -> After:
         try:
             ctx.vehicle.disarm()
         except LinkError as error:
-            ctx.note("start", str(error))
+            ctx.note(StartNote(), f"the drone was not disarmed: {error}")
         ctx.wait(2.0)
     ctx.delivery.not_begun()
     if not ctx.on_ground:

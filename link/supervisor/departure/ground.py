@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.journal.entries import Decided
 from skyway.link.supervisor.legs import with_places
 from skyway.link.supervisor.observed.link_watch import ASK_AGAIN_S, ASK_FOR_S, request_telemetry, unanswered
 from skyway.link.supervisor.progress import UNUSABLE_S
@@ -22,7 +23,7 @@ POLL_S = 10.0
 def replanning(ctx: Context) -> After:
     """Decide where to fly next, with how much charge, and when."""
     if ctx.conversation.stays:
-        return State.STOPPED, f"the operator asked to stay at {ctx.delivery.station}"
+        return State.STOPPED, f"stopped at {ctx.delivery.station} as asked: the drone stands disarmed"
     standing = _standing(ctx)
     planner = ctx.replanner()
     forecast = ctx.wind.forecast(ctx.now_s, now=True)
@@ -31,7 +32,7 @@ def replanning(ctx: Context) -> After:
     else:
         decision = planner.decide(standing, ctx.delivery.plan, forecast, ctx.energy.belief)
     figures = dict(decision.figures) | {"wind_source": ctx.wind.source, "soc_source": ctx.battery.source}
-    ctx.note("decision", decision.reason, action=decision.action, where="ground", **figures)
+    ctx.note(Decided(action=decision.action, where="ground", figures=figures), decision.reason)
     ctx.tell(f"{decision.action}: {decision.reason}")
     if decision.composition is not None:
         ctx.delivery.take_plan(with_places(decision.composition, ctx.job.scenario, decision.diverts))
@@ -41,7 +42,7 @@ def replanning(ctx: Context) -> After:
     ctx.note_plan(decision.reason)
     if decision.action == "wait":
         ctx.wait_until(max(decision.until_s or 0.0, ctx.now_s + POLL_S))
-        return State.REPLANNING, "the wait is over"
+        return State.REPLANNING, "the wait is over: decide again"
     if decision.charge_to is not None:
         return State.WAITING, f"charge to {percent(decision.charge_to)}"
     return State.PREFLIGHT, decision.reason
@@ -52,12 +53,12 @@ def _stopped(ctx: Context, decision: Decision) -> After:
     if not ctx.delivery.unusable:
         return State.STOPPED, decision.reason
     ctx.wait_until(POLL_S + min(ctx.delivery.unusable.values(), default=ctx.now_s) + UNUSABLE_S)
-    return State.REPLANNING, "stations that could not be used may be usable again"
+    return State.REPLANNING, "stations that could not be used are tried again"
 
 
 def _look_again(ctx: Context) -> str:
     """Return where it stands, once that and its charge are known; what is not told is asked for again."""
-    unknown, end = "where the vehicle stands, or its state of charge, is not known", ctx.clock.now_s() + ASK_FOR_S
+    unknown, end = "the drone does not report where it stands, or its state of charge", ctx.clock.now_s() + ASK_FOR_S
     while True:
         station = ctx.delivery.station or ctx.here_station()
         ctx.delivery.stand_at(station)

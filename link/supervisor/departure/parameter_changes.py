@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
+from skyway.link.supervisor.journal.entries import ParameterNote
 from skyway.link.supervisor.observed.link_watch import ask
 from skyway.models.base.errors import CommandRefusedError, LinkError, VehicleTimeoutError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from skyway.link.supervisor.context import Context
-    from skyway.link.supervisor.journal import Record
+    from skyway.link.supervisor.journal.file import Record
     from skyway.link.vehicle.vehicle import Vehicle
 
 _TRIES = 6
@@ -77,20 +80,19 @@ class ParameterChanges:
     def follow(self, records: Iterable[Record]) -> None:
         """Follow the ``parameter`` records of a journal."""
         for record in records:
-            if record.event == "parameter":
-                self.take(record.data)
+            if told := record.told(ParameterNote):
+                self.take(told)
 
-    def take(self, data: Mapping[str, Any]) -> None:
+    def take(self, told: ParameterNote) -> None:
         """Follow a ``parameter`` record of the journal."""
-        name, done = data.get("name"), data.get("done")
-        if not isinstance(name, str):
+        if told.name is None:
             return  # of a journal written before values were kept
-        if done == "setting":
-            self.before.setdefault(name, float(data["before"]))
-            self.ours[name] = float(data["after"])
-        elif done in ("restored", "released"):
-            self.before.pop(name, None)
-            self.ours.pop(name, None)
+        if told.done == "setting" and told.before is not None and told.after is not None:
+            self.before.setdefault(told.name, told.before)
+            self.ours[told.name] = told.after
+        elif told.done in ("restored", "released"):
+            self.before.pop(told.name, None)
+            self.ours.pop(told.name, None)
 
     def words(self) -> str:
         """What is still changed, for a person."""
@@ -104,9 +106,9 @@ def changes_of(records: Iterable[Record]) -> ParameterChanges:
     return found
 
 
-def _note(ctx: Context, name: str, done: str, reason: str, **data: Any) -> None:
-    record = ctx.note("parameter", reason, name=name, done=done, **data)
-    ctx.parameters.take(record.data)
+def _note(ctx: Context, entry: ParameterNote, reason: str) -> None:
+    ctx.note(entry, reason)
+    ctx.parameters.take(entry)
 
 
 def apply(ctx: Context) -> None:
@@ -118,18 +120,14 @@ def apply(ctx: Context) -> None:
         The vehicle refuses one, or does not answer.
     """
     proposed = ctx.parameters.take_proposed()
-    for setting in proposed:
-        _note(
-            ctx, setting.name, "setting", f"{setting.name} is set from {setting.before:g} to {setting.after:g}: {setting.why}",
-            before=setting.before, after=setting.after,
-        )  # fmt: skip
-        ask(ctx, partial(ctx.vehicle.set_parameter, setting.name, setting.after))
-        ctx.note(
-            "parameter", f"{setting.name} {setting.after:g}, read back", name=setting.name, done="set",
-            before=setting.before, after=setting.after,
-        )  # fmt: skip
+    for one in proposed:
+        setting = ParameterNote(name=one.name, done="setting", before=one.before, after=one.after)
+        reason = f"{one.name} is set from {one.before:g} to {one.after:g}: {one.why}"
+        _note(ctx, setting, reason)
+        ask(ctx, partial(ctx.vehicle.set_parameter, one.name, one.after))
+        ctx.note(replace(setting, done="set"), f"{one.name} is {one.after:g}, read back")
     if proposed:
-        ctx.tell(f"{len(proposed)} parameters set and read back")
+        ctx.tell(f"{_count(len(proposed))} set and read back")
 
 
 def restore_all(vehicle: Vehicle, changes: ParameterChanges, tell: Callable[[str, str, str, float], None]) -> str:
@@ -174,7 +172,7 @@ def _restore_once(vehicle: Vehicle, name: str, before: float, ours: float) -> tu
     if _same(now, before):
         return "restored", f"{name} is {before:g} again", now
     if not _same(now, ours):
-        return "released", f"{name} is {now:g}, which this delivery did not set: left as it is", now
+        return "released", f"{name} is {now:g}, which somebody else has set: left as it is", now
     found = vehicle.set_parameter(name, before).value
     return "restored", f"{name} restored from {now:g} to {before:g}", found
 
@@ -191,10 +189,10 @@ def restore_at_end(ctx: Context) -> None:
         return
     count = len(changes.before)
     if not ctx.job.restore_parameters:
-        ctx.tell(f"{_count(count)} stay changed, as asked for: {changes.words()}")
+        ctx.tell(f"{_count(count)} left changed on the drone, as asked: {changes.words()}")
         return
     if not ctx.on_ground:
-        why = "it does not stand disarmed on the ground"
+        why = "the drone does not stand disarmed on the ground"
     else:
         done: list[str] = []
 
@@ -202,13 +200,13 @@ def restore_at_end(ctx: Context) -> None:
             done.append(name)
             if how == "released":
                 ctx.tell(sentence)
-            _note(ctx, name, how, sentence, value=value)
+            _note(ctx, ParameterNote(name=name, done=how, value=value), sentence)
 
         why = restore_all(ctx.vehicle, changes, told)
         if done:
             ctx.tell(f"parameters restored and read back: {', '.join(done)}")
     if changes.before:
-        ctx.note("parameter", f"not restored: {changes.words()}", done="left", names=list(changes.before))
+        ctx.note(ParameterNote(done="left", names=tuple(changes.before)), f"not restored: {changes.words()}")
         ctx.tell(
             f"{_count(len(changes.before))} not restored ({why}): {changes.words()}; restore with: "
             f"skyway params restore {ctx.journal.path}"
@@ -223,5 +221,5 @@ def told(settings: Sequence[ParameterChange], *, restored: bool) -> list[str]:
     """Say what is to be changed, a line each."""
     if not settings:
         return []
-    after = "restored at the end" if restored else "they stay so"
-    return [f"{_count(len(settings))} to set on the vehicle (now > then; {after}):", *(f"  {one}" for one in settings)]
+    after = "restored at the end" if restored else "not restored"
+    return [f"{_count(len(settings))} to set on the drone (now > then; {after}):", *(f"  {one}" for one in settings)]

@@ -59,7 +59,7 @@ class Check:
         return self.verdict == "ok"
 
     def __str__(self) -> str:
-        mark = {"ok": "ok", "no": "NOT OK", "unknown": "NOT KNOWN"}[self.verdict]
+        mark = {"ok": "ok", "no": "NOT OK", "unknown": "UNKNOWN"}[self.verdict]
         return f"{self.name}: {mark}: {self.said}"
 
 
@@ -86,7 +86,7 @@ def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator
 def _identity(ctx: Context) -> Iterator[Check]:
     who = ctx.vehicle.identify()
     if ctx.observed.is_another(who.uid):
-        yield Check("vehicle", "no", f"{who} has another hardware id than the one this delivery began with")
+        yield Check("vehicle", "no", f"{who} is another drone than the one this delivery began with: connect that one")
     else:
         ctx.observed.identify(ctx.observed.uid or who.uid)
         yield Check("vehicle", "ok", str(who))
@@ -97,17 +97,17 @@ def _identity(ctx: Context) -> Iterator[Check]:
     except LinkError as error:
         yield Check("ground station", "no", str(error))
     else:
-        yield Check("ground station", "ok", "the vehicle counts our heartbeat")
+        yield Check("ground station", "ok", "the drone accepts this ground station")
 
 
 def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
     lean = leans_deg(ctx)
     if lean > LIES_DEG:
-        yield Check("attitude", "no", f"it lies there, leaning by {lean:.0f}°", waits=True)
+        yield Check("attitude", "no", f"the drone leans {lean:.0f}°: set it upright", waits=True)
     place = ctx.place
     station = ctx.delivery.plan.stations[service.origin] if ctx.delivery.plan is not None else None
     if place is None or station is None:
-        yield Check("position", "unknown", "the vehicle does not tell where it is", waits=True)
+        yield Check("position", "unknown", "the drone does not report its position: wait for a GPS fix", waits=True)
         return
     away = geodesy.distance_m(*place, station.lat, station.lon)
     doubt = _doubts(ctx).get("position")
@@ -115,13 +115,18 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
         yield Check(
             "position",
             "no",
-            f"{distance_text(away)} from {service.origin}, at most {distance_text(AT_PLACE_M)}",
+            f"{distance_text(away)} from {service.origin}, at most {distance_text(AT_PLACE_M)} allowed: bring the drone to the pad",
             waits=True,
         )
     elif doubt is not None:
-        yield Check("position", "no", doubt, waits=True)
+        yield Check("position", "no", f"the reported position {doubt}", waits=True)
     elif ctx.observed.sample is not None and ctx.observed.sample.gps_ok == 0.0:
-        yield Check("position", "no", "its receiver has no fix that it trusts", waits=True)
+        yield Check(
+            "position",
+            "no",
+            "the GPS receiver has no fix that it trusts: wait, with a clear view of the sky",
+            waits=True,
+        )
     else:
         yield Check("position", "ok", f"{distance_text(away)} from {service.origin}")
     try:
@@ -130,13 +135,13 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
         yield Check("home", "unknown", str(error), waits=True)
         return
     off = geodesy.distance_m(home.lat_deg, home.lon_deg, *place)
-    moves = "moves here at arming" if off > HOME_M else f"{distance_text(off)} away"
+    moves = "is set here at arming" if off > HOME_M else f"{distance_text(off)} away"
     ground = station.elevation_m
     height = ctx.observed.sample.alt_msl_m if ctx.observed.sample is not None else math.nan
     if ground is not None and math.isfinite(height) and abs(height - ground) > HOME_HEIGHT_M:
         said = (
-            f"the vehicle puts the ground at {height_text(height)} above the sea, {service.origin} has {height_text(ground)}: set its home "
-            "height, or correct the station's elevation"
+            f"the drone reports the ground at {height_text(height)} above sea level, {service.origin} has {height_text(ground)}: set the "
+            "home height of the drone, or correct the elevation of the station"
         )
         yield Check("home", "no", said, waits=True)
     else:
@@ -153,11 +158,13 @@ def _battery(ctx: Context, service: DroneService) -> Check:
     if not math.isfinite(ctx.battery.soc) or (
         ctx.observed.sample is not None and not math.isfinite(ctx.observed.sample.soc)
     ):
-        return Check("battery", "unknown", "the vehicle does not tell its state of charge", waits=True)
-    said = f"{percent(ctx.battery.soc)}, {percent(wanted)} wanted for {service.destination}"
+        return Check(
+            "battery", "unknown", "the drone does not report its state of charge: check its battery monitor", waits=True
+        )
+    said = f"{percent(ctx.battery.soc)}, {percent(wanted)} needed to fly to {service.destination}"
     doubt = _doubts(ctx).get("soc")
     if doubt is not None and ("stuck" in doubt or "know" in doubt):
-        return Check("battery", "unknown", doubt, waits=True)
+        return Check("battery", "unknown", f"the reported charge: {doubt}", waits=True)
     return Check("battery", "ok" if ctx.battery.soc >= wanted - SOC_SLACK else "no", said)
 
 
@@ -173,7 +180,7 @@ def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:
     highest = np.max(speeds, axis=0)
     p_over = float(wind.probability @ (highest > drone.wind_limit_mps))
     told = ctx.wind.on_way(_way(plan, service), ctx.now_s, service.distance_m / max(service.ground_speed_mps, 1.0))
-    said = f"{told} ({ctx.wind.origin}), above {drone.wind_limit_mps:g} m/s with probability {probability(p_over)}"
+    said = f"{told} ({ctx.wind.origin}), above the limit of {drone.wind_limit_mps:g} m/s with probability {probability(p_over)}"
     yield Check("wind", "no" if p_over > 0.5 else "ok", said, waits=True)
 
 
@@ -208,17 +215,17 @@ def _lean(ctx: Context) -> Check:
     known = [limit for limit in limits.values() if limit > 0.0]
     drone = ctx.job.scenario.drone(ctx.job.request.drone or "")
     if not known:
-        return Check("lean limit", "ok", "this firmware does not tell it: whether it limits the airspeed is not known")
+        return Check("lean limit", "ok", "not reported by this firmware: whether it limits the airspeed is unknown")
     ctx.lean.know_limits(min(known), drone.max_airspeed_mps)
     said = f"{min(known):.0f}°"
     if ctx.job.drag is None:
-        return Check("lean limit", "ok", f"{said}; what airspeed it allows is not known without --drag")
+        return Check("lean limit", "ok", f"{said}; the airspeed that it allows is unknown without --drag")
     planned = ctx.job.request.airspeed_mps or drone.cruise_airspeed_mps
     most = airspeed_at_lean(ctx.job.drag, min(known))
-    said += f" allows {speed_text(most)} through the air, {speed_text(planned)} are planned"
+    said += f" allows an airspeed of {speed_text(most)}, {speed_text(planned)} are planned"
     if most >= LEAN_SLACK * planned:
         return Check("lean limit", "ok", said)
-    return Check("lean limit", "no", f"{said}: plan with --airspeed {math.floor(most)}, or allow more lean")
+    return Check("lean limit", "no", f"{said}: plan with --airspeed {math.floor(most)}, or raise the lean limit")
 
 
 def _failsafe(ctx: Context) -> Check:
@@ -249,7 +256,7 @@ def _mission(ctx: Context, leg: LegMission) -> Check:
 
 def _diverts(ctx: Context, service: DroneService) -> Check:
     if not ctx.delivery.diverts:
-        return Check("diverts", "no", f"no station stays in reach on the way to {service.destination}")
+        return Check("diverts", "no", f"no divert station stays in reach on the way to {service.destination}")
     return Check("diverts", "ok", ", ".join(ctx.delivery.diverts))
 
 

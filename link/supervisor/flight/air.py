@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 from skyway.link.supervisor.flight.lookahead import look_ahead
 from skyway.link.supervisor.flight.pilot_intervention import landed, refuse_foreign
 from skyway.link.supervisor.flight.turn import intend, land_here, turn
+from skyway.link.supervisor.journal.entries import Decided, GaugeNote, PadAnswered, SpeedNote
 from skyway.link.supervisor.legs import cross_track_m
 from skyway.link.supervisor.observed.link_watch import request_telemetry
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import InputError, LinkError
+from skyway.models.base.formatting import speed_text
 from skyway.planner.online.replan_flight import Airborne, FlightReplanner
 
 if TYPE_CHECKING:
@@ -31,7 +33,7 @@ def flying(ctx: Context) -> After:
     """Watch a leg to its landing, deciding every ten seconds."""
     leg = ctx.delivery.leg
     if leg is None:
-        return State.HOLDING, "it flies, and which leg is not known"
+        return State.HOLDING, "the drone flies, and on which leg is not known"
     request_telemetry(ctx)
     _free_pad(ctx, leg.origin)
     replanner = _replanner(ctx)
@@ -56,7 +58,7 @@ def _free_pad(ctx: Context, station: str) -> None:
     try:
         ctx.pads.release(station, ctx.observed.system)
     except (LinkError, InputError) as error:
-        ctx.note("pad", f"the pad at {station} could not be given back: {error}")
+        ctx.note(PadAnswered(), f"the pad at {station} could not be given back: {error}")
 
 
 def _replanner(ctx: Context) -> FlightReplanner | None:
@@ -142,7 +144,8 @@ def _decide(ctx: Context, replanner: FlightReplanner | None) -> Decision | None:
 def _tell(ctx: Context, decision: Decision) -> None:
     estimate = ctx.wind.estimate
     wind = {} if estimate is None else {"wind_sigma_mps": estimate.sigma_mps, "wind_source": estimate.source}
-    ctx.note("decision", decision.reason, action=decision.action, where="flight", **dict(decision.figures), **wind)
+    figures = dict(decision.figures) | wind
+    ctx.note(Decided(action=decision.action, where="flight", figures=figures), decision.reason)
     ctx.tell(f"{decision.action}: {decision.reason}")
 
 
@@ -155,7 +158,7 @@ def _act(ctx: Context, decision: Decision) -> After | None:
         try:
             ctx.vehicle.change_speed(decision.speed_mps)
         except LinkError as error:
-            ctx.note("speed", f"not taken over: {error}")
+            ctx.note(SpeedNote(), f"the ground speed of {speed_text(decision.speed_mps)} was not accepted: {error}")
         else:
             leg.command(decision.speed_mps)
         return None
@@ -167,7 +170,7 @@ def _act(ctx: Context, decision: Decision) -> After | None:
         if leg.modelled is None or leg.modelled.load is None:
             ctx.energy.keep(leg, ctx.battery.soc)  # what this way takes; the way back would tell another wind
             leg.learn_nothing()
-        return State.DIVERTING, f"to {decision.station}: {decision.reason}"
+        return State.DIVERTING, f"diverting to {decision.station}: {decision.reason}"
     if decision.action == "land":
         if _unsure(ctx):
             return None
@@ -229,8 +232,8 @@ def _unsure(ctx: Context) -> bool:
     if not ctx.battery.doubtful(affordable=_affords_doubt(ctx)):
         return False
     ctx.say(
-        "gauge",
-        "it does not land here: the voltage fell, and neither does the current show that charge was lost, nor does it fall on",
+        GaugeNote(),
+        "no landing here yet: the voltage fell, but neither the current nor a further fall confirms that charge was lost",
     )
     return True
 

@@ -29,7 +29,7 @@ def lies(ctx: Context) -> str:
     end = ctx.clock.now_s() + LOOK_S
     while leans_deg(ctx) > LIES_DEG:
         if ctx.clock.now_s() >= end:
-            return f"it lies there, leaning by {leans_deg(ctx):.0f}°"
+            return f"it leans {leans_deg(ctx):.0f}°"
         ctx.tick()
     return ""
 
@@ -43,7 +43,7 @@ def crashed(ctx: Context, since_s: float) -> str:
         What it has said since then counts, by the clock.
     """
     said = ctx.texts.saying(ctx.vehicle.family.crash_texts, since_s)
-    return f'it says "{said}"' if said else lies(ctx)
+    return f'it reports "{said}"' if said else lies(ctx)
 
 
 def crash_end(ctx: Context, since_s: float) -> After | None:
@@ -53,5 +53,5 @@ def crash_end(ctx: Context, since_s: float) -> After | None:
         return None
     station = ctx.here_station()
     ctx.delivery.stand_at(station)
-    where = station or ("a place that it does not tell" if ctx.place is None else "no station")
-    return State.CRASHED, f"it has crashed, and is at {where}: {crash}"
+    where = station or ("an unknown place" if ctx.place is None else "no station")
+    return State.CRASHED, f"the drone has crashed, at {where}: {crash}. Disconnect its battery before you handle it"

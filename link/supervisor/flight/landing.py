@@ -6,8 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.flight.crash import crash_end
+from skyway.link.supervisor.journal.entries import Landed, ReleaseNote
+from skyway.link.supervisor.journal.standing import standing
 from skyway.link.supervisor.observed.link_watch import ask, must_answer, request_telemetry
-from skyway.link.supervisor.standing import standing
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import LinkError
 from skyway.models.base.formatting import percent, place_text
@@ -25,17 +26,17 @@ def after_landing(ctx: Context) -> After:
     leg = ctx.delivery.leg
     ctx.wait(3.0)
     if ctx.in_air:
-        return State.HOLDING, "it is in the air again"
+        return State.HOLDING, "the drone is in the air again"
     request_telemetry(ctx)
     if not _found(ctx):
-        return State.HOLDING, "it is in the air again"
+        return State.HOLDING, "the drone is in the air again"
     flown_s = 0.0 if leg is None or not math.isfinite(leg.start_s) else ctx.now_s - leg.start_s
     crash = crash_end(ctx, ctx.clock.now_s() - flown_s)
     if crash is not None:
         return crash
     if ctx.place is None:
-        must_answer(ctx, "it has landed, and does not answer")
-        return State.HOLDING, "it has landed, and does not tell where"
+        must_answer(ctx, "the drone has landed and does not answer")
+        return State.HOLDING, "the drone has landed and does not report where: look for it at the end of its track"
     station = ctx.here_station()
     ctx.delivery.stand_at(station)
     if leg is not None and math.isfinite(leg.soc_start) and leg.learns:
@@ -45,14 +46,17 @@ def after_landing(ctx: Context) -> After:
     if ctx.delivery.landed_at is None or leg is not None:
         _note_landing(ctx, where, planned=planned)
     if station is None:
-        return State.ENDED_ELSEWHERE, f"it stands disarmed at {where}, away from any station"
+        return State.ENDED_ELSEWHERE, f"the drone stands disarmed at {where}, away from any station: fetch it there"
     ctx.delivery.visit(station)
     ctx.delivery.reach(station)
     ctx.delivery.take_leg(None)
     if station == ctx.job.request.destination:
         return _deliver(ctx)
     if ctx.conversation.stays:
-        return State.STOPPED, f"the operator asked to stay; it stands disarmed at {station}"
+        return (
+            State.STOPPED,
+            f"stopped at {station} as asked: the drone stands disarmed; --resume continues the delivery",
+        )
     return State.REPLANNING, f"at {station}"
 
 
@@ -68,13 +72,17 @@ def _note_landing(ctx: Context, where: str, *, planned: bool) -> None:
     """Write down where a flight has ended; once, however often it is found standing there."""
     leg = ctx.delivery.leg
     ctx.delivery.note_landing(ctx.delivery.station or where)
-    ctx.note(
-        "landed", f"at {where} with {percent(ctx.battery.soc)}", soc=ctx.battery.soc, planned=planned,
-        planned_soc=math.nan if leg is None else leg.planned_soc,
-        planned_s=math.nan if leg is None else leg.planned_s,
-        flight_s=math.nan if leg is None else ctx.now_s - leg.start_s, **standing(ctx),
-    )  # fmt: skip
-    ctx.tell(f"landed at {where} with {percent(ctx.battery.soc)}")
+    ctx.say(
+        Landed(
+            soc=ctx.battery.soc,
+            planned=planned,
+            planned_soc=math.nan if leg is None else leg.planned_soc,
+            planned_s=math.nan if leg is None else leg.planned_s,
+            flight_s=math.nan if leg is None else ctx.now_s - leg.start_s,
+            standing=standing(ctx),
+        ),
+        f"landed at {where} with {percent(ctx.battery.soc)}",
+    )
 
 
 def _deliver(ctx: Context) -> After:
@@ -85,14 +93,20 @@ def _deliver(ctx: Context) -> After:
             try:
                 ask(ctx, ctx.vehicle.release)
             except LinkError as error:
-                ctx.note("release", f"the gripper was not opened: {error}")
+                ctx.note(ReleaseNote(), f"the gripper did not open: {error}")
                 if attempt == RELEASES - 1:
-                    return State.STOPPED, f"at {destination}, but the package is not released: {error}"
+                    return (
+                        State.STOPPED,
+                        f"at {destination}, but the gripper did not open: {error}. Take the package off by hand",
+                    )
                 ctx.wait(2.0)
             else:
                 break
-        ctx.note("release", "the gripper is open")
-        return State.DELIVERED, f"delivered at {destination}, disarmed, {percent(ctx.battery.soc)}"
-    ctx.conversation.answer(ctx, f"is the package taken off at {destination}? done", ("done",))
-    ctx.note("release", "by a person")
-    return State.DELIVERED, f"delivered at {destination}, disarmed, {percent(ctx.battery.soc)}"
+        ctx.note(ReleaseNote(), "the gripper is open")
+        return (
+            State.DELIVERED,
+            f"delivered at {destination}; the drone stands disarmed with {percent(ctx.battery.soc)}",
+        )
+    ctx.conversation.answer(ctx, f"take the package off at {destination}, then type done", ("done",))
+    ctx.note(ReleaseNote(), "a person took the package off")
+    return State.DELIVERED, f"delivered at {destination}; the drone stands disarmed with {percent(ctx.battery.soc)}"

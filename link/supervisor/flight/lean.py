@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.link.supervisor.journal.entries import SpeedLimited
 from skyway.models.base.formatting import speed_text, wind_text
 from skyway.models.base.units import GRAVITY_MPS2
 from skyway.models.drones.drag import thrust_acceleration
@@ -180,7 +181,7 @@ class LeanWatch:
 
     def said(self, commanded_mps: float) -> str:
         """What limits it, in words."""
-        return f"limited by lean {self.limit_deg:.0f}°: {speed_text(self.speed_mps)} over ground of {speed_text(commanded_mps)} commanded"
+        return f"speed limited by the lean limit of {self.limit_deg:.0f}°: {speed_text(self.speed_mps)} over ground, {speed_text(commanded_mps)} commanded"
 
 
 def watch_lean(ctx: Context, s: TelemetrySample) -> None:
@@ -197,11 +198,14 @@ def watch_lean(ctx: Context, s: TelemetrySample) -> None:
         return
     estimate, words = ctx.wind.estimate, watch.said(leg.commanded_mps)
     if not watch.limited:
-        words = f"no longer limited by lean: {speed_text(leg.commanded_mps)} are reached"
+        words = f"speed no longer limited by the lean limit: {speed_text(leg.commanded_mps)} over ground are reached"
     elif estimate is not None:
-        words += f"; wind put at {wind_text(estimate.speed_mps, estimate.from_deg, estimate.sigma_mps)}"
-    ctx.note(
-        "limit", words, limited=watch.limited, lean_deg=watch.lean_deg, limit_deg=watch.limit_deg,
-        ground_speed_mps=watch.speed_mps, commanded_mps=leg.commanded_mps,
-    )  # fmt: skip
-    ctx.tell(words)
+        words += f"; estimated wind {wind_text(estimate.speed_mps, estimate.from_deg, estimate.sigma_mps)}"
+    found_limit = SpeedLimited(
+        limited=watch.limited,
+        lean_deg=watch.lean_deg,
+        limit_deg=watch.limit_deg,
+        ground_speed_mps=watch.speed_mps,
+        commanded_mps=leg.commanded_mps,
+    )
+    ctx.say(found_limit, words)

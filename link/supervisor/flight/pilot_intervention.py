@@ -41,10 +41,12 @@ def refuse_foreign(ctx: Context, changes: Sequence[Change], own_modes: tuple[str
         lasts = ctx.vehicle.mode == change.after and ctx.in_air
         if change.what == "mode" and change.after not in own_modes and lasts:
             said = "; ".join(ctx.vehicle.texts()[-2:])
-            words = f"; it said: {said}" if said else ""
-            raise Turn(State.HOLDING, f"mode {change.after}, which we did not command{words}")
+            words = f"; it reports: {said}" if said else ""
+            raise Turn(State.HOLDING, f"the drone is in mode {change.after}, which this program did not command{words}")
         if change.what == "mission" and ctx.in_air:
-            raise Turn(State.HOLDING, f"its mission was changed by somebody else ({change.before} to {change.after})")
+            raise Turn(
+                State.HOLDING, f"somebody else changed the mission of the drone ({change.before} to {change.after})"
+            )
         if change.what == "boot" and ctx.in_air:
             raise Turn(State.HOLDING, "the autopilot restarted in the air")
 
@@ -61,6 +63,6 @@ def refuse_on_ground(ctx: Context, changes: Sequence[Change]) -> None:
         if change.ours:
             continue
         if change.what == "armed" and change.after == "armed":
-            raise Turn(State.HOLDING, "it was armed, and not by us")
+            raise Turn(State.HOLDING, "somebody else armed the drone")
         if change.what in ("mission", "fence") and ctx.state is State.READY:
-            raise Turn(State.HOLDING, f"its {change.what} was changed by somebody else before the take-off")
+            raise Turn(State.HOLDING, f"somebody else changed the {change.what} of the drone before the take-off")

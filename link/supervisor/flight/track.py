@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.journal.entries import Expected, Tracked, Winds, winds
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
+    from skyway.models.drones.telemetry import TelemetrySample
 
 TRACK_EVERY_S, GROUND_TRACK_EVERY_S = 5.0, 120.0
 
@@ -32,23 +35,36 @@ class Track:
             return
         self.written_s = ctx.now_s
         estimate = ctx.wind.estimate if ctx.in_air else None
-        expected = ctx.wind.expected(s.time_s, s.lat_deg, s.lon_deg)
-        data: dict[str, Any] = {
-            "lat": s.lat_deg, "lon": s.lon_deg, "height_m": s.height_m, "alt_msl_m": s.alt_msl_m, "soc": s.soc,
-            "ground_speed_mps": s.ground_speed_mps, "power_w": s.power_w, "mode": ctx.vehicle.mode,
-            "armed": s.armed == 1.0, "landed": s.landed == 1.0,
-            "forecast_north_mps": expected[0], "forecast_east_mps": expected[1],
-        }  # fmt: skip
-        for name, updated in (("forecast", False), ("believed", True)):
-            told = ctx.wind.forecast_at(s.time_s, s.lat_deg, s.lon_deg, updated=updated).as_data() if ctx.place else {}
-            data |= {f"{name}_{key}": value for key, value in told.items()}
-        if estimate is not None:
-            data |= {
-                "wind_north_mps": estimate.north_mps, "wind_east_mps": estimate.east_mps,
-                "wind_sigma_mps": estimate.sigma_mps, "wind_source": estimate.source,
-            }  # fmt: skip
-        leg = ctx.delivery.leg
-        if leg is not None and ctx.in_air:
-            data |= {} if leg.lookahead is None else leg.lookahead.as_data()
-            data |= {"modelled_soc": None if leg.modelled is None else leg.modelled.soc}
-        ctx.note("track", None, **data)
+        leg = ctx.delivery.leg if ctx.in_air else None
+        north_mps, east_mps = ctx.wind.expected(s.time_s, s.lat_deg, s.lon_deg)
+        ctx.note(
+            Tracked(
+                lat=s.lat_deg,
+                lon=s.lon_deg,
+                height_m=s.height_m,
+                alt_msl_m=s.alt_msl_m,
+                soc=s.soc,
+                ground_speed_mps=s.ground_speed_mps,
+                power_w=s.power_w,
+                mode=ctx.vehicle.mode,
+                armed=s.armed == 1.0,
+                landed=s.landed == 1.0,
+                forecast_north_mps=north_mps,
+                forecast_east_mps=east_mps,
+                forecast=_winds_here(ctx, s, updated=False),
+                believed=_winds_here(ctx, s, updated=True),
+                wind_north_mps=None if estimate is None else estimate.north_mps,
+                wind_east_mps=None if estimate is None else estimate.east_mps,
+                wind_sigma_mps=None if estimate is None else estimate.sigma_mps,
+                wind_source=None if estimate is None else estimate.source,
+                expected=Expected() if leg is None or leg.lookahead is None else leg.lookahead,
+                modelled_soc=None if leg is None or leg.modelled is None else leg.modelled.soc,
+            )
+        )
+
+
+def _winds_here(ctx: Context, s: TelemetrySample, *, updated: bool) -> Winds:
+    """Summarise what the first forecast, or the updated one, says of here and now."""
+    if ctx.place is None:
+        return Winds()
+    return winds(ctx.wind.forecast_at(s.time_s, s.lat_deg, s.lon_deg, updated=updated))

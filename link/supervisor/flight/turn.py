@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from skyway.link.supervisor.flight.pilot_intervention import landed, refuse_foreign
+from skyway.link.supervisor.journal.entries import Turned, Uploaded
 from skyway.link.supervisor.legs import turn_leg, with_places
 from skyway.link.supervisor.states import State, Turn
 from skyway.link.vehicle.divert import Diversion, Refuge
@@ -25,14 +26,14 @@ def intend(ctx: Context, station: str | None) -> None:
     if leg is None:
         return
     ctx.delivery.take_leg(replace(leg, destination=station or "here", via=(), last=False))
-    ctx.note("turn", f"turns to {station}" if station else "lands here", destination=station, begun=True)
+    ctx.note(Turned(destination=station, begun=True), f"diverting to {station}" if station else "landing here")
 
 
 def turn(ctx: Context, station: str, state: State) -> After:
     """Change the mission in flight so that it lands at another station."""
     leg, s = ctx.delivery.leg, ctx.observed.sample
     if leg is None or s is None or ctx.place is None or ctx.delivery.plan is None:
-        return State.HOLDING, "it cannot be turned: where it is is not known"
+        return State.HOLDING, f"the drone cannot be diverted to {station}: its position is not known"
     intend(ctx, station)
     plan = with_places(ctx.delivery.plan, ctx.job.scenario, [station])
     last = station == ctx.job.request.destination
@@ -47,16 +48,16 @@ def turn(ctx: Context, station: str, state: State) -> After:
     except VehicleTimeoutError as error:
         _unfinished(ctx, station, error)
     except LinkError as error:
-        ctx.note("turn", f"not by a mission: {error}", verified=False)
+        ctx.note(Turned(verified=False), f"the divert mission was not accepted: {error}")
         return _reposition(ctx, station, plan, mission)
-    ctx.note("upload", str(outcome), part="mission", verified=outcome.verified, attempts=outcome.attempts)
+    ctx.note(Uploaded(part="mission", verified=outcome.verified, attempts=outcome.attempts), str(outcome))
     if not outcome.verified:
         return _reposition(ctx, station, plan, mission)
     ctx.vehicle.changes()
     ctx.delivery.take_leg(replace(leg, destination=station, via=(), mission=mission, last=last, lookahead=None))
     ctx.divert.done()
-    ctx.note("turn", f"turned to {station}", destination=station, begun=False)
-    return state, f"turned to {station}"
+    ctx.note(Turned(destination=station, begun=False), f"diverted to {station}")
+    return state, f"diverted to {station}"
 
 
 def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> After:
@@ -73,16 +74,16 @@ def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> A
     except VehicleTimeoutError as error:
         _unfinished(ctx, station, error)
     except LinkError as error:
-        return State.HOLDING, f"it could not be turned to {station}: {error}"
+        return State.HOLDING, f"the drone could not be diverted to {station}: {error}"
     if landed(ctx):
-        return State.LANDED, f"landed by reposition at {station}"
+        return State.LANDED, f"landed at {station}, sent there by reposition"
     return State.HOLDING, f"the divert to {station} by reposition ended: {diversion.reason}"
 
 
 def _unfinished(ctx: Context, station: str, error: VehicleTimeoutError) -> NoReturn:
     """A turn whose orders are not answered is begun again when the link is back."""
     ctx.divert.to(station)
-    raise Turn(State.LOST_LINK, f"while it was turned to {station}: {error}") from error
+    raise Turn(State.LOST_LINK, f"the link was lost while the drone was diverted to {station}: {error}") from error
 
 
 def land_here(ctx: Context) -> After:
@@ -93,8 +94,8 @@ def land_here(ctx: Context) -> After:
             try:
                 ctx.vehicle.land()
             except LinkError as error:
-                ctx.note("turn", f"landing was not taken over: {error}")
+                ctx.note(Turned(), f"the order to land was not accepted: {error}")
             told_s = ctx.now_s
         refuse_foreign(ctx, ctx.tick(), ("land", "mission"))
         if landed(ctx):
-            return State.LANDED, "landed where it was"
+            return State.LANDED, "landed and disarmed where it was"

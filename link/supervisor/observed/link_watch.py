@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
+from skyway.link.supervisor.journal.entries import LinkNote
 from skyway.link.supervisor.states import IN_AIR, State, Turn
 from skyway.models.base.errors import LinkError, VehicleTimeoutError
 from skyway.models.base.formatting import duration
@@ -71,7 +72,7 @@ def unanswered(ctx: Context, what: VehicleTimeoutError | str) -> None:
     """
     must_answer(ctx, str(what))
     if ctx.link.is_new(str(what)):
-        ctx.say("link", f"{what}: asked again")
+        ctx.say(LinkNote(), f"{what}; it is asked again")
 
 
 def must_answer(ctx: Context, reason: str) -> None:
@@ -95,7 +96,7 @@ def must_be_heard(ctx: Context) -> None:
         To the lost link.
     """
     if ctx.state is not State.LOST_LINK and ctx.vehicle.silent_s > SILENT_S:
-        raise Turn(State.LOST_LINK, f"nothing was heard of the vehicle for {duration(ctx.vehicle.silent_s)}")
+        raise Turn(State.LOST_LINK, f"nothing was heard from the drone for {duration(ctx.vehicle.silent_s)}")
 
 
 def request_telemetry(ctx: Context) -> None:
@@ -103,4 +104,4 @@ def request_telemetry(ctx: Context) -> None:
     try:
         ctx.vehicle.request_telemetry(FLYING_RATES if ctx.state in IN_AIR or ctx.in_air else GROUND_RATES)
     except LinkError as error:
-        ctx.note("link", f"telemetry could not be asked for: {error}")
+        ctx.note(LinkNote(), f"telemetry could not be requested: {error}")

@@ -7,6 +7,8 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.journal.entries import TextHeard
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
@@ -93,6 +95,6 @@ def tell_texts(ctx: Context) -> None:
     """Tell what the vehicle says: a refusal that is repeated 200 times is one line, with its count."""
     for said in ctx.texts.hear(ctx.vehicle.new_texts(), ctx.clock.now_s()):
         word = SEVERITIES[min(max(said.severity, 0), len(SEVERITIES) - 1)]
-        ctx.note("text", str(said), text=said.text, severity=word, count=said.count)
+        ctx.note(TextHeard(text=said.text, severity=word, count=said.count), str(said))
         if said.severity <= NOTICE:
-            ctx.tell(f"the vehicle says: {said}")
+            ctx.tell(f"the drone reports: {said}")

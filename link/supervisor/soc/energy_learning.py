@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.journal.entries import EnergyLearnt
 from skyway.models.base.formatting import percent
 from skyway.planner.online.energy_belief import EnergyBelief
 
@@ -50,9 +51,8 @@ class EnergyLearning:
         if not (used > LEARN_SOC and expected > 0.0):
             return
         self.belief = self.belief.learnt(used, expected)
-        reason = f"the flight took {percent(used)}, the model says {percent(expected)}"
-        figures = {"used_soc": used, "modelled_soc": expected}
-        ctx.note("energy", reason, **figures, factor=self.belief.factor, sigma=self.belief.sigma)
+        learnt = EnergyLearnt(used_soc=used, modelled_soc=expected, factor=self.belief.factor, sigma=self.belief.sigma)
+        ctx.note(learnt, f"the flight used {percent(used)} of charge, the model expected {percent(expected)}")
 
     def restore(self, belief: Mapping[str, float]) -> None:
         """Bring back what a journal says."""

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from skyway.link.supervisor.journal.entries import GaugeNote
 from skyway.link.supervisor.soc.reported_soc import ReportedSoc
 from skyway.link.supervisor.soc.voltage import VoltageWatch
 from skyway.link.supervisor.states import IN_AIR
@@ -75,13 +76,14 @@ class SocEstimator:
         if not math.isfinite(told.soc):
             return
         if told.contradicted and not was_contradicted:
-            ctx.say("gauge", f"the vehicle says {percent(sample.soc)}, its voltage says otherwise: not believed")
+            ctx.say(
+                GaugeNote(),
+                f"the drone reports {percent(sample.soc)}, but its voltage contradicts that: not believed",
+            )
         self.told_soc = told.line(sample.time_s, rate)
         if leg is not None and flies and fell != 0.0:
             leg.lose_told(fell)
-            self._lose(
-                ctx, fell, f"the charge fell by {percent(fell)} at once, and the voltage with it: lost, not used"
-            )
+            self._lose(ctx, fell, f"{percent(fell)} of charge were lost at once: report and voltage fell together")
         if told.contradicted or not sample.time_s < told.held_s + CONFIRMING_S:
             self._hear_voltage(ctx, sample, flies=flies)
         self.soc, self.source = max(self.told_soc - self._voltage.lost, 0.0), "the vehicle"
@@ -96,8 +98,8 @@ class SocEstimator:
         if doubted and self._voltage.lost > 0.0 and not self._voltage.doubtful():
             self.lost_s = ctx.now_s
         if flies and fell != 0.0:
-            said = f"the vehicle says {percent(sample.soc)}, that is not believed"
-            self._lose(ctx, fell, f"the voltage fell as if {percent(fell)} were lost at once; {said}")
+            said = f"the {percent(sample.soc)} that the drone reports are not believed"
+            self._lose(ctx, fell, f"the voltage fell as if {percent(fell)} of charge were lost at once; {said}")
 
     def _lose(self, ctx: Context, fell: float, reason: str) -> None:
         """Take charge that is gone from what the flight began with: it was not used. What was never gone is given back."""
@@ -107,8 +109,8 @@ class SocEstimator:
         if fell > 0.0:
             self.lost_s = ctx.now_s
         else:
-            reason = f"the {percent(-fell)} that seemed lost are there again: a wrong measurement"
-        ctx.say("gauge", reason, fell_soc=fell)
+            reason = f"the {percent(-fell)} of charge that seemed lost are there: it was a wrong measurement"
+        ctx.say(GaugeNote(fell_soc=fell), reason)
 
     # Flights and pads
 
@@ -124,8 +126,8 @@ class SocEstimator:
             return
         ratio = min(max(used / said, 0.7), 1.5)
         self.gauge += 0.5 * (ratio - self.gauge)
-        reason = f"the pad finds {percent(pad_soc)}, the vehicle says {percent(self.told_soc)}"
-        ctx.note("gauge", reason, used_soc=used, said_soc=said, factor=self.gauge)
+        reason = f"the pad measures {percent(pad_soc)}, the drone reports {percent(self.told_soc)}"
+        ctx.note(GaugeNote(used_soc=used, said_soc=said, factor=self.gauge), reason)
 
     def measured(self, pad_soc: float) -> None:
         """Take what a pad measures."""

@@ -123,6 +123,7 @@ def params_restore(
     from skyway.cli.views.link import print_json
     from skyway.link.supervisor import Journal, read_journal
     from skyway.link.supervisor.departure.parameter_changes import changes_of, restore_all
+    from skyway.link.supervisor.journal.entries import ParameterNote
     from skyway.models.base.errors import CommandRefusedError, LinkError
 
     records = read_journal(journal).records
@@ -144,8 +145,8 @@ def params_restore(
                 book = Journal(journal, lambda: datetime.now(UTC).timestamp(), resume=True)
 
                 def told(name: str, done: str, sentence: str, value: float) -> None:
-                    book.write(records[-1].state, "parameter", sentence, flight=records[-1].flight,
-                               data={"name": name, "done": done, "value": value})  # fmt: skip
+                    entry = ParameterNote(name=name, done=done, value=value)
+                    book.write(records[-1].state, entry, sentence, flight=records[-1].flight)
                     rows.append({"name": name, "now": value, "before": changes.before[name], "done": done})
 
                 with closing(book):

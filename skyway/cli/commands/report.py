@@ -71,11 +71,11 @@ def report(
     else:
         document = write_report(journal, page, logs=log or (), plan=plan, scenario=where, plot=plot, force=force)
     if as_json:
-        typer.echo(json.dumps(document, allow_nan=False))
+        typer.echo(json.dumps(document.to_json(), allow_nan=False))
         return
-    outcome = document["outcome"]
-    ended = outcome["state"] if outcome["ended"] else f"not ended ({outcome['state']})"
-    typer.echo(f"{ended}: {outcome['reason'] or 'no reason recorded'}")
+    outcome = document.outcome
+    ended = outcome.state if outcome.ended else f"not ended (journal stops in the state {outcome.state})"
+    typer.echo(f"{ended}: {outcome.reason or 'no reason recorded'}")
     typer.echo(str(page))
     options.say_written(plot)
 

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from skyway.flying import line_of
+from skyway.link.supervisor.journal import fields as of
+from skyway.link.supervisor.journal.entries import CheckDone, Landed, LegBegun, StateEntered, Tracked
 from skyway.models.base.formatting import (
     UNKNOWN,
     counter,
@@ -23,7 +25,6 @@ from skyway.models.base.formatting import (
     zone_clock,
 )
 from skyway.models.base.units import from_posix
-from skyway.report import fields as of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -55,7 +56,7 @@ class FlightView:
     def __init__(self, terminal: Terminal, zone: tzinfo = UTC, typed: Callable[[], str] = lambda: "") -> None:
         self._terminal, self._zone, self.typed = terminal, zone, typed
         self._live: Live | None = None
-        self._leg: dict[str, Any] = {}
+        self._leg: LegBegun | None = None
         self._took_off_s: float | None = None
         self._track: Record | None = None
         self._state, self._meaning, self._entered_s = "", "", time.monotonic()
@@ -104,15 +105,14 @@ class FlightView:
 
     def take(self, record: Record) -> None:
         """Show a record."""
-        if record.event == "state":
-            self._enter(record)
-        if record.event == "check":
-            name, verdict = of.text(record.data, "name") or "", of.text(record.data, "verdict") or ""
-            self._checks[name] = (verdict, of.text(record.data, "said") or "")
-        if record.event == "leg":
-            self._leg, self._took_off_s = record.data, of.instant_s(record.time)
-        if record.event == "landed":
-            self._leg, self._took_off_s, self._track = {}, None, None
+        if entered := record.told(StateEntered):
+            self._enter(entered.after or record.state)
+        elif check := record.told(CheckDone):
+            self._checks[check.name or ""] = (check.verdict or "", check.said or "")
+        elif leg := record.told(LegBegun):
+            self._leg, self._took_off_s = leg, of.instant_s(record.time)
+        elif record.event == Landed.EVENT:
+            self._leg, self._took_off_s, self._track = None, None, None
         if record.event == "track":
             self._track = record
             if self._live is not None:
@@ -122,10 +122,9 @@ class FlightView:
         if line is not None:
             self.say(line)
 
-    def _enter(self, record: Record) -> None:
+    def _enter(self, after: str) -> None:
         from skyway.link.supervisor.states import TABLE, State
 
-        after = of.text(record.data, "after") or record.state
         known = {str(state): rule.meaning for state, rule in TABLE.items()}
         self._state, self._meaning, self._entered_s = after, known.get(after, ""), time.monotonic()
         if after == State.PREFLIGHT:
@@ -161,10 +160,14 @@ class FlightView:
         if context is None:
             return []
         sample, silent_s = context.observed.sample, context.vehicle.silent_s
-        heard = f"silent for {duration(silent_s)}" if silent_s > 2.0 else "heard"
-        found = [f"vehicle: {context.vehicle.mode}, {'armed' if context.vehicle.armed else 'disarmed'}, {heard}"]
+        heard = f"silent for {duration(silent_s)}" if silent_s > 2.0 else "connected"
+        found = [f"drone: {context.vehicle.mode}, {'armed' if context.vehicle.armed else 'disarmed'}, {heard}"]
         if sample is not None and not self._leg:
-            aim = "" if context.delivery.charge_to is None else f", to be {percent(context.delivery.charge_to)}"
+            aim = (
+                ""
+                if context.delivery.charge_to is None
+                else f", to be charged to {percent(context.delivery.charge_to)}"
+            )
             found[0] += (
                 f"; at {context.delivery.station or 'no known station'}; charge {percent(_finite(context.battery.soc))}{aim}"
             )
@@ -177,15 +180,15 @@ class FlightView:
     def _open_checks(self) -> list[str]:
         checks = dict(self._checks)  # the panel is drawn beside the flight
         wrong = {name: told for name, told in checks.items() if told[0] != "ok"}
-        words = {"no": "NOT OK", "unknown": "NOT KNOWN"}
-        lines = [f"list: {len(checks) - len(wrong)} in order" + (f", {len(wrong)} not:" if wrong else "")]
+        words = {"no": "NOT OK", "unknown": "UNKNOWN"}
+        lines = [f"checks: {len(checks) - len(wrong)} passed" + (f", {len(wrong)} not:" if wrong else "")]
         return lines + [f"  {name}: {words.get(verdict, verdict)}: {said}" for name, (verdict, said) in wrong.items()]
 
     def table(self, record: Record) -> Table:
         """Return what was expected beside what is, from a ``track`` record."""
         from rich.table import Table
 
-        to = of.text(record.data, "destination") or of.text(self._leg, "destination")
+        to = Tracked.read(record.data).expected.destination or (None if self._leg is None else self._leg.destination)
         at_s = of.instant_s(record.time)
         clock = UNKNOWN if at_s is None else zone_clock(from_posix(at_s), self._zone)
         head = f"{clock}  {record.state}" + (f"  flight {record.flight} to {to}" if to else "")
@@ -198,30 +201,30 @@ class FlightView:
 
     def rows(self, record: Record) -> list[tuple[str, str, str]]:
         """Return name, expected and actual of time, charge, wind, speed and way; what is not known says so."""
-        data, now_s = record.data, of.instant_s(record.time)
+        told, now_s = Tracked.read(record.data), of.instant_s(record.time)
+        expected, planned_s = told.expected, None if self._leg is None else self._leg.planned_s
         flown = None if now_s is None or self._took_off_s is None else now_s - self._took_off_s
-        left, planned_s, late = of.number(data, "left_s"), of.number(self._leg, "planned_s"), of.number(data, "late_s")
+        left = expected.left_s
         whole = None if flown is None or left is None else flown + left
         rows = [
-            ("flight time", counter(planned_s), f"{counter(whole)}{_late(late)}; {counter(left)} left"),
-            ("charge now", percent(self._expected_now(flown, planned_s)), percent(of.share(data, "soc"))),
-            ("charge at the landing", percent(of.share(data, "planned_soc_land")), percent(of.share(data, "soc_land"))),
-            ("below the reserve", "", probability(of.share(data, "p_below_reserve"), 1)),
-            ("wind", of.forecast_words(data) or UNKNOWN, of.measured_words(data) or "not measured"),
-            ("ground speed", speed_text(of.number(data, "commanded_mps")), speed_text(of.number(data, "ground_speed_mps"))),
-            ("off the route", "0 m", distance_text(of.number(data, "cross_track_m"))),
-            ("height above home", "", height_text(of.number(data, "height_m"))),
+            ("flight time", counter(planned_s), f"{counter(whole)}{_late(expected.late_s)}; {counter(left)} left"),
+            ("charge now", percent(self._expected_now(flown, planned_s)), percent(told.soc)),
+            ("charge at the landing", percent(expected.planned_soc_land), percent(expected.soc_land)),
+            ("below the reserve", "", probability(expected.p_below_reserve, 1)),
+            ("wind", told.forecast.words() or UNKNOWN, told.measured_words() or "not measured"),
+            ("ground speed", speed_text(expected.commanded_mps), speed_text(told.ground_speed_mps)),
+            ("off the route", "0 m", distance_text(expected.cross_track_m)),
+            ("height above home", "", height_text(told.height_m)),
         ]  # fmt: skip
-        limited = of.text(data, "limited")
-        if limited:
-            rows.append(("", "", limited))
-        if not self._leg:  # on the ground nothing of a way is expected
+        if expected.limited:
+            rows.append(("", "", expected.limited))
+        if self._leg is None:  # on the ground nothing of a way is expected
             rows = [row for row in rows if row[0] in ("charge now", "wind")]
         return rows
 
     def _expected_now(self, flown_s: float | None, planned_s: float | None) -> float | None:
         """Return the charge that the plan of the take-off has now, evenly spent over its time."""
-        first, last = of.share(self._leg, "soc"), of.share(self._leg, "planned_soc")
+        first, last = (None, None) if self._leg is None else (self._leg.soc, self._leg.planned_soc)
         if first is None or last is None or flown_s is None or not planned_s:
             return None
         return first + (last - first) * min(max(flown_s / planned_s, 0.0), 1.0)

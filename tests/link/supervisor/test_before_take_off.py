@@ -52,7 +52,7 @@ def test_a_vehicle_has_its_own_parameters_again_after_a_delivery(autopilot, tmp_
     told = "\n".join(operator.lines)
     for name, value in changed.items():
         assert f"{name} {before[name]:g} > {value:g}" in told
-    assert told.index("to set on the vehicle") < told.index("yes or no?")
+    assert told.index("to set on the drone") < told.index("yes or no?")
     records = read_journal(stage.journal_path).records
     for name in changed:
         done = [r.data["done"] for r in records if r.event == "parameter" and r.data.get("name") == name]
@@ -108,7 +108,7 @@ def test_a_parameter_that_somebody_else_changed_meanwhile_is_left_and_that_is_sa
 
     assert stage.fly(on_tick=other).delivered
     assert held(stage)["MPC_XY_CRUISE"] == 7.0
-    assert any("MPC_XY_CRUISE is 7, which this delivery did not set" in line for line in lines)
+    assert any("MPC_XY_CRUISE is 7, which somebody else has set" in line for line in lines)
 
 
 def test_left_in_the_air_it_keeps_its_failsafes_and_the_way_back_is_told(tmp_path):
@@ -131,7 +131,7 @@ def test_a_wrong_home_height_is_told_while_it_is_waited_for(tmp_path):
     stage.composition = replace(stage.composition, stations=places)
     outcome = stage.fly()
     assert outcome.state == "stopped-safe"
-    assert "puts the ground at" in outcome.reason
+    assert "reports the ground at" in outcome.reason
     records = read_journal(stage.journal_path).records
     entry = next(r for r in records if r.event == "check" and r.data["name"] == "home")
     assert entry.data["verdict"] == "no"
@@ -149,7 +149,7 @@ def test_what_the_autopilot_refuses_is_told_once_with_its_count(autopilot, tmp_p
     stage.operator = NobodyThere(show=lines.append)
     outcome = stage.fly()
     assert outcome.delivered, outcome
-    said = [line for line in lines if line.startswith("the vehicle says: ")]
+    said = [line for line in lines if line.startswith("the drone reports: ")]
     refused = sum("arming refused" in event.text for event in stage.world.events)
     assert refused > 10
     assert 1 <= len(said) <= 4, lines
@@ -206,7 +206,7 @@ def test_everything_that_a_yes_answers_to_is_told_before_it_is_asked(tmp_path):
     operator = answering(stage, "no")
     stage.fly()
     before = "\n".join(operator.lines).split("yes or no?")[0]
-    for word in ("leg 1 of 1: bellevue > city-hall", "wind", "diverts on the way", "link to us lost", "battery low",
+    for word in ("leg 1 of 1: bellevue > city-hall", "wind", "divert stations on the way", "link to us lost", "battery low",
                  "remote control lost", "95 % by", "EDT"):  # fmt: skip
         assert word in before, word
 

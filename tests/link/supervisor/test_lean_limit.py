@@ -15,6 +15,7 @@ from benchmarks.deliveries import Stage, Story, newyork
 from skyway.link.supervisor import read_journal
 from skyway.link.supervisor.flight.lean import LeanWatch, airspeed_at_lean
 from skyway.link.supervisor.wind_book import WindBook
+from skyway.missions.autopilots.registry import family_named
 from skyway.models.drones.drag import DragModel
 from skyway.models.drones.telemetry import TelemetrySample
 from skyway.sim_stub.plant.airframe import Airframe
@@ -144,8 +145,8 @@ def test_a_delivery_against_the_wind_is_told_why_it_is_slow(autopilot, lean, see
     if autopilot == "px4":  # its airframe holds 20 m/s at 20 degrees: nothing limits it
         return
     assert told
-    assert "limited by lean 10°" in told[0].reason
-    assert "commanded" in told[0].reason
+    assert "limited by the lean limit of 10°" in told[0].reason
+    assert "20.0 m/s commanded" in told[0].reason
     late = [record.data for record in events(stage, "track") if record.data.get("limited")]
     assert late
     truth = np.array([8.0, 4.0])
@@ -163,7 +164,7 @@ def test_preflight_knows_that_a_plan_is_faster_than_the_lean_allows():
     from skyway.link.supervisor.departure.preflight import _lean
 
     class Vehicle:
-        family = type("F", (), {"name": "ardupilot"})
+        family = family_named("ardupilot")
 
         def __init__(self, **limits):
             self.limits = limits
@@ -173,11 +174,16 @@ def test_preflight_knows_that_a_plan_is_faster_than_the_lean_allows():
 
     scenario = newyork()
     for limits, drag, verdict, words in (
-        ({"lean_limit": 30.0, "position_lean_limit": 0.0}, DragModel(linear_per_s=0.5), "no", "allows 11.3 m/s"),
-        ({"lean_limit": 30.0, "position_lean_limit": 10.0}, DragModel(linear_per_s=0.2), "no", "10° allows 8.6 m/s"),
+        ({"lean_limit": 30.0, "position_lean_limit": 0.0}, DragModel(linear_per_s=0.5), "no", "airspeed of 11.3 m/s"),
+        (
+            {"lean_limit": 30.0, "position_lean_limit": 10.0},
+            DragModel(linear_per_s=0.2),
+            "no",
+            "10° allows an airspeed of 8.6 m/s",
+        ),
         ({"lean_limit": 45.0}, DragModel(linear_per_s=0.2), "ok", "20.0 m/s are planned"),
         ({"lean_limit": 30.0}, None, "ok", "without --drag"),
-        ({}, None, "ok", "does not tell it"),
+        ({}, None, "ok", "not reported"),
     ):
         request = type("R", (), {"drone": "m200", "airspeed_mps": None})
         job = type("M", (), {"drag": drag, "scenario": scenario, "request": request})

@@ -3,12 +3,14 @@
 import json
 
 import pytest
+from msgspec.structs import replace
 from states_picture import drawn_edges, picture
 from supervision_page import PAGE, PICTURE, drawn
 
 from benchmarks.deliveries import Stage, Story, newyork
 from skyway.link.supervisor import Scripted, State, read_journal
-from skyway.link.supervisor.journal import Journal
+from skyway.link.supervisor.journal.entries import Start, StateEntered
+from skyway.link.supervisor.journal.file import Journal
 from skyway.link.supervisor.legs import plan_leg
 from skyway.link.supervisor.states import ENDS, TABLE, OffTableError, check
 from skyway.missions.autopilots.registry import family_named
@@ -122,7 +124,7 @@ def test_pads_that_could_be_known_and_are_not_stop_it_with_the_reason(tmp_path):
     stage.pads = NoAnswer()
     outcome = stage.fly()
     assert outcome.state == "stopped-safe"
-    assert "pads: NOT KNOWN" in outcome.reason
+    assert "pads: UNKNOWN" in outcome.reason
     assert "does not answer" in outcome.reason
     assert outcome.flights == 0
     assert stage.lockstep.now_s < TABLE[State.PREFLIGHT].longest_s
@@ -176,7 +178,7 @@ def test_a_take_off_is_not_begun_without_a_word_where_one_is_asked_for(tmp_path)
     stage.operator = Scripted(lambda _q, _n: (5.0, "no"), stage.lockstep.clock.now_s)
     outcome = stage.fly()
     assert outcome.state == "stopped-safe"
-    assert "does not allow" in outcome.reason
+    assert "said no to the take-off" in outcome.reason
     assert outcome.exit_code == 1
     assert not any("armed (" in event.text for event in stage.world.events)
 
@@ -228,22 +230,23 @@ def test_what_a_vehicle_does_alone_is_told_from_its_parameters():
 def test_a_torn_line_at_the_end_of_a_journal_is_left_out_and_cut_off(tmp_path):
     path = tmp_path / "j.jsonl"
     book = Journal(path, lambda: 1.0e9)
-    book.write("connecting", "start", "begun", data={"schema": "skyway.journal/1", "nan": float("nan")})
-    book.write("connecting", "state", "next")
+    begin = Start.read({"schema": "skyway.journal/1"})
+    book.write("connecting", replace(begin, payload_kg=float("nan")), "begun")
+    book.write("connecting", StateEntered(before="connecting", after="replanning"), "next")
     book.close()
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"n":3,"time":"20')
     found = read_journal(path)
     assert [record.n for record in found.records] == [1, 2]
-    assert found.records[0].data["nan"] is None
+    assert found.records[0].data["payload_kg"] is None
     book = Journal(path, lambda: 1.0e9, resume=True)
-    book.write("connecting", "state", "again")
+    book.write("connecting", StateEntered(before="connecting", after="replanning"), "again")
     book.close()
     assert [json.loads(line)["n"] for line in path.read_text().splitlines()] == [1, 2, 3]
     path.write_bytes(whole.replace(b'"n":1', b'"n":x'))
-    with pytest.raises(InputError, match="no record of a journal"):
+    with pytest.raises(InputError, match="not a record of a journal"):
         read_journal(path)
-    with pytest.raises(InputError, match="exists already"):
+    with pytest.raises(InputError, match="already exists"):
         Journal(path, lambda: 1.0e9)
 
 
@@ -263,4 +266,4 @@ def test_somebody_else_who_arms_it_on_the_pad_stops_all_commanding(tmp_path):
     assert outcome.state == "stopped-safe"
     assert stage.craft.station() == "bellevue"
     held = next(record for record in events(stage, "state") if record.data["after"] == "holding")
-    assert "armed, and not by us" in held.reason
+    assert "somebody else armed" in held.reason

@@ -53,7 +53,7 @@ def test_a_vehicle_that_lies_on_its_back_is_not_asked_to_fly(tmp_path):
     stage = staged(Story(**SHORT), tmp_path, None, lying(math.inf))
     outcome = stage.fly()
     assert outcome.state == "crashed", outcome
-    assert "leaning by 180" in outcome.reason
+    assert "leans 180" in outcome.reason
     assert "arming" not in states(stage)
 
 

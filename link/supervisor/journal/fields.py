@@ -6,14 +6,12 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import SkywayError
-from skyway.models.base.formatting import wind_text
 from skyway.models.base.units import parse_instant
-from skyway.models.wind.summary import summary_from
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from skyway.link.supervisor.journal import Record
+    from skyway.link.supervisor.journal.file import Record
 
 LARGEST = 1e12
 """What is larger is no quantity of a flight."""
@@ -32,6 +30,12 @@ def number(data: Mapping[str, Any], key: str) -> float | None:
     except OverflowError:
         return None
     return found if math.isfinite(found) and abs(found) <= LARGEST else None
+
+
+def integer(data: Mapping[str, Any], key: str) -> int | None:
+    """Return a whole number; None where there is none."""
+    found = number(data, key)
+    return int(found) if found is not None and found == int(found) else None
 
 
 def share(data: Mapping[str, Any], key: str) -> float | None:
@@ -95,34 +99,6 @@ def instant_s(value: Any) -> float | None:
     except (SkywayError, ValueError, OverflowError):
         return None
     return found if _FIRST_S <= found <= _LAST_S else None
-
-
-def speed(north: float | None, east: float | None) -> float | None:
-    """Return the length of a wind; None where it is unknown."""
-    return None if north is None or east is None else math.hypot(north, east)
-
-
-def direction(north: float | None, east: float | None) -> float | None:
-    """Return where a wind comes FROM, degrees clockwise from north; None where it is unknown."""
-    return None if north is None or east is None else math.degrees(math.atan2(-east, -north)) % 360.0
-
-
-def forecast_words(data: Mapping[str, Any], prefix: str = "forecast_") -> str | None:
-    """Return a summary of a forecast in the words that every wind is told in; None where the journal has none."""
-    told = {name: number(data, f"{prefix}{name}") for name in ("mean_mps", "p10_mps", "p90_mps", "from_deg")}
-    found = summary_from(told | {"sector_share": share(data, f"{prefix}sector_share")})
-    return None if found is None else str(found)
-
-
-def measured_words(data: Mapping[str, Any]) -> str | None:
-    """Return the wind of a track as it was measured at the vehicle, with its sigma; None where it was not."""
-    north, east = number(data, "wind_north_mps"), number(data, "wind_east_mps")
-    length, comes_from, sigma = speed(north, east), direction(north, east), number(data, "wind_sigma_mps")
-    source = text(data, "wind_source")
-    if length is None or comes_from is None or source not in (None, "measured", "held"):
-        return None
-    earlier = ", measured earlier" if source == "held" else ""
-    return f"{wind_text(length, comes_from, sigma)}{earlier}"
 
 
 def timed(records: tuple[Record, ...]) -> Iterator[tuple[float, Record]]:

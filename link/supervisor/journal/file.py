@@ -9,19 +9,21 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
+from skyway.link.supervisor.journal.entry import Entry
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_bytes
 from skyway.models.base.units import from_posix, iso, parse_instant
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
     from io import BufferedRandom
     from pathlib import Path
 
+E = TypeVar("E", bound=Entry)
 SCHEMA = "skyway.journal/1"
 MAX_BYTES = 256 * 1024 * 1024
 UNSYNCED = frozenset({"track", "truth"})
@@ -61,6 +63,10 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     def time_s(self) -> float:
         """POSIX seconds."""
         return parse_instant(self.time).timestamp()
+
+    def told(self, kind: type[E]) -> E | None:
+        """Return what it tells, where it is of a kind of entry; None where it is of another."""
+        return kind.read(self.data) if self.event == kind.EVENT else None
 
 
 _DECODER = msgspec.json.Decoder(Record)
@@ -109,11 +115,11 @@ def read_journal(path: Path) -> ReadJournal:
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             if at + len(line) + 1 == len(data):
                 break  # torn in writing, with a line end that was on the disk before it
-            raise InputError(Fault(f"no record of a journal: {error}", str(path), number)) from None
+            raise InputError(Fault(f"not a record of a journal: {error}", str(path), number)) from None
         records.append(record)
         at += len(line) + 1
     if not records or records[0].event != "start" or records[0].data.get("schema") != SCHEMA:
-        raise InputError(Fault("is not a flight journal", str(path), remedy="name the file that --journal wrote"))
+        raise InputError(Fault("not a flight journal", str(path), remedy="name the file that --journal wrote"))
     return ReadJournal(tuple(records), at)
 
 
@@ -154,23 +160,15 @@ class Journal:
             else:
                 self._file = self.path.open("x+b")
         except FileExistsError:
-            remedy = "give another name, or --resume it"
-            raise InputError(Fault("exists already", str(self.path), field="--journal", remedy=remedy)) from None
+            remedy = "choose another name, or continue it with --resume"
+            raise InputError(Fault("already exists", str(self.path), field="--journal", remedy=remedy)) from None
         except OSError as error:
             raise self._failed(error) from None
 
     def _failed(self, error: OSError) -> InputError:
         return InputError(Fault(f"the journal cannot be written: {error.strerror or error}", str(self.path)))
 
-    def write(
-        self,
-        state: str,
-        event: str,
-        reason: str | None = None,
-        *,
-        flight: int = 0,
-        data: Mapping[str, Any] | None = None,
-    ) -> Record:
+    def write(self, state: str, entry: Entry, reason: str | None = None, *, flight: int = 0) -> Record:
         """Append a record; it is on the disk when this returns."""
         if self._file is None:
             raise InputError(Fault("the journal is closed", str(self.path)))
@@ -179,15 +177,15 @@ class Journal:
             n=self.count,
             time=iso(from_posix(round(self.posix_s(), 3))),
             state=str(state),
-            event=event,
+            event=entry.EVENT,
             flight=flight,
             reason=reason,
-            data=plain(dict(data or {})),
+            data=plain(entry.to_json()),
         )
         try:
             self._file.write(msgspec.json.encode(record) + b"\n")
             self._file.flush()
-            if event not in UNSYNCED:
+            if entry.EVENT not in UNSYNCED:
                 os.fsync(self._file.fileno())
         except OSError as error:
             raise self._failed(error) from None

@@ -1,0 +1,37 @@
+"""What a resume needs besides the plan: written with each plan, take-off and landing, and read again."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from skyway.link.supervisor.journal.entries import Observation, Standing
+
+if TYPE_CHECKING:
+    from skyway.link.supervisor.context import Context
+
+
+def standing(ctx: Context) -> Standing:
+    """Return it as the journal has it."""
+    delivery = ctx.delivery
+    return Standing(
+        station=delivery.station,
+        visited=tuple(sorted(delivery.visited)),
+        belief=asdict(ctx.energy.belief),
+        diverts=delivery.diverts,
+        charge_to=delivery.charge_to,
+        asked_once=ctx.conversation.asked_once,
+        gauge=ctx.battery.gauge,
+        lost_soc=ctx.battery.lost_soc,
+        observations=tuple(Observation(**asdict(one)) for one in ctx.wind.observations),
+    )
+
+
+def restore_standing(ctx: Context, told: Standing) -> None:
+    """Bring it back."""
+    ctx.delivery.restore(told.station, told.visited, told.diverts, told.charge_to)
+    if told.belief:
+        ctx.energy.restore({key: float(value) for key, value in told.belief.items()})
+    ctx.conversation.allow(once=bool(told.asked_once))
+    ctx.battery.restore(gauge=1.0 if told.gauge is None else told.gauge, lost_soc=told.lost_soc or 0.0)
+    ctx.wind.restore(told.observations)
