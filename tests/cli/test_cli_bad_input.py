@@ -56,7 +56,7 @@ WRONG = {
     "planner": ("--planner", "best", "--planner: no such planner (got 'best'); one of robust, shortest, pfs"),
     "objective": ("--objective", "fast", "--objective: is not an objective (got 'fast'); mean, p95, or 'on-time"),
     "deadline without offset": ("--objective", "on-time 2013-07-10T16:00", "--objective: the time has no UTC offset"),
-    "window in words": ("--depart-window", "soon", "--depart-window: is no length of time (got 'soon'); such as 90min"),
+    "window in words": ("--depart-window", "soon", "--depart-window: is not a duration (got 'soon'); such as 90min"),
     "deadline gone": ("--objective", "on-time 2001-07-10T16:00Z", "--objective: the deadline is before the departure"),
     "window too long": ("--depart-window", "30h", "--depart-window: out of range (got '108000 s'); from 1 min to 24 h"),
     "window without unit": ("--depart-window", "2", "--depart-window: has no unit (got '2'); did you mean 2h or 2min?"),
@@ -148,7 +148,7 @@ def test_a_network_in_parts_is_named_as_the_reason(skyway, refused, tmp_path):
 def test_a_scenario_that_is_not_there_says_how_to_begin_one(refused, tmp_path):
     assert "nowhere: no such folder; skyway scenario init DIR writes one" in refused("plan", "nowhere", *HOP)
     (tmp_path / "empty").mkdir()
-    assert "empty: the folder holds no scenario.toml" in refused("plan", "empty", *HOP)
+    assert "empty: the folder has no scenario.toml" in refused("plan", "empty", *HOP)
     assert "no such folder" in refused("network", "nowhere")
     assert "no such folder" in refused("wind", "nowhere")
     assert "no such folder" in refused("scenario", "check", "nowhere")

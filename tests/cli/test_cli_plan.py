@@ -280,7 +280,7 @@ def test_planners_are_compared_on_one_request(skyway):
         assert plan["composition"]["planner"] == plan["planner"]
     table = skyway("compare", *HOP, "--drone", "m200", "--planners", "pfs,shortest,ies")
     assert table.code == 0
-    assert "ies is told the true wind" in table.out
+    assert "ies has perfect information" in table.out
     assert not any(line.endswith(" ") for line in table.out.splitlines())
 
 

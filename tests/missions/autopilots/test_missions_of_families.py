@@ -80,7 +80,7 @@ def test_places_of_commands_without_a_name_travel_as_places_as_from_qgroundcontr
 @BOTH
 def test_of_a_command_without_a_name_it_is_said_that_no_known_version_has_it(autopilot):
     message = next(f.message for f in autopilot.cannot_fly(MissionDocument(Mission((TAKEOFF, MissionItem(219), LAND)))))
-    assert "no version that we know has MAV_CMD 219 in missions" in message
+    assert "no known version has MAV_CMD 219 in missions" in message
 
 
 @BOTH

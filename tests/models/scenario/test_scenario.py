@@ -294,7 +294,7 @@ def test_a_wrong_forecast_is_said_when_the_scenario_is_read_and_not_first_when_i
     ("name", "said"),
     [
         ("nowhere", "no such folder; skyway scenario init DIR"),
-        ("empty", "the folder holds no scenario.toml; skyway scenario init DIR"),
+        ("empty", "the folder has no scenario.toml; skyway scenario init DIR"),
         ("file.csv", "is not a scenario folder; skyway scenario init DIR"),
         ("other.toml", "no such folder"),
         ("x" * 300, "cannot be read: File name too long"),
@@ -378,7 +378,7 @@ def test_200_megabytes_are_refused(scenario_with, part):
         (instead("lat = 40.64", "lat = 140.64"), "wind.sites[0].lat: out of range (got '140.64')"),
         (instead("lat = 40.64", ""), "wind.sites[0].lat: is missing"),
         (instead("lat = 40.64", "lat = 40.64\nheight = 10"), "wind.sites[0].height: is not a field here; known: id, lat, lon"),
-        (instead('[[wind.sites]]\nid = "JFK"\nlat = 40.64\nlon = -73.76', ""), "wind.sites: is missing; say where the wind was measured"),
+        (instead('[[wind.sites]]\nid = "JFK"\nlat = 40.64\nlon = -73.76', ""), "wind.sites: is missing; give the places of measurement"),
         (instead('file = "load.csv"', 'file = "load.csv"\noccupancy = "load.csv"'), "load.occupancy: file and occupancy are both given"),
         (with_line("mean_charging_min = 0", "[load]"), "load.mean_charging_min: out of range (got '0')"),
         (instead("[load]", "[[load]]"), "load: must be a table"),
