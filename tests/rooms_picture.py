@@ -25,9 +25,9 @@ COLOURS = {
     "models": "#e4e4e4",
 }
 INK, SOFT = "#1f2a35", "#5a6b7b"
-LEFT, BOX_W, COLUMN = 86, 114, 138
-LINE, HEAD, GAP, PAD = 15, 26, 10, 10
-CAPTION = 24
+LEFT, BOX_W, COLUMN = 104, 124, 144
+LINE, HEAD, GAP, PAD = 18, 30, 10, 10
+CAPTION = 26
 
 Edges = set[tuple[str, str]]
 
@@ -58,14 +58,14 @@ def picture(modules: Sequence[Module], floors: Sequence[str]) -> str:
         y, columns = y + height + 6, max(columns, len(levels))
     width = LEFT + columns * COLUMN
     out = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {y}" font-family="sans-serif" font-size="13" fill="{INK}">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {y}" font-family="sans-serif" font-size="16" fill="{INK}">',
         '<rect width="100%" height="100%" fill="#ffffff"/>',
         (
             '<defs><marker id="a" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8" orient="auto-start-reverse">'
             f'<path d="M0 0L8 4L0 8z" fill="{SOFT}"/></marker></defs>'
         ),
         (
-            f'<text x="8" y="16" font-size="12" fill="{SOFT}">Rooms and their numbers of modules. A floor imports only floors below it; '
+            f'<text x="8" y="18" font-size="15" fill="{SOFT}">Rooms and their numbers of modules. A floor imports only floors below it; '
             "inside a floor arrows lead to what is imported.</text>"
         ),
     ]
@@ -139,7 +139,7 @@ def _boxes(levels: list[list[str]], edges: Edges, counts: Counter[str], top: int
             y = max([y, *between])
             inside = [f"{one[len(room) + 1 :]} {counts[one]}" for one in sorted(counts) if one.startswith(f"{room}.")]
             if "." not in room:  # modules of the floor itself; its rooms have their own boxes
-                lines = (f"{room}/*.py {counts[room]}",)
+                lines = (f"*.py {counts[room]}",)
             else:
                 lines = (f"{room.rpartition('.')[2]} {counts[room] or ''}".strip(), *inside)
             height = HEAD + LINE * (len(lines) - 1) + (4 if len(lines) > 1 else 0)
@@ -161,10 +161,10 @@ def _box(box: Box, colour: str) -> list[str]:
     ]
     for number, text in enumerate(box.lines):
         name, _, count = text.partition(" ")
-        x, size = (box.x + 14, 11) if number else (box.x + 8, 13)
+        x, size = (box.x + 16, 14) if number else (box.x + 8, 16)
         lines.append(
-            f'<text x="{x}" y="{box.y + 18 + number * LINE}" font-size="{size}">'
-            f'{escape(name)} <tspan fill="{SOFT}" font-size="11">{count}</tspan></text>'
+            f'<text x="{x}" y="{box.y + 21 + number * LINE}" font-size="{size}">'
+            f'{escape(name)} <tspan fill="{SOFT}" font-size="14">{count}</tspan></text>'
         )
     return lines
 

@@ -1,9 +1,11 @@
 """skyway from Python: what a program hands in, and what a notebook shows."""
 
 import math
+import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from html.parser import HTMLParser
+from pathlib import Path
 
 import networkx as nx
 import pytest
@@ -175,3 +177,8 @@ def test_results_and_networks_are_pictures(tmp_path, answer):
         skyway.plot(answer, "plan.pdf")
     with pytest.raises(skyway.InputError, match="cannot be drawn"):
         skyway.plot("plan.json")
+
+
+def test_the_api_reference_has_every_public_name():
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "python.md").read_text()
+    assert sorted(re.findall(r"^::: skyway\.(\w+)$", page, re.MULTILINE)) == sorted(skyway.__all__)
