@@ -65,7 +65,7 @@ class GapRow:
     Attributes
     ----------
     origin, destination, depart : str
-        Which.
+        Of the request.
     payload_kg : float
         Mass of the package.
     bound_s, fixed_s : float

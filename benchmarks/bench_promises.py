@@ -56,7 +56,7 @@ class Kept:
     Attributes
     ----------
     request : Request
-        Which.
+        The request.
     flown : Flown
         Deliveries, judged by what was promised.
     promised_mean_s : float

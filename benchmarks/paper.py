@@ -130,7 +130,7 @@ def run_experiment(
     runs : callable
         Number of runs by size; half the nodes by default.
     planners : sequence of str
-        Which.
+        Names of planners.
     progress : callable
         Told in words how far it is.
     """

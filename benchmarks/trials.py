@@ -98,7 +98,7 @@ class Trial:
     Attributes
     ----------
     contender, delivery
-        Which.
+        Contender and delivery measured.
     status : str
         ``planned``, ``no-route`` or ``wandered`` (more than `MAX_FLIGHTS` flights).
     planning_s : float
@@ -124,7 +124,7 @@ class Row:
     Attributes
     ----------
     instance, planner : str
-        Which.
+        Instance and planner measured.
     clairvoyant : bool
         It had perfect information: a bound, not a rival.
     deliveries, planned, no_route, wandered, cut_off : int
@@ -207,7 +207,7 @@ def try_instance(
     Parameters
     ----------
     instance : Instance
-        Which.
+        The instance.
     compared : int
         See `COMPARED_RUNS`.
     time_limit_s : float

@@ -104,7 +104,7 @@ class TcpPads:
 
 @dataclass(slots=True)
 class ManualPads:
-    """Pads that people tend: they are told what to charge, and say when it is done.
+    """Pads operated by people: they are asked to charge, and confirm when it is done.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class ManualPads:
     _done: dict[str, float] = field(default_factory=dict)
 
     def status(self, station: str) -> StationStatus:
-        """Return what a plan assumes: free pads, since nobody counts them."""
+        """Return what a plan assumes: free pads, since they are not counted."""
         pads = self.pads.get(station, 0)
         return StationStatus(
             station=station, posix_s=self.posix_s(), pads=pads, busy=0, remaining_s=(), waiting=0,
@@ -142,7 +142,7 @@ class ManualPads:
         return DroneOnPad(drone=drone, state="charging", to_soc=to_soc)
 
     def charged(self, drone: str, soc: float = math.nan) -> None:
-        """Take the operator's word that it is done; NaN where the vehicle itself tells the state of charge."""
+        """Take the operator's confirmation; NaN where the vehicle itself reports the state of charge."""
         self._done[drone] = soc
 
     def release(self, station: str, drone: str) -> DroneOnPad:

@@ -37,7 +37,7 @@ class Departure:
     Attributes
     ----------
     depart : datetime
-        When.
+        Time of departure.
     delivery : Figure or None
         Mean delivery time from then, s; None where there is no route.
     p_on_time : float

@@ -35,7 +35,7 @@ class ChargeRange:
     Attributes
     ----------
     station : str
-        Where.
+        Station id.
     nominal, low, high : float
         Charge on leaving: of the typical schedule, and between which it is in 8 of 10 simulated deliveries.
     idle : float
@@ -56,7 +56,7 @@ class StopReason:
     Attributes
     ----------
     station : str
-        Where.
+        Station id.
     runner_up : tuple of str or None
         Stops of the best route without this one, None where there is none.
     later : Figure or None

@@ -30,7 +30,7 @@ class Radio:
     Parameters
     ----------
     vehicle : Vehicle
-        Whose.
+        The vehicle.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:

@@ -34,7 +34,7 @@ class Event:
     system : int
         To which vehicle; 0 to none.
     text : str
-        What.
+        Text of the event.
     """
 
     sim_s: float

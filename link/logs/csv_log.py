@@ -43,7 +43,7 @@ _TIME_NAMES = {"time_utc": "iso", "time_s": "s", "time": "s", "timestamp": "s"}
 
 @dataclass(frozen=True, slots=True)
 class ColumnOf:
-    """Where a quantity stands: ``column * factor + offset``."""
+    """Source of a quantity: ``column * factor + offset``."""
 
     column: str
     factor: float = 1.0
@@ -239,7 +239,7 @@ class CsvLog:
         return Vehicle(kinds[0], "its column fixed_wing") if kinds else Vehicle()
 
     def _pieces(self) -> Iterator[list[list[str]]]:
-        """Read the rows, so many at a time; the header comes first."""
+        """Read the rows in batches, the header first."""
         try:
             opener = gzip.open if self._path.suffix == ".gz" else open
             with opener(self._path, "rt", encoding="utf-8-sig", newline="") as stream:

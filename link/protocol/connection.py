@@ -40,7 +40,7 @@ _GUEST_S = 0.002
 
 @dataclass(slots=True)
 class Peer:
-    """One vehicle heard on a connection.
+    """One vehicle on a connection.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class Peer:
         return self.lost / max(1, self.lost + self.received)
 
     def texts_since(self, said: int) -> list[str]:
-        """Return what it has said since it had said so many texts, as far as that is kept."""
+        """Return its texts after the first `count`, as far as they are kept."""
         fresh = self.said - said
         return [text for _, text in self.texts[-fresh:]] if fresh > 0 else []
 
@@ -116,11 +116,11 @@ class SharedClient(Protocol):
     """Another MAVLink library that speaks on a connection in our name, with a heartbeat of its own."""
 
     def hear(self, frame: bytes) -> None:
-        """Take a frame that came and was believed."""
+        """Take an accepted frame."""
         ...
 
     def frames(self) -> Iterable[tuple[int, bytes]]:
-        """Yield what it has to say, with the system that each frame is for; 0 is everybody."""
+        """Yield its outgoing frames, each with the system that it is for; 0 is broadcast."""
         ...
 
 
@@ -178,7 +178,7 @@ class Connection:
 
     @property
     def rejected(self) -> Rejected:
-        """Packets that were not believed."""
+        """Packets that were rejected."""
         return self._reader.rejected
 
     @property
@@ -188,7 +188,7 @@ class Connection:
 
     @property
     def wants_key(self) -> bool:
-        """Whether somebody signs and we have no key: a vehicle that signs seldom listens to who does not."""
+        """Whether a vehicle signs and we have no key: such vehicles rarely accept unsigned packets."""
         return self._reader.heard_signed and not self.signed
 
     def send(self, name: str, system: int = 0, **fields: Any) -> None:
@@ -276,7 +276,7 @@ class Connection:
             self.namesake = True
 
     def refuse_conflict(self) -> None:
-        """Say nothing to a vehicle that cannot tell us from another station.
+        """Refuse to send to a vehicle that cannot tell us from another station.
 
         Raises
         ------
@@ -287,7 +287,7 @@ class Connection:
             raise StationConflictError(self.conflict.system, self.conflict.component)
 
     def _meet(self, message: Message, now: float) -> Peer | None:
-        """A vehicle is somebody whose autopilot's heartbeat was heard."""
+        """Register a vehicle at the first heartbeat of its autopilot."""
         if message.name != "HEARTBEAT" or message["autopilot"] == _INVALID_AUTOPILOT or message.system == 0:
             return None
         if message["type"] in _NO_VEHICLES or len(self.peers) >= _MAX_SYSTEMS:

@@ -32,7 +32,7 @@ _LONGEST_RETRY_S = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """The system and component that an exchange speaks with; packets of any other are not believed."""
+    """System and component of an exchange; packets of others are ignored."""
 
     system: int
     component: int = 1
@@ -63,7 +63,7 @@ class RoundTrip:
             self.mean_s += 0.125 * (took_s - self.mean_s)
 
     def unclear(self) -> None:
-        """Hear an answer to a question asked more than once: it tells not which time, and so nothing is learnt.
+        """Take an answer to a repeated request: it does not show which request, so no round trip is learnt.
 
         Several in a row mean that the link may have become slower than we wait: then we wait longer, until an answer
         is clear again. Without this a slow link is never learnt, and is asked ever more.
@@ -121,7 +121,7 @@ class Exchange(ABC):
 
     @abstractmethod
     def hear(self, message: Message, now_s: float) -> None:
-        """Take a message of the target to us, or to everybody."""
+        """Take a message of the target, addressed to us or broadcast."""
 
     @abstractmethod
     def tick(self, now_s: float) -> None:

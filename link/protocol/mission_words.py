@@ -53,5 +53,5 @@ RESULTS = {
 
 
 def in_words(result: int) -> str:
-    """Return an answer in words."""
+    """Return the text of a result."""
     return RESULTS.get(result, f"answer {result}")

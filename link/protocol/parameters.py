@@ -83,7 +83,7 @@ def same_value(wanted: float, actual: float, kind: int) -> bool:
 
 
 class SetParameter(Exchange):
-    """Sets one parameter, and hears what it became.
+    """Sets one parameter and waits for the value that it got.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ class SetParameter(Exchange):
 
 
 class ReadParameters(Exchange):
-    """Reads parameters by name, and tells one that the vehicle does not have from one whose answer was lost.
+    """Reads parameters by name, and distinguishes absent parameters from lost answers.
 
     Newer firmware says that it has none of a name (PARAM_ERROR); older firmware is silent. So the names are asked for in
     rounds, and each round ends with a question that every vehicle answers: the first parameter of its list. Where that
@@ -302,7 +302,7 @@ class ListParameters(Exchange):
 
 @dataclass(frozen=True, slots=True)
 class ParameterCheck:
-    """One required parameter beside what the vehicle has.
+    """One required parameter compared with the vehicle's value.
 
     Attributes
     ----------
@@ -353,7 +353,7 @@ class ParameterCheck:
 def check_parameters(
     wanted: Sequence[Parameter], actual: Mapping[str, float], absent: Collection[str] = frozenset()
 ) -> tuple[ParameterCheck, ...]:
-    """Put what a mission relies on beside what was read from the vehicle, by name.
+    """Compare the parameters that a mission relies on with those read from the vehicle.
 
     Parameters
     ----------

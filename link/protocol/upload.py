@@ -38,7 +38,7 @@ _HEARD = frozenset(("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK", "MI
 
 
 class UploadEnd(Enum):
-    """How a transfer ended, as far as one can tell without reading back."""
+    """End of a transfer, as far as it is known without reading back."""
 
     RUNNING = "running"
     ACCEPTED = "accepted"

@@ -135,7 +135,7 @@ class UploadJob:
 
     @property
     def shift(self) -> int:
-        """What the autopilot's numbers are above ours."""
+        """Offset of the autopilot's item numbers to ours."""
         return self.family.home_items if self.kind is MissionKind.MISSION else 0
 
 
@@ -298,7 +298,7 @@ class _Run:
         return not compare(was, found, self.job.family)
 
     def _why(self, up: Upload) -> str:
-        """The vehicle's reason in words; empty where it took everything."""
+        """The vehicle's reason as text; empty if it accepted everything."""
         said = [text for text in self.job.texts()[self._texts :] if "received" not in text.lower()]
         words = f"; it said: {' / '.join(said[-3:])}" if said else ""
         if up.end is UploadEnd.REFUSED:

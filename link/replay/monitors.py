@@ -35,7 +35,7 @@ MAX_LEGS = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """Something a monitor says.
+    """A message of a monitor.
 
     Attributes
     ----------
@@ -282,7 +282,7 @@ class BatteryWatch:
 
 
 class WindWatch:
-    """Tells the wind, and notices a drag that does not fit and a filter that is not as sure as it says."""
+    """Reports the wind, and detects a wrong drag and an inconsistent filter."""
 
     def __init__(self, wind: LiveWind) -> None:
         self._wind = wind

@@ -165,7 +165,7 @@ class Player:
         return self.position_s >= self.source.end_s if self.speed >= 0.0 else self.position_s < self.source.start_s
 
     def step(self, elapsed_s: float) -> int:
-        """Play for so many seconds of the clock; returns the packets sent."""
+        """Play for a duration of the clock, s; returns the packets sent."""
         if self.paused or self.ended:
             return 0
         before_first = float(np.nextafter(self.source.start_s, -math.inf))
@@ -177,7 +177,7 @@ class Player:
         return len(packets)
 
     def seek(self, offset_s: float) -> None:
-        """Go to so many seconds after the beginning."""
+        """Go to a time after the start, s."""
         if not math.isfinite(offset_s):
             raise InputError(Fault("is not a time to seek to", field="seek", value=offset_s))
         self.position_s = float(np.clip(self.source.start_s + offset_s, self.source.start_s, self.source.end_s))

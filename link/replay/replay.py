@@ -45,7 +45,7 @@ MAX_BLOCKS = 7_200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replay:
-    """What a log says about one vehicle.
+    """Replay of one vehicle of a log.
 
     Attributes
     ----------
@@ -169,7 +169,7 @@ def replay(
     wait_until: Callable[[float], None] | None = None,
     listener: Listener | None = None,
 ) -> Replay:
-    """Go through a log as if it were live.
+    """Replay a log as if it were live.
 
     Parameters
     ----------
@@ -291,7 +291,7 @@ def _find_air(log: Log, system: int | None, asked: ReplayOptions, vehicle: Vehic
 
 
 class _Told:
-    """Brings what the vehicle said and what the monitors notice into one order, and keeps the events."""
+    """Merges the vehicle's texts and the monitors' notices in order of time."""
 
     def __init__(
         self, summary: LogSummary, system: int | None, asked: ReplayOptions, notice: Callable[[Notice], None] | None

@@ -80,7 +80,7 @@ class ControlServer:
         self._selector.register(self._listener, selectors.EVENT_READ)
 
     def serve(self, timeout_s: float) -> None:
-        """Answer what has come in within so many seconds."""
+        """Answer the requests received within a duration."""
         for key, _ in self._selector.select(timeout_s):
             if key.fileobj is self._listener:
                 self._accept()

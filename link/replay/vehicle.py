@@ -53,7 +53,7 @@ def vehicle_of(summary: LogSummary, system: int | None, given: Kind | None = Non
 
 
 def no_wind(vehicle: Vehicle) -> str:
-    """Why a vehicle tells no wind, whatever it flies; empty where it may."""
+    """Reason why a vehicle gives no wind; empty if it may."""
     if vehicle.kind in FLIES_BY_AIR:
         return ""
     if vehicle.kind == "unknown":
@@ -62,7 +62,7 @@ def no_wind(vehicle: Vehicle) -> str:
 
 
 class VehicleView:
-    """Telemetry of one vehicle, piece by piece, without what its kind cannot tell.
+    """Telemetry of one vehicle, piece by piece, without what its kind cannot measure.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ class Operator(Protocol):
         ...
 
     def tell(self, line: str) -> None:
-        """Say something."""
+        """Print a line."""
         ...
 
     def ask(self, question: str) -> None:

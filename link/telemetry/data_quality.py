@@ -26,7 +26,7 @@ _MOTIONS = {"attitude": ("roll_rad", "pitch_rad", "yaw_rad"), "position": ("lat_
 
 
 class DataQuality:
-    """The doubts about one vehicle.
+    """Data quality of one vehicle.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class DataQuality:
         return self._known.get(quantity, (math.nan, 0.0))[0]
 
     def hear(self, reports: Mapping[str, float], time_s: float) -> None:
-        """Judge what one message says."""
+        """Check one message."""
         for name in [name for name, until in self._until_s.items() if time_s > until]:
             del self._until_s[name]
             self.words.pop(name, None)

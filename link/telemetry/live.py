@@ -38,7 +38,7 @@ class LiveTelemetry:
     Parameters
     ----------
     system : int
-        Whose.
+        System id of the vehicle.
 
     Attributes
     ----------
@@ -65,11 +65,11 @@ class LiveTelemetry:
 
     @property
     def doubts(self) -> dict[str, str]:
-        """What is doubtful about a quantity, in words, by its name."""
+        """Data-quality problems as text, by quantity."""
         return self._doubts.words
 
     def hear(self, message: Message, posix_s: float) -> TelemetrySample | None:
-        """Take a message; returns a sample where it completes one."""
+        """Take a message; returns a sample if it completes one."""
         name = message.name
         self._count(message.sequence)
         speak = SPOKEN.get(name)

@@ -99,7 +99,7 @@ class UdpSocket:
     Parameters
     ----------
     address : Address
-        Where.
+        Address of the connection.
     """
 
     def __init__(self, address: Address) -> None:

@@ -34,7 +34,7 @@ class Step:
     item : int
         Number of the item that orders it.
     point : Point
-        Where.
+        Position.
     height_m : float
         Above home; NaN where the file does not let us know.
     speed_mps : float

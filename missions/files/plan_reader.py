@@ -106,7 +106,7 @@ def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
 
 
 def _with_strays(document: MissionDocument, strays: Sequence[MissionItem], file: str) -> MissionDocument:
-    """Put fence and rally points that stood among the mission items where they belong."""
+    """Move fence and rally items out of the mission into fence and rally points."""
     if not strays:
         return document
     fence = fence_items.to_fence([item for item in strays if fence_items.is_fence_item(item)], file)

@@ -71,7 +71,7 @@ def _mission(mission: Mission) -> dict[str, Any]:
 
 
 def required(mission: Mission) -> dict[str, Any]:
-    """Return what QGroundControl opens no plan without; None is unknown."""
+    """Return the fields without which QGroundControl opens no plan; None is unknown."""
     home = mission.home
     return {
         "plannedHomePosition": [home.point.lat, home.point.lon, home.altitude_m] if home else None,

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class MissionDocument:
-    """Everything that is uploaded together.
+    """Mission, fence and rally points that are uploaded together.
 
     Attributes
     ----------

@@ -10,7 +10,7 @@ Severity = Literal["error", "warning", "info"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing found, said so that it can be put right.
+    """One finding, with what is needed to correct it.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class Finding:
     code : str
         Stable name, for machines.
     message : str
-        What.
+        What was found.
     remedy : str or None
         What would be right.
     """

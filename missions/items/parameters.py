@@ -88,7 +88,7 @@ class Parameter:
         )
 
     def accepts(self, actual: float) -> bool:
-        """Whether a value read from the vehicle will do."""
+        """Whether a value read from the vehicle is acceptable."""
         if not self.believes(actual):
             return False
         if self.value is None or self.rule == "read":
@@ -103,13 +103,13 @@ class Parameter:
         return abs(actual - self.value) <= slack
 
     def believes(self, actual: float) -> bool:
-        """Whether a value read from the vehicle can be what we take it for."""
+        """Whether a value read from the vehicle is plausible."""
         return self.plausible[0] <= actual <= self.plausible[1]  # False for NaN
 
 
 @dataclass(frozen=True, slots=True)
 class FlightNeeds:
-    """What a mission asks of the vehicle's settings.
+    """Settings that a mission needs.
 
     Attributes
     ----------

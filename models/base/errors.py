@@ -30,7 +30,7 @@ def one_line(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing wrong with an input, said so that it can be put right.
+    """One fault of an input, with what is needed to correct it.
 
     Attributes
     ----------

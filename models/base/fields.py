@@ -157,7 +157,7 @@ class Table:
         return [Table(value, self.file, f"{path}[{number}]", self.faults) for number, value in enumerate(values)]
 
     def finish(self) -> None:
-        """Report every field that nobody read: a misspelt name must not pass for a default."""
+        """Report every field that was not read: a misspelt name must not pass for a default."""
         unknown = [key for key in self._values if key not in self._read]
         for key in unknown[:MAX_UNKNOWN]:
             close = difflib.get_close_matches(key, self._read, n=1)

@@ -41,7 +41,7 @@ class Figure:
         return Figure(1.0 - self.value, 1.0 - self.high, 1.0 - self.low, self.error, self.seed_error)
 
     def scaled(self, factor: float) -> Figure:
-        """The same in another unit."""
+        """The figure in another unit."""
         low, high = sorted((factor * self.low, factor * self.high))
         return Figure(factor * self.value, low, high, abs(factor) * self.error, abs(factor) * self.seed_error)
 

@@ -22,7 +22,7 @@ SURE = 0.25
 
 
 def step_for(half_width_s: float) -> int:
-    """Return the step to which a time is rounded whose interval reaches so far."""
+    """Return the rounding step of a time, given the half width of its interval."""
     return next((step for step in STEPS_S if step >= SURE * half_width_s), STEPS_S[-1])
 
 

@@ -41,7 +41,7 @@ STEADY_RAD_S = math.radians(8.0)
 
 @dataclass(frozen=True, slots=True)
 class AirspeedFit:
-    """What a flight tells about the airspeed sensor.
+    """Airspeed calibration found from one flight.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ MAX_RELATIVE_SIGMA = 0.20
 
 @dataclass(frozen=True, slots=True)
 class DragFit:
-    """What a flight tells about the drag.
+    """Drag found from one flight.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
 
 
 def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0, smooth: int = 10) -> DragModel:
-    """Find the linear drag of a flight, hover included, in a wind that was measured beside it.
+    """Find the linear drag of a flight, hover included, in a wind that was measured nearby.
 
     Parameters
     ----------

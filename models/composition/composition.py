@@ -56,7 +56,7 @@ CALM_MPS = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Wind:
-    """Wind as people say it: one wind, or those that may blow.
+    """Wind as speed and FROM direction: one wind, or the range that may blow.
 
     Attributes
     ----------
@@ -418,7 +418,7 @@ class Composition:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Where a delivery stands (Definition 4, with what decides feasibility added).
+    """State of a delivery (Definition 4, extended by what decides feasibility).
 
     Attributes
     ----------

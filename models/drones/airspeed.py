@@ -41,7 +41,7 @@ class AirspeedModel:
     heading_sigma_rad: float = 0.0
 
     def another_flight(self) -> AirspeedModel:
-        """Return the same sensor, as sure as it is for another flight of the same aircraft."""
+        """Return the same calibration with its uncertainty for another flight of the same aircraft."""
         return replace(
             self,
             factor_sigma=math.hypot(self.factor_sigma, FLIGHT_TO_FLIGHT_FACTOR),

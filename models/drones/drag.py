@@ -77,7 +77,7 @@ class DragModel:
             raise InputError(Fault("with a drag of 0 the wind cannot be estimated", field="drag"))
 
     def another_flight(self) -> DragModel:
-        """Return the same drag, as sure as it is for another flight of the same aircraft."""
+        """Return the same drag with its uncertainty for another flight of the same aircraft."""
         return replace(
             self,
             relative_sigma=min(math.hypot(self.relative_sigma, FLIGHT_TO_FLIGHT_RELATIVE), 1.0),

@@ -23,7 +23,7 @@ SCHEMA = "skyway.drag/1"
 
 @dataclass(frozen=True, slots=True)
 class AirFile:
-    """What a file says; None where it says nothing about it."""
+    """Contents of a drag file; None for missing parts."""
 
     drag: DragModel | None
     airspeed: AirspeedModel | None

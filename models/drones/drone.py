@@ -77,7 +77,7 @@ class Drone:
 
     @property
     def cruise_airspeed_mps(self) -> float:
-        """Airspeed planned with unless the request says otherwise."""
+        """Planned airspeed, unless the request gives one."""
         return min(self.max_airspeed_mps, self.max_ground_speed_mps)
 
     def charging_curve(self, pad_power_w: float | None = None) -> ChargingCurve:

@@ -16,7 +16,7 @@ PHASES: tuple[Phase, ...] = ("climb", "cruise", "descent")
 
 
 class EnergyModel(Protocol):
-    """Anything that tells the power of a flight."""
+    """Interface of models of a flight's power."""
 
     @property
     def name(self) -> str:

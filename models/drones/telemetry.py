@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TelemetrySample:
-    """One look at one vehicle; NaN stands for what is not known, or not known any more.
+    """One sample of a vehicle's telemetry; NaN is unknown, or no longer known.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ _LOWEST, _HIGHEST = (
 
 
 def believable(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return rows of telemetry, NaN instead of what no aircraft does: damage, or a sensor that never was there.
+    """Return telemetry with implausible values as NaN: damage, or a sensor that is not there.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def believable(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True)
 class TimeBase:
-    """Where the times of a stream come from, and what is doubtful about them.
+    """Clock of a stream of times, and its defects.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ class TelemetryTrack:
     Attributes
     ----------
     system : int
-        Whose.
+        System id of the vehicle.
     time_s : ndarray, shape (samples,)
         Never decreasing.
     values : ndarray, shape (samples, quantities)

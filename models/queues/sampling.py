@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class QueuePath:
-    """What a drone of ours meets at one station, whenever it arrives.
+    """Queue that our drone meets at one station, for any time of arrival.
 
     Attributes
     ----------

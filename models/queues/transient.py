@@ -140,7 +140,7 @@ def stationary(pads: int, offered_load: float, states: int) -> NDArray[np.float6
 
 @dataclass(frozen=True, eq=False)
 class PadQueue:
-    """The queue of one station, as far as it is known at an instant.
+    """Queue of one station, given what is known at an instant.
 
     Attributes
     ----------
@@ -241,7 +241,7 @@ class WaitForecast:
 
     @classmethod
     def no_queue(cls, start_s: float, hours: float, step_s: float = STEP_S) -> WaitForecast:
-        """Nobody ever waits: a delivery target, where nobody recharges."""
+        """A station without waits: a delivery target, where nobody recharges."""
         points = math.ceil(hours * S_PER_H / step_s) + 1
         return cls(start_s, step_s, np.zeros(points), np.ones(points))
 

@@ -58,7 +58,7 @@ class WindSite:
 
 @dataclass(frozen=True, slots=True)
 class RowCounts:
-    """What a record was made of.
+    """Counts of a record's rows by how they were used.
 
     Attributes
     ----------

@@ -43,7 +43,7 @@ class Problem(NamedTuple):
 
 
 class FaultCollector:
-    """Faults of one file: the first twenty are told, the rest counted.
+    """Faults of one file: the first twenty are reported, the rest counted.
 
     Attributes
     ----------
@@ -68,12 +68,12 @@ class FaultCollector:
         self._unlisted += more
 
     def raise_if_hopeless(self) -> None:
-        """Raise what was found so far, if it is so much that the rest of the file need not be read."""
+        """Raise the faults found so far if there are too many to read on."""
         if len(self._found) + self._unlisted > HOPELESS_FAULTS:
             self.raise_if_any(after=" in the lines read so far")
 
     def raise_if_any(self, *, after: str = "") -> None:
-        """Raise what was found, in the order of the lines; `after` follows the number of those not told."""
+        """Raise the faults found, in the order of lines; `after` follows the number of faults not shown."""
         if not self._found:
             return
         found = sorted(self._found, key=lambda fault: fault.line or 0)
@@ -174,7 +174,7 @@ def read_table(
 def _whole(
     lines: list[int], rows: list[list[str]], width: int, faults: FaultCollector
 ) -> tuple[list[int], list[list[str]]]:
-    """Leave out rows of another width; but for empty ones they are faults."""
+    """Leave out rows of the wrong width; all but empty ones are faults."""
     kept = [number for number, row in enumerate(rows) if len(row) == width]
     for line, row in zip(lines, rows, strict=True):
         if row and len(row) != width:

@@ -119,7 +119,7 @@ class Start(NamedTuple):
     Attributes
     ----------
     node : int
-        Where.
+        Node of the drone.
     time_s, soc : float
         When, and with which charge.
     in_flight : bool
@@ -134,7 +134,7 @@ class Start(NamedTuple):
 
 @compiled_lean
 def search(world: World, start: Start, frames: Frames, candidates: Candidates, marks: Marks) -> int:
-    """Search on from where the frames stand; see the names of the answers.
+    """Continue the search from the current frames; see the names of the answers.
 
     Takes a world, frames and marks as `planner.lookahead` lays them out: as many frames as stops at most, one mark a node.
     """

@@ -71,12 +71,12 @@ _ENDINGS = {"stranded": STRANDED, "unflyable": UNFLYABLE, "gave_up": GAVE_UP}
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What became of simulated deliveries, in figures with 95 % intervals (block bootstrap over days).
+    """Figures of simulated deliveries with 95 % intervals (block bootstrap over days).
 
     Attributes
     ----------
     planner : str
-        Whose.
+        Name of the planner.
     runs, days : int
         Simulated deliveries, and the days of the record they were flown on.
     mean_s, p50_s, p95_s : Estimate

@@ -31,7 +31,7 @@ LEVELS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """What became of simulated deliveries.
+    """Outcomes of simulated deliveries.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ def schedules(
 
 
 def tally(problem: Problem, itinerary: Itinerary, block: NDArray[np.int64], schedule: NDArray[np.float64]) -> Flown:
-    """Return what became of runs of one itinerary from their schedules, shape (runs, legs, 7)."""
+    """Return the outcomes of runs of one itinerary, from their schedules, shape (runs, legs, 7)."""
     down, soc = schedule[:, :, TOUCH_DOWN], schedule[:, :, SOC_LANDING]
     begun = np.isfinite(down)
     lowest = np.where(begun, soc, np.inf).min(axis=1)

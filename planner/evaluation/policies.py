@@ -66,15 +66,15 @@ class Policy(Protocol):
     """Decides at every stop, knowing what is known there; must not look into the truth."""
 
     def decide(self, standing: Standing) -> Leg | None:
-        """The next flight and the stay before it, or None where there is no way on."""
+        """The next leg and the stop before it, or None if there is no onward route."""
 
 
 @runtime_checkable
 class Adaptive(Protocol):
-    """Decides at every stop, again with every new wind while it stands there, and over stations on the way."""
+    """Decides at every stop, again at each new wind measurement there, and over stations on the way."""
 
     def leave(self, standing: Standing) -> Departure | None:
-        """How to go on from a stop, or None where there is no way on."""
+        """How to leave a stop, or None if there is no onward route."""
 
     def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
         """Segments to go on with over a station with pads; none: land there.

@@ -45,7 +45,7 @@ class Realizations:
     Attributes
     ----------
     scenario, request
-        Whose.
+        Scenario and request that the realizations belong to.
     days : tuple of date
         Days of the record, local dates.
     wind : WindEnsemble
@@ -128,7 +128,7 @@ class Realizations:
         return twin
 
     def told(self, run: int) -> tuple[Request, WindEnsemble]:
-        """What to tell a clairvoyant planner of one run: request (with the seed of its queues) and hourly wind."""
+        """Perfect information of one run, for a clairvoyant planner: request (with the seed of its queues) and hourly wind."""
         request = replace(self.request, seed=self.queue_seed + int(self.queue[run]))
         return request, self.wind.member(int(self.day[run]))
 
@@ -214,7 +214,7 @@ def _joined(winds: Sequence[WindEnsemble]) -> WindEnsemble:
 
 
 def held_out_forecast(scenario: Scenario, request: Request, days: Sequence[date]) -> WindEnsemble:
-    """Forecast of a request that contains none of some days, nor days whose series overlap theirs.
+    """Forecast of a request without the given days and days whose series overlap theirs.
 
     Raises
     ------

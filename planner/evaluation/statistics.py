@@ -33,7 +33,7 @@ class Estimate:
     high: float = math.nan
 
     def scaled(self, factor: float) -> Estimate:
-        """The same in another unit."""
+        """The figure in another unit."""
         return Estimate(factor * self.value, factor * self.low, factor * self.high)
 
     def text(self, form: str = ".1f") -> str:

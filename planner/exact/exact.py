@@ -203,7 +203,7 @@ class ExactSearch:
         return p.depart_s + flight + max(charged, 0.0)
 
     def _layout(self, until_s: float) -> Subnetwork:
-        """Lay out all nodes that can lie on a way with an arrival until some time."""
+        """Lay out all nodes that can lie on a route that arrives by a time."""
         p, air, costs = self.problem, self.problem.air, self._costs
         first, last = (
             min(max(int((t + 1e-6 - air.start_s) // air.slot_s), 0), self._speeds.slots - 1)

@@ -208,7 +208,7 @@ class Round:
         return self._flights[node]
 
     def _expand(self, label: Label) -> Label | None:
-        """Continue a label; returns the best of what follows, still to be looked at."""
+        """Expand a label; returns the best successor that is still to be expanded."""
         stop_label, stop_labels = label.stop_label, self.stop_labels
         if not self._settle(stop_label):
             return None

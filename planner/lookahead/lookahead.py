@@ -163,7 +163,7 @@ class Lookahead:
         Parameters
         ----------
         segment : int
-            Which.
+            Index of the segment.
         time_s, soc, pad_s
             Since when the drone stands at its beginning, with which charge, and when it comes onto a pad (None: it does
             not charge).

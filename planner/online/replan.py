@@ -141,7 +141,7 @@ class Grounded:
     Attributes
     ----------
     station : str
-        Where.
+        Station id.
     time_s, soc : float
         Now, POSIX seconds, and its charge.
     visited : frozenset of str

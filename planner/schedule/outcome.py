@@ -27,7 +27,7 @@ FULL_COSTS = 1.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the forecast makes of an itinerary.
+    """Outcome of an itinerary over the forecast.
 
     Attributes
     ----------

@@ -116,7 +116,7 @@ class TcpListener:
     Parameters
     ----------
     address : Address
-        Where.
+        Address of the connection.
     selector : BaseSelector
         Of the loop.
     most : int

@@ -29,9 +29,9 @@ class UdpEndpoint:
     Parameters
     ----------
     address : Address
-        Where.
+        Address of the connection.
     vehicle : Vehicle
-        Whose.
+        The vehicle.
 
     Raises
     ------

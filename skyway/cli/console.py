@@ -100,7 +100,7 @@ class Console:
         return not self._ended or not self._words.empty()
 
     def tell(self, line: str) -> None:
-        """Say something."""
+        """Print a line."""
         self._show(line)
 
     def ask(self, question: str) -> None:

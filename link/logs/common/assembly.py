@@ -69,7 +69,7 @@ class Assembler:
     Parameters
     ----------
     system : int
-        Whose.
+        System id of the vehicle.
     lasting : frozenset of str
         Quantities that are told once when they change, and known until then.
     """

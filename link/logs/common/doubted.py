@@ -37,7 +37,7 @@ _END = (
 
 
 def doubt_in(text: str) -> bool | None:
-    """Whether a line begins (True) or ends (False) a doubt of the position; None: neither."""
+    """Whether a text starts (True) or ends (False) a span of untrusted position; None: neither."""
     said = text.lower()
     if any(phrase in said for phrase in _END):
         return False
@@ -45,7 +45,7 @@ def doubt_in(text: str) -> bool | None:
 
 
 class DoubtedSpans:
-    """Makes spans of the lines that begin and end them. One that is not ended lasts to the end."""
+    """Collects spans from the texts that start and end them. A span without an end lasts to the end of the log."""
 
     def __init__(self) -> None:
         self._spans: list[tuple[float, float]] = []
@@ -61,5 +61,5 @@ class DoubtedSpans:
             self._spans.append((self._open.pop(why), time_s + SETTLE_S))
 
     def spans(self) -> tuple[tuple[float, float], ...]:
-        """What was found, in no order."""
+        """Spans found, unordered."""
         return (*self._spans, *((begin, math.inf) for begin in self._open.values()))

@@ -19,7 +19,7 @@ MAX_EVENTS = 5000
 
 @dataclass(frozen=True, slots=True)
 class LogEvent:
-    """Something that the log says in words.
+    """A text event of a log.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class LogEvent:
     system : int
         Who said it.
     text : str
-        What.
+        Text of the event.
     """
 
     time_s: float

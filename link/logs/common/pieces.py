@@ -88,7 +88,7 @@ class InOrder:
     Parameters
     ----------
     system : int
-        Whose.
+        System id of the vehicle.
     lasting : frozenset of str
         As `link.logs.common.assembly.Assembler` takes it.
     """

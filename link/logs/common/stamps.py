@@ -17,13 +17,13 @@ EDGE_S = 60.0
 
 
 class SteadyTimes:
-    """Tells which stamps of a log, in the order they were written, are to be believed; fed piece by piece."""
+    """Decides which time stamps of a log, in the order written, are plausible; fed piece by piece."""
 
     def __init__(self) -> None:
         self.latest_s = math.nan
 
     def believed(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which of the next stamps are good, shape (stamps,)."""
+        """Return which of the next stamps are plausible, shape (stamps,)."""
         count = len(time_s)
         if not count:
             return np.zeros(0, dtype=np.bool_)

@@ -29,7 +29,7 @@ def _column(values: Any) -> NDArray[np.float64]:
 def receiver_ok(
     fix: Any, satellites: Any = math.nan, hdop: Any = math.nan, speed_error_mps: Any = math.nan
 ) -> NDArray[np.float64]:
-    """Whether a receiver is to be believed, 1 or 0; NaN of a figure says nothing.
+    """Whether a receiver is trusted, 1 or 0; NaN figures are ignored.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def receiver_ok(
 def estimate_ok(
     velocity_ratio: Any = 0.0, position_ratio: Any = 0.0, flags: Any = VELOCITY_GOOD, glitch_bit: int = 0
 ) -> NDArray[np.float64]:
-    """Whether the autopilot's filter believes its own horizontal velocity, 1 or 0.
+    """Whether the autopilot's filter trusts its horizontal velocity, 1 or 0.
 
     Parameters
     ----------

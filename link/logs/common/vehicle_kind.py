@@ -92,7 +92,7 @@ class Vehicle:
 
 @dataclass(slots=True)
 class KindEvidence:
-    """Collects what a log says about one vehicle, in whatever order."""
+    """Collects evidence in a log about the kind of one vehicle, in any order."""
 
     types: dict[int, None] = field(default_factory=dict)
     firmware: Kind | None = None
@@ -107,7 +107,7 @@ class KindEvidence:
     """``vehicle_status.vehicle_type`` of PX4."""
 
     def text(self, text: str) -> None:
-        """Take a line of the log's own words."""
+        """Take a text of the log."""
         for pattern, kind in _FIRMWARE:
             if self.firmware is None and pattern.search(text):
                 self.firmware, self.banner = kind, text.split(" (", maxsplit=1)[0][:40]
@@ -137,7 +137,7 @@ class KindEvidence:
         return Vehicle()
 
     def _claims(self) -> list[tuple[Kind, str]]:
-        """Each thing that tells a kind; parameters only where nothing plainer does."""
+        """Kinds claimed by each piece of evidence; parameters only where there is nothing plainer."""
         found: list[tuple[Kind, str]] = []
         if self.parameters.get("Q_ENABLE", 0.0) >= 1.0:
             found.append(("VTOL", f"Q_ENABLE = {self.parameters['Q_ENABLE']:g}"))

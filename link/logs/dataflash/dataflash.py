@@ -176,7 +176,7 @@ class DataFlash:
     def _reports(
         self, data: NDArray[np.uint8], found: Messages, steady: SteadyTimes
     ) -> dict[str, tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]]:
-        """What the messages of a piece say, with times of the log."""
+        """Telemetry in the messages of a piece, with times of the log."""
         zero_s = self._zero_s or 0.0
         stamped = self._stamped(data, found, SPOKEN, steady)
         reports = {}

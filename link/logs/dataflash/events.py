@@ -36,7 +36,7 @@ EVENT_TYPES = ("MSG", "ERR", "EV", "MODE", "ARM", "VER")
 
 
 class DataFlashEvents:
-    """Collects what is told, piece by piece; what a number means is said when the kind of the vehicle is known."""
+    """Collects events piece by piece; numbers get their meaning once the kind of the vehicle is known."""
 
     def __init__(self) -> None:
         self._told: list[tuple[float, Told]] = []
@@ -55,11 +55,11 @@ class DataFlashEvents:
             getattr(self, f"_see_{name.lower()}")(time_s, fields, row, evidence)
 
     def lasting(self) -> dict[str, float]:
-        """What was told last of what lasts, by the names of `models.drones.telemetry`."""
+        """Latest lasting values, by the names of `models.drones.telemetry`."""
         return dict(self._lasting)
 
     def told(self, kind: Kind) -> list[tuple[float, str]]:
-        """Times since the start (NaN: unknown) and words, in the order of the log."""
+        """Times since the start (NaN: unknown) and texts, in the order of the log."""
         return [(time_s, text(kind)) for time_s, text in self._told]
 
     def doubted(self) -> tuple[tuple[float, float], ...]:

@@ -194,7 +194,7 @@ def _receiver(fields: Fields) -> NDArray[np.bool_]:
 
 
 def _accuracy(fields: Fields) -> Columns:
-    """A receiver that says itself how wrong its velocity may be."""
+    """A receiver that reports the accuracy of its velocity."""
     bad = _numbers(fields, "SAcc") > MAX_SPEED_ERROR_MPS
     return {"gps_ok": np.where(bad, 0.0, 1.0)}
 
@@ -324,7 +324,7 @@ _PARTIAL = ("EV", "ERR")
 
 
 def quantities(name: str, fields: Fields, times: NDArray[np.float64]) -> dict[str, tuple[NDArray[np.float64], Columns]]:
-    """Return what messages of one type say: times and columns, by a name for each series.
+    """Return the series in messages of one type: times and columns, by name.
 
     Messages of another sensor, or another core of the filter, than the one that is looked at are left out.
     """

@@ -25,7 +25,7 @@ WINDOW_BYTES = 1 << 16
 
 
 def beginning(path: Path, fresh: ScanState) -> ScanState:
-    """Return what the parser remembers when it begins to read a log, made of a fresh memory.
+    """Return the parser's state when it starts to read a log.
 
     Raises
     ------

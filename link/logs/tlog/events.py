@@ -30,7 +30,7 @@ _STATES = {5: "failsafe", 6: "emergency", 8: "flight termination"}
 
 
 class TlogEvents:
-    """Collects what is told, chunk by chunk; a mode is named when the kind of its vehicle is known."""
+    """Collects events chunk by chunk; modes are named once the kind of the vehicle is known."""
 
     def __init__(self) -> None:
         self._told: list[tuple[float, int, str | Callable[[Kind], str]]] = []
@@ -57,7 +57,7 @@ class TlogEvents:
         return {system: evidence.vehicle() for system, evidence in self._evidence.items()}
 
     def events(self) -> tuple[LogEvent, ...]:
-        """What was told, in the order of time."""
+        """Events in order of time."""
         kinds = {system: vehicle.kind for system, vehicle in self.vehicles().items()}
         found = [
             LogEvent(time_s, system, text if isinstance(text, str) else text(kinds.get(system, "unknown")))

@@ -73,7 +73,7 @@ class StampCheck:
         self.disbelieved += 1
 
     def _believed(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which stamps are to be believed."""
+        """Which stamps are plausible."""
         begins = math.isnan(self.last_s)
         step = np.diff(time_s, prepend=time_s[0] if begins else self.last_s)
         if (

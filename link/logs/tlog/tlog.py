@@ -148,7 +148,7 @@ def _rows(most: int) -> tuple[NDArray[Any], ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TlogIndex:
-    """What a log holds, and where its times lie.
+    """Contents of a log, and its index by time.
 
     Attributes
     ----------

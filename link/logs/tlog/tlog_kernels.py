@@ -96,7 +96,7 @@ def stamp(data: NDArray[np.uint8], at: int) -> float:
 def _take_stamp(
     data: NDArray[np.uint8], stop: int, size: int, state: NDArray[np.int64], clock: NDArray[np.float64]
 ) -> bool:
-    """Take the stamp before a message; after bad bytes look on for one to believe. False: look on in the next chunk."""
+    """Take the stamp before a message; after bad bytes search for a plausible one. False: continue in the next chunk."""
     if size - state[POS] < 8:
         state[POS] = size
         return True

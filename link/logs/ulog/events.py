@@ -141,7 +141,7 @@ class ULogEvents:
                 self._wrong.append((at_us * 1e-6 - BEFORE_RESET_S, at_us * 1e-6 + SETTLE_S))
 
     def lasting(self) -> dict[str, float]:
-        """What was told last of what lasts, by the names of `models.drones.telemetry`."""
+        """Latest lasting values, by the names of `models.drones.telemetry`."""
         return dict(self._lasting)
 
     def told(

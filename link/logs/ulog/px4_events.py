@@ -61,7 +61,7 @@ class Enumeration(msgspec.Struct, frozen=True):
 
 
 class EventKind(msgspec.Struct, frozen=True):
-    """What an event says; `type` is ``summary`` for those around a report of checks."""
+    """One kind of event; `type` is ``summary`` for those around a report of checks."""
 
     name: str = ""
     message: str = ""
@@ -178,7 +178,7 @@ def _own() -> dict[int, tuple[str, EventKind]]:
 
 
 class EventWords:
-    """Says in words what events mean.
+    """Texts of events.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ class EventWords:
         return self.describes(number) and self._known[number][1].type == "summary"
 
     def describes(self, number: int) -> bool:
-        """Whether there are words for an event."""
+        """Whether an event has a text."""
         return number in self._known
 
     def is_check(self, number: int) -> bool:
@@ -205,7 +205,7 @@ class EventWords:
         return self.describes(number) and self._known[number][0] in _CHECKS and not self.is_summary(number)
 
     def text(self, number: int, arguments: bytes) -> str:
-        """Return what an event says; of one that nobody describes its number and arguments."""
+        """Return the text of an event; of an undescribed one, its number and arguments."""
         group, kind = self._known.get(number, ("", None))
         values = None if kind is None else self._values(kind, arguments)
         if kind is None or values is None or not kind.message:

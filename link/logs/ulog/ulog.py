@@ -95,7 +95,7 @@ class ULogFile:
     def _reports(
         self, data: NDArray[np.uint8], found: Messages, topics: Iterable[str], steady: SteadyTimes
     ) -> dict[str, tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]]:
-        """What the topics of a piece say, with times of the log."""
+        """Telemetry in the topics of a piece, with times of the log."""
         reports = {}
         for topic, (stamps_us, columns) in self._stamped(data, found, topics, steady).items():
             with contextlib.suppress(KeyError):  # another generation of the topic

@@ -150,7 +150,7 @@ class BlockMaker:
 
     @property
     def stuck(self) -> tuple[str, ...]:
-        """What has been exactly the same for too long, and is not believed now."""
+        """Sensors whose value has not changed for too long and is rejected."""
         watched = {"the attitude": self._attitude_watch, "the velocity": self._velocity_watch}
         return tuple(name for name, watch in watched.items() if watch.now)
 

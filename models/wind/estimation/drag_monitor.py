@@ -27,7 +27,7 @@ TOLERANCE = 0.10
 
 @dataclass(frozen=True, slots=True)
 class DragCheck:
-    """What a stretch of flight says about the drag in use.
+    """Check of the drag in use against a stretch of flight.
 
     Attributes
     ----------

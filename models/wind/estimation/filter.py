@@ -40,7 +40,7 @@ HELD_AFTER_S = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindFilterSettings:
-    """How the wind wanders, and when a measurement is not believed.
+    """Process noise of the wind, and the gate for measurements.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class WindFilterSettings:
 
 @dataclass(frozen=True, slots=True)
 class WindEstimate:
-    """What the filter believes.
+    """Estimate of the filter.
 
     Attributes
     ----------
@@ -256,7 +256,7 @@ class WindFilter:
         return size * np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
     def widen(self, variance: ArrayLike) -> None:
-        """Believe less in the slow wind: something was found that its measurements so far do not explain.
+        """Widen the covariance of the slow wind: its measurements so far do not explain what was found.
 
         Parameters
         ----------

@@ -68,7 +68,7 @@ class SlotAverages:
 
 
 def refined(ensemble: WindEnsemble, slot_s: float) -> WindEnsemble:
-    """Return the same wind in slots at most so long, for updates whose effect fades within a slot."""
+    """Return the same wind in shorter slots, for updates whose effect fades within a slot."""
     parts = max(1, math.ceil(ensemble.slot_s / slot_s - 1e-9))
     if parts * ensemble.slots > MAX_SLOTS:
         raise InputError(Fault("too fine", field="slot_s", value=slot_s))

@@ -96,7 +96,7 @@ def forecast_of(ensemble: WindEnsemble, profile_exponent: float | None = None) -
 
 
 def settings_for(ensemble: WindEnsemble) -> WindFilterSettings:
-    """Return settings whose wind strays from the forecast as far as its members do, at least 1 m/s."""
+    """Return filter settings whose wind deviates from the forecast as the members do, by at least 1 m/s."""
     weight = ensemble.probability[:, None, None]
     spread = sum(
         float((weight * (values - (weight * values).sum(axis=0)) ** 2).sum(axis=0).mean())
@@ -167,11 +167,11 @@ class LiveWind:
 
     @property
     def estimate(self) -> WindEstimate | None:
-        """Newest estimate; None before the first."""
+        """Latest estimate; None before the first."""
         return None if self.filter is None else self.filter.estimate
 
     def hear(self, sample: TelemetrySample) -> WindEstimate | None:
-        """Take a sample; returns an estimate where it ends a period. One that is older than the last is left out."""
+        """Take a sample; returns an estimate when it completes a period. Older samples are ignored."""
         if not sample.time_s >= self._heard_s:
             return None
         period = math.floor(sample.time_s / self._period_s)
@@ -192,7 +192,7 @@ class LiveWind:
         doubt: NDArray[np.float64],
         same_error: float = 1.0,
     ) -> bool:
-        """Take a measurement of the wind that is made elsewhere, for now; returns whether it was used.
+        """Take an external measurement of the wind at the current time; returns whether it was used.
 
         Parameters
         ----------
@@ -218,11 +218,11 @@ class LiveWind:
         return used
 
     def feed(self, track: TelemetryTrack) -> FilteredWind:
-        """Take many samples, not older than those before; returns the filter's course over the periods that are over."""
+        """Take many samples in order of time; returns the filter's estimates for the completed periods."""
         return self._follow(self._maker.feed(track))
 
     def close(self) -> FilteredWind:
-        """Take the last period, which no later sample ends."""
+        """Complete the last period."""
         return self._follow(self._maker.flush())
 
     def observations(self) -> tuple[WindObservation, ...]:
@@ -237,7 +237,7 @@ class LiveWind:
 
     @property
     def stuck(self) -> tuple[str, ...]:
-        """Sensors that have not changed in flight for too long and are not believed: ``the attitude``, ``the velocity``."""
+        """Sensors whose value is stuck in flight and is rejected: ``the attitude``, ``the velocity``."""
         return self._maker.stuck if self._flying else ()
 
     def check_drag(self) -> DragCheck:
@@ -246,7 +246,7 @@ class LiveWind:
         return check_drag(table[:, :2], table[:, 2:])
 
     def _follow(self, air: Blocks) -> FilteredWind:
-        """Let the filter live through blocks."""
+        """Run the filter over blocks."""
         course = FilteredWind.empty(len(air))
         self._flying = bool(air.flying[-1]) if len(air) else self._flying
         found = measurements(
@@ -295,7 +295,7 @@ class LiveWind:
                 self._slots.add(settled, *where)
 
     def _take(self, found: Measurements, number: int, depends: Dependence) -> bool:
-        """Give the filter one measurement."""
+        """Pass one measurement to the filter."""
         nn, ne, ee = found.noise[number].tolist()
         north, east = found.wind[number].tolist()
         if self.filter is None:
