@@ -19,7 +19,7 @@ PACKAGE = "skyway"
 FLOORS = ("models", "planner", "link")
 """Folders with kernels; the package has them as skyway.models and so on."""
 LIST = ROOT / PACKAGE / "models" / "jit" / "kernels.json"
-DECORATORS = {"compiled", "compiled_lean"}
+DECORATORS = {"compiled", "compiled_inline", "compiled_lean"}
 
 
 def build(folder: Path, name: str = "_kernels") -> Path:

@@ -1,14 +1,21 @@
-"""Compiled kernels of flights through slotted wind. See `models.flight.rules` for the rules and `SegmentWind` for the arrays."""
+"""Compiled kernels of flights through slotted wind: the wind triangle, the slots, and the walk through them.
+
+See `models.flight.rules` for the rules and `SegmentWind` for the arrays. Whatever flies through slots (in one member, in a
+table of speeds, in gusts, in wind that is taken to be worse) takes slots from `slot_number` and `slot_until`, flies each
+part of a segment by `flown_part`, and, where the speed follows from slot and segment alone, walks by `cross`.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from skyway.models.jit.compiled import compiled_lean
-from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
+from skyway.models.jit.compiled import compiled_inline, compiled_lean
+from skyway.models.wind import triangle
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -17,29 +24,73 @@ if TYPE_CHECKING:
 NEVER = math.inf
 SLOT_EDGE_S = 1e-6  # a time this close below a boundary counts as beyond it, so that no step has length zero
 
+along_across = compiled_lean(triangle.along_across)
+forward_mps = compiled_lean(triangle.forward_mps)
+flyable = compiled_lean(triangle.flyable)
+
+
+class Slots(NamedTuple):
+    """Spans of time in each of which the wind is constant.
+
+    Attributes
+    ----------
+    start_s, slot_s : float
+        POSIX seconds of the first slot and length of a slot.
+    length : int
+        How many there are; the last one holds on for ever.
+    """
+
+    start_s: float
+    slot_s: float
+    length: int
+
 
 @compiled_lean
-def slot_of(air: SegmentWind, time_s: float) -> int:
+def slot_number(slots: Slots, time_s: float) -> int:
     """Slot that holds a time; times outside the series use its first or last slot, what is not a number the last.
 
     Takes any time, infinite and NaN included.
     """
-    last = air.north.shape[1] - 1
-    slots = (time_s + SLOT_EDGE_S - air.start_s) / air.slot_s
-    if not slots < last:  # later, or no number, of which no integer can be made
+    last = slots.length - 1
+    passed = (time_s + SLOT_EDGE_S - slots.start_s) / slots.slot_s
+    if not passed < last:  # later, or no number, of which no integer can be made
         return last
-    return int(slots) if slots > 0.0 else 0
+    return int(passed) if passed > 0.0 else 0
 
 
 @compiled_lean
-def slot_end(air: SegmentWind, slot: int) -> float:
+def slot_until(slots: Slots, slot: int) -> float:
     """POSIX seconds at which a slot ends; the last one never does.
 
     Takes any slot; those from the last on never end.
     """
-    if slot >= air.north.shape[1] - 1:
+    if slot >= slots.length - 1:
         return NEVER
-    return air.start_s + (slot + 1) * air.slot_s
+    return slots.start_s + (slot + 1) * slots.slot_s
+
+
+@compiled_lean
+def slots_of(air: SegmentWind) -> Slots:
+    """Slots of the wind over segments."""
+    return Slots(air.start_s, air.slot_s, air.north.shape[1])
+
+
+@compiled_lean
+def slot_of(air: SegmentWind, time_s: float) -> int:
+    """Slot of the air that holds a time, see `slot_number`.
+
+    Takes any time, infinite and NaN included.
+    """
+    return slot_number(slots_of(air), time_s)
+
+
+@compiled_lean
+def slot_end(air: SegmentWind, slot: int) -> float:
+    """POSIX seconds at which a slot of the air ends, see `slot_until`.
+
+    Takes any slot; those from the last on never end.
+    """
+    return slot_until(slots_of(air), slot)
 
 
 @compiled_lean
@@ -54,110 +105,138 @@ def wind_on(air: SegmentWind, member: int, slot: int, segment: int) -> tuple[flo
 
 
 @compiled_lean
-def segment_speed(air: SegmentWind, member: int, slot: int, segment: int) -> float:
-    """Ground speed over a segment in one slot (equations 1-5); 0 where it cannot be flown."""
-    north, east = wind_on(air, member, slot, segment)
-    along = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
-    across = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
-    square = air.airspeed_mps * air.airspeed_mps - across * across
-    if square <= 0.0 or north * north + east * east > air.wind_limit_mps * air.wind_limit_mps:
-        return 0.0
-    speed = along + math.sqrt(square)
-    if not speed >= MIN_GROUND_SPEED_MPS:  # not a number either
-        return 0.0
-    return min(speed, air.max_ground_speed_mps)
+def speed_in(air: SegmentWind, segment: int, north: float, east: float) -> float:
+    """Ground speed over a segment in a wind (equations 1-5); 0 where it cannot be flown."""
+    along, across = along_across(north, east, air.cos_bearing[segment], air.sin_bearing[segment])
+    forward = forward_mps(air.airspeed_mps, across)
+    if flyable(along, forward, north * north + east * east, air.wind_limit_mps):
+        return min(along + forward, air.max_ground_speed_mps)
+    return 0.0
 
 
 @compiled_lean
-def cruise(air: SegmentWind, member: int, segment: int, time_s: float) -> float:
-    """Time at which a segment entered at `time_s` is left again; never where a slot on the way forbids it."""
-    left = air.distance_m[segment]
+def segment_speed(air: SegmentWind, member: int, slot: int, segment: int) -> float:
+    """Ground speed over a segment in one slot of one member; 0 where it cannot be flown."""
+    north, east = wind_on(air, member, slot, segment)
+    return speed_in(air, segment, north, east)
+
+
+@compiled_lean
+def flown_part(left_m: float, speed_mps: float, now_s: float, end_s: float) -> tuple[float, bool]:
+    """Fly on over a segment until it or the slot ends, whichever is first: (seconds flown, whether the segment has ended)."""
+    whole_s = left_m / speed_mps
+    if end_s == NEVER or now_s + whole_s <= end_s:
+        return whole_s, True
+    return end_s - now_s, False
+
+
+@compiled_inline
+def cross(
+    speed_over: Callable[[Any, int, int], float], wind: Any, slots: Slots, length_m: float, segment: int, time_s: float
+) -> float:
+    """Time at which a segment entered at `time_s` is left again; never where a slot on the way forbids it.
+
+    The ground speed in a slot over the segment is ``speed_over(wind, slot, segment)``, m/s, 0 where it forbids it.
+    ``left`` is the length that is left at time ``now``: left <- left - speed * (end of the slot - now), now <- end of the slot.
+    """
+    left = length_m
     now = time_s
-    slot = slot_of(air, now)
+    slot = slot_number(slots, now)
     while True:
-        speed = segment_speed(air, member, slot, segment)
+        speed = speed_over(wind, slot, segment)
         if speed <= 0.0:
             return NEVER
-        end = slot_end(air, slot)
-        if end == NEVER or now + left / speed <= end:
-            return now + left / speed
-        left -= speed * (end - now)
+        end = slot_until(slots, slot)
+        spent, there = flown_part(left, speed, now, end)
+        if there:
+            return now + spent
+        left -= speed * spent
         now = end
         slot += 1
 
 
-@compiled_lean
-def land(air: SegmentWind, member: int, segments: NDArray[np.int64], depart_s: float) -> float:
-    """Touch-down of a flight over segments that takes off at `depart_s`; never where it is not flyable."""
-    now = depart_s + air.climb_s
+@compiled_inline
+def land_by(
+    speed_over: Callable[[Any, int, int], float],
+    wind: Any,
+    slots: Slots,
+    climb_s: float,
+    descent_s: float,
+    distance_m: NDArray[np.float64],
+    segments: Sequence[int] | NDArray[np.int64],
+    depart_s: float,
+) -> float:
+    """Touch-down of a flight over segments at the speeds of `cross`; never where a slot that it touches forbids one of them.
+
+    `distance_m` has the length of every segment, shape (all segments,); `segments`, an array or a tuple, names those that are flown.
+    """
+    now = depart_s + climb_s
     for segment in segments:
-        now = cruise(air, member, segment, now)
+        now = cross(speed_over, wind, slots, distance_m[segment], segment, now)
         if now == NEVER:
             return NEVER
-    now += air.descent_s
-    first = slot_of(air, depart_s)
-    last = slot_of(air, now - 2.0 * SLOT_EDGE_S)
+    now += descent_s
+    first = slot_number(slots, depart_s)
+    last = slot_number(slots, now - 2.0 * SLOT_EDGE_S)
     if len(segments) == 1 and last == first:
         return now
     for slot in range(first, last + 1):
         for segment in segments:
-            if segment_speed(air, member, slot, segment) <= 0.0:
+            if speed_over(wind, slot, segment) <= 0.0:
                 return NEVER
     return now
 
 
 @compiled_lean
-def next_opening(air: SegmentWind, member: int, segments: NDArray[np.int64], time_s: float) -> float:
+def _speed_of_member(wind: tuple[SegmentWind, int], slot: int, segment: int) -> float:
+    """`segment_speed` as `cross` takes it: in (air, member)."""
+    return segment_speed(wind[0], wind[1], slot, segment)
+
+
+@compiled_lean
+def cruise(air: SegmentWind, member: int, segment: int, time_s: float) -> float:
+    """Time at which a segment entered at `time_s` is left again; never where a slot on the way forbids it."""
+    return cross(_speed_of_member, (air, member), slots_of(air), air.distance_m[segment], segment, time_s)
+
+
+@compiled_lean
+def land(air: SegmentWind, member: int, segments: Sequence[int] | NDArray[np.int64], depart_s: float) -> float:
+    """Touch-down of a flight over segments that takes off at `depart_s`; never where it is not flyable."""
+    wind = air, member
+    return land_by(
+        _speed_of_member, wind, slots_of(air), air.climb_s, air.descent_s, air.distance_m, segments, depart_s
+    )
+
+
+@compiled_lean
+def next_flight(
+    air: SegmentWind, member: int, segments: Sequence[int] | NDArray[np.int64], time_s: float
+) -> tuple[float, float]:
+    """Take-off and touch-down of a flight that leaves at `time_s` or, held by the wind, when it first can; never where it stays over limits.
+
+    Held flights leave as a slot begins: within one, none that leaves later is down earlier.
+    """
+    off = time_s
+    while True:
+        down = land(air, member, segments, off)
+        if down < NEVER:
+            return off, down
+        off = slot_end(air, slot_of(air, off))
+        if off == NEVER:
+            return NEVER, NEVER
+
+
+@compiled_lean
+def next_opening(air: SegmentWind, member: int, segments: Sequence[int] | NDArray[np.int64], time_s: float) -> float:
     """First time from `time_s` on at which a take-off makes a flyable flight; never where the wind stays over limits.
 
     Takes a member and segments of the air (checked where `air_over` and the itinerary are made), and any time: none that is infinite or NaN is
     flyable.
     """
-    now = time_s
-    while True:
-        if land(air, member, segments, now) < NEVER:
-            return now
-        end = slot_end(air, slot_of(air, now))
-        if end == NEVER:
-            return NEVER
-        now = end
+    return next_flight(air, member, segments, time_s)[0]
 
 
 @compiled_lean
 def leg(air: SegmentWind, member: int, segment: int, time_s: float) -> tuple[float, float]:
-    """Take-off and touch-down of a one-segment flight that leaves at `time_s` or, held by the wind, when it first can."""
-    off = time_s
-    first = slot_of(air, off)
-    while True:
-        slot = first
-        end = slot_end(air, slot)
-        flyable = True
-        now = off + air.climb_s
-        while now >= end - SLOT_EDGE_S and flyable:  # the climb reaches into the next slot: this one counts too
-            flyable = segment_speed(air, member, slot, segment) > 0.0
-            slot += 1
-            end = slot_end(air, slot)
-        left = air.distance_m[segment]
-        while flyable:
-            speed = segment_speed(air, member, slot, segment)
-            if speed <= 0.0:
-                flyable = False
-            elif end == NEVER or now + left / speed <= end:
-                now += left / speed
-                break
-            else:
-                left -= speed * (end - now)
-                now = end
-                slot += 1
-                end = slot_end(air, slot)
-        down = now + air.descent_s
-        while flyable and down > end + SLOT_EDGE_S:  # and so does the descent
-            slot += 1
-            end = slot_end(air, slot)
-            flyable = segment_speed(air, member, slot, segment) > 0.0
-        if flyable:
-            return off, down
-        first += 1
-        if first >= air.north.shape[1]:
-            return NEVER, NEVER
-        off = slot_end(air, first - 1)
+    """`next_flight` over one segment."""
+    return next_flight(air, member, (segment,), time_s)

@@ -21,7 +21,7 @@ watchers: list[Callable[[str], None]] = []
 
 def compiled(function: F) -> F:
     """Compile a function on its first call, with IEEE arithmetic and without holding the interpreter's lock."""
-    return _kernel(function, counting=True)
+    return _kernel(function, {"_nrt": True})
 
 
 def compiled_lean(function: F) -> F:
@@ -30,19 +30,27 @@ def compiled_lean(function: F) -> F:
     Where small functions hand on many arrays, the counting takes several times as long as the work. A function that
     makes an array all the same fails to compile. It may call one of `compiled` that makes some, but hands back none.
     """
-    return _kernel(function, counting=False)
+    return _kernel(function, {"_nrt": False})
 
 
-def _kernel(function: F, *, counting: bool) -> F:
+def compiled_inline(function: F) -> F:
+    """Write a function into each kernel that calls it; so it may take a kernel as an argument, and call that.
+
+    Numba keeps no compiled code of a kernel that is handed over in any other way.
+    """
+    return _kernel(function, {"_nrt": False, "inline": "always"})
+
+
+def _kernel(function: F, options: dict[str, Any]) -> F:
     from skyway.models.jit.library import LibraryKernel, library  # imported late: numpy
 
     stamp = stamp_of(function)
     if library() is None:
-        return _compile(function, stamp, counting=counting)
-    return cast("F", LibraryKernel(function, stamp, lambda: _compile(function, stamp, counting=counting)))
+        return _compile(function, stamp, options)
+    return cast("F", LibraryKernel(function, stamp, lambda: _compile(function, stamp, options)))
 
 
-def _compile(function: F, stamp: str, *, counting: bool) -> F:
+def _compile(function: F, stamp: str, own_options: dict[str, Any]) -> F:
     import numba
 
     from skyway.models.jit.library import LibraryKernel
@@ -54,7 +62,7 @@ def _compile(function: F, stamp: str, *, counting: bool) -> F:
     if ahead:  # numba compiles calls of its own kernels only
         source = FunctionType(function.__code__, function.__globals__ | ahead, function.__name__, function.__defaults__)
         update_wrapper(source, function)
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": counting}
+    options = {"nogil": True, "error_model": "numpy", **own_options}
     try:
         kernel: Any = numba.njit(cache=True, **options)(source)
         forget_stale(kernel, stamp)

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+Quantity: TypeAlias = Any
+"""What the equations take: a number, as kernels hand it over, or an array of many legs."""
 MIN_GROUND_SPEED_MPS = 1.0
 """Nobody flies a leg that would be slower than this."""
 
@@ -101,6 +103,23 @@ def wind_triangle(
     return WindTriangle(along, across, speed)
 
 
+def along_across(north: Quantity, east: Quantity, cos_bearing: Quantity, sin_bearing: Quantity) -> tuple[Any, Any]:
+    """Components A and C of a wind: along a course and across it, m/s. Takes numbers or arrays; also compiled, for kernels."""
+    return north * cos_bearing + east * sin_bearing, east * cos_bearing - north * sin_bearing
+
+
+def forward_mps(airspeed_mps: Quantity, across_mps: Quantity) -> Any:
+    """B: what the crosswind leaves of the airspeed along the course, m/s; 0 where it leaves none. Numbers or arrays; also compiled."""
+    square = airspeed_mps * airspeed_mps - across_mps * across_mps
+    return np.sqrt(0.5 * (square + abs(square)))  # the root of max(square, 0), without a branch
+
+
+def flyable(along_mps: Quantity, forward: Quantity, square_wind: Quantity, wind_limit_mps: Quantity) -> Any:
+    """Whether a course can be flown at A + B in a wind of such a square, m2/s2. Numbers or arrays; also compiled."""
+    fast = along_mps + forward >= MIN_GROUND_SPEED_MPS
+    return (forward > 0.0) & fast & (square_wind <= wind_limit_mps * wind_limit_mps)
+
+
 def ground_speed(
     airspeed_mps: ArrayLike,
     tailwind_mps: ArrayLike,
@@ -109,8 +128,8 @@ def ground_speed(
     max_ground_speed_mps: ArrayLike = math.inf,
 ) -> NDArray[np.float64]:
     """Ground speed of many legs, broadcast; 0 where a leg cannot be flown, never NaN."""
-    s, a, c = (np.asarray(v, dtype=np.float64) for v in (airspeed_mps, tailwind_mps, crosswind_mps))
-    square = s * s - c * c
-    speed = a + np.sqrt(np.maximum(square, 0.0))
-    flyable = (square > 0.0) & (speed >= MIN_GROUND_SPEED_MPS) & (np.hypot(a, c) <= wind_limit_mps)
-    return np.where(flyable, np.minimum(speed, max_ground_speed_mps), 0.0)
+    s, a, c, limit = (
+        np.asarray(v, dtype=np.float64) for v in (airspeed_mps, tailwind_mps, crosswind_mps, wind_limit_mps)
+    )
+    b = forward_mps(s, c)
+    return np.where(flyable(a, b, a * a + c * c, limit), np.minimum(a + b, max_ground_speed_mps), 0.0)

@@ -15,7 +15,7 @@ import numpy as np
 from skyway.models.base.errors import NoRouteError
 from skyway.models.flight.kernels import slot_of
 from skyway.models.wind.marginal import marginal
-from skyway.models.wind.triangle import ground_speed
+from skyway.models.wind.triangle import along_across, ground_speed
 from skyway.planner.schedule.itinerary import Leg
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class StrictForwardSearch:
     ) -> tuple[float, float]:
         air = self.problem.air
         bins = marginal(self._cruise_wind, slot, lat, lon)
-        tail, cross = bins.north * cos + bins.east * sin, bins.east * cos - bins.north * sin
+        tail, cross = along_across(bins.north, bins.east, cos, sin)
         speed = ground_speed(air.airspeed_mps, tail, cross, air.wind_limit_mps, air.max_ground_speed_mps)
         flown = speed > 0.0
         if not flown.any():

@@ -16,7 +16,7 @@ import numpy as np
 
 from skyway.models.flight.kernels import NEVER
 from skyway.models.jit.compiled import compiled
-from skyway.planner.problem.flight_table import table_slot, table_slot_end
+from skyway.planner.problem.flight_table import table_cruise, table_slot, table_slot_end
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,24 +26,6 @@ if TYPE_CHECKING:
 _EPS_S = 1e-7
 _EARLY_S = 1e-4  # a flight that must be down before a slot begins is down this much earlier
 _POINTS = 16  # points of a function at first; grows as needed
-
-
-@compiled
-def _cruise(table: FlightTable, segment: int, time_s: float, last_slot: int) -> float:
-    """Leave a segment entered at a time; the wind of `last_slot` is held on after it."""
-    left = table.distance_m[segment]
-    now = time_s
-    slot = min(table_slot(table, now), last_slot)
-    while True:
-        speed = table.speed_mps[slot, segment]
-        if speed <= 0.0:
-            return NEVER
-        end = table_slot_end(table, slot) if slot < last_slot else NEVER
-        if now + left / speed <= end:
-            return now + left / speed
-        left -= speed * (end - now)
-        now = end
-        slot += 1
 
 
 @compiled
@@ -83,7 +65,7 @@ def _link(
     leave = _entered(table, segment, leaving, a[0]) if leaving < last_slot else NEVER
     size = 0
     for k in range(n):
-        out_t[size], out_a[size] = t[k], _cruise(table, segment, a[k], last_slot)
+        out_t[size], out_a[size] = t[k], table_cruise(table, segment, a[k], last_slot)
         size += 1
         while k < n - 1:
             x = min(enter, leave)
@@ -92,7 +74,7 @@ def _link(
             if a[k] + _EPS_S < x < a[k + 1] - _EPS_S:
                 where = t[k] + (x - a[k]) / (a[k + 1] - a[k]) * (t[k + 1] - t[k])
                 if out_t[size - 1] < where < t[k + 1]:
-                    out_t[size], out_a[size] = where, _cruise(table, segment, x, last_slot)
+                    out_t[size], out_a[size] = where, table_cruise(table, segment, x, last_slot)
                     size += 1
             if enter <= leave:
                 entering += 1

@@ -74,10 +74,11 @@ def _crossing(table: FlightTable, cells: Cells, segment: int, over_s: float) -> 
     The last cell is before the first where the segment cannot be flown.
     """
     later_s = over_s + cells.step_s
-    begin = table_cruise(table, segment, over_s)
+    last = len(table.speed_mps) - 1
+    begin = table_cruise(table, segment, over_s, last)
     if begin == NEVER:
         return 0, -1, NEVER
-    end = table_cruise(table, segment, later_s)
+    end = table_cruise(table, segment, later_s, last)
     slot = table_slot(table, over_s)
     following = table_slot_end(table, slot)
     if end < NEVER and (following == NEVER or end <= table_slot_end(table, slot + 1)):

@@ -7,12 +7,19 @@ are flown in every member each time.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from skyway.models.flight.kernels import NEVER, SLOT_EDGE_S, leg, slot_end, slot_of
+from skyway.models.flight.kernels import (
+    NEVER,
+    along_across,
+    flyable,
+    forward_mps,
+    land,
+    leg,
+    slot_end,
+    slot_of,
+)
 from skyway.models.jit.compiled import compiled, compiled_lean
-from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -78,7 +85,7 @@ class Ways(NamedTuple):
     fresh : ndarray, shape (5,)
         Working space: a row that is not kept.
     rows : ndarray, shape (rows, members)
-        Working space: wind north and east, ground speed, metres left, take-off, touch-down, least and greatest speed.
+        Working space: wind north and east, ground speed, take-off, touch-down, least and greatest speed.
     """
 
     air: SegmentWind
@@ -93,11 +100,10 @@ class Ways(NamedTuple):
     rows: NDArray[np.float64]
 
 
-WORKING_ROWS = 8
+WORKING_ROWS = 7
 """Rows of working space."""
-_NORTH, _EAST, _SPEED, _LEFT, _OFF, _DOWN, _SLOWEST, _FASTEST = range(WORKING_ROWS)
+_NORTH, _EAST, _SPEED, _OFF, _DOWN, _SLOWEST, _FASTEST = range(WORKING_ROWS)
 _SLOTS_AHEAD = 4  # in which a flight is looked for bounds of its time
-_FLYING = -math.inf  # touch-down of a flight that is under way
 NOWHERE = -1
 """Node of a flight whose end does not matter."""
 
@@ -130,57 +136,12 @@ def _speeds(ways: Ways, slot: int, segment: int, out: NDArray[np.float64]) -> No
             north[member] += weight * site_north[member]
             east[member] += weight * site_east[member]
     cos, sin = air.cos_bearing[segment], air.sin_bearing[segment]
-    square_airspeed = air.airspeed_mps * air.airspeed_mps
-    square_limit = air.wind_limit_mps * air.wind_limit_mps
     for member in range(len(out)):
-        along = north[member] * cos + east[member] * sin
-        across = east[member] * cos - north[member] * sin
-        square = square_airspeed - across * across
-        speed = along + math.sqrt(max(square, 0.0))
-        wind = north[member] * north[member] + east[member] * east[member]
-        flyable = (square > 0.0) & (wind <= square_limit) & (speed >= MIN_GROUND_SPEED_MPS)
-        out[member] = min(speed, air.max_ground_speed_mps) if flyable else 0.0
-
-
-@compiled_lean
-def _fly_at_once(ways: Ways, segment: int, time_s: float) -> None:
-    """Fly in every member from `time_s` on, slot by slot; the row of touch-downs is never where the wind holds a flight.
-
-    The same as the first attempt of `leg`, in all members together.
-    """
-    air = ways.air
-    speed, left, down = ways.rows[_SPEED], ways.rows[_LEFT], ways.rows[_DOWN]
-    over, descent = time_s + air.climb_s, air.descent_s
-    left[:] = air.distance_m[segment]
-    down[:] = _FLYING
-    slot = slot_of(air, time_s)
-    begin, end = time_s, slot_end(air, slot)
-    busy = True
-    while busy:
-        busy = False
-        _speeds(ways, slot, segment, speed)
-        climbs = over >= end - SLOT_EDGE_S
-        now = max(over, begin)
-        for member in range(len(down)):
-            pace = speed[member]
-            if down[member] == _FLYING:
-                if pace <= 0.0:
-                    down[member] = NEVER
-                elif climbs:
-                    busy = True
-                elif now + left[member] / pace <= end:
-                    down[member] = now + left[member] / pace + descent
-                    busy |= down[member] > end + SLOT_EDGE_S
-                else:
-                    left[member] -= pace * (end - now)
-                    busy = True
-            elif begin + SLOT_EDGE_S < down[member] < NEVER:  # it descends into this slot
-                if pace <= 0.0:
-                    down[member] = NEVER
-                else:
-                    busy |= down[member] > end + SLOT_EDGE_S
-        slot += 1
-        begin, end = end, slot_end(air, slot)
+        along, across = along_across(north[member], east[member], cos, sin)
+        forward = forward_mps(air.airspeed_mps, across)
+        square = north[member] * north[member] + east[member] * east[member]
+        flies = flyable(along, forward, square, air.wind_limit_mps)
+        out[member] = min(along + forward, air.max_ground_speed_mps) if flies else 0.0
 
 
 @compiled_lean
@@ -314,12 +275,9 @@ def _flown(ways: Ways, need: Need, segment: int, node: int, time_s: float) -> tu
     """Fly in every member: what `flight_lookahead` returns."""
     air, probability = ways.air, ways.probability
     escapes = node == need.destination and need.needs_escape
-    _fly_at_once(ways, segment, time_s)
     off, down = ways.rows[_OFF], ways.rows[_DOWN]
     for member in range(len(probability)):
-        off[member] = time_s
-        if down[member] == NEVER:
-            off[member], down[member] = leg(air, member, segment, time_s)
+        off[member], down[member] = leg(air, member, segment, time_s)
     mean, flown, now = _mean(probability, time_s, off, down)
     if flown <= 0.0:
         return NEVER, NEVER, 1.0
@@ -369,13 +327,12 @@ def mean_flight(ways: Ways, need: Need, segment: int, time_s: float) -> float:
             return row[MEAN] - time_s
         if time_s + row[LONGEST] <= end:
             return row[MEAN]
-    _fly_at_once(ways, segment, time_s)
-    down = ways.rows[_DOWN]
     mass = total = 0.0
     for member in range(len(probability)):
-        if down[member] < NEVER:
+        down = land(air, member, (segment,), time_s)
+        if down < NEVER:
             mass += probability[member]
-            total += probability[member] * (down[member] - time_s)
+            total += probability[member] * (down - time_s)
     return total / mass if mass > 0.0 else _flown(ways, need, segment, NOWHERE, time_s)[0]
 
 

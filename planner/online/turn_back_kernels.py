@@ -16,7 +16,7 @@ from skyway.models.flight.kernels import NEVER, slot_end, slot_of
 from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
 from skyway.planner.robust.required_soc_kernels import capped, gust_mean, gust_mean_variance, wind_felt, wind_variance
-from skyway.planner.schedule.gust_kernels import GUST_STEP_S, gust_after, gust_at, gusty_speed
+from skyway.planner.schedule.gust_kernels import GUST_STEP_S, GustyPlace, gusts_of, gusty_part, gusty_speed, gusty_start
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -150,14 +150,12 @@ def out_or_back(
     key : uint64
         Of its gusts. It lands before the wind has changed twice.
     """
-    phi = math.exp(-GUST_STEP_S / how.gust_time_s)
-    scale = math.sqrt(1.0 - phi * phi)
-    now = depart_s + air.climb_s
-    step = int(math.floor(now / GUST_STEP_S))
-    gust = gust_at(key, step, phi)
-    way, left = segment, air.distance_m[segment]
+    gusts = gusts_of(key, how.gust_sd, how.gust_time_s)
+    at = gusty_start(gusts, air.distance_m[segment], depart_s + air.climb_s)
+    way = segment
     first = slot_of(air, depart_s)
-    while True:
+    while at.left_m > 0.0:
+        left, now, step, gust = at
         slot = slot_of(air, now)
         if way == segment:
             taken = energy * (how.soc_fixed + how.soc_per_s * (now - depart_s))
@@ -167,18 +165,10 @@ def out_or_back(
             if left > speed * GUST_STEP_S and _turns(
                 air, member, slot, segment, (now, left, speed), gust, until, change, how
             ):
-                left = air.distance_m[segment] - left
+                at = GustyPlace(air.distance_m[segment] - left, now, step, gust)
                 way = how.back
-        speed = gusty_speed(air, member, slot, way, gust, how.gust_sd)
-        next_s = (step + 1) * GUST_STEP_S
-        end = min(next_s, slot_end(air, slot))
-        if now + left / speed <= end:
-            return now + left / speed + air.descent_s, way != segment
-        left -= speed * (end - now)
-        now = end
-        if now >= next_s:
-            step += 1
-            gust = gust_after(gust, key, step, phi, scale)
+        at = gusty_part(air, member, way, gusts, at)
+    return at.time_s + air.descent_s, way != segment
 
 
 @compiled_lean

@@ -6,20 +6,17 @@ the members of a forecast, follows them too: constant within a slot, 0 where a s
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.flight.kernels import NEVER, segment_speed
+from skyway.models.flight.kernels import Slots, cross, land_by, segment_speed, slot_number, slot_until
 from skyway.models.jit.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.flight.rules import SegmentWind
-
-_SLOT_EDGE_S = 1e-6  # a time this close below a boundary counts as beyond it, as in `models.flight.kernels`
 
 
 class FlightTable(NamedTuple):
@@ -65,13 +62,18 @@ def ground_speeds(
 
 
 @compiled
+def table_slots(table: FlightTable) -> Slots:
+    """Slots of a table."""
+    return Slots(table.start_s, table.slot_s, len(table.speed_mps))
+
+
+@compiled
 def table_slot(table: FlightTable, time_s: float) -> int:
-    """Slot that holds a time; times outside the series use its first or last slot.
+    """Slot that holds a time, see `models.flight.kernels.slot_number`.
 
     Takes any time, infinite and NaN included.
     """
-    slot = int(math.floor((time_s + _SLOT_EDGE_S - table.start_s) / table.slot_s))
-    return min(max(slot, 0), len(table.speed_mps) - 1)
+    return slot_number(table_slots(table), time_s)
 
 
 @compiled
@@ -80,28 +82,24 @@ def table_slot_end(table: FlightTable, slot: int) -> float:
 
     Takes any slot; those from the last on never end.
     """
-    if slot >= len(table.speed_mps) - 1:
-        return NEVER
-    return table.start_s + (slot + 1) * table.slot_s
+    return slot_until(table_slots(table), slot)
 
 
 @compiled
-def table_cruise(table: FlightTable, segment: int, time_s: float) -> float:
-    """Time at which a segment entered at `time_s` is left again; never where a slot on the way forbids it."""
-    left = table.distance_m[segment]
-    now = time_s
-    slot = table_slot(table, now)
-    while True:
-        speed = table.speed_mps[slot, segment]
-        if speed <= 0.0:
-            return NEVER
-        end = table_slot_end(table, slot)
-        out: float = now + left / speed
-        if out <= end:
-            return out
-        left -= speed * (end - now)
-        now = end
-        slot += 1
+def _table_speed(table: FlightTable, slot: int, segment: int) -> float:
+    """Ground speed as `models.flight.kernels.cross` takes it."""
+    speed: float = table.speed_mps[slot, segment]
+    return speed
+
+
+@compiled
+def table_cruise(table: FlightTable, segment: int, time_s: float, last_slot: int) -> float:
+    """Time at which a segment entered at `time_s` is left again, where the wind of `last_slot` is held on after it.
+
+    Never where a slot on the way forbids it.
+    """
+    slots = Slots(table.start_s, table.slot_s, last_slot + 1)
+    return cross(_table_speed, table, slots, table.distance_m[segment], segment, time_s)
 
 
 @compiled
@@ -110,14 +108,13 @@ def table_land(table: FlightTable, segments: NDArray[np.int64], depart_s: float)
 
     Takes segments of the table and any time; infinite and NaN never land.
     """
-    now = depart_s + table.climb_s
-    for segment in segments:
-        now = table_cruise(table, segment, now)
-        if now == NEVER:
-            return NEVER
-    now += table.descent_s
-    for slot in range(table_slot(table, depart_s), table_slot(table, now - 2.0 * _SLOT_EDGE_S) + 1):
-        for segment in segments:
-            if table.speed_mps[slot, segment] <= 0.0:
-                return NEVER
-    return now
+    return land_by(
+        _table_speed,
+        table,
+        table_slots(table),
+        table.climb_s,
+        table.descent_s,
+        table.distance_m,
+        segments,
+        depart_s,
+    )

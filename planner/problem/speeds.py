@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from skyway.models.flight.kernels import along_across, flyable, forward_mps
 from skyway.models.jit.compiled import compiled
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
 from skyway.planner.problem.flight_table import ground_speeds
@@ -84,7 +85,6 @@ def _mean_speeds(
         for site in range(sites):
             weight[site, i] = air.weight[segments[i], site]
         cos[i], sin[i] = air.cos_bearing[segments[i]], air.sin_bearing[segments[i]]
-    square, limit = air.airspeed_mps * air.airspeed_mps, air.wind_limit_mps * air.wind_limit_mps
     north, east, share, pace = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
     out = np.empty((last - first + 1, count))
     for slot in range(first, last + 1):
@@ -100,17 +100,13 @@ def _mean_speeds(
                 for i in range(count):
                     north[i] += weight[site, i] * to_north
                     east[i] += weight[site, i] * to_east
-            for i in range(count):  # the rules of `models.flight.kernels.segment_speed`, without branches
-                along = north[i] * cos[i] + east[i] * sin[i]
-                across = east[i] * cos[i] - north[i] * sin[i]
-                rest = square - across * across
-                speed = along + np.sqrt(max(rest, 0.0))
-                flies = (
-                    rest > 0.0 and north[i] * north[i] + east[i] * east[i] <= limit and speed >= MIN_GROUND_SPEED_MPS
-                )
-                part = probability[member] if flies else 0.0
+            for i in range(count):  # `models.flight.kernels.speed_in`, without branches
+                along, across = along_across(north[i], east[i], cos[i], sin[i])
+                forward = forward_mps(air.airspeed_mps, across)
+                square = north[i] * north[i] + east[i] * east[i]
+                part = probability[member] if flyable(along, forward, square, air.wind_limit_mps) else 0.0
                 share[i] += part
-                pace[i] += part / min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
+                pace[i] += part / min(max(along + forward, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
         for i in range(count):
             out[slot - first, i] = share[i] / pace[i] if share[i] >= MIN_OPEN else 0.0
     return out

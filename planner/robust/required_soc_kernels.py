@@ -11,7 +11,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.flight.kernels import NEVER, land, segment_speed, slot_end, slot_of, wind_on
+from skyway.models.flight.kernels import (
+    NEVER,
+    along_across,
+    cross,
+    forward_mps,
+    land,
+    segment_speed,
+    slot_end,
+    slot_of,
+    slots_of,
+    wind_on,
+)
 from skyway.models.flight.rules import SegmentWind
 from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
@@ -140,9 +151,8 @@ def wind_felt(air: SegmentWind, member: int, slot: int, segment: int) -> tuple[f
     `LATERAL`.
     """
     north, east = wind_on(air, member, slot, segment)
-    along = north * air.cos_bearing[segment] + east * air.sin_bearing[segment]
-    across = east * air.cos_bearing[segment] - north * air.sin_bearing[segment]
-    forward = math.sqrt(max(air.airspeed_mps * air.airspeed_mps - across * across, 0.0))
+    along, across = along_across(north, east, air.cos_bearing[segment], air.sin_bearing[segment])
+    forward = forward_mps(air.airspeed_mps, across)
     crab = across / max(forward, MIN_GROUND_SPEED_MPS)
     return along + forward, along - across * crab, LATERAL * (across + along * crab)
 
@@ -168,6 +178,19 @@ def wind_variance(known: Known, ahead_s: float) -> float:
 
 
 @compiled_lean
+def _slow_speed(wind: tuple[Known, SegmentWind, int, int, float], slot: int, segment: int) -> float:
+    """Ground speed of `slow_land` as `models.flight.kernels.cross` takes it, in (known, air, member, slot of the take-off, gust)."""
+    known, air, member, first, gust = wind
+    speed, with_wind, across_wind = wind_felt(air, member, slot, segment)
+    felt = math.hypot(with_wind, across_wind)
+    square = gust * gust * felt * felt
+    if slot > first:
+        square += wind_variance(known, (slot - first) * air.slot_s)
+    about = felt * math.sqrt(max(known.gust_sd * known.gust_sd - gust * gust, 0.0))
+    return max(capped(speed - STEADY * math.sqrt(square), about, air.max_ground_speed_mps), MIN_GROUND_SPEED_MPS)
+
+
+@compiled_lean
 def slow_land(
     known: Known, air: SegmentWind, member: int, segments: NDArray[np.int64], depart_s: float, gust: float
 ) -> float:
@@ -178,26 +201,9 @@ def slow_land(
     the flight is flyable is `land`'s to say.
     """
     now = depart_s + air.climb_s
-    first = slot_of(air, depart_s)
+    wind = known, air, member, slot_of(air, depart_s), gust
     for segment in segments:
-        left = air.distance_m[segment]
-        slot = slot_of(air, now)
-        while True:
-            speed, with_wind, across_wind = wind_felt(air, member, slot, segment)
-            felt = math.hypot(with_wind, across_wind)
-            square = gust * gust * felt * felt
-            if slot > first:
-                square += wind_variance(known, (slot - first) * air.slot_s)
-            about = felt * math.sqrt(max(known.gust_sd * known.gust_sd - gust * gust, 0.0))
-            speed = capped(speed - STEADY * math.sqrt(square), about, air.max_ground_speed_mps)
-            speed = max(speed, MIN_GROUND_SPEED_MPS)
-            end = slot_end(air, slot)
-            if now + left / speed <= end:
-                now += left / speed
-                break
-            left -= speed * (end - now)
-            now = end
-            slot += 1
+        now = cross(_slow_speed, wind, slots_of(air), air.distance_m[segment], segment, now)
     return now + air.descent_s
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.flight.kernels import NEVER, land, slot_end, slot_of, wind_on
+from skyway.models.flight.kernels import NEVER, along_across, flown_part, forward_mps, land, slot_end, slot_of, wind_on
 from skyway.models.jit.compiled import compiled_lean
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
 
@@ -112,10 +112,79 @@ def gusty_speed(
     across = LATERAL * gust_sd * min(max(gust[1], -MAX_DEVIATION), MAX_DEVIATION)
     gust_north = north * (1.0 + along) - east * across
     gust_east = east * (1.0 + along) + north * across
-    tail = gust_north * air.cos_bearing[segment] + gust_east * air.sin_bearing[segment]
-    cross = gust_east * air.cos_bearing[segment] - gust_north * air.sin_bearing[segment]
-    speed = tail + math.sqrt(max(air.airspeed_mps * air.airspeed_mps - cross * cross, 0.0))
+    tail, cross = along_across(gust_north, gust_east, air.cos_bearing[segment], air.sin_bearing[segment])
+    speed = tail + forward_mps(air.airspeed_mps, cross)
     return float(min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps))
+
+
+class Gusts(NamedTuple):
+    """Gusts that a flight meets.
+
+    Attributes
+    ----------
+    key : uint64
+        Of the deviates.
+    sd : float
+        Standard deviation along the wind, as a share of the wind.
+    phi, scale : float
+        Of the recurrence, see above: what is kept from step to step, and sqrt(1 - phi^2).
+    """
+
+    key: np.uint64
+    sd: float
+    phi: float
+    scale: float
+
+
+class GustyPlace(NamedTuple):
+    """Where a flight through gusts is.
+
+    Attributes
+    ----------
+    left_m : float
+        What is left of its segment.
+    time_s : float
+        POSIX seconds.
+    step : int
+        Step of time whose gust blows.
+    gust : (float, float)
+        Along and across the wind, in standard deviations.
+    """
+
+    left_m: float
+    time_s: float
+    step: int
+    gust: tuple[float, float]
+
+
+@compiled_lean
+def gusts_of(key: np.uint64, sd: float, time_constant_s: float) -> Gusts:
+    """Gusts of a key, a standard deviation and a time constant above 0."""
+    phi = math.exp(-GUST_STEP_S / time_constant_s)
+    return Gusts(key, sd, phi, math.sqrt(1.0 - phi * phi))
+
+
+@compiled_lean
+def gusty_start(gusts: Gusts, length_m: float, time_s: float) -> GustyPlace:
+    """Begin a segment at a time, with the gust of then."""
+    step = int(math.floor(time_s / GUST_STEP_S))
+    return GustyPlace(length_m, time_s, step, gust_at(gusts.key, step, gusts.phi))
+
+
+@compiled_lean
+def gusty_part(air: SegmentWind, member: int, segment: int, gusts: Gusts, at: GustyPlace) -> GustyPlace:
+    """Fly on over a segment until it, the gust or the slot ends."""
+    slot = slot_of(air, at.time_s)
+    speed = gusty_speed(air, member, slot, segment, at.gust, gusts.sd)
+    next_step_s = (at.step + 1) * GUST_STEP_S
+    end_s = min(next_step_s, slot_end(air, slot))
+    spent, there = flown_part(at.left_m, speed, at.time_s, end_s)
+    if there:
+        return GustyPlace(0.0, at.time_s + spent, at.step, at.gust)
+    left = at.left_m - speed * spent
+    if end_s < next_step_s:
+        return GustyPlace(left, end_s, at.step, at.gust)
+    return GustyPlace(left, end_s, at.step + 1, gust_after(at.gust, gusts.key, at.step + 1, gusts.phi, gusts.scale))
 
 
 @compiled_lean
@@ -137,24 +206,10 @@ def gusty_land(
     """
     if gust_sd <= 0.0:
         return land(air, member, segments, depart_s)
-    phi = math.exp(-GUST_STEP_S / time_s)
-    scale = math.sqrt(1.0 - phi * phi)
-    now = depart_s + air.climb_s
-    step = int(math.floor(now / GUST_STEP_S))
-    gust = gust_at(key, step, phi)
+    gusts = gusts_of(key, gust_sd, time_s)
+    at = gusty_start(gusts, 0.0, depart_s + air.climb_s)
     for segment in segments:
-        left = air.distance_m[segment]
-        while True:
-            slot = slot_of(air, now)
-            speed = gusty_speed(air, member, slot, segment, gust, gust_sd)
-            next_step = (step + 1) * GUST_STEP_S
-            end = min(next_step, slot_end(air, slot))
-            if now + left / speed <= end:
-                now += left / speed
-                break
-            left -= speed * (end - now)
-            now = end
-            if now >= next_step:
-                step += 1
-                gust = gust_after(gust, key, step, phi, scale)
-    return now + air.descent_s if now < NEVER else NEVER
+        at = GustyPlace(air.distance_m[segment], at.time_s, at.step, at.gust)
+        while at.left_m > 0.0:
+            at = gusty_part(air, member, segment, gusts, at)
+    return at.time_s + air.descent_s if at.time_s < NEVER else NEVER

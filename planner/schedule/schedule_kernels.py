@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.flight.kernels import NEVER, next_opening, segment_speed, slot_end, slot_of
+from skyway.models.flight.kernels import NEVER, flown_part, next_opening, segment_speed, slot_end, slot_of
 from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.planner.schedule.gust_kernels import gusty_land
 from skyway.planner.schedule.profile_kernels import interpolate
@@ -215,12 +215,13 @@ def flight_parts(air: SegmentWind, member: int, segments: NDArray[np.int64], dep
             if speed <= 0.0:
                 return out[:size].copy()
             end = slot_end(air, slot)
-            spent = min(left / speed, end - now)
+            spent, there = flown_part(left, speed, now, end)
             out[size, 0], out[size, 1], out[size, 2], out[size, 3] = segment, slot, spent, speed
             size += 1
-            left -= spent * speed
-            now += spent
-            if now < end or left <= 1e-9:
+            if there:
+                now += spent
                 break
+            left -= speed * spent
+            now = end
             slot += 1
     return out[:size].copy()
