@@ -22,7 +22,6 @@ from skyway.sim_stub.pads import Pads
 from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.lockstep import Lockstep
 from skyway.sim_stub.transports.urls import Address
-from skyway.sim_stub.wire.messages import spec
 from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:
@@ -64,7 +63,7 @@ def lockstep(*, flying: bool) -> float:
     run = Lockstep(world)
     link = run.connect(vehicle)
     for name, rate in RATES.items():
-        vehicle.ports[0].set_interval(spec(name), 1.0 / rate, 0.0)
+        vehicle.ports[0].set_interval(name, 1.0 / rate, 0.0)
     if flying:
         mission(vehicle)
         duration = 500.0
@@ -92,7 +91,7 @@ def hundred(seconds: float) -> float:
     loop, _ = serve(world, connect=(address,))
     for vehicle in world.vehicles.values():
         for name, rate in RATES.items():
-            vehicle.ports[0].set_interval(spec(name), 1.0 / rate, 0.0)
+            vehicle.ports[0].set_interval(name, 1.0 / rate, 0.0)
         mission(vehicle)
     stop = world.wall_s + seconds
     begun, simulated = time.process_time(), world.sim_s

@@ -6,13 +6,13 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.sim_stub.protocols.services import new_signing, text_frames
+from skyway.sim_stub.protocols.services import text_frames
 from skyway.sim_stub.protocols.telemetry import (
     BUILDERS,
     STREAM_GROUPS,
     mission_current,
 )
-from skyway.sim_stub.wire.messages import spec, specs
+from skyway.sim_stub.wire.messages import Mavlink, is_version_2, message, message_id, message_name
 from skyway.sim_stub.wire.ports import Port
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Radio:
         """Forget what a restart of the autopilot forgets."""
         self.forget_reached()
         for port in self.ports:
-            port.writer.sequence = 0
+            port.mavlink.seq = 0
             self._default_streams(port)
 
     # Ports
@@ -92,7 +92,7 @@ class Radio:
         self.ports = [port for port in self.ports if not port.closed]
         if len(self.ports) >= _MAX_PORTS:
             raise InputError(Fault("too many connections to one vehicle", value=len(self.ports)))
-        port = Port.of(self.vehicle.config.system, send, datagrams=datagrams)
+        port = Port(send, Mavlink(self.vehicle.config.system), datagrams)
         port.muted = not self.vehicle.faults.link
         self._choose_version(port)
         self.ports.append(port)
@@ -114,7 +114,7 @@ class Radio:
 
     def _choose_version(self, port: Port) -> None:
         """Speak MAVLink 1 where the parameters say so, until (in automatic) MAVLink 2 is heard."""
-        port.writer.version = self.vehicle.autopilot.mavlink_version(heard_2=port.heard_version_2)
+        port.version = self.vehicle.autopilot.mavlink_version(heard_2=port.heard_version_2)
 
     def set_signing(self, key: bytes | None, timestamp: int) -> None:
         """Sign, and ask for signatures, on every port from now on; None stops it."""
@@ -124,26 +124,27 @@ class Radio:
             self._sign(port, key, timestamp)
 
     def _sign(self, port: Port, key: bytes | None, timestamp: int) -> None:
-        signing = None if key is None else new_signing(key, timestamp, self.vehicle.posix_s)
-        port.writer.signing = port.reader.signing = signing
+        port.mavlink.sign(key, timestamp, self.vehicle.posix_s)
 
     # Hearing
 
     def receive(self, port: Port, data: bytes) -> None:
         """Handle the messages for this vehicle that the bytes of a port complete."""
         own = self.vehicle.config.system
-        for message in port.reader.feed(data):
-            handler = self.handlers.get(message.name)
-            if message.version == 2 and not port.heard_version_2:
+        for heard in port.hear(data):
+            handler = self.handlers.get(heard.get_type())
+            if is_version_2(heard) and not port.heard_version_2:
                 port.heard_version_2 = True
                 self._choose_version(port)
-            if handler is None or (message.system, message.component) == (own, 1):
+            if handler is None or (heard.get_srcSystem(), heard.get_srcComponent()) == (own, 1):
                 continue
-            fields = message.fields
-            if fields.get("target_system", 0) not in (0, own) or fields.get("target_component", 0) not in (0, 1):
+            if getattr(heard, "target_system", 0) not in (0, own) or getattr(heard, "target_component", 0) not in (
+                0,
+                1,
+            ):
                 continue
             self.vehicle.tend()
-            handler(port, message)
+            handler(port, heard)
 
     # Speaking
 
@@ -154,28 +155,27 @@ class Radio:
             for fields in text_frames(severity, text, self._texts):
                 port.reply("STATUSTEXT", **fields)
 
-    def broadcast(self, name: str, payload: bytes) -> None:
+    def broadcast(self, sent: Any) -> None:
         """Send a message on every port."""
-        message = spec(name)
         for port in self.ports:
-            port.write(message, payload)
+            port.write(sent)
 
     # Streams
 
     def _default_streams(self, port: Port) -> None:
         port.streams.clear()
         for name, rate in self.vehicle.autopilot.DEFAULT_HZ.items():
-            port.set_interval(spec(name), 1.0 / rate, self.vehicle.sim_s)
+            port.set_interval(name, 1.0 / rate, self.vehicle.sim_s)
 
     def set_interval(self, port: Port, number: int, interval_us: float) -> None:
         """Do SET_MESSAGE_INTERVAL: 0 is the default rate, -1 stops."""
-        message = specs()[0][number]
+        name = message_name(number) or ""
         if interval_us == 0.0:
-            rate = self.vehicle.autopilot.DEFAULT_HZ.get(message.name)
+            rate = self.vehicle.autopilot.DEFAULT_HZ.get(name)
             interval_s = 1.0 / rate if rate else None
         else:
             interval_s = None if interval_us < 0.0 else max(interval_us * 1e-6, _MIN_INTERVAL_S)
-        port.set_interval(message, interval_s, self.vehicle.sim_s)
+        port.set_interval(name, interval_s, self.vehicle.sim_s)
 
     def stream_group(self, port: Port, group: int, rate_hz: int) -> None:
         """Do REQUEST_DATA_STREAM; group 0 is every one."""
@@ -183,18 +183,18 @@ class Radio:
         for name in names:
             if name not in self.vehicle.autopilot.LACKS:
                 interval_s = max(1.0 / rate_hz, _MIN_INTERVAL_S) if rate_hz > 0 else None
-                port.set_interval(spec(name), interval_s, self.vehicle.sim_s)
+                port.set_interval(name, interval_s, self.vehicle.sim_s)
 
     def _stream(self, port: Port, now: float) -> None:
         following = math.inf
-        for stream in list(port.streams.values()):
+        for number, stream in list(port.streams.items()):
             if stream.due_s <= now + 1e-9:
                 stream.due_s += stream.interval_s
                 if stream.due_s <= now:  # fell behind, as in the first step after standing
                     stream.due_s = now + stream.interval_s
-                payload = BUILDERS[stream.message.id](self.vehicle)
-                if payload is not None:
-                    port.write(stream.message, payload)
+                sent = BUILDERS[number](self.vehicle)
+                if sent is not None:
+                    port.write(sent)
             following = min(following, stream.due_s)
         port.next_due_s = following
 
@@ -202,17 +202,17 @@ class Radio:
 
     def home_changed(self) -> None:
         """Tell all ground stations where home is."""
-        payload = BUILDERS[spec("HOME_POSITION").id](self.vehicle)
-        if payload is not None:
-            self.broadcast("HOME_POSITION", payload)
+        sent = BUILDERS[message_id("HOME_POSITION")](self.vehicle)
+        if sent is not None:
+            self.broadcast(sent)
 
     def tell_mission_current(self) -> None:
         """Tell all ground stations which item is current."""
-        self.broadcast("MISSION_CURRENT", mission_current(self.vehicle))
+        self.broadcast(mission_current(self.vehicle))
 
     def item_reached(self, index: int) -> None:
         """Report an item as reached, and again as often as the family does."""
-        self.broadcast("MISSION_ITEM_REACHED", spec("MISSION_ITEM_REACHED").layout.pack(index))
+        self.broadcast(message("MISSION_ITEM_REACHED", seq=index))
         repeats = self.vehicle.autopilot.REACHED_REPEATS
         if repeats:
             self._reached = (index, repeats, self.vehicle.sim_s + 1.0)
@@ -221,7 +221,7 @@ class Radio:
         if self._reached is None:
             return
         index, left, _ = self._reached
-        self.broadcast("MISSION_ITEM_REACHED", spec("MISSION_ITEM_REACHED").layout.pack(index))
+        self.broadcast(message("MISSION_ITEM_REACHED", seq=index))
         self._reached = (index, left - 1, now + 1.0) if left > 1 else None
 
     def forget_reached(self) -> None:

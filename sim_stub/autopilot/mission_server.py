@@ -7,7 +7,7 @@ import struct
 import zlib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.items import MISSION, Answer, Frame, Item
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.sim_stub.vehicle import Vehicle
-    from skyway.sim_stub.wire.frames import Message
     from skyway.sim_stub.wire.ports import Port
 
 PARTS = (0, 1, 2)
@@ -31,9 +30,9 @@ class Partner:
     component: int
 
     @classmethod
-    def of(cls, port: Port, message: Message) -> Partner:
+    def of(cls, port: Port, message: Any) -> Partner:
         """Sender of a message."""
-        return cls(port, message.system, message.component)
+        return cls(port, message.get_srcSystem(), message.get_srcComponent())
 
 
 class MissionServer(ABC):
@@ -133,56 +132,55 @@ class MissionServer(ABC):
         )
 
     @staticmethod
-    def read_item(message: Message) -> Item:
+    def read_item(message: Any) -> Item:
         """Item of a message, from INT or float fields."""
-        f = message.fields
-        x, y = f["x"], f["y"]
-        if message.name == "MISSION_ITEM":
-            scale = 1.0 if f["frame"] == Frame.MISSION else 1e7
+        x, y = message.x, message.y
+        if message.get_type() == "MISSION_ITEM":
+            scale = 1.0 if message.frame == Frame.MISSION else 1e7
             x, y = (_whole(v * scale) for v in (x, y))
         return Item(
-            f["command"],
-            f["frame"],
-            f["param1"],
-            f["param2"],
-            f["param3"],
-            f["param4"],
+            message.command,
+            message.frame,
+            message.param1,
+            message.param2,
+            message.param3,
+            message.param4,
             x,
             y,
-            f["z"],
-            f["autocontinue"],
+            message.z,
+            message.autocontinue,
         )
 
     @abstractmethod
-    def count(self, port: Port, message: Message) -> None:
+    def count(self, port: Port, message: Any) -> None:
         """Begin an upload."""
 
     @abstractmethod
-    def item(self, port: Port, message: Message) -> None:
+    def item(self, port: Port, message: Any) -> None:
         """Take an item."""
 
     @abstractmethod
-    def request_list(self, port: Port, message: Message) -> None:
+    def request_list(self, port: Port, message: Any) -> None:
         """Begin a download."""
 
     @abstractmethod
-    def request(self, port: Port, message: Message) -> None:
+    def request(self, port: Port, message: Any) -> None:
         """Send an item."""
 
     @abstractmethod
-    def clear(self, port: Port, message: Message) -> None:
+    def clear(self, port: Port, message: Any) -> None:
         """Clear items."""
 
     @abstractmethod
-    def set_current(self, port: Port, message: Message) -> None:
+    def set_current(self, port: Port, message: Any) -> None:
         """Make an item the current one."""
 
     @abstractmethod
-    def acknowledged(self, port: Port, message: Message) -> None:
+    def acknowledged(self, port: Port, message: Any) -> None:
         """Hear the other side's MISSION_ACK."""
 
     @abstractmethod
-    def write_partial(self, port: Port, message: Message) -> None:
+    def write_partial(self, port: Port, message: Any) -> None:
         """Begin an upload of some items."""
 
     @abstractmethod

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.items import Result
 from skyway.sim_stub.protocols.flight_commands import FlightCommands
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from skyway.sim_stub.vehicle import Vehicle
-    from skyway.sim_stub.wire.frames import Message
     from skyway.sim_stub.wire.ports import Port
 
 _TELLS = 4
@@ -82,15 +81,15 @@ class CommandServer:
             "COMMAND_CANCEL": self.cancel,
         }
 
-    def command_long(self, port: Port, message: Message) -> None:
+    def command_long(self, port: Port, message: Any) -> None:
         """Execute a command whose place is in floats."""
         self._run(Order.of_long(port, message, relative=self.vehicle.autopilot.LONG_HEIGHTS_RELATIVE))
 
-    def command_int(self, port: Port, message: Message) -> None:
+    def command_int(self, port: Port, message: Any) -> None:
         """Execute a command whose place is in integers."""
         order = Order.of_int(port, message, heeds_frame=self.vehicle.autopilot.HEEDS_FRAMES)
         if order is None:
-            _answer_to(port, message.system, message.component, message["command"], Result.DENIED)
+            _answer_to(port, message.get_srcSystem(), message.get_srcComponent(), message.command, Result.DENIED)
             return
         self._run(order)
 
@@ -137,9 +136,9 @@ class CommandServer:
                 order, result = task.order, task.finish()
                 _answer_to(order.port, order.system, order.component, number, result, 100)
 
-    def cancel(self, port: Port, message: Message) -> None:  # noqa: ARG002
+    def cancel(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Cancel what takes long."""
-        self.drop(message["command"])
+        self.drop(message.command)
 
     def forget(self) -> None:
         """Drop what is under way."""

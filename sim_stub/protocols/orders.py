@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.items import Frame, Item
 
 if TYPE_CHECKING:
-    from skyway.sim_stub.wire.frames import Message
     from skyway.sim_stub.wire.ports import Port
 
 _FRAMES = (0, 2, 3, 5, 6)
@@ -52,23 +51,41 @@ class Order:
     as_int: bool
 
     @classmethod
-    def of_long(cls, port: Port, message: Message, *, relative: bool) -> Order:
+    def of_long(cls, port: Port, message: Any, *, relative: bool) -> Order:
         """Read a COMMAND_LONG; the family says what its heights count from."""
-        f = message.fields
-        p = (f["param1"], f["param2"], f["param3"], f["param4"])
-        place = (f["param5"], f["param6"], f["param7"])
-        return cls(f["command"], p, *place, relative, port, message.system, message.component, as_int=False)
+        p = (message.param1, message.param2, message.param3, message.param4)
+        place = (message.param5, message.param6, message.param7)
+        return cls(
+            message.command,
+            p,
+            *place,
+            relative,
+            port,
+            message.get_srcSystem(),
+            message.get_srcComponent(),
+            as_int=False,
+        )
 
     @classmethod
-    def of_int(cls, port: Port, message: Message, *, heeds_frame: bool) -> Order | None:
+    def of_int(cls, port: Port, message: Any, *, heeds_frame: bool) -> Order | None:
         """Read a COMMAND_INT; None where its frame is none for a command."""
-        f = message.fields
-        if f["frame"] not in _FRAMES:
+        if message.frame not in _FRAMES:
             return None
-        p = (f["param1"], f["param2"], f["param3"], f["param4"])
-        lat, lon = (math.nan if v == _NO_PLACE else v * 1e-7 for v in (f["x"], f["y"]))
-        relative = heeds_frame and f["frame"] in (Frame.RELATIVE, Frame.RELATIVE_INT)
-        return cls(f["command"], p, lat, lon, f["z"], relative, port, message.system, message.component, as_int=True)
+        p = (message.param1, message.param2, message.param3, message.param4)
+        lat, lon = (math.nan if v == _NO_PLACE else v * 1e-7 for v in (message.x, message.y))
+        relative = heeds_frame and message.frame in (Frame.RELATIVE, Frame.RELATIVE_INT)
+        return cls(
+            message.command,
+            p,
+            lat,
+            lon,
+            message.z,
+            relative,
+            port,
+            message.get_srcSystem(),
+            message.get_srcComponent(),
+            as_int=True,
+        )
 
     @property
     def by(self) -> str:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.parameters import REAL32, Parameter
-from skyway.sim_stub.wire.messages import spec
+from skyway.sim_stub.wire.messages import payload_of
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
-    from skyway.sim_stub.wire.frames import Message
     from skyway.sim_stub.wire.ports import Port
 
-_LAYOUT = spec("PARAM_VALUE").layout
 _PER_TICK = 8
 _TICK_S = 0.01
 _MAX_LISTS = 4
@@ -54,7 +53,7 @@ class ParameterServer:
         """When more of a list is to be sent."""
         return self.next_s
 
-    def request_list(self, port: Port, message: Message) -> None:  # noqa: ARG002
+    def request_list(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Begin to send all parameters, a few at a time."""
         waiting = [entry for entry in self.lists if entry[0] is not port and not entry[0].closed]
         self.lists = deque([*waiting[-_MAX_LISTS:], (port, 0)])
@@ -77,44 +76,44 @@ class ParameterServer:
             self.lists[0] = (port, stop)
         self.next_s = self.vehicle.wall_s + _TICK_S if self.lists else math.inf
 
-    def read(self, port: Port, message: Message) -> None:
+    def read(self, port: Port, message: Any) -> None:
         """Send one parameter, by name or by index; silence for one that does not exist, or an error in newer firmware."""
         store = self.vehicle.autopilot.parameters
-        index = message["param_index"]
-        parameter = store.find(message["param_id"]) if index < 0 else store.at(index)
+        index = message.param_index
+        parameter = store.find(message.param_id) if index < 0 else store.at(index)
         if parameter is not None:
             self._send(port, parameter)
         else:
             self._tell_absent(port, message)
 
-    def _tell_absent(self, port: Port, message: Message) -> None:
+    def _tell_absent(self, port: Port, message: Any) -> None:
         """PARAM_ERROR, which MAVLink has since late 2025."""
         if self.vehicle.config.version >= self.vehicle.autopilot.PARAMETER_ERRORS_SINCE:
             port.reply(
                 "PARAM_ERROR",
-                target_system=message.system,
-                target_component=message.component,
-                param_id=message["param_id"],
-                param_index=message.fields.get("param_index", -1),
+                target_system=message.get_srcSystem(),
+                target_component=message.get_srcComponent(),
+                param_id=message.param_id,
+                param_index=getattr(message, "param_index", -1),
                 error=_DOES_NOT_EXIST,
             )
 
-    def set(self, port: Port, message: Message) -> None:
+    def set(self, port: Port, message: Any) -> None:
         """Set a parameter and tell everybody; some say in a text what is wrong with it."""
         store = self.vehicle.autopilot.parameters
-        parameter = store.find(message["param_id"])
+        parameter = store.find(message.param_id)
         if parameter is None:
             if self.vehicle.autopilot.STRICT_PARAMETERS:
-                self.vehicle.say(3, f"unknown param: {message['param_id']}"[:50])
+                self.vehicle.say(3, f"unknown param: {message.param_id}"[:50])
             self._tell_absent(port, message)
             return
-        kind = message["param_type"]
+        kind = message.param_type
         if self.vehicle.autopilot.STRICT_PARAMETERS and kind != parameter.kind:
             self.vehicle.say(3, f"param types mismatch param: {parameter.name}")
             return
-        value = message["param_value"]
+        value = message.param_value
         if self.bytewise and kind != REAL32:
-            value = float(int.from_bytes(message.payload[:4].ljust(4, b"\0"), "little", signed=True))
+            value = float(int.from_bytes(payload_of(message)[:4], "little", signed=True))
         if store.set(parameter.name, value):
             self.vehicle.event(f"parameter {parameter.name} = {parameter.value:g}")
             self.vehicle.radio.choose_versions()
@@ -123,13 +122,14 @@ class ParameterServer:
 
     def _send(self, port: Port, parameter: Parameter) -> None:
         store = self.vehicle.autopilot.parameters
-        payload = _LAYOUT.pack(
-            0.0 if self.bytewise and parameter.kind != REAL32 else parameter.value,
-            len(store),
-            store.index(parameter.name),
-            parameter.name.encode(),
-            parameter.kind,
-        )
+        value = parameter.value
         if self.bytewise and parameter.kind != REAL32:
-            payload = int(parameter.value).to_bytes(4, "little", signed=True) + payload[4:]
-        port.write(spec("PARAM_VALUE"), payload)
+            (value,) = struct.unpack("<f", int(value).to_bytes(4, "little", signed=True))
+        port.reply(
+            "PARAM_VALUE",
+            param_id=parameter.name,
+            param_value=value,
+            param_type=parameter.kind,
+            param_count=len(store),
+            param_index=store.index(parameter.name),
+        )

@@ -5,12 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.modes import Mode
-from skyway.sim_stub.wire.frames import Signing
-from skyway.sim_stub.wire.messages import spec
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
-    from skyway.sim_stub.wire.frames import Message
     from skyway.sim_stub.wire.ports import Port
 
 _GROUND_STATION = 6
@@ -42,46 +39,46 @@ class LinkServices:
             "SET_POSITION_TARGET_GLOBAL_INT": self.set_position_target,
         }
 
-    def heartbeat(self, port: Port, message: Message) -> None:  # noqa: ARG002
+    def heartbeat(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Remember when each ground station was heard."""
-        if message["type"] != _GROUND_STATION:
+        if message.type != _GROUND_STATION:
             return
         heard = self.vehicle.ground_heard
-        if message.system in heard or len(heard) < _MAX_STATIONS:
-            if message.system not in heard:
-                self.vehicle.event(f"ground station {message.system} heard")
-            heard[message.system] = self.vehicle.sim_s
+        if message.get_srcSystem() in heard or len(heard) < _MAX_STATIONS:
+            if message.get_srcSystem() not in heard:
+                self.vehicle.event(f"ground station {message.get_srcSystem()} heard")
+            heard[message.get_srcSystem()] = self.vehicle.sim_s
 
-    def timesync(self, port: Port, message: Message) -> None:
+    def timesync(self, port: Port, message: Any) -> None:
         """Answer a request with our time; answers to others are none of our business."""
-        if message["tc1"] == 0:
-            port.reply("TIMESYNC", tc1=int(self.vehicle.boot_us * 1000), ts1=message["ts1"])
+        if message.tc1 == 0:
+            port.reply("TIMESYNC", tc1=int(self.vehicle.boot_us * 1000), ts1=message.ts1)
 
-    def ping(self, port: Port, message: Message) -> None:
+    def ping(self, port: Port, message: Any) -> None:
         """Send a ping back."""
-        if message["target_system"] == 0:
+        if message.target_system == 0:
             port.reply(
                 "PING",
-                time_usec=message["time_usec"],
-                seq=message["seq"],
-                target_system=message.system,
-                target_component=message.component,
+                time_usec=message.time_usec,
+                seq=message.seq,
+                target_system=message.get_srcSystem(),
+                target_component=message.get_srcComponent(),
             )
 
-    def setup_signing(self, port: Port, message: Message) -> None:  # noqa: ARG002
+    def setup_signing(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Take a key for every link; a key of zeros takes signing away."""
-        key = bytes(message["secret_key"])
-        self.vehicle.radio.set_signing(key if any(key) else None, message["initial_timestamp"])
+        key = bytes(message.secret_key)
+        self.vehicle.radio.set_signing(key if any(key) else None, message.initial_timestamp)
 
-    def request_data_stream(self, port: Port, message: Message) -> None:
+    def request_data_stream(self, port: Port, message: Any) -> None:
         """Start or stop a group of messages, where the family knows this request."""
         if not self.vehicle.autopilot.OBEYS_STREAM_GROUPS:
             return
         self.vehicle.radio.stream_group(
-            port, message["req_stream_id"], message["req_message_rate"] if message["start_stop"] else 0
+            port, message.req_stream_id, message.req_message_rate if message.start_stop else 0
         )
 
-    def version_request(self, port: Port, message: Message) -> None:  # noqa: ARG002
+    def version_request(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Answer the old request for the version."""
         self.send_version(port)
 
@@ -104,33 +101,25 @@ class LinkServices:
         """Send PROTOCOL_VERSION."""
         port.reply("PROTOCOL_VERSION", version=200, min_version=100, max_version=200)
 
-    def set_mode(self, port: Port, message: Message) -> None:  # noqa: ARG002
+    def set_mode(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Obey the old SET_MODE; it is not acknowledged."""
         pilot = self.vehicle.autopilot
-        mode = pilot.mode_of(message["custom_mode"]) if message["base_mode"] & 1 else None
+        mode = pilot.mode_of(message.custom_mode) if message.base_mode & 1 else None
         if mode is not None:
-            pilot.request_mode(mode, f"station {message.system}")
+            pilot.request_mode(mode, f"station {message.get_srcSystem()}")
 
-    def set_position_target(self, port: Port, message: Message) -> None:  # noqa: ARG002
+    def set_position_target(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Fly to a position in GUIDED; in any other mode it is ignored."""
         pilot = self.vehicle.autopilot
-        fields: dict[str, Any] = message.fields
-        if pilot.mode != Mode.GUIDED or pilot.landed or fields["type_mask"] & 7:
+        if pilot.mode != Mode.GUIDED or pilot.landed or message.type_mask & 7:
             return
-        lat, lon = fields["lat_int"] * 1e-7, fields["lon_int"] * 1e-7
-        if abs(lat) > 90.0 or abs(lon) > 180.0 or fields["coordinate_frame"] not in (0, 3, 5, 6):
+        lat, lon = message.lat_int * 1e-7, message.lon_int * 1e-7
+        if abs(lat) > 90.0 or abs(lon) > 180.0 or message.coordinate_frame not in (0, 3, 5, 6):
             return
-        relative = fields["coordinate_frame"] in (3, 6)
-        height = fields["alt"] + (pilot.home_alt_m if relative else 0.0)
+        relative = message.coordinate_frame in (3, 6)
+        height = message.alt + (pilot.home_alt_m if relative else 0.0)
         if -1000.0 < height < 20_000.0 and pilot.outside_fence(lat, lon, height) is None:
             pilot.fly_to(lat, lon, height, None)
-
-
-def new_signing(key: bytes, timestamp: int, posix_s: float) -> Signing:
-    """Signing state that starts at the later of a given time and now."""
-    signing = Signing(key, timestamp)
-    signing.advance_to(posix_s)
-    return signing
 
 
 def text_frames(severity: int, text: str, number: int) -> list[dict[str, Any]]:
@@ -143,6 +132,3 @@ def text_frames(severity: int, text: str, number: int) -> list[dict[str, Any]]:
     return [
         {"severity": severity, "text": chunk, "id": number, "chunk_seq": index} for index, chunk in enumerate(chunks)
     ]
-
-
-HEARTBEAT = spec("HEARTBEAT").id

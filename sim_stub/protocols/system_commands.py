@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from skyway.sim_stub.autopilot.items import Command, Result
 from skyway.sim_stub.protocols.telemetry import BUILDERS
-from skyway.sim_stub.wire.messages import specs
+from skyway.sim_stub.wire.messages import message_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -97,10 +97,7 @@ class SystemCommands:
     def _known(self, number: float) -> int | None:
         """Id of a message that this family can send."""
         whole = int(number) if math.isfinite(number) else -1
-        message = specs()[0].get(whole)
-        if message is None or whole not in BUILDERS:
-            return None
-        return None if message.name in self._pilot.LACKS else whole
+        return whole if whole in BUILDERS and message_name(whole) not in self._pilot.LACKS else None
 
     def _set_interval(self, order: Order) -> Result:
         number, interval_us = self._known(order.p[0]), order.p[1]
@@ -128,8 +125,8 @@ class SystemCommands:
         known = self._known(number)
         if known is None:
             return self._pilot.UNKNOWN_MESSAGE
-        payload = BUILDERS[known](self.vehicle)
-        if payload is None:
+        sent = BUILDERS[known](self.vehicle)
+        if sent is None:
             return Result.FAILED
-        order.port.write(specs()[0][known], payload)
+        order.port.write(sent)
         return Result.ACCEPTED

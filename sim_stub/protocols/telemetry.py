@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyway.models.wind import triangle as wind
 from skyway.sim_stub.autopilot.mission_run import MissionState
 from skyway.sim_stub.autopilot.modes import MANUAL_MODES, Mode
-from skyway.sim_stub.wire.messages import spec
+from skyway.sim_stub.wire.messages import classes, message, message_id
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,7 +34,7 @@ _RC = 0x10000
 _FENCE = 0x100000
 
 
-def _heartbeat(v: Vehicle) -> bytes:
+def _heartbeat(v: Vehicle) -> Any:
     pilot = v.autopilot
     manual = pilot.mode in MANUAL_MODES
     base = 1 | (128 if pilot.armed else 0) | (16 if not manual else 64)
@@ -48,21 +48,20 @@ def _heartbeat(v: Vehicle) -> bytes:
         status = 5 if pilot.armed else 3
     else:
         status = 4 if pilot.armed and not pilot.landed else 3
-    layout = spec("HEARTBEAT").layout
-    return layout.pack(pilot.custom_mode(), 2, pilot.AUTOPILOT_ID, base, status, 3)
+    return _HEARTBEAT(2, pilot.AUTOPILOT_ID, base, pilot.custom_mode(), status, 3)
 
 
-def _attitude(v: Vehicle) -> bytes:
+def _attitude(v: Vehicle) -> Any:
     b = v.body
-    return _ATTITUDE.pack(v.boot_ms, b.roll, b.pitch, b.yaw, b.roll_rate, b.pitch_rate, b.yaw_rate)
+    return _ATTITUDE(v.boot_ms, b.roll, b.pitch, b.yaw, b.roll_rate, b.pitch_rate, b.yaw_rate)
 
 
-def _attitude_quaternion(v: Vehicle) -> bytes:
+def _attitude_quaternion(v: Vehicle) -> Any:
     b = v.body
     cr, sr = math.cos(b.roll / 2), math.sin(b.roll / 2)
     cp, sp = math.cos(b.pitch / 2), math.sin(b.pitch / 2)
     cy, sy = math.cos(b.yaw / 2), math.sin(b.yaw / 2)
-    return spec("ATTITUDE_QUATERNION").layout.pack(
+    return _QUATERNION(
         v.boot_ms,
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
@@ -71,17 +70,13 @@ def _attitude_quaternion(v: Vehicle) -> bytes:
         b.roll_rate,
         b.pitch_rate,
         b.yaw_rate,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
     )
 
 
-def _global_position(v: Vehicle) -> bytes:
+def _global_position(v: Vehicle) -> Any:
     b = v.body
     heading = int(math.degrees(b.yaw) % 360.0 * 100.0) % 36000
-    return _GLOBAL_POSITION.pack(
+    return _GLOBAL_POSITION(
         v.boot_ms,
         round(v.position.lat * 1e7),
         round(v.position.lon * 1e7),
@@ -94,43 +89,42 @@ def _global_position(v: Vehicle) -> bytes:
     )
 
 
-def _local_position(v: Vehicle) -> bytes:
+def _local_position(v: Vehicle) -> Any:
     b = v.body
     north, east, down = v.local_ned()
-    return _LOCAL_POSITION.pack(v.boot_ms, north, east, down, b.north_mps, b.east_mps, -b.up_mps)
+    return _LOCAL_POSITION(v.boot_ms, north, east, down, b.north_mps, b.east_mps, -b.up_mps)
 
 
-def _vfr_hud(v: Vehicle) -> bytes:
+def _vfr_hud(v: Vehicle) -> Any:
     b, pilot = v.body, v.autopilot
     airspeed = pilot.reported_airspeed_mps()
     throttle = min(100, int(50.0 * b.thrust_n / v.airframe.weight_n)) if pilot.armed else 0
     heading = int(math.degrees(b.yaw) % 360.0)
-    return _VFR_HUD.pack(airspeed, b.ground_speed_mps, b.alt_m, b.up_mps, heading, throttle)
+    return _VFR_HUD(airspeed, b.ground_speed_mps, heading, throttle, b.alt_m, b.up_mps)
 
 
-def _gps_raw(v: Vehicle) -> bytes:
+def _gps_raw(v: Vehicle) -> Any:
     b, fixed = v.body, v.faults.positioning and v.since_boot_s > 2.0
     lat, lon = v.position.fix
     course = int(math.degrees(math.atan2(b.east_mps, b.north_mps)) % 360.0 * 100.0) % 36000
-    return spec("GPS_RAW_INT").pack(
-        {
-            "time_usec": int(v.posix_s * 1e6),
-            "fix_type": 3 if fixed else 1,
-            "lat": round(lat * 1e7) if fixed else 0,
-            "lon": round(lon * 1e7) if fixed else 0,
-            "alt": round(b.alt_m * 1e3) if fixed else 0,
-            "eph": 90 if fixed else 65535,
-            "epv": 140 if fixed else 65535,
-            "vel": round(b.ground_speed_mps * 100.0) if fixed else 65535,
-            "cog": course if fixed else 65535,
-            "satellites_visible": 14 if fixed else 0,
-            "h_acc": 900,
-            "v_acc": 1400,
-        }
+    return message(
+        "GPS_RAW_INT",
+        time_usec=int(v.posix_s * 1e6),
+        fix_type=3 if fixed else 1,
+        lat=round(lat * 1e7) if fixed else 0,
+        lon=round(lon * 1e7) if fixed else 0,
+        alt=round(b.alt_m * 1e3) if fixed else 0,
+        eph=90 if fixed else 65535,
+        epv=140 if fixed else 65535,
+        vel=round(b.ground_speed_mps * 100.0) if fixed else 65535,
+        cog=course if fixed else 65535,
+        satellites_visible=14 if fixed else 0,
+        h_acc=900,
+        v_acc=1400,
     )
 
 
-def _sys_status(v: Vehicle) -> bytes:
+def _sys_status(v: Vehicle) -> Any:
     pilot = v.autopilot
     present = _SENSORS | _PREARM | _BATTERY | _RC
     if pilot.fence.areas:
@@ -146,182 +140,189 @@ def _sys_status(v: Vehicle) -> bytes:
         health &= ~_BATTERY
     if not pilot.armed and pilot.arming_refusals():
         health &= ~_PREARM
-    return spec("SYS_STATUS").pack(
-        {
-            "onboard_control_sensors_present": present,
-            "onboard_control_sensors_enabled": present,
-            "onboard_control_sensors_health": health,
-            "load": 180,
-            "voltage_battery": round(v.battery.voltage_v * 1e3),
-            "current_battery": round(v.battery.current_a * 100.0),
-            "battery_remaining": pilot.reported_percent(),
-        }
+    return message(
+        "SYS_STATUS",
+        onboard_control_sensors_present=present,
+        onboard_control_sensors_enabled=present,
+        onboard_control_sensors_health=health,
+        load=180,
+        voltage_battery=round(v.battery.voltage_v * 1e3),
+        current_battery=round(v.battery.current_a * 100.0),
+        battery_remaining=pilot.reported_percent(),
     )
 
 
-def _battery_status(v: Vehicle) -> bytes:
+def _battery_status(v: Vehicle) -> Any:
     battery, percent = v.battery, v.autopilot.reported_percent()
     cell = round(battery.voltage_v / 6.0 * 1e3)
     state = v.autopilot.failsafes.battery_level + 1
     left_s = 0
     if battery.power_w > 60.0 and percent > 0:
         left_s = int(percent / 100.0 * battery.capacity_j / battery.power_w)
-    return spec("BATTERY_STATUS").pack(
-        {
-            "current_consumed": round(v.counted_mah),
-            "energy_consumed": round(v.counted_mah * 3.6 * 22.8 / 100.0),
-            "temperature": 2500,
-            "voltages": (cell,) * 6 + (65535,) * 4,
-            "current_battery": round(battery.current_a * 100.0),
-            "battery_function": 1,
-            "type": 1,
-            "battery_remaining": percent,
-            "time_remaining": left_s,
-            "charge_state": 7 if v.charging is not None else state,
-        }
+    return message(
+        "BATTERY_STATUS",
+        current_consumed=round(v.counted_mah),
+        energy_consumed=round(v.counted_mah * 3.6 * 22.8 / 100.0),
+        temperature=2500,
+        voltages=(cell,) * 6 + (65535,) * 4,
+        current_battery=round(battery.current_a * 100.0),
+        battery_function=1,
+        type=1,
+        battery_remaining=percent,
+        time_remaining=left_s,
+        charge_state=7 if v.charging is not None else state,
     )
 
 
-def _extended_sys_state(v: Vehicle) -> bytes:
-    return spec("EXTENDED_SYS_STATE").layout.pack(0, v.autopilot.landed_state)
+def _extended_sys_state(v: Vehicle) -> Any:
+    return message("EXTENDED_SYS_STATE", landed_state=v.autopilot.landed_state)
 
 
-def mission_current(v: Vehicle) -> bytes:
-    """Payload of MISSION_CURRENT; its total does not count home."""
+def mission_current(v: Vehicle) -> Any:
+    """Make MISSION_CURRENT; its total does not count home."""
     pilot = v.autopilot
     run = pilot.run
     state = int(MissionState.NO_MISSION if pilot.mission_refused() else run.state)
     in_mission = 2 if pilot.mode != Mode.MISSION else 1
-    return spec("MISSION_CURRENT").pack(
-        {
-            "seq": run.current,
-            "total": max(len(run.items) - pilot.HOME_ITEMS, 0),
-            "mission_state": state,
-            "mission_mode": in_mission,
-            "mission_id": v.mission_ids[0],
-            "fence_id": v.mission_ids[1],
-            "rally_points_id": v.mission_ids[2],
-        }
+    return message(
+        "MISSION_CURRENT",
+        seq=run.current,
+        total=max(len(run.items) - pilot.HOME_ITEMS, 0),
+        mission_state=state,
+        mission_mode=in_mission,
+        mission_id=v.mission_ids[0],
+        fence_id=v.mission_ids[1],
+        rally_points_id=v.mission_ids[2],
     )
 
 
-def _home_position(v: Vehicle) -> bytes | None:
+def _home_position(v: Vehicle) -> Any:
     home = v.autopilot.home
     if home is None:
         return None
     north, east, down = v.local_ned_of(home.lat, home.lon, home.alt_m)
-    return spec("HOME_POSITION").pack(
-        {
-            "latitude": round(home.lat * 1e7),
-            "longitude": round(home.lon * 1e7),
-            "altitude": round(home.alt_m * 1e3),
-            "x": north,
-            "y": east,
-            "z": down,
-            "q": (1.0, 0.0, 0.0, 0.0),
-            "time_usec": v.boot_us,
-        }
+    return message(
+        "HOME_POSITION",
+        latitude=round(home.lat * 1e7),
+        longitude=round(home.lon * 1e7),
+        altitude=round(home.alt_m * 1e3),
+        x=north,
+        y=east,
+        z=down,
+        q=(1.0, 0.0, 0.0, 0.0),
+        time_usec=v.boot_us,
     )
 
 
-def _altitude(v: Vehicle) -> bytes:
+def _altitude(v: Vehicle) -> Any:
     b = v.body
     relative = b.alt_m - v.autopilot.home_alt_m
-    return spec("ALTITUDE").layout.pack(v.boot_us, b.alt_m, b.alt_m, relative, relative, _NAN, _NAN)
+    return _ALTITUDE(v.boot_us, b.alt_m, b.alt_m, relative, relative, _NAN, _NAN)
 
 
-def _system_time(v: Vehicle) -> bytes:
-    return spec("SYSTEM_TIME").layout.pack(int(v.autopilot.clock_of_day_s() * 1e6), v.boot_ms)
+def _system_time(v: Vehicle) -> Any:
+    return message("SYSTEM_TIME", time_unix_usec=int(v.autopilot.clock_of_day_s() * 1e6), time_boot_ms=v.boot_ms)
 
 
-def _wind(v: Vehicle) -> bytes:
+def _wind(v: Vehicle) -> Any:
     estimate = v.autopilot.wind_estimate()
     speed, direction = wind.speed_from(*estimate) if estimate else (0.0, 0.0)
-    return spec("WIND").layout.pack(float(direction), float(speed), 0.0)
+    return message("WIND", direction=float(direction), speed=float(speed))
 
 
-def _wind_cov(v: Vehicle) -> bytes | None:
+def _wind_cov(v: Vehicle) -> Any:
     estimate = v.autopilot.wind_estimate()
     if estimate is None:
         return None
     north, east = estimate
-    return spec("WIND_COV").layout.pack(v.boot_us, north, east, 0.0, 0.4, 0.0, v.body.alt_m, 0.6, 0.0)
+    return message(
+        "WIND_COV",
+        time_usec=v.boot_us,
+        wind_x=north,
+        wind_y=east,
+        var_horiz=0.4,
+        wind_alt=v.body.alt_m,
+        horiz_accuracy=0.6,
+    )
 
 
-def _nav_controller(v: Vehicle) -> bytes:
+def _nav_controller(v: Vehicle) -> Any:
     b = v.body
     behaviour = v.autopilot.run.behaviour
     distance = getattr(behaviour, "distance_m", 0.0)
-    return spec("NAV_CONTROLLER_OUTPUT").pack(
-        {
-            "nav_roll": math.degrees(b.roll),
-            "nav_pitch": math.degrees(b.pitch),
-            "nav_bearing": round(math.degrees(b.yaw)),
-            "target_bearing": round(math.degrees(b.yaw)),
-            "wp_dist": min(65535, int(distance)) if math.isfinite(distance) else 0,
-        }
+    return message(
+        "NAV_CONTROLLER_OUTPUT",
+        nav_roll=math.degrees(b.roll),
+        nav_pitch=math.degrees(b.pitch),
+        nav_bearing=round(math.degrees(b.yaw)),
+        target_bearing=round(math.degrees(b.yaw)),
+        wp_dist=min(65535, int(distance)) if math.isfinite(distance) else 0,
     )
 
 
-def _rc_channels(v: Vehicle) -> bytes:
+def _rc_channels(v: Vehicle) -> Any:
     raw = 1500 if v.faults.remote_control else 65535
     values = {f"chan{n}_raw": raw if n <= 8 else 65535 for n in range(1, 19)}
-    return spec("RC_CHANNELS").pack(
-        {"time_boot_ms": v.boot_ms, "chancount": 8, "rssi": 200 if raw == 1500 else 0, **values}
-    )
+    return message("RC_CHANNELS", time_boot_ms=v.boot_ms, chancount=8, rssi=200 if raw == 1500 else 0, **values)
 
 
-def _ekf_status(v: Vehicle) -> bytes:
+def _ekf_status(v: Vehicle) -> Any:
     good = v.faults.positioning and v.since_boot_s >= v.autopilot.READY_AFTER_S
     flags = (0x33F if good else 0x0A7) | (0x8000 if v.position.glitching else 0)
-    return spec("EKF_STATUS_REPORT").pack({"flags": flags, "velocity_variance": 0.05, "compass_variance": 0.02})
+    return message("EKF_STATUS_REPORT", flags=flags, velocity_variance=0.05, compass_variance=0.02)
 
 
-def _estimator_status(v: Vehicle) -> bytes:
+def _estimator_status(v: Vehicle) -> Any:
     good = v.faults.positioning and v.since_boot_s >= v.autopilot.READY_AFTER_S
     flags = (0x33F if good else 0x0A7) | (0x400 if v.position.glitching else 0)
-    return spec("ESTIMATOR_STATUS").pack({"time_usec": v.boot_us, "flags": flags, "pos_horiz_accuracy": 0.4})
+    return message("ESTIMATOR_STATUS", time_usec=v.boot_us, flags=flags, pos_horiz_accuracy=0.4)
 
 
-def _fence_status(v: Vehicle) -> bytes:
+def _fence_status(v: Vehicle) -> Any:
     failsafes = v.autopilot.failsafes
     breached = "fence" in failsafes.active
-    return spec("FENCE_STATUS").pack(
-        {"breach_count": failsafes.breaches, "breach_status": int(breached), "breach_type": 3 if breached else 0}
+    return message(
+        "FENCE_STATUS",
+        breach_count=failsafes.breaches,
+        breach_status=int(breached),
+        breach_type=3 if breached else 0,
     )
 
 
-def _raw_imu(v: Vehicle) -> bytes:
-    return spec("RAW_IMU").pack({"time_usec": v.boot_us, "zacc": -1000, "xmag": 220, "zmag": 420})
+def _raw_imu(v: Vehicle) -> Any:
+    return message("RAW_IMU", time_usec=v.boot_us, zacc=-1000, xmag=220, zmag=420)
 
 
-def _scaled_pressure(v: Vehicle) -> bytes:
+def _scaled_pressure(v: Vehicle) -> Any:
     pressure = 1013.25 * (1.0 - 2.25577e-5 * max(-500.0, min(v.body.alt_m, 11_000.0))) ** 5.25588
-    return spec("SCALED_PRESSURE").pack({"time_boot_ms": v.boot_ms, "press_abs": pressure, "temperature": 2200})
+    return message("SCALED_PRESSURE", time_boot_ms=v.boot_ms, press_abs=pressure, temperature=2200)
 
 
-def _gps_origin(v: Vehicle) -> bytes:
+def _gps_origin(v: Vehicle) -> Any:
     lat, lon, alt = v.origin
-    return spec("GPS_GLOBAL_ORIGIN").pack(
-        {
-            "latitude": round(lat * 1e7),
-            "longitude": round(lon * 1e7),
-            "altitude": round(alt * 1e3),
-            "time_usec": v.boot_us,
-        }
+    return message(
+        "GPS_GLOBAL_ORIGIN",
+        latitude=round(lat * 1e7),
+        longitude=round(lon * 1e7),
+        altitude=round(alt * 1e3),
+        time_usec=v.boot_us,
     )
 
 
-def _power_status(v: Vehicle) -> bytes:
-    return spec("POWER_STATUS").pack({"Vcc": 5050 if v.battery.soc > 0 else 4600, "Vservo": 0, "flags": 1})
+def _power_status(v: Vehicle) -> Any:
+    return message("POWER_STATUS", Vcc=5050 if v.battery.soc > 0 else 4600, Vservo=0, flags=1)
 
 
-_ATTITUDE = spec("ATTITUDE").layout
-_GLOBAL_POSITION = spec("GLOBAL_POSITION_INT").layout
-_LOCAL_POSITION = spec("LOCAL_POSITION_NED").layout
-_VFR_HUD = spec("VFR_HUD").layout
-BUILDERS: dict[int, Callable[[Vehicle], bytes | None]] = {
-    spec(name).id: builder
+_HEARTBEAT, _ATTITUDE, _QUATERNION, _GLOBAL_POSITION, _LOCAL_POSITION, _VFR_HUD, _ALTITUDE = (
+    classes()[name]
+    for name in (
+        *("HEARTBEAT", "ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "VFR_HUD"),
+        "ALTITUDE",
+    )
+)
+"""Classes of the messages that are sent most often: made without a name to look up."""
+BUILDERS: dict[int, Callable[[Vehicle], Any]] = {
+    message_id(name): builder
     for name, builder in {
         "HEARTBEAT": _heartbeat,
         "ATTITUDE": _attitude,
@@ -350,4 +351,4 @@ BUILDERS: dict[int, Callable[[Vehicle], bytes | None]] = {
         "POWER_STATUS": _power_status,
     }.items()
 }
-"""Payload of each message that can be streamed or asked for; None where there is nothing to say."""
+"""Each message that can be streamed or asked for, as it is now; None where there is nothing to say."""

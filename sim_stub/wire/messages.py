@@ -1,193 +1,246 @@
-"""Layouts of MAVLink messages: packing and unpacking payloads.
+"""MAVLink messages as pymavlink makes and reads them, and the few that its dialect does not know yet.
 
-The tables (field order, checksum seeds) come from pymavlink's generated dialect; frames are built and taken apart
-here, so that a fault of that library does not hide on both sides of the wire.
+The ground side frames, checks and signs by code of its own (`link.wire.frames`): here it meets the code of others.
 """
 
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-_EXTENSIONS = {
-    # First extension field of each message that we send and that has any: absent from MAVLink 1 frames.
-    "AUTOPILOT_VERSION": "uid2",
-    "ATTITUDE_QUATERNION": "repr_offset_q",
-    "BATTERY_STATUS": "time_remaining",
-    "COMMAND_ACK": "progress",
-    "GPS_GLOBAL_ORIGIN": "time_usec",
-    "GPS_RAW_INT": "alt_ellipsoid",
-    "HOME_POSITION": "time_usec",
-    "MISSION_ACK": "mission_type",
-    "MISSION_CLEAR_ALL": "mission_type",
-    "MISSION_COUNT": "mission_type",
-    "MISSION_CURRENT": "total",
-    "MISSION_ITEM": "mission_type",
-    "MISSION_ITEM_INT": "mission_type",
-    "MISSION_REQUEST": "mission_type",
-    "MISSION_REQUEST_INT": "mission_type",
-    "MISSION_REQUEST_LIST": "mission_type",
-    "MISSION_WRITE_PARTIAL_LIST": "mission_type",
-    "RAW_IMU": "id",
-    "STATUSTEXT": "id",
-    "SYS_STATUS": "onboard_control_sensors_present_extended",
-    "FENCE_STATUS": "breach_mitigation",
-}
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+UNSIGNED_ALLOWED = frozenset({109, 166})
+"""RADIO_STATUS and RADIO: radios cannot sign."""
+_MAGIC_2 = 0xFD
+_SIGNING_EPOCH_S = 1_420_070_400.0
+"""1 January 2015 UTC: signing time counts from here in 10 microseconds."""
+_CODES = {
+    "char": "s", "uint8_t": "B", "int8_t": "b", "uint16_t": "H", "int16_t": "h", "uint32_t": "I", "int32_t": "i", "uint64_t": "Q",
+    "int64_t": "q", "float": "f", "double": "d",
+}  # fmt: skip
 _NEWER_FIELDS = {
     # Extensions of the message set that the dialect of pymavlink 2.4.50 does not know yet.
-    "MISSION_ACK": (("opaque_id", "I"),),
-    "MISSION_COUNT": (("opaque_id", "I"),),
-    "MISSION_CURRENT": (("mission_id", "I"), ("fence_id", "I"), ("rally_points_id", "I")),
+    "MISSION_ACK": ("opaque_id",),
+    "MISSION_COUNT": ("opaque_id",),
+    "MISSION_CURRENT": ("mission_id", "fence_id", "rally_points_id"),
 }
+_COMMAND_CANCEL, _PROTOCOL_VERSION = 80, 300
 
 
-@dataclass(frozen=True, slots=True)
-class MessageSpec:
-    """One message of the dialect.
+class _Newer(dialect.MAVLink_message):  # type: ignore[misc]  # pymavlink has no types
+    """A message that pymavlink does not know, made as it makes its own."""
 
-    Attributes
+    def __init__(self, **fields: Any) -> None:
+        super().__init__(type(self).id, self.msgname)
+        self._fieldnames = self.fieldnames
+        for name in self.fieldnames:
+            setattr(self, name, fields[name])
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002  as pymavlink has it
+        """Frame of the message."""
+        values: list[Any] = []
+        for name, count in zip(self.ordered_fieldnames, self.lengths, strict=True):
+            value = getattr(self, name)
+            values.extend([value] if count == 1 else value)
+        payload = self.unpacker.pack(*values)
+        return bytes(self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1))
+
+
+def _newer(number: int, name: str, crc_extra: int, fields: dict[str, tuple[str, int]]) -> type[_Newer]:
+    """Class of a message, of its fields in the order of the wire with their types and array lengths (0 is a scalar)."""
+    layout = "<" + "".join(f"{count or ''}{_CODES[kind]}" for kind, count in fields.values())
+    own = {
+        "id": number,
+        "msgname": name,
+        "crc_extra": crc_extra,
+        "fieldnames": list(fields),
+        "ordered_fieldnames": list(fields),
+        "fieldtypes": [kind for kind, _ in fields.values()],
+        "array_lengths": [count for _, count in fields.values()],
+        "lengths": [count or 1 for _, count in fields.values()],
+        "unpacker": struct.Struct(layout),
+    }
+    return type(name, (_Newer,), own)
+
+
+def _longer(known: Any, names: tuple[str, ...]) -> type[_Newer]:
+    """Class of a message of scalars with more extension fields, of 32 bits each."""
+    kinds = dict(zip(known.fieldnames, known.fieldtypes, strict=True))
+    fields = {name: (kinds[name], 0) for name in known.ordered_fieldnames} | dict.fromkeys(names, ("uint32_t", 0))
+    return _newer(known.id, known.msgname, known.crc_extra, fields)
+
+
+@cache
+def classes() -> dict[str, Any]:
+    """Class of every message by its name."""
+    found = {known.msgname: known for known in dialect.mavlink_map.values()}
+    found |= {name: _longer(found[name], names) for name, names in _NEWER_FIELDS.items()}
+    bytes_8 = ("uint8_t", 8)
+    address = {"target_system": ("uint8_t", 0), "target_component": ("uint8_t", 0)}
+    versions = dict.fromkeys(("version", "min_version", "max_version"), ("uint16_t", 0))
+    hashes = {"spec_version_hash": bytes_8, "library_version_hash": bytes_8}
+    found["COMMAND_CANCEL"] = _newer(_COMMAND_CANCEL, "COMMAND_CANCEL", 14, {"command": ("uint16_t", 0), **address})
+    found["PROTOCOL_VERSION"] = _newer(_PROTOCOL_VERSION, "PROTOCOL_VERSION", 217, {**versions, **hashes})
+    return found
+
+
+def message_id(name: str) -> int:
+    """Id of a message."""
+    return int(classes()[name].id)
+
+
+def message_name(number: int) -> str | None:
+    """Name of a message; None for one that there is not."""
+    known = dialect.mavlink_map.get(number)
+    return None if known is None else known.msgname
+
+
+@cache
+def _zeros(name: str) -> tuple[Any, dict[str, Any], tuple[str, ...]]:
+    """Class of a message, its fields with nothing in them, and which of them are text."""
+    known = classes()[name]
+    lengths = dict(zip(known.ordered_fieldnames, known.array_lengths, strict=True))
+    zeros: dict[str, Any] = {}
+    for field, kind in zip(known.fieldnames, known.fieldtypes, strict=True):
+        zeros[field] = b"" if kind == "char" else (0,) * lengths[field] if lengths[field] else 0
+    return known, zeros, tuple(field for field, zero in zeros.items() if zero == b"")
+
+
+def message(name: str, /, **fields: Any) -> Any:
+    """Make a message of the named fields, zero where not named."""
+    known, zeros, texts = _zeros(name)
+    filled = zeros | fields
+    for field in texts:
+        if isinstance(filled[field], str):
+            filled[field] = filled[field].encode("ascii", "replace")
+    return known(**filled)
+
+
+def is_version_2(received: Any) -> bool:
+    """Whether a message came as MAVLink 2."""
+    return bool(received.get_msgbuf()[0] == _MAGIC_2)
+
+
+def payload_of(received: Any) -> bytes:
+    """Payload of a message as it came, padded: whole numbers that travel as the bytes of a float are read from here."""
+    frame = received.get_msgbuf()
+    start = 10 if is_version_2(received) else 6
+    return bytes(frame[start : start + frame[1]]).ljust(received.unpacker.size, b"\0")
+
+
+class Mavlink(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no types
+    """One side of a link, as pymavlink speaks it.
+
+    Parameters
     ----------
-    id, name : int, str
-        MAVLink id and name.
-    crc_extra : int
-        Seed that both sides add to the checksum.
-    layout : struct.Struct
-        The payload on the wire.
-    fields : tuple of (name, first, count)
-        In wire order: index of the first unpacked value; count 0 is a scalar, -1 text, else an array.
-    base_size : int
-        Bytes without extension fields, as in MAVLink 1.
+    system, component : int
+        The sender.
     """
 
-    id: int
-    name: str
-    crc_extra: int
-    layout: struct.Struct
-    fields: tuple[tuple[str, int, int], ...]
-    base_size: int
+    def __init__(self, system: int, component: int = 1) -> None:
+        super().__init__(None, system, component)
+        self.robust_parsing = True
+        self.seq: int = 0
 
-    def unpack(self, payload: bytes) -> dict[str, Any]:
-        """Fields of a payload; bytes that a sender cut off or does not know are zero."""
-        size = self.layout.size
-        if len(payload) < size:
-            payload += bytes(size - len(payload))
-        values = self.layout.unpack_from(payload)
-        fields: dict[str, Any] = {}
-        for name, first, count in self.fields:
-            if count == 0:
-                fields[name] = values[first]
-            elif count < 0:
-                fields[name] = values[first].split(b"\0", 1)[0].decode("ascii", "replace")
-            else:
-                fields[name] = values[first : first + count]
-        return fields
-
-    def pack(self, values: dict[str, Any]) -> bytes:
-        """Payload of the named fields, zero where not named; integers out of range are clipped to it."""
-        flat: list[Any] = []
-        for name, _, count in self.fields:
-            value = values.get(name)
-            if count == 0:
-                flat.append(0 if value is None else value)
-            elif count < 0:
-                flat.append(b"" if value is None else value.encode("ascii", "replace"))
-            else:
-                flat.extend((0,) * count if value is None else value)
+    def frame(self, sent: Any, version: int = 2) -> bytes | None:
+        """Return a message as a frame, numbers out of range clipped; None for one that MAVLink 1 cannot carry."""
+        if version == 1 and sent.get_msgId() > 255:
+            return None
         try:
-            return self.layout.pack(*flat)
-        except (struct.error, OverflowError, ValueError):
-            return self.layout.pack(*_clip(self.layout.format, flat))
+            frame = bytes(sent.pack(self, force_mavlink1=version == 1))
+        except (struct.error, OverflowError):
+            _clip(sent)
+            frame = bytes(sent.pack(self, force_mavlink1=version == 1))
+        if version == 1:  # pymavlink leaves the extension fields in
+            base = sent._payload[: base_bytes(sent.msgname)]  # noqa: SLF001
+            frame = bytes(sent._pack(self, sent.crc_extra, base, force_mavlink1=True))  # noqa: SLF001
+        self.seq = (self.seq + 1) & 0xFF
+        return frame
 
+    def hear(self, data: bytes, *, whole: bool) -> list[Any]:
+        """Return the messages that bytes complete; `whole` where frames never continue in the next ones."""
+        if whole:
+            self.buf, self.buf_index = bytearray(), 0
+        found = self.parse_buffer(data) or []
+        del self.buf[: self.buf_index]  # a stream of halves does not make it grow
+        self.buf_index = 0
+        return [one for one in found if one.get_msgId() >= 0]  # others are what it could not read
 
-def _clip(layout: str, values: list[Any]) -> list[Any]:
-    """Bring numbers into the range of their wire type; what is not a number becomes 0."""
-    clipped = []
-    for code, value in zip(_codes(layout), values, strict=True):
-        if code == "s":
-            clipped.append(value)
-        elif code in "fd":
-            number = float(value)
-            clipped.append(max(-3.4e38, min(3.4e38, number)) if number == number else number)  # noqa: PLR0124
-        else:
-            size = struct.calcsize("<" + code) * 8
-            low, high = (-(1 << size - 1), (1 << size - 1) - 1) if code.islower() else (0, (1 << size) - 1)
-            number = float(value)
-            whole = int(number) if abs(number) < 1e30 else (high if number > 0 else low)
-            clipped.append(max(low, min(high, whole)))
-    return clipped
+    def sign(self, key: bytes | None, timestamp: int, posix_s: float) -> None:
+        """Sign, and take only what is signed, from the later of a signing time and now on; None stops it."""
+        signing = self.signing = dialect.MAVLinkSigning()
+        signing.secret_key, signing.sign_outgoing = key, key is not None
+        signing.timestamp = max(timestamp, int((posix_s - _SIGNING_EPOCH_S) * 1e5))
+        signing.allow_unsigned_callback = lambda _, number: number in UNSIGNED_ALLOWED
+
+    def check_signature(self, frame: bytearray, system: int, component: int) -> bool:
+        """Check a signature; a forged one must not move the time of its sender, as pymavlink lets it."""
+        times, sender = self.signing.stream_timestamps, (frame[-13], system, component)
+        before = times.get(sender)
+        good = bool(super().check_signature(frame, system, component))
+        if not good and before is None:
+            times.pop(sender, None)
+        elif not good:
+            times[sender] = before
+        return good
+
+    def decode(self, frame: bytearray) -> Any:
+        """Read a frame; of the messages that pymavlink does not know, the one that a vehicle obeys."""
+        read = super().decode(frame)
+        if (
+            read.get_msgId() != dialect.MAVLINK_MSG_ID_UNKNOWN
+            or self.signing.secret_key is not None
+            or frame[0] != _MAGIC_2
+        ):
+            return read
+        cancel = classes()["COMMAND_CANCEL"]
+        if int.from_bytes(frame[7:10], "little") != cancel.id:
+            return read
+        if dialect.x25crc(bytes(frame[1:-2]) + bytes([cancel.crc_extra])).crc != int.from_bytes(frame[-2:], "little"):
+            return read
+        payload = bytes(frame[10:-2]).ljust(cancel.unpacker.size, b"\0")[: cancel.unpacker.size]
+        known = cancel(**dict(zip(cancel.fieldnames, cancel.unpacker.unpack(payload), strict=True)))
+        known._header = dialect.MAVLink_header(cancel.id, srcSystem=frame[5], srcComponent=frame[6])  # noqa: SLF001
+        known._msgbuf = frame  # noqa: SLF001
+        return known
 
 
 @cache
-def _codes(layout: str) -> tuple[str, ...]:
-    codes: list[str] = []
-    digits = ""
-    for character in layout[1:]:
-        if character.isdigit():
-            digits += character
-            continue
-        codes.extend([character] if character == "s" else [character] * int(digits or 1))
-        digits = ""
-    return tuple(codes)
+def base_bytes(name: str) -> int:
+    """Bytes of a message without its extension fields, as in MAVLink 1.
+
+    pymavlink does not tell which fields are extensions; but the seed of the checksum is made of the others alone.
+    """
+    known = classes()[name]
+    kinds = dict(zip(known.fieldnames, known.fieldtypes, strict=True))
+    seeds, layouts = [], []
+    crc, layout = dialect.x25crc(f"{name} ".encode()), "<"
+    for field, count in zip(known.ordered_fieldnames, known.array_lengths, strict=True):
+        crc.accumulate(f"{kinds[field]} {field} ".encode() + (bytes([count]) if count else b""))
+        layout += f"{count or ''}{_CODES[kinds[field]]}"
+        seeds.append(crc.crc & 0xFF ^ crc.crc >> 8)
+        layouts.append(layout)
+    last = max(number for number, seed in enumerate(seeds) if seed == known.crc_extra)
+    return struct.calcsize(layouts[last])
 
 
-@cache
-def specs() -> tuple[dict[int, MessageSpec], dict[str, MessageSpec]]:
-    """Every message of the dialect, by id and by name."""
-    from pymavlink.dialects.v20 import ardupilotmega as dialect
-
-    by_id: dict[int, MessageSpec] = {}
-    for number, cls in dialect.mavlink_map.items():
-        by_id[number] = _spec(number, cls)
-    # Two messages of the standard that pymavlink's dialect lacks.
-    cancel = (("command", 0, 0), ("target_system", 1, 0), ("target_component", 2, 0))
-    by_id[80] = MessageSpec(80, "COMMAND_CANCEL", 14, struct.Struct("<HBB"), cancel, 4)
-    by_id[300] = MessageSpec(
-        300,
-        "PROTOCOL_VERSION",
-        217,
-        struct.Struct("<HHH8B8B"),
-        (
-            ("version", 0, 0),
-            ("min_version", 1, 0),
-            ("max_version", 2, 0),
-            ("spec_version_hash", 3, 8),
-            ("library_version_hash", 11, 8),
-        ),
-        22,
-    )
-    return by_id, {spec.name: spec for spec in by_id.values()}
+def _clip(sent: Any) -> None:
+    """Bring the numbers of a message into the range of their types; what is no number becomes the least one."""
+    for name, kind in zip(sent.fieldnames, sent.fieldtypes, strict=True):
+        value = getattr(sent, name)
+        if kind != "char":
+            many = isinstance(value, (tuple, list))
+            setattr(sent, name, [_within(kind, one) for one in value] if many else _within(kind, value))
 
 
-def _spec(number: int, cls: Any) -> MessageSpec:
-    name: str = cls.msgname
-    layout: str = cls.unpacker.format
-    fields: list[tuple[str, int, int]] = []
-    index = base = 0
-    base_values = None
-    for field, array, length in zip(cls.ordered_fieldnames, cls.array_lengths, cls.lengths, strict=True):
-        if _EXTENSIONS.get(name) == field:
-            base_values = len(fields)
-            base = index
-        text = length == 1 and array > 0
-        fields.append((field, index, -1 if text else (length if array else 0)))
-        index += 1 if text else length
-    codes = _codes(layout)
-    lengths = dict(zip(cls.ordered_fieldnames, cls.array_lengths, strict=True))
-    if base_values is None:
-        base_size = cls.unpacker.size
-    else:
-        texts = [lengths[f] for f, _, count in fields[:base_values] if count < 0]
-        base_size = sum(struct.calcsize("<" + c) for c in codes[:base] if c != "s") + sum(texts)
-    for field, code in _NEWER_FIELDS.get(name, ()):
-        if field not in cls.ordered_fieldnames:
-            fields.append((field, index, 0))
-            layout += code
-            index += 1
-    return MessageSpec(number, name, cls.crc_extra, struct.Struct(layout), tuple(fields), base_size)
-
-
-def spec(name: str) -> MessageSpec:
-    """Layout of one message by name."""
-    return specs()[1][name]
+def _within(kind: str, value: float) -> float:
+    if kind == "double":
+        return value
+    if kind == "float":
+        return max(-3.4e38, min(3.4e38, value)) if value == value else value  # noqa: PLR0124  NaN stays
+    bits = 8 * struct.calcsize(f"<{_CODES[kind]}")
+    low, high = (0, (1 << bits) - 1) if kind.startswith("u") else (-(1 << bits - 1), (1 << bits - 1) - 1)
+    whole = int(value) if abs(value) < 1e30 else high if value > 0 else low
+    return max(low, min(high, whole))

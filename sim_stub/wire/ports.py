@@ -1,4 +1,4 @@
-"""A port of a vehicle: its frames, signing and message intervals."""
+"""A port: one way in and out of a vehicle, with its own frames, signing and message intervals."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from skyway.sim_stub.wire.frames import FrameReader, FrameWriter
-from skyway.sim_stub.wire.messages import MessageSpec, spec
+from skyway.sim_stub.wire.messages import Mavlink, message, message_id
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,11 +18,13 @@ class Stream:
 
     Attributes
     ----------
+    name : str
+        Of the message.
     interval_s, due_s : float
         Between two, and when the next is due.
     """
 
-    message: MessageSpec
+    name: str
     interval_s: float
     due_s: float
 
@@ -36,8 +37,12 @@ class Port:
     ----------
     send : callable
         Takes the bytes of one frame.
-    writer, reader : FrameWriter, FrameReader
+    mavlink : Mavlink
         Frames out and in.
+    datagrams : bool
+        Frames never continue in the next bytes.
+    version : int
+        MAVLink 1 or 2, as it speaks.
     streams : dict
         By message id.
     next_due_s : float
@@ -45,44 +50,43 @@ class Port:
     shortest_s : float
         Interval of the fastest stream.
     tamper : callable or None
-        Changes payloads before they are framed and signed: a vehicle that says what is not so.
+        Changes messages before they are framed and signed: a vehicle that says what is not so.
     """
 
     send: Callable[[bytes], None]
-    writer: FrameWriter
-    reader: FrameReader
+    mavlink: Mavlink
+    datagrams: bool
+    version: int = 2
     streams: dict[int, Stream] = field(default_factory=dict)
     next_due_s: float = math.inf
     shortest_s: float = math.inf
     heard_version_2: bool = False
     closed: bool = False
     muted: bool = False
-    tamper: Callable[[MessageSpec, bytes], bytes] | None = None
+    tamper: Callable[[Any], Any] | None = None
 
-    @classmethod
-    def of(cls, system: int, send: Callable[[bytes], None], *, datagrams: bool) -> Port:
-        """Make a port that speaks for a system; `datagrams` where frames never continue in the next bytes."""
-        return cls(send, FrameWriter(system, 1), FrameReader(whole=datagrams))
-
-    def write(self, message: MessageSpec, payload: bytes) -> None:
-        """Send a payload as a frame."""
+    def write(self, sent: Any) -> None:
+        """Send a message as a frame."""
         if self.tamper is not None:
-            payload = self.tamper(message, payload)
-        frame = None if self.muted else self.writer.frame(message, payload)
+            sent = self.tamper(sent)
+        frame = None if self.muted else self.mavlink.frame(sent, self.version)
         if frame is not None:
             self.send(frame)
 
-    def reply(self, name: str, **fields: Any) -> None:
+    def reply(self, name: str, /, **fields: Any) -> None:
         """Send a message by name."""
-        message = spec(name)
-        self.write(message, message.pack(fields))
+        self.write(message(name, **fields))
 
-    def set_interval(self, message: MessageSpec, interval_s: float | None, now_s: float) -> None:
+    def hear(self, data: bytes) -> list[Any]:
+        """Messages that bytes complete."""
+        return self.mavlink.hear(data, whole=self.datagrams)
+
+    def set_interval(self, name: str, interval_s: float | None, now_s: float) -> None:
         """Send a message every so often from now on; None stops it."""
         if interval_s is None:
-            self.streams.pop(message.id, None)
+            self.streams.pop(message_id(name), None)
         else:
-            self.streams[message.id] = Stream(message, interval_s, now_s)
+            self.streams[message_id(name)] = Stream(name, interval_s, now_s)
         self.reschedule()
 
     def reschedule(self) -> None:

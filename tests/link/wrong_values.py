@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import TYPE_CHECKING, Any
@@ -13,13 +14,12 @@ from benchmarks.deliveries import Stage, Story
 from skyway.link.supervisor import Scripted, read_journal
 from skyway.link.wire import frames
 from skyway.link.wire.frames import Message
-from skyway.sim_stub.wire.frames import FrameWriter
+from skyway.sim_stub.wire.messages import Mavlink
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from skyway.sim_stub.wire.messages import MessageSpec
     from skyway.sim_stub.wire.ports import Port
 
 PACKETS = (1, 3, 10, 100)
@@ -144,7 +144,7 @@ class Tamper:
     done: int = 0
     _first: Any = None
     _since_s: float = math.nan
-    _writer: FrameWriter = field(default_factory=lambda: FrameWriter(1, 1))
+    _forger: Mavlink = field(default_factory=lambda: Mavlink(1))
 
     def due(self) -> bool:
         """Whether it is in the state, and long enough."""
@@ -158,19 +158,19 @@ class Tamper:
         self._since_s = now if math.isnan(self._since_s) else self._since_s
         return now >= self._since_s + self.wrong.after_s
 
-    def __call__(self, message: MessageSpec, payload: bytes) -> bytes:
-        """Payload as it goes out."""
-        if message.name != self.wrong.message or not self.due():
-            return payload
-        values = message.unpack(payload)
-        self._first = values[self.wrong.name] if self._first is None else self._first
-        values[self.wrong.name] = self.value(values[self.wrong.name])
+    def __call__(self, message: Any) -> Any:
+        """Message as it goes out."""
+        if message.get_type() != self.wrong.message or not self.due():
+            return message
+        told = getattr(message, self.wrong.name)
+        self._first = told if self._first is None else self._first
+        false = copy(message)
+        setattr(false, self.wrong.name, self.value(told))
         self.done += 1
-        false = message.pack(values)
         if not self.wrong.forged:
             return false
-        self.port.send(self._writer.frame(message, false))  # just before the true one
-        return payload
+        self.port.send(self._forger.frame(false))  # just before the true one
+        return message
 
     def value(self, value: Any) -> Any:
         """What is said instead of a value; a message that is packed clips what does not fit."""
@@ -239,7 +239,7 @@ def fly_wrong(story: Story, folder: Path, *wrongs: Wrong, key: bytes | None = No
 
     def tamper(stage: Stage, port: Port) -> Any:
         tampers.extend(Tamper(wrong, stage, port) for wrong in wrongs)
-        return lambda message, payload: reduce(lambda told, one: one(message, told), tampers, payload)
+        return lambda message: reduce(lambda told, one: one(told), tampers, message)
 
     return _flown(staged(story, folder, key, tamper), tampers)
 
@@ -255,7 +255,7 @@ def fly_each_wrong(story: Story, folder: Path, wrongs: list[Wrong], *, key: byte
     def tamper(stage: Stage, port: Port) -> Any:
         clocks = {moment: Tamper(cases[0], stage, port) for moment, cases in waiting.items()}
 
-        def told(message: MessageSpec, payload: bytes) -> bytes:
+        def told(message: Any) -> Any:
             for moment, clock in list(clocks.items()) if branches.mine is None else ():
                 if clock.due():
                     del clocks[moment]
@@ -263,7 +263,7 @@ def fly_each_wrong(story: Story, folder: Path, wrongs: list[Wrong], *, key: byte
                     if mine is not None:
                         tampers.append(Tamper(replace(mine, after_s=0.0), stage, port))
                         break
-            return reduce(lambda said, one: one(message, said), tampers, payload)
+            return reduce(lambda said, one: one(said), tampers, message)
 
         return told
 

@@ -12,8 +12,7 @@ from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.faults import parse_fault
 from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.channel import Impairment
-from skyway.sim_stub.wire.frames import FrameWriter
-from skyway.sim_stub.wire.messages import spec
+from skyway.sim_stub.wire.messages import Mavlink, message, message_name
 
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 
@@ -176,8 +175,8 @@ def test_a_long_command_tells_progress_can_be_asked_again_and_cancelled(autopilo
     acks = [(m.result, m.progress) for m in s.run(3.0) if m.get_type() == "COMMAND_ACK"]
     assert acks == [(5, 25), (5, 50), (5, 75), (0, 100)]
     assert s.command(241, 1) == 5
-    body = struct.pack("<HBB", 241, 1, 1)
-    s.link.write(FrameWriter(255, 190).frame(spec("COMMAND_CANCEL"), body))
+    cancel = message("COMMAND_CANCEL", command=241, target_system=1, target_component=1)
+    s.link.write(Mavlink(255, 190).frame(cancel))
     assert s.wait("COMMAND_ACK", result=6) is not None
     assert not [m for m in s.run(3.0) if m.get_type() == "COMMAND_ACK"]
 
@@ -371,8 +370,8 @@ def test_integers_travel_as_bytes_on_px4_and_as_numbers_on_ardupilot(autopilot, 
     stage.vehicle.ports[0].send = lambda data: (seen.__setitem__(data[7], data), original(data))[1]
     kind = stage.pilot.parameters.find(name).kind
     raw = struct.pack("<i", value) if autopilot == "px4" else struct.pack("<f", value)
-    payload = raw + struct.pack("<BB16sB", 1, 1, name.encode(), kind)
-    s.link.write(FrameWriter(255, 190).frame(spec("PARAM_SET"), payload))
+    (told,) = struct.unpack("<f", raw)
+    s.send(dialect.MAVLink_param_set_message(1, 1, name.encode(), told, kind))
     s.run(0.5)
     assert stage.pilot.parameters[name] == value
     assert seen[22][10:14] == raw
@@ -447,13 +446,12 @@ def test_a_finer_step_of_physics_flies_the_same():
 @BOTH
 def test_every_message_that_can_be_asked_for_is_sent(autopilot):
     from skyway.sim_stub.protocols.telemetry import BUILDERS
-    from skyway.sim_stub.wire.messages import specs
 
     stage = Stage(autopilot, parameters=(("EKF2_DRAG_CTRL", 1),) if autopilot == "px4" else ())
     stage.take_off()
     s = stage.station
     for number in BUILDERS:
-        name = specs()[0][number].name
+        name = message_name(number)
         s.seen.clear()
         result = s.command(512, number)
         mine = name not in stage.pilot.LACKS

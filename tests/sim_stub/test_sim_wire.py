@@ -1,21 +1,26 @@
-"""Frames of our own making are what pymavlink reads and writes."""
+"""The simulator speaks by pymavlink's code: what the ground side frames and reads is judged by other code."""
 
 import math
 import random
+from pathlib import Path
+from xml.etree import ElementTree as ET
 
+import pymavlink
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from skyway.sim_stub.wire.frames import FrameReader, FrameWriter, Signing
-from skyway.sim_stub.wire.messages import spec, specs
+from skyway.link.wire.frames import FrameReader, FrameWriter, Signing
+from skyway.sim_stub.protocols.telemetry import BUILDERS
+from skyway.sim_stub.wire.messages import Mavlink, base_bytes, classes, message, message_name
 
-
-def peer() -> dialect.MAVLink:
-    mav = dialect.MAVLink(None, 255, 190)
-    mav.robust_parsing = True
-    return mav
+KEY = bytes(range(32))
+ANSWERS = (
+    *("AUTOPILOT_VERSION", "COMMAND_ACK", "MISSION_ACK", "MISSION_COUNT", "MISSION_ITEM", "MISSION_ITEM_INT"),
+    *("MISSION_REQUEST", "MISSION_REQUEST_INT", "PARAM_VALUE", "PING", "STATUSTEXT", "TIMESYNC", "MESSAGE_INTERVAL"),
+)
+SIZES = {"char": 1, "uint8_t": 1, "int8_t": 1, "uint16_t": 2, "int16_t": 2, "uint32_t": 4, "int32_t": 4, "float": 4}
 
 
 def values_of(cls, rng):
@@ -31,67 +36,89 @@ def values_of(cls, rng):
 
 
 @pytest.mark.parametrize("number", sorted(dialect.mavlink_map))
-def test_every_message_of_the_dialect_reads_as_pymavlink_wrote_it(number):
+def test_every_message_of_the_dialect_reads_on_the_ground_as_pymavlink_wrote_it(number):
     cls = dialect.mavlink_map[number]
     values = values_of(cls, random.Random(number))
     try:
-        frame = cls(*values).pack(peer())
+        frame = cls(*values).pack(dialect.MAVLink(None, 1, 1))
     except Exception as error:  # noqa: BLE001  pymavlink cannot pack a few messages of its own
         pytest.skip(f"pymavlink cannot pack {cls.msgname}: {error}")
-    (message,) = FrameReader().feed(frame)
-    assert message.name == cls.msgname
+    ((whole, read),) = FrameReader().feed(frame)
+    assert whole == frame
+    assert read.name == cls.msgname
     sent = cls(*values).to_dict()
-    for name, value in message.fields.items():
+    for name, value in read.fields.items():
         if name in sent and not isinstance(value, (str, tuple)):
             assert math.isclose(value, sent[name], rel_tol=1e-6)
 
 
-def test_pymavlink_reads_our_frames_with_and_without_extensions():
-    for version in (1, 2):
-        writer = FrameWriter(7, 1, version)
-        frame = writer.frame(spec("MISSION_ACK"), spec("MISSION_ACK").pack({"type": 3, "opaque_id": 77}))
-        (got,) = peer().parse_buffer(frame)
-        assert (got.get_type(), got.type, got.get_srcSystem()) == ("MISSION_ACK", 3, 7)
+def heard(mavlink, frame):
+    return [(m.get_type(), m.get_srcSystem()) for m in mavlink.hear(frame, whole=True)]
 
 
-@pytest.mark.parametrize("name", ["MISSION_ACK", "COMMAND_ACK", "BATTERY_STATUS", "STATUSTEXT", "SYS_STATUS"])
-def test_a_mavlink_1_frame_carries_no_extension_fields(name):
-    sizes = {"MISSION_ACK": 3, "COMMAND_ACK": 3, "BATTERY_STATUS": 36, "STATUSTEXT": 51, "SYS_STATUS": 31}
-    frame = FrameWriter(1, 1, 1).frame(spec(name), spec(name).pack({}))
-    assert frame[1] == sizes[name]
+@pytest.mark.parametrize("version", [1, 2])
+def test_what_the_ground_frames_is_read_by_pymavlink_and_the_other_way_round(version):
+    ours = FrameWriter(255, 190, version).frame("COMMAND_LONG", {"command": 400, "param1": 1.0, "target_system": 1})
+    (got,) = Mavlink(1).hear(ours, whole=True)
+    assert (got.get_type(), got.command, got.param1, got.get_srcSystem()) == ("COMMAND_LONG", 400, 1.0, 255)
+    theirs = Mavlink(7).frame(message("MISSION_CURRENT", seq=3, total=9, mission_id=77), version)
+    ((_, read),) = FrameReader().feed(theirs)
+    assert (read.name, read["seq"], read.system) == ("MISSION_CURRENT", 3, 7)
+
+
+def test_a_mavlink_1_frame_ends_where_the_definitions_of_mavlink_begin_to_extend_it():
+    folder = Path(pymavlink.__file__).parent / "dialects" / "v20"
+    found = {}
+    for file in ("common.xml", "standard.xml", "minimal.xml", "ardupilotmega.xml"):
+        for one in ET.parse(folder / file).getroot().iter("message"):
+            kinds = []
+            for child in one:
+                if child.tag == "extensions":
+                    break
+                if child.tag == "field":
+                    kind, _, count = child.get("type").partition("[")
+                    kind = kind.removesuffix("_mavlink_version")
+                    kinds.append(SIZES.get(kind, 8) * int(count.rstrip("]") or 1))
+            found[one.get("name")] = sum(kinds)
+    sent = {*ANSWERS, *map(message_name, BUILDERS)}
+    assert {name: base_bytes(name) for name in sent} == {name: found[name] for name in sent}
+    for name in sorted(sent):
+        frame = Mavlink(1).frame(message(name), 1)
+        if frame is not None:
+            assert frame[1] == found[name]
 
 
 def test_an_absurd_value_is_clipped_to_what_the_wire_can_carry():
-    payload = spec("GLOBAL_POSITION_INT").pack({"lat": 1e30, "vx": -99999, "hdg": -1})
-    fields = spec("GLOBAL_POSITION_INT").unpack(payload)
-    assert (fields["lat"], fields["vx"], fields["hdg"]) == (2**31 - 1, -32768, 0)
+    frame = Mavlink(1).frame(message("GLOBAL_POSITION_INT", lat=1e30, vx=-99999, hdg=-1))
+    (read,) = Mavlink(2).hear(frame, whole=True)
+    assert (read.lat, read.vx, read.hdg) == (2**31 - 1, -32768, 0)
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.binary(max_size=600), st.integers(1, 40))
 def test_a_good_message_is_found_behind_any_garbage(garbage, cut):
-    frame = FrameWriter(9, 1).frame(spec("HEARTBEAT"), spec("HEARTBEAT").pack({"custom_mode": 5}))
-    whole = FrameReader(whole=True)
-    list(whole.feed(garbage))
-    assert [m["custom_mode"] for m in whole.feed(frame)] == [5]
-    stream, data = FrameReader(), garbage + frame + bytes(600)
-    found = [m for i in range(0, len(data), cut) for m in stream.feed(data[i : i + cut])]
-    assert any(m.system == 9 and m["custom_mode"] == 5 for m in found if m.name == "HEARTBEAT")
+    frame = Mavlink(9).frame(message("HEARTBEAT", custom_mode=5))
+    whole = Mavlink(1)
+    whole.hear(garbage, whole=True)
+    assert [m.custom_mode for m in whole.hear(frame, whole=True)] == [5]
+    stream, data = Mavlink(1), garbage + bytes(300) + frame * 2
+    found = [m for i in range(0, len(data), cut) for m in stream.hear(data[i : i + cut], whole=False)]
+    assert any(m.custom_mode == 5 for m in found if m.get_type() == "HEARTBEAT" and m.get_srcSystem() == 9)
+    assert len(stream.buf) < 300
 
 
-def test_signed_frames_are_those_of_pymavlink_and_replays_are_refused():
-    key = bytes(range(32))
-    mav = peer()
-    mav.signing.secret_key = key
-    mav.signing.sign_outgoing = True
-    mav.signing.timestamp = 5_000_000
-    frame = dialect.MAVLink_heartbeat_message(6, 8, 0, 4, 0, 3).pack(mav)
-    reader = FrameReader(signing=Signing(key))
-    assert len(list(reader.feed(frame))) == 1
-    assert not list(reader.feed(frame)), "the same frame again is a replay"
-    unsigned = dialect.MAVLink_heartbeat_message(6, 8, 0, 4, 0, 3).pack(peer())
-    assert not list(reader.feed(unsigned))
-    writer = FrameWriter(1, 1, signing=Signing(key, timestamp=6_000_000))
-    (got,) = mav.parse_buffer(writer.frame(spec("HEARTBEAT"), spec("HEARTBEAT").pack({})))
-    assert got.get_signed()
-    assert len(specs()[0]) > 250
+def test_signed_links_understand_each_other_and_refuse_replays_forgeries_and_the_unsigned():
+    vehicle, writer = Mavlink(1), FrameWriter(255, 190, signing=Signing(KEY, timestamp=5_000_000))
+    vehicle.sign(KEY, 5_000_000, 0.0)
+    beat = {"type": 6, "autopilot": 8}
+    first = writer.frame("HEARTBEAT", beat)
+    assert heard(vehicle, first) == [("HEARTBEAT", 255)]
+    assert heard(vehicle, first) == [], "the same frame again is a replay"
+    assert heard(vehicle, FrameWriter(255, 190).frame("HEARTBEAT", beat)) == [], "unsigned"
+    forger = FrameWriter(255, 190, signing=Signing(bytes(32), timestamp=9_000_000_000))
+    assert heard(vehicle, forger.frame("HEARTBEAT", beat)) == [], "forged, and from the future"
+    assert heard(vehicle, writer.frame("HEARTBEAT", beat)) == [("HEARTBEAT", 255)], "the genuine one goes on"
+    reader = FrameReader(signing=Signing(KEY))
+    ((_, got),) = reader.feed(vehicle.frame(message("HEARTBEAT")))
+    assert (got.name, got.system) == ("HEARTBEAT", 1)
+    assert len(classes()) > 250

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.ardupilot.missions import MAX_ITEMS, accept
 from skyway.sim_stub.autopilot.fence import Fence
@@ -13,7 +13,6 @@ from skyway.sim_stub.autopilot.modes import Mode
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
-    from skyway.sim_stub.wire.frames import Message
     from skyway.sim_stub.wire.ports import Port
 
 RETRY_S = 1.0
@@ -50,7 +49,7 @@ class ArduPilotMissionServer(MissionServer):
         if kind not in PARTS:
             self.acknowledge(who, kind, Answer.UNSUPPORTED)
             return True
-        if kind != MISSION and who.port.writer.version == 1:
+        if kind != MISSION and who.port.version == 1:
             self.vehicle.say(4, "Need mavlink2 for item transfer")
             self.acknowledge(who, kind, Answer.UNSUPPORTED)
             return True
@@ -59,9 +58,9 @@ class ArduPilotMissionServer(MissionServer):
     def _items(self, kind: int) -> list[Item]:
         return self.vehicle.autopilot.stores[kind]
 
-    def count(self, port: Port, message: Message) -> None:
+    def count(self, port: Port, message: Any) -> None:
         """Begin an upload: what is stored is cut to the new length at once."""
-        who, kind, total = Partner.of(port, message), message["mission_type"], message["count"]
+        who, kind, total = Partner.of(port, message), message.mission_type, message.count
         if self._refused(who, kind):
             return
         if self.partner is not None and (who != self.partner or kind != self.kind):
@@ -85,12 +84,12 @@ class ArduPilotMissionServer(MissionServer):
         self.heard_s = self.vehicle.wall_s
         self.send_request(who, as_int=False)
 
-    def write_partial(self, port: Port, message: Message) -> None:
+    def write_partial(self, port: Port, message: Any) -> None:
         """Begin an upload of some items."""
-        who, kind = Partner.of(port, message), message["mission_type"]
+        who, kind = Partner.of(port, message), message.mission_type
         if self._refused(who, kind):
             return
-        first, last, have = message["start_index"], message["end_index"], len(self._items(kind))
+        first, last, have = message.start_index, message.end_index, len(self._items(kind))
         if not 0 <= first <= last <= have or kind == FENCE or self.partner is not None:
             self.vehicle.say(4, "Flight plan update rejected")
             self.acknowledge(who, kind, Answer.ERROR)
@@ -98,12 +97,12 @@ class ArduPilotMissionServer(MissionServer):
         self.kind = kind
         self._begin(who, first, last)
 
-    def item(self, port: Port, message: Message) -> None:
+    def item(self, port: Port, message: Any) -> None:
         """Store an item; a refusal ends the upload and leaves what has been stored."""
-        who, kind = Partner.of(port, message), message["mission_type"]
+        who, kind = Partner.of(port, message), message.mission_type
         if self.partner is None:
             return
-        if message["seq"] != self.expected:
+        if message.seq != self.expected:
             self.acknowledge(who, kind, Answer.INVALID_SEQUENCE)
             return
         if who != self.partner:
@@ -161,9 +160,9 @@ class ArduPilotMissionServer(MissionServer):
         self.partner = None
         self.acknowledge(who, self.kind, answer)
 
-    def request_list(self, port: Port, message: Message) -> None:
+    def request_list(self, port: Port, message: Any) -> None:
         """Say how many items there are; home counts as the first."""
-        who, kind = Partner.of(port, message), message["mission_type"]
+        who, kind = Partner.of(port, message), message.mission_type
         if self._refused(who, kind):
             return
         if self.partner is not None:
@@ -171,9 +170,9 @@ class ArduPilotMissionServer(MissionServer):
             return
         self.send_count(who, kind, len(self._items(kind)))
 
-    def request(self, port: Port, message: Message) -> None:
+    def request(self, port: Port, message: Any) -> None:
         """Send an item; home can always be asked for."""
-        who, kind, seq = Partner.of(port, message), message["mission_type"], message["seq"]
+        who, kind, seq = Partner.of(port, message), message.mission_type, message.seq
         if self._refused(who, kind):
             return
         if self.partner is not None:
@@ -188,7 +187,7 @@ class ArduPilotMissionServer(MissionServer):
             return
         item = self._home_item() if home else items[seq]
         current = kind == MISSION and seq == self.vehicle.autopilot.run.current
-        as_int = message.name == "MISSION_REQUEST_INT"
+        as_int = message.get_type() == "MISSION_REQUEST_INT"
         self.send_item(who, kind, seq, item, as_int=as_int, current=current)
 
     def _home_item(self) -> Item:
@@ -198,9 +197,9 @@ class ArduPilotMissionServer(MissionServer):
         height = int(home.alt_m * 100.0) / 100.0
         return Item(Command.WAYPOINT, Frame.GLOBAL, x=round(home.lat * 1e7), y=round(home.lon * 1e7), z=height)
 
-    def clear(self, port: Port, message: Message) -> None:
+    def clear(self, port: Port, message: Any) -> None:
         """Clear one kind of items; not all kinds at once, and not a mission that is being flown."""
-        who, kind = Partner.of(port, message), message["mission_type"]
+        who, kind = Partner.of(port, message), message.mission_type
         if self._refused(who, kind):
             return
         pilot = self.vehicle.autopilot
@@ -217,10 +216,10 @@ class ArduPilotMissionServer(MissionServer):
             pilot.fence_stored()
         self.acknowledge(who, kind, Answer.ACCEPTED)
 
-    def set_current(self, port: Port, message: Message) -> None:  # noqa: ARG002
+    def set_current(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Make an item the current one."""
-        if self.vehicle.set_mission_current(message["seq"]):
+        if self.vehicle.set_mission_current(message.seq):
             self.vehicle.radio.tell_mission_current()
 
-    def acknowledged(self, port: Port, message: Message) -> None:
+    def acknowledged(self, port: Port, message: Any) -> None:
         """Nothing: ArduPilot keeps no state of a download."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.items import ALL, FENCE, MISSION, RALLY, Answer, Item
 from skyway.sim_stub.autopilot.mission_server import PARTS, MissionServer, Partner, identity
@@ -12,7 +12,6 @@ from skyway.sim_stub.autopilot.px4.missions import MAX_ITEMS, accept, present
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
-    from skyway.sim_stub.wire.frames import Message
     from skyway.sim_stub.wire.ports import Port
 
 RETRY_S = 0.25
@@ -61,10 +60,10 @@ class Px4MissionServer(MissionServer):
             self.as_int = not self.as_int
             self.send_request(self.partner, as_int=self.as_int)
 
-    def count(self, port: Port, message: Message) -> None:
+    def count(self, port: Port, message: Any) -> None:
         """Begin an upload."""
         who = Partner.of(port, message)
-        kind = message["mission_type"]
+        kind = message.mission_type
         if self.state == _State.SENDING:
             self.vehicle.say(2, "WPM: IGN MISSION_COUNT: Busy")
             self.acknowledge(who, kind, Answer.ERROR)
@@ -73,7 +72,7 @@ class Px4MissionServer(MissionServer):
             if who != self.partner or self.expected > 0:
                 self.acknowledge(who, kind, Answer.ERROR)
                 return
-        elif not self._open(who, kind, message["count"]):
+        elif not self._open(who, kind, message.count):
             return
         self.heard_s = self.vehicle.wall_s
         self.send_request(who, as_int=self.as_int)
@@ -97,15 +96,15 @@ class Px4MissionServer(MissionServer):
         self.as_int = True
         return True
 
-    def item(self, port: Port, message: Message) -> None:
+    def item(self, port: Port, message: Any) -> None:
         """Take the item expected; any other is ignored, the last one again is acknowledged again."""
         who = Partner.of(port, message)
-        kind = message["mission_type"]
+        kind = message.mission_type
         if self.partner is not None and who != self.partner:
             self.vehicle.say(2, "REJ. MIS ITEM: partner id mismatch")
             return
         if self.state != _State.RECEIVING:
-            again = self.state == _State.IDLE and self.expected == message["seq"] + 1 and self.partner is not None
+            again = self.state == _State.IDLE and self.expected == message.seq + 1 and self.partner is not None
             ids = self.vehicle.mission_ids
             answer = Answer.ACCEPTED if again else Answer.ERROR
             if not again:
@@ -116,9 +115,9 @@ class Px4MissionServer(MissionServer):
             self.acknowledge(who, kind, Answer.ERROR)
             return
         self.heard_s = self.vehicle.wall_s
-        if message["seq"] != self.expected:
+        if message.seq != self.expected:
             return
-        self.as_int = message.name == "MISSION_ITEM_INT"
+        self.as_int = message.get_type() == "MISSION_ITEM_INT"
         raw = self.read_item(message)
         taken = accept(raw, kind)
         if isinstance(taken, Answer):
@@ -127,7 +126,7 @@ class Px4MissionServer(MissionServer):
             self.expected = -1
             self.acknowledge(who, kind, taken)
             return
-        if message["current"]:
+        if message.current:
             self.marked = self.expected
         self.received.append(taken)
         self.raw.append(raw)
@@ -155,9 +154,9 @@ class Px4MissionServer(MissionServer):
         elif kind == FENCE:
             pilot.fence_stored()
 
-    def request_list(self, port: Port, message: Message) -> None:
+    def request_list(self, port: Port, message: Any) -> None:
         """Begin a download; a second one of somebody else is ignored."""
-        who, kind = Partner.of(port, message), message["mission_type"]
+        who, kind = Partner.of(port, message), message.mission_type
         done = self.state == _State.SENDING and self.expected == self.total
         mine = self.state == _State.SENDING and who == self.partner and kind == self.kind
         if not (self.state == _State.IDLE or done or mine):
@@ -173,7 +172,7 @@ class Px4MissionServer(MissionServer):
         if self.total == 0:
             self.state = _State.IDLE
 
-    def request(self, port: Port, message: Message) -> None:
+    def request(self, port: Port, message: Any) -> None:
         """Send the item expected, or the one before again; anything else ends the download."""
         who = Partner.of(port, message)
         if who != self.partner:
@@ -184,10 +183,10 @@ class Px4MissionServer(MissionServer):
         if self.state != _State.SENDING:
             self.vehicle.say(2, "WPM: REJ. CMD: Busy")
             return
-        if message["mission_type"] != self.kind:
+        if message.mission_type != self.kind:
             return
         self.heard_s = self.vehicle.wall_s
-        seq = message["seq"]
+        seq = message.seq
         items = self.vehicle.autopilot.stores[self.kind]
         if seq not in (self.expected, self.expected - 1) or seq >= len(items):
             self.state = _State.IDLE
@@ -195,24 +194,24 @@ class Px4MissionServer(MissionServer):
             self.vehicle.say(2, "WPM: REJ. CMD: Req. WP was unexpected")
             return
         self.expected = max(self.expected, seq + 1)
-        as_int = message.name == "MISSION_REQUEST_INT"
+        as_int = message.get_type() == "MISSION_REQUEST_INT"
         current = self.kind == MISSION and seq == self.vehicle.autopilot.run.current
         self.send_item(who, self.kind, seq, present(items[seq], as_int=as_int), as_int=as_int, current=current)
 
-    def acknowledged(self, port: Port, message: Message) -> None:
+    def acknowledged(self, port: Port, message: Any) -> None:
         """End a download, or an upload that the other side cancels."""
         if Partner.of(port, message) != self.partner:
             return
-        cancelled = message["type"] == Answer.CANCELLED
+        cancelled = message.type == Answer.CANCELLED
         if self.state == _State.SENDING or (self.state == _State.RECEIVING and cancelled):
             self.state = _State.IDLE
-        elif self.state == _State.RECEIVING and message["type"] == Answer.UNSUPPORTED and self.partner:
+        elif self.state == _State.RECEIVING and message.type == Answer.UNSUPPORTED and self.partner:
             self.as_int = not self.as_int
             self.send_request(self.partner, as_int=self.as_int)
 
-    def clear(self, port: Port, message: Message) -> None:
+    def clear(self, port: Port, message: Any) -> None:
         """Clear one kind of items, or all."""
-        who, kind = Partner.of(port, message), message["mission_type"]
+        who, kind = Partner.of(port, message), message.mission_type
         if self.state != _State.IDLE:
             self.vehicle.say(2, "WPM: IGN CLEAR CMD: Busy")
             return
@@ -221,16 +220,16 @@ class Px4MissionServer(MissionServer):
                 self._store(part, [], 0, None)
         self.acknowledge(who, kind, Answer.ACCEPTED)
 
-    def set_current(self, port: Port, message: Message) -> None:  # noqa: ARG002
+    def set_current(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Make an item the current one."""
         pilot = self.vehicle.autopilot
         if self.state != _State.IDLE:
             self.vehicle.say(2, "WPM: IGN WP CURR CMD: Busy")
-        elif message["seq"] >= len(pilot.run.items):
+        elif message.seq >= len(pilot.run.items):
             self.vehicle.say(2, "WPM: WP CURR CMD: Not in list")
         else:
-            pilot.run.jump(message["seq"])
+            pilot.run.jump(message.seq)
             self.vehicle.radio.tell_mission_current()
 
-    def write_partial(self, port: Port, message: Message) -> None:
+    def write_partial(self, port: Port, message: Any) -> None:
         """PX4 does not know it and says nothing."""
