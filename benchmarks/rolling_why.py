@@ -92,7 +92,7 @@ def fly_told(case: Case, told: str) -> float:
 
 def _told_all(case: Case) -> tuple[Problem, dict[int, QueuePath], Known]:
     """The first run of a delivery as a clairvoyant is told it: its wind, its queues, and what gusts there are."""
-    request, wind = case.realizations.told(0)
+    request, wind = case.realizations.perfect_information(0)
     p = Problem(case.scenario, request, case.scenario.drone(case.instance.drone), wind)
     known = known_at(p, case.realizations.errors, measured=True, epsilon=p.epsilon)
     return p, p.queue_paths(range(len(p.network)), 0), known

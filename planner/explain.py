@@ -217,8 +217,8 @@ def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
 
 
 @dataclass(frozen=True)
-class Bought:
-    """What the robust plan buys against another planner's, both in the worlds in which it was simulated.
+class RobustGain:
+    """Gain of the robust plan over another planner's, both in the realizations in which it was simulated.
 
     Attributes
     ----------
@@ -252,11 +252,11 @@ class Bought:
     recharge_there_s: float
 
 
-def bought(robust: PlanResult, other: PlanResult) -> Bought:
+def robust_gain(robust: PlanResult, other: PlanResult) -> RobustGain:
     """Compare a robust plan with one that is flown as it stands."""
     there = other.outcome
     mine, theirs = robust.composition, other.composition
-    return Bought(
+    return RobustGain(
         planner=theirs.planner,
         drone=mine.drone,
         drone_there=theirs.drone,

@@ -20,9 +20,9 @@ from skyway.planner.problem.problem import HORIZON_H, Problem, check_apart
 from skyway.planner.problem.skyline import skyline
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, forecast_planner
 from skyway.planner.result import Comparison, PlanResult
-from skyway.planner.robust.charge_policy import simulate_fixed, typical_fixed, world_of
+from skyway.planner.robust.charge_policy import realization_of, simulate_fixed, typical_fixed
 from skyway.planner.robust.robust import FINAL_RUNS, MEMBERS, MIN_ARRIVE, RobustSearch
-from skyway.planner.schedule.audit import World, audit
+from skyway.planner.schedule.audit import Realization, audit
 from skyway.planner.schedule.composing import compose
 from skyway.planner.schedule.itinerary import fly_true
 from skyway.planner.schedule.no_route import emptied_leg, grounded_leg, never_leaves, runs_empty
@@ -253,7 +253,7 @@ def _solve(
         started = time.perf_counter()
         itinerary = search.solve()
         spent = time.perf_counter() - started
-        same = problem.thinned(MEMBERS)  # the worlds in which the figures of `robust` are counted
+        same = problem.thinned(MEMBERS)  # the members in which the figures of `robust` are counted
         runs = simulate_fixed(same, itinerary, USUAL_ERRORS, FINAL_RUNS)
         if not np.isfinite(runs.schedule[:, -1, TOUCH_DOWN]).any():
             raise never_leaves(problem, itinerary, grounded_leg(runs.schedule))
@@ -273,7 +273,7 @@ def _solve(
             planning_time_s=spent,
             notes=notes,
         )
-        audit(composition, same, itinerary, world_of(same, itinerary, typical))
+        audit(composition, same, itinerary, realization_of(same, itinerary, typical))
         return PlanResult(composition, itinerary, same, summary, spent, search.labels_expanded, {})
     queues = problem.queue_paths(range(len(problem.network)), 0)
     if planner == "exact":
@@ -292,7 +292,7 @@ def _solve(
     composition = compose(
         problem, itinerary, schedule[0], 0, summary, planner=planner, planning_time_s=spent, notes=notes
     )
-    audit(composition, problem, itinerary, World(0, queues, clairvoyant.best_s))
+    audit(composition, problem, itinerary, Realization(0, queues, clairvoyant.best_s))
     return PlanResult(composition, itinerary, problem, summary, spent, clairvoyant.labels_expanded, {}, complete)
 
 
@@ -351,7 +351,7 @@ def _told(answer: RobustAnswer, spent_s: float, labels_expanded: int, rejected: 
         planning_time_s=spent_s,
         notes=_doubts(problem, answer.typical.schedule, summary, simulated=len(answer.out_of_sample.weight)),
     )
-    audit(composition, problem, itinerary, world_of(problem, itinerary, answer.typical))
+    audit(composition, problem, itinerary, realization_of(problem, itinerary, answer.typical))
     objective = problem.request.objective
     if objective.deadline is not None:
         on_time = summary.on_time(objective.deadline.timestamp())

@@ -271,7 +271,7 @@ def clairvoyant_times(
     cut_off = 0
     started = time.perf_counter()
     for run in runs:
-        request, wind = realizations.told(run)
+        request, wind = realizations.perfect_information(run)
         request = replace(request, drone=drone)
         try:
             result = plan(

@@ -127,7 +127,7 @@ class Realizations:
         twin.request = replace(problem.request, seed=self.queue_seed + queue)
         return twin
 
-    def told(self, run: int) -> tuple[Request, WindEnsemble]:
+    def perfect_information(self, run: int) -> tuple[Request, WindEnsemble]:
         """Perfect information of one run, for a clairvoyant planner: request (with the seed of its queues) and hourly wind."""
         request = replace(self.request, seed=self.queue_seed + int(self.queue[run]))
         return request, self.wind.member(int(self.day[run]))

@@ -23,7 +23,7 @@ from skyway.planner.problem.kernel_inputs import check_runs, check_shape
 from skyway.planner.robust.charge_kernels import fly_by_required_soc
 from skyway.planner.robust.free_capacity import present_in, room_at
 from skyway.planner.robust.required_soc_kernels import Known, required_soc_tables
-from skyway.planner.schedule.audit import World
+from skyway.planner.schedule.audit import Realization
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
 from skyway.planner.schedule.itinerary import fly_as_it_stands, held_in_the_air, legs_of, no_waits, place_nodes
 from skyway.planner.schedule.no_route import grounded_leg, never_leaves
@@ -51,7 +51,7 @@ BANDWIDTH = 1.5
 """Of the kernel, in standard deviations times the number of members to the power -1/5. For normal data it would be 1.06;
 the wind's changes from hour to hour have heavier tails. Chosen on held-out days: the reserve is kept in 999 of 1,000."""
 CHOOSING, PROMISING = range(2)
-"""Sets of worlds: those in which routes are compared, and others in which is counted what the chosen one promises."""
+"""Sets of realizations: one to compare routes in, and one to count the promises of the chosen route in."""
 QUEUES = (32, 128)
 """Sampled sets of queues in each: what is promised is told to people, and its error is mostly that of the queues."""
 _GUSTS = 0x47
@@ -100,43 +100,43 @@ def simulated_realizations(
     errors: Errors,
     runs: int,
     max_realizations: int | None = None,
-    worlds: int = CHOOSING,
+    sample_set: int = CHOOSING,
 ) -> tuple[NDArray[np.int64], Disturbance, list[QueuePath]]:
-    """Worlds in which routes are tried, the same for all of one request: (member of each run, its sky, queue paths).
+    """Realizations in which routes are tried, the same for all of one request: (member of each run, its sky, queue paths).
 
     Paths are those of `QUEUES` sets at the stop before each flight, in order (set, leg). See `ChargePolicy.simulate`.
     """
     count = len(problem.probability)
     chosen = evenly(count, count if max_realizations is None else max_realizations)
     members = np.repeat(chosen, max(1, round(runs / len(chosen))))
-    sample = np.arange(len(members)) % QUEUES[worlds]
-    paths = queue_sets(problem, itinerary, worlds)
-    rng = np.random.default_rng((problem.request.seed, _GUSTS, worlds))
+    sample = np.arange(len(members)) % QUEUES[sample_set]
+    paths = queue_sets(problem, itinerary, sample_set)
+    rng = np.random.default_rng((problem.request.seed, _GUSTS, sample_set))
     table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
     energy = np.asarray(1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0), dtype=np.float64)
     return members, Disturbance(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s), paths
 
 
-def queue_sets(problem: Problem, itinerary: Itinerary, worlds: int) -> list[QueuePath]:
+def queue_sets(problem: Problem, itinerary: Itinerary, sample_set: int) -> list[QueuePath]:
     """Sampled queues at each of `planner.schedule.itinerary.place_nodes`, in order (set, place)."""
     nodes = place_nodes(problem, itinerary)
-    first = sum(QUEUES[:worlds])
-    sets = problem.queue_sets(nodes, range(first, first + QUEUES[worlds]))
+    first = sum(QUEUES[:sample_set])
+    sets = problem.queue_sets(nodes, range(first, first + QUEUES[sample_set]))
     return [found[node] for found in sets for node in nodes]
 
 
-def world_of(problem: Problem, itinerary: Itinerary, typical: Typical) -> World:
-    """In which world of ``PROMISING`` a typical schedule was flown, for its audit."""
+def realization_of(problem: Problem, itinerary: Itinerary, typical: Typical) -> Realization:
+    """Return the realization of ``PROMISING`` in which a typical schedule was flown, for its audit."""
     queues = None
     if typical.queue is not None:
         sample = sum(QUEUES[:PROMISING]) + typical.queue
         queues = problem.queue_paths(place_nodes(problem, itinerary), sample)
-    return World(typical.member, queues)
+    return Realization(typical.member, queues)
 
 
 def simulate_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Runs:
-    """Fly an itinerary as it stands in the worlds in which is counted what a `ChargePolicy` promises."""
-    members, disturbance, paths = simulated_realizations(problem, itinerary, errors, runs, worlds=PROMISING)
+    """Fly an itinerary as it stands in the realizations in which the promises of a `ChargePolicy` are counted."""
+    members, disturbance, paths = simulated_realizations(problem, itinerary, errors, runs, sample_set=PROMISING)
     schedule = fly_as_it_stands(problem, itinerary, members, disturbance, paths)
     weight = problem.probability[members]
     return Runs(schedule, weight / weight.sum(), members, disturbance.queue)
@@ -276,7 +276,7 @@ class ChargePolicy:
         *,
         max_realizations: int | None = None,
         before: OutOfSample | None = None,
-        worlds: int = CHOOSING,
+        sample_set: int = CHOOSING,
     ) -> OutOfSample:
         """Fly it out of sample: each member as the truth, forecast by the others, through `QUEUES` sets of queues.
 
@@ -290,12 +290,14 @@ class ChargePolicy:
             At most so many members are the truth.
         before : Rehearsal, optional
             Of the same flights, whose tables are used again.
-        worlds : int
+        sample_set : int
             ``CHOOSING`` or ``PROMISING``: other queues, gusts and vehicles in the same winds. The best of several routes
-            in some worlds is not as good in others.
+            in some realizations is not as good in others.
         """
         p = self.problem
-        members, disturbance, paths = simulated_realizations(p, self.itinerary, errors, runs, max_realizations, worlds)
+        members, disturbance, paths = simulated_realizations(
+            p, self.itinerary, errors, runs, max_realizations, sample_set
+        )
         tables = before.tables if before is not None else required_soc_tables(p.air, len(self))
         schedule, energy_ratio = self.fly(p, disturbance, members, paths, share=left_out(p.ensemble), tables=tables)
         weight = p.probability[members]
@@ -304,7 +306,7 @@ class ChargePolicy:
     def typical(self, before: OutOfSample) -> Typical:
         """Choose the typical schedule; see `planner.schedule.typical`.
 
-        `before` is of the same flights, in the worlds of ``PROMISING``; its tables are used again.
+        `before` is of the same flights, in the realizations of ``PROMISING``; its tables are used again.
         """
         p = self.problem
         paths, share = queue_sets(p, self.itinerary, PROMISING), left_out(p.ensemble)

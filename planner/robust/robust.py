@@ -1,6 +1,6 @@
 """The robust planner: a route and a charge policy, chosen by out-of-sample simulation.
 
-Routes are composed by the exact planner in worlds that stand for the forecast (`planner.problem.mean_value`): that of the mean
+Routes are composed by the exact planner in problems that represent the forecast (`planner.problem.mean_value`): that of the mean
 flight time at several margins, and some of its members with sampled queues. Each route is flown with charges decided at
 each stop (`planner.robust.charge_policy`), every member being the truth once for a drone whose forecast lacks it. The best by
 the objective among those that keep the reserve is the answer; its margin is calibrated in the same way, among other queues
@@ -44,7 +44,7 @@ MEMBERS = 30
 SPEED_MEMBERS = 10
 """Members whose flight times are averaged on large networks."""
 LARGE = 200
-"""Stations from which on a network is large: fewer worlds are composed in."""
+"""Stations from which on a network is large: routes are composed in fewer members."""
 NEEDED = 0.5
 """Share of epsilon for flights that need more than was charged for; the rest is for stations without room."""
 MAX_FULL = 0.5
@@ -61,7 +61,7 @@ MAX_LABELS = 200
 """On large networks the best route of short flights is looked for in so many labels at most (`planner.exact.label_search`)."""
 FEW = 0.1
 """Where a smaller share of the stations has room likely enough, no way is looked for that keeps to them."""
-WORLDS = 3
+COMPOSED_MEMBERS = 3
 """Members with sampled queues that routes are composed in on small networks."""
 SCREEN_REALIZATIONS, SCREEN_RUNS = 12, 120
 """Members that are the truth, and simulated deliveries, by which routes are compared first."""
@@ -98,7 +98,7 @@ class Candidate:
     loss : tuple of float
         See `planner.problem.objective.Objective.loss`.
     out_of_sample : OutOfSample
-        The runs behind the outcome; the same worlds for all candidates of a comparison.
+        The runs behind the outcome; the same realizations for all candidates of a comparison.
     """
 
     policy: ChargePolicy
@@ -123,7 +123,7 @@ class RobustAnswer:
     policy : ChargePolicy
         Its itinerary names the charges of the typical schedule.
     typical : Typical
-        The typical schedule and the world that it is flown in.
+        The typical schedule and the realization that it is flown in.
     out_of_sample : OutOfSample
         Runs behind the outcome.
     outcome : Outcome
@@ -213,7 +213,9 @@ class RobustSearch:
             Calibrated, it never arrives, or its typical schedule runs out of charge.
         """
         policy = candidates[0].policy
-        out_of_sample = policy.simulate(self.errors, FINAL_RUNS, before=candidates[0].out_of_sample, worlds=PROMISING)
+        out_of_sample = policy.simulate(
+            self.errors, FINAL_RUNS, before=candidates[0].out_of_sample, sample_set=PROMISING
+        )
         for _ in range(1 if self._large else CALIBRATIONS):
             extra, margin = margin_for([out_of_sample], self.problem.epsilon), policy.known.margin
             if extra <= margin + 1e-6:
@@ -221,7 +223,7 @@ class RobustSearch:
             policy = replace(policy, known=policy.known._replace(margin=extra))
             if extra <= margin + CLOSE:
                 break
-            out_of_sample = policy.simulate(self.errors, FINAL_RUNS, before=out_of_sample, worlds=PROMISING)
+            out_of_sample = policy.simulate(self.errors, FINAL_RUNS, before=out_of_sample, sample_set=PROMISING)
         outcome = out_of_sample.outcome(self.problem)
         if outcome.p_arrive <= 0.0:
             raise policy.grounded(out_of_sample)
@@ -232,7 +234,7 @@ class RobustSearch:
         return RobustAnswer(policy.with_charges(typical.schedule), typical, out_of_sample, outcome, tuple(candidates))
 
     def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:
-        """Routes of all worlds, each once, best first.
+        """Routes of all composed problems, each once, best first.
 
         Parameters
         ----------
@@ -257,7 +259,7 @@ class RobustSearch:
                 allowed[without] = False
             if _flying(found) and (quick or self._large or likely_free_at.all()):
                 break
-            for itinerary in self._routes(allowed, worlds=0 if found or self._large else WORLDS):
+            for itinerary in self._routes(allowed, members=0 if found or self._large else COMPOSED_MEMBERS):
                 self._add(found, itinerary)
                 if quick and _flying(found):
                     break
@@ -278,7 +280,7 @@ class RobustSearch:
         best, begin = min(found.values(), key=_order).outcome, self.problem.depart_s
         if best.p_arrive > 1.0 - 1e-9 and best.mean_s - begin <= LONG * (best.quantile_s(0.5) - begin):
             return
-        speeds, queues = self._mean_world
+        speeds, queues = self._mean_value
         itinerary = self._compose(speeds, queues, MUCH, allowed, most_labels=MAX_LABELS if self._large else math.inf)
         if itinerary is not None:
             self._add(found, itinerary)
@@ -292,10 +294,10 @@ class RobustSearch:
             found[flights], charges = self._judged(itinerary)
             itinerary = _without_idle_stops(itinerary, charges)
 
-    def _routes(self, allowed: NDArray[np.bool_], worlds: int) -> Iterator[Itinerary]:
+    def _routes(self, allowed: NDArray[np.bool_], members: int) -> Iterator[Itinerary]:
         """Compose on average-value problem at several margins, and in so many of members with a sampled queue."""
         p = self.problem
-        speeds, queues = self._mean_world
+        speeds, queues = self._mean_value
         margins = MARGINS[:1] if self._large else MARGINS
         found = 0
         for margin in margins:
@@ -309,7 +311,7 @@ class RobustSearch:
                 return
             cautious = self._compose(speeds, queues, MUCH, allowed)
             yield from (one for one in (cautious, bare) if one is not None)
-        for sample, member in enumerate(evenly(len(p.probability), worlds).tolist()):
+        for sample, member in enumerate(evenly(len(p.probability), members).tolist()):
             alone = np.zeros(len(p.probability))
             alone[member] = 1.0
             sampled = p.queue_paths(range(len(p.network)), sample)
@@ -318,7 +320,7 @@ class RobustSearch:
                 yield itinerary
 
     @cached_property
-    def _mean_world(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:
+    def _mean_value(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:
         """Speeds and queues that stand for the forecast."""
         return self._speeds(self.problem.probability), ExpectedQueues(self.problem)
 
@@ -385,7 +387,7 @@ class RobustSearch:
 
 
 def _flying(found: dict[tuple[tuple[int, ...], ...], Candidate]) -> list[Candidate]:
-    """Those that arrive in any world."""
+    """Those that arrive in any realization."""
     return [one for one in found.values() if one.outcome.p_arrive > 0.0]
 
 

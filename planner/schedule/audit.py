@@ -8,7 +8,7 @@ the searches that have perfect information must keep the reserve at every landin
 Nothing of the searches is used here: the wind triangle, the walk through the slots of the wind, energy by phases of flight
 and the charging curve in closed form are written out once more, in plain Python. Read are data only: the network, the wind
 over its segments, the rules, the drone's power and the times of the queues. The schedule of a composition is one in the wind of
-one member of the forecast and one set of queues (`World`); under gusts and an energy that is not the model's, nothing but
+one member of the forecast and one set of queues (`Realization`); under gusts and an energy that is not the model's, nothing but
 its own sums can be compared.
 """
 
@@ -42,7 +42,7 @@ _EDGE_S = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
-class World:
+class Realization:
     """What the schedule of a composition was flown in.
 
     Attributes
@@ -60,7 +60,7 @@ class World:
     arrival_s: float | None = None
 
 
-def audit(composition: Composition, problem: Problem, itinerary: Itinerary, world: World) -> None:
+def audit(composition: Composition, problem: Problem, itinerary: Itinerary, realization: Realization) -> None:
     """Fly a composition and compare.
 
     Raises
@@ -68,19 +68,21 @@ def audit(composition: Composition, problem: Problem, itinerary: Itinerary, worl
     AuditError
         A claim is not what is flown; names the planner, the leg, and both figures.
     """
-    one = _Audit(composition, problem, itinerary, world)
+    one = _Audit(composition, problem, itinerary, realization)
     one.decisions()
     one.schedule()
     one.sums()
-    if world.arrival_s is not None:
-        one.proven(world.arrival_s)
+    if realization.arrival_s is not None:
+        one.proven(realization.arrival_s)
 
 
 class _Audit:
     """One composition before its judge; see `audit`."""
 
-    def __init__(self, composition: Composition, problem: Problem, itinerary: Itinerary, world: World) -> None:
-        self.told, self.problem, self.itinerary, self.world = composition, problem, itinerary, world
+    def __init__(
+        self, composition: Composition, problem: Problem, itinerary: Itinerary, realization: Realization
+    ) -> None:
+        self.composition, self.problem, self.itinerary, self.realization = composition, problem, itinerary, realization
         self.begin_s, self.soc = problem.request.state.time.timestamp(), problem.request.state.soc
         mass_kg = problem.drone.mass_kg + composition.payload_kg
         self.rates = self._rates(mass_kg)
@@ -97,7 +99,7 @@ class _Audit:
         return climb / drone.battery_j, cruise / drone.battery_j, descent / drone.battery_j
 
     def _differ(self, number: int | None, what: str, claimed: object, flown: object) -> AuditError:
-        return AuditError(self.told.planner, number, what, claimed, flown)
+        return AuditError(self.composition.planner, number, what, claimed, flown)
 
     def _near(self, number: int | None, what: str, claimed: float, flown: float, tolerance: float) -> None:
         if not abs(claimed - flown) <= tolerance:  # also where either is not a number
@@ -105,9 +107,9 @@ class _Audit:
 
     def decisions(self) -> None:
         """Compare legs and stops with what was decided: segments, charges, earliest take-offs."""
-        network, services = self.problem.network, self.told.services
+        network, services = self.problem.network, self.composition.services
         if len(services) != len(self.itinerary) or len(self.stops) != len(self.itinerary) or not services:
-            counts = f"{len(services)} legs, {len(self.told.stops)} stops"
+            counts = f"{len(services)} legs, {len(self.composition.stops)} stops"
             raise self._differ(None, "legs", counts, f"{len(self.itinerary)} decided")
         node = self.problem.origin
         for number, (service, leg) in enumerate(zip(services, self.itinerary, strict=True), 1):
@@ -134,7 +136,7 @@ class _Audit:
         time_s, soc, joined_s = self.begin_s, self.soc, self.begin_s
         node = self.problem.origin
         for number, (stop, service, leg) in enumerate(
-            zip(self.stops, self.told.services, self.itinerary, strict=True), 1
+            zip(self.stops, self.composition.services, self.itinerary, strict=True), 1
         ):
             self._stop(number, stop, node, (time_s, joined_s), soc, service)
             node = int(self.problem.network.head[leg.segments[-1]])
@@ -172,8 +174,8 @@ class _Audit:
         station = self.problem.network.stations[node]
         if station.pads <= 0:
             raise self._differ(number, "recharge, s", stop.recharge_s, f"no pads at {station.id}")
-        if self.world.queues is not None:
-            free_s = max(landed[0], float(self.world.queues[node].pad_time(landed[1])))
+        if self.realization.queues is not None:
+            free_s = max(landed[0], float(self.realization.queues[node].pad_time(landed[1])))
             self._near(number, "wait, s", stop.wait_s, free_s - landed[0], TIME_TOLERANCE_S)
         drone, power_w = self.problem.drone, station.recharge_power_w
         curve = ChargingCurve(drone.recharge_full_s, math.inf if power_w is None else power_w / drone.battery_j)
@@ -189,7 +191,7 @@ class _Audit:
         self._near(
             number, "energy, J", service.energy_j, (soc - service.soc_arrive) * battery_j, SOC_TOLERANCE * battery_j
         )
-        if self.world.queues is None:
+        if self.realization.queues is None:
             return service.arrive.timestamp()
         climb, cruise, descent = self.rates
         if number == 1 and self.problem.in_flight:  # it needs no climb any more
@@ -207,7 +209,7 @@ class _Audit:
         soc -= climb * rules.climb_s + cruise * flown_s + descent * rules.descent_s
         spot_s = down_s
         if self.problem.has_pads(node):  # no place to land: it hovers, and keeps its place in the queue
-            spot_s = max(down_s, float(self.world.queues[node].land_time(down_s)))
+            spot_s = max(down_s, float(self.realization.queues[node].land_time(down_s)))
             soc -= cruise * (spot_s - down_s)
         self._near(number, "touch-down, POSIX s", service.arrive.timestamp(), spot_s, TIME_TOLERANCE_S)
         self._near(number, "SoC at touch-down", service.soc_arrive, soc, SOC_TOLERANCE)
@@ -252,10 +254,14 @@ class _Audit:
         wind = problem.ensemble
         factor = height_factor(problem.rules.cruise_height_m, wind.height_m, problem.rules.wind_profile_exponent)
         weight = problem.air.weight[segment].tolist()
-        north = factor * sum(w * v for w, v in zip(weight, wind.north[self.world.member, slot].tolist(), strict=True))
-        east = factor * sum(w * v for w, v in zip(weight, wind.east[self.world.member, slot].tolist(), strict=True))
+        north = factor * sum(
+            w * v for w, v in zip(weight, wind.north[self.realization.member, slot].tolist(), strict=True)
+        )
+        east = factor * sum(
+            w * v for w, v in zip(weight, wind.east[self.realization.member, slot].tolist(), strict=True)
+        )
         course = math.radians(float(problem.network.bearing_deg[segment]))
-        blows, airspeed = math.hypot(north, east), self.told.airspeed_mps
+        blows, airspeed = math.hypot(north, east), self.composition.airspeed_mps
         off_course = math.atan2(east, north) - course
         rest = airspeed**2 - (blows * math.sin(off_course)) ** 2
         if rest <= 0.0 or blows > problem.drone.wind_limit_mps:
@@ -265,30 +271,32 @@ class _Audit:
 
     def sums(self) -> None:
         """Compare the totals with what they are sums of."""
-        told, tolerance = self.told, TIME_TOLERANCE_S * (1 + len(self.told.services))
-        landed_s = told.services[-1].arrive.timestamp()
-        self._near(None, "arrival, POSIX s", told.arrive.timestamp(), landed_s, 0.0)
-        self._near(None, "delivery time, s", told.delivery_time_s, landed_s - self.begin_s, tolerance)
-        flown = sum(_seconds(service.depart, service.arrive) for service in told.services)
-        self._near(None, "flight time, s", told.flight_time_s, flown, tolerance)
-        charged = sum(stop.recharge_s for stop in told.stops)
-        self._near(None, "recharge time, s", told.recharge_time_s, charged, 1e-6)
+        composition, tolerance = self.composition, TIME_TOLERANCE_S * (1 + len(self.composition.services))
+        landed_s = composition.services[-1].arrive.timestamp()
+        self._near(None, "arrival, POSIX s", composition.arrive.timestamp(), landed_s, 0.0)
+        self._near(None, "delivery time, s", composition.delivery_time_s, landed_s - self.begin_s, tolerance)
+        flown = sum(_seconds(service.depart, service.arrive) for service in composition.services)
+        self._near(None, "flight time, s", composition.flight_time_s, flown, tolerance)
+        charged = sum(stop.recharge_s for stop in composition.stops)
+        self._near(None, "recharge time, s", composition.recharge_time_s, charged, 1e-6)
         waited = landed_s - self.begin_s - flown - charged
-        self._near(None, "waiting time, s", told.wait_time_s, waited, tolerance)
+        self._near(None, "waiting time, s", composition.wait_time_s, waited, tolerance)
         length = sum(float(self.problem.network.distance_m[s]) for leg in self.itinerary for s in leg.segments)
-        self._near(None, "distance, m", told.distance_m, length, 0.01 * len(told.services))
-        self._near(None, "lowest SoC", told.min_soc, min(service.soc_arrive for service in told.services), 0.0)
+        self._near(None, "distance, m", composition.distance_m, length, 0.01 * len(composition.services))
+        self._near(
+            None, "lowest SoC", composition.min_soc, min(service.soc_arrive for service in composition.services), 0.0
+        )
 
     def proven(self, arrival_s: float) -> None:
         """Compare with what a search that has perfect information says of its answer: the arrival, and the reserve kept."""
-        told, problem = self.told, self.problem
-        last = len(told.services)
-        self._near(last, "arrival of the search, POSIX s", arrival_s, told.arrive.timestamp(), TIME_TOLERANCE_S)
-        for number, service in enumerate(told.services, 1):
+        composition, problem = self.composition, self.problem
+        last = len(composition.services)
+        self._near(last, "arrival of the search, POSIX s", arrival_s, composition.arrive.timestamp(), TIME_TOLERANCE_S)
+        for number, service in enumerate(composition.services, 1):
             if not service.soc_arrive >= problem.reserve - SOC_TOLERANCE:
                 raise self._differ(number, "reserve, SoC", problem.reserve, service.soc_arrive)
         if problem.needs_escape:
-            spare = told.services[-1].soc_arrive - problem.reserve
+            spare = composition.services[-1].soc_arrive - problem.reserve
             least = self._escape_soc(arrival_s)
             if not spare >= least - SOC_TOLERANCE:
                 raise self._differ(last, "SoC above the reserve for the way on", spare, least)

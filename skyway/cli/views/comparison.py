@@ -9,7 +9,7 @@ from skyway.models.base.formatting import duration, kilometres, later_text, minu
 
 if TYPE_CHECKING:
     from skyway.models.base.figure import Figure
-    from skyway.planner.explain import Bought
+    from skyway.planner.explain import RobustGain
     from skyway.planner.result import Comparison
 
 
@@ -55,7 +55,7 @@ def print_comparison(answers: list[Comparison]) -> None:
                 f"{name} has perfect information (wind and queues): its delivery time is for that one realization, without gusts"
             )
         say("")
-    _print_bought(answers)
+    _print_gains(answers)
     for answer in answers:
         if answer.error is not None:
             say(f"{answer.planner}: {answer.error}")
@@ -67,9 +67,9 @@ def _about(figure: Figure) -> str:
     return minutes(figure).split(" ± ", maxsplit=1)[0]
 
 
-def _print_bought(answers: list[Comparison]) -> None:
+def _print_gains(answers: list[Comparison]) -> None:
     """Say in plain words what the robust plan gains."""
-    from skyway.planner.explain import bought
+    from skyway.planner.explain import robust_gain
     from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 
     robust = next((one.result for one in answers if one.result is not None and one.result.robust is not None), None)
@@ -78,13 +78,13 @@ def _print_bought(answers: list[Comparison]) -> None:
     for answer in answers:
         if answer.result is None or answer.result is robust or answer.planner in CLAIRVOYANT_PLANNERS:
             continue
-        one = bought(robust, answer.result)
+        one = robust_gain(robust, answer.result)
         say(f"{one.planner} against robust: {later_text(one.sooner)}; {_safer(one)}")
-        say(f"  why: {_bought_by(one)}")
+        say(f"  why: {_reasons(one)}")
     say("")
 
 
-def _safer(one: Bought) -> str:
+def _safer(one: RobustGain) -> str:
     """Risk."""
     here, there = share(one.broken), share(one.broken_there)
     if here == there:
@@ -92,7 +92,7 @@ def _safer(one: Bought) -> str:
     return f"{there} of the deliveries land below the reserve, with robust {here}"
 
 
-def _bought_by(one: Bought) -> str:
+def _reasons(one: RobustGain) -> str:
     """What the difference comes from."""
     if one.sooner.high < 0.0 and one.broken.value < one.broken_there.value:
         return "robust charges or waits for the wind where the other takes off with less than the flight may need"

@@ -12,7 +12,7 @@ from skyway.models.composition.composition import State
 from skyway.models.queues.load import PadLoad
 from skyway.models.wind.forecast import constant_wind
 from skyway.models.wind.summary import Passage, summarise_wind
-from skyway.planner.explain import bought
+from skyway.planner.explain import robust_gain
 from skyway.planner.plan import plan
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H
@@ -99,7 +99,7 @@ def test_the_interval_of_a_mean_holds_what_very_many_other_seeds_say(newyork):
         other = copy(answer.policy.problem)
         other.request = replace(other.request, seed=seed)
         again = replace(answer.policy, problem=other).simulate(
-            USUAL_ERRORS, 1500, before=answer.out_of_sample, worlds=1
+            USUAL_ERRORS, 1500, before=answer.out_of_sample, sample_set=1
         )
         means.append(again.outcome(other).delivery)
     truth = np.mean([one.value for one in means])
@@ -130,7 +130,7 @@ def test_seeds_differ_by_no_more_than_their_figures_say(planned):
 
 def test_a_planner_is_compared_by_the_figures_that_its_plan_tells(planned):
     robust, pfs = (planned(FAR, name, 0) for name in ("robust", "pfs"))
-    one = bought(robust, pfs)
+    one = robust_gain(robust, pfs)
     assert one.mean_there == pfs.outcome.delivery
     assert one.broken_there.value == pytest.approx(1.0 - pfs.composition.success_probability)
     assert (pfs.outcome.crossed.day == robust.outcome.crossed.day).all()
