@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cache
@@ -81,6 +82,45 @@ class Story:
         )
         forecast = scenario.forecast(depart, HORIZON_H)
         return request, forecast, plan(scenario, request, planner=self.planner, forecast=forecast).composition
+
+
+@dataclass(slots=True)
+class Scripted:
+    """An operator of tests: answers by a function of the question and of how often it was asked.
+
+    Attributes
+    ----------
+    answers : callable
+        (question, time asked) to (delay in seconds, answer), or None for silence.
+    now_s : callable
+        The time.
+    """
+
+    answers: Callable[[str, int], tuple[float, str] | None]
+    now_s: Callable[[], float]
+    lines: list[str] = field(default_factory=list)
+    interrupts: int = 0
+    present: bool = True
+    _asked: dict[str, int] = field(default_factory=dict)
+    _due: deque[tuple[float, str]] = field(default_factory=deque)
+
+    def tell(self, line: str) -> None:
+        """Keep it."""
+        self.lines.append(line)
+
+    def ask(self, question: str) -> None:
+        """Work out an answer."""
+        self.lines.append(question)
+        number = self._asked[question] = self._asked.get(question, 0) + 1
+        answer = self.answers(question, number)
+        if answer is not None:
+            self._due.append((self.now_s() + answer[0], answer[1]))
+
+    def heard(self) -> str | None:
+        """Say what is due."""
+        if self._due and self._due[0][0] <= self.now_s():
+            return self._due.popleft()[1]
+        return None
 
 
 class Stage:

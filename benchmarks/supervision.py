@@ -21,8 +21,8 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from benchmarks.deliveries import Stage, Story, newyork
-from skyway.link.supervisor import Scripted, read_journal
+from benchmarks.deliveries import Scripted, Stage, Story, newyork
+from skyway.link.supervisor import read_journal
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InfeasibleError, InputError
 from skyway.planner.online.replan import DEFAULT_PLANNER

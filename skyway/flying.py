@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import UTC, tzinfo
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 from skyway.link.supervisor.journal import fields as of
 from skyway.models.base.errors import Fault, InputError
@@ -15,6 +17,7 @@ from skyway.models.base.units import from_posix
 if TYPE_CHECKING:
     from datetime import datetime
 
+    from skyway.link.supervisor.job import Outcome
     from skyway.link.supervisor.journal.entries import Tracked
     from skyway.link.supervisor.journal.file import Record
     from skyway.models.composition.composition import Composition
@@ -100,6 +103,46 @@ def read_drag_file(path: Path | None) -> DragModel | None:
 def journal_name(composition: Composition, now: datetime) -> str:
     """Return a name for the journal of a delivery."""
     return f"{now:%Y-%m-%d-%H%M%S}-{composition.origin}-{composition.destination}.jsonl"
+
+
+class FlightSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """How a supervised delivery ended: what ``skyway fly --json`` prints last.
+
+    Attributes
+    ----------
+    delivered : bool
+        The package arrived.
+    state, reason : str
+        The last state, and a sentence.
+    station : str or None
+        Where the drone stands, as far as that is a station.
+    flights : int
+        How many were flown.
+    journal, report : str or None
+        Files that were written.
+    """
+
+    schema: str = "skyway.fly/1"
+    delivered: bool
+    state: str
+    reason: str
+    station: str | None
+    flights: int
+    journal: str
+    report: str | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as ``skyway.fly/1``."""
+        return msgspec.structs.asdict(self)
+
+
+def summary(outcome: Outcome, journal: Path, report: Path | None) -> FlightSummary:
+    """Return the summary of a flight."""
+    written = None if report is None else str(report)
+    return FlightSummary(
+        delivered=outcome.delivered, state=outcome.state, reason=outcome.reason, station=outcome.station,
+        flights=outcome.flights, journal=str(journal), report=written,
+    )  # fmt: skip
 
 
 SHOWN = frozenset({"state", "change", "reboot", "link", "turn", "check", "waits", "upload"})

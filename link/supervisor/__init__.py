@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.job import DeliveryJob, Outcome
     from skyway.link.supervisor.journal.file import Journal, Record, read_journal
     from skyway.link.supervisor.machine import Supervisor
-    from skyway.link.supervisor.operators import NobodyThere, Operator, Scripted
+    from skyway.link.supervisor.operators import NobodyThere, Operator
     from skyway.link.supervisor.states import State
 
 _HOMES = {
@@ -22,7 +22,6 @@ _HOMES = {
     "Operator": "operators",
     "Outcome": "job",
     "Record": "journal.file",
-    "Scripted": "operators",
     "State": "states",
     "Supervisor": "machine",
     "read_journal": "journal.file",
@@ -35,7 +34,6 @@ __all__ = [
     "Operator",
     "Outcome",
     "Record",
-    "Scripted",
     "State",
     "Supervisor",
     "read_journal",

@@ -47,7 +47,7 @@ def connecting(ctx: Context) -> After:
     ctx.delivery.take_plan(ctx.job.composition)
     ctx.delivery.visit(origin)
     ctx.note_plan("the plan from the file")
-    return State.REPLANNING, f"at {origin} with {percent(ctx.battery.soc)}"
+    return State.REPLANNING, f"at {origin} with {percent(ctx.battery.soc)}: decide on the next leg"
 
 
 def _meet(ctx: Context) -> None:

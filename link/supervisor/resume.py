@@ -132,7 +132,7 @@ def take_up(ctx: Context) -> After:
         return State.LANDED, f"the drone stands at {station or 'no known station'}"
     if not delivery.begins_at(station):
         delivery.take_plan(None)
-    return State.REPLANNING, f"at {station} with {percent(ctx.battery.soc)}"
+    return State.REPLANNING, f"at {station} with {percent(ctx.battery.soc)}: decide on the next leg"
 
 
 def _settle(ctx: Context) -> None:

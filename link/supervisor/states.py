@@ -11,7 +11,6 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import SkywayError
-from skyway.models.base.formatting import duration
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -224,12 +223,3 @@ def check(before: State, after: State) -> None:
     """Raise `OffTableError` for a step that the table does not allow."""
     if after not in TABLE[before].following:
         raise OffTableError(f"no way from the state {before} to {after}: this is a defect in skyway, please report it")
-
-
-def markdown() -> str:
-    """Tell the table in words, as a Markdown table."""
-    lines = ["| state | meaning | at most | then |", "| --- | --- | --- | --- |"]
-    for state, rule in TABLE.items():
-        most = "—" if math.isinf(rule.longest_s) else duration(rule.longest_s)
-        lines.append(f"| `{state}` | {rule.meaning} | {most} | {f'`{rule.overdue}`' if rule.overdue else '—'} |")
-    return "\n".join(lines) + "\n"

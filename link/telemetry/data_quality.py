@@ -100,7 +100,7 @@ class DataQuality:
     def _charge(self, soc: float, time_s: float) -> None:
         before = self._latest("soc")
         if math.isnan(soc):
-            self.words["soc"] = "the vehicle does not know it"
+            self.words["soc"] = "unknown to the drone, check its battery monitor"
             self._until_s.pop("soc", None)
             return
         power_w = self._latest("voltage_v") * self._latest("current_a")

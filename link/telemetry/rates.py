@@ -53,7 +53,7 @@ class RateCheck:
         text = f"{self.message}: {self.measured_hz:.1f} of {self.wanted_hz:g} a second"
         if self.corrected_hz is not None:
             text += f", requested again: {self.corrected_hz:.1f}"
-        return text if self.ok else f"{text}; the vehicle does not keep to it"
+        return text if self.ok else f"{text}; the drone sends less than requested"
 
 
 class RateKeeper:

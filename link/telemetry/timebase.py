@@ -137,21 +137,23 @@ class VehicleClock:
     def base(self) -> TimeBase:
         """Where times come from."""
         if self._theirs.seen:
-            doubt = "its clock of day runs otherwise than its time since boot (a simulation): the latter is counted"
-            return TimeBase("the vehicle's time since boot, begun at its clock (SYSTEM_TIME)", doubts=(doubt,))
+            doubt = "its clock and its time since boot differ in speed (a simulation): time since boot is used"
+            return TimeBase("the vehicle's time since boot, started at its clock (SYSTEM_TIME)", doubts=(doubt,))
         if self.offset_s is not None:
             return TimeBase("the vehicle's clock (SYSTEM_TIME)", doubts=(*self._fast(), *self._far()))
         if self._answers:
             best = min(answer.doubt_s for answer in self._answers)
-            doubt = f"the vehicle does not know the time: it is ours, to {1e3 * best:.0f} ms"
+            doubt = f"the vehicle has no clock: this computer's is used, to within {1e3 * best:.0f} ms"
             return TimeBase("this computer's clock, tied to the vehicle's (TIMESYNC)", doubts=(doubt, *self._fast()))
-        doubt = "the vehicle does not know the time: times are those of arrival here, late by the delay of the link"
+        doubt = "the vehicle has no clock: times are those of arrival, late by the delay of the link"
         return TimeBase("this computer's clock", doubts=(doubt,))
 
     def _fast(self) -> tuple[str, ...]:
         if not self._ours.seen:
             return ()
-        return (f"its clock runs {self.speed:.1f} times as fast as ours (a simulation): times are its own",)
+        return (
+            f"its clock runs {self.speed:.1f} times as fast as this computer's (a simulation): its own time is used",
+        )
 
     def _far(self) -> tuple[str, ...]:
         if not self._answers or self.offset_s is None or self._ours.seen:

@@ -82,7 +82,7 @@ class Change:
     time_s: float
 
     def __str__(self) -> str:
-        by = "" if self.ours else " (not commanded by us)"
+        by = "" if self.ours else " (not commanded by this program)"
         return f"{self.what}: {self.before} -> {self.after}{by}"
 
 
@@ -129,7 +129,6 @@ class VehicleMonitor:
         self.rates = RateKeeper(self.live)
         self._addressed = {"target_system": self.peer.system, "target_component": self.peer.component}
         self._new: list[TelemetrySample] = []
-        self._counts: dict[str, int] = {}
         self._changes: list[Change] = []
         self._expected: dict[str, tuple[frozenset[str], float]] = {}
         self._was: dict[str, str] = {}
@@ -146,7 +145,6 @@ class VehicleMonitor:
         if peer is not self.peer:
             return
         name = message.name
-        self._counts[name] = self._counts.get(name, 0) + 1
         boots = self.live.clock.reboots
         posix_s = self.connection.clock.posix_s()
         sample = self.live.hear(message, posix_s)
@@ -154,7 +152,7 @@ class VehicleMonitor:
             self._new.append(sample)
             del self._new[:-_MAX_SAMPLES]
         if self.live.clock.reboots != boots:
-            self._changed("boot", "up", "begun anew")
+            self._changed("boot", "up", "restarted")
         for number, rate in self.rates.heard(name, self.connection.clock.now_s()).items():
             for _ in range(_WISHES):  # nobody waits for an answer, and one may be lost
                 self._wish(number, rate)
@@ -166,7 +164,7 @@ class VehicleMonitor:
         elif name == "MISSION_CURRENT":
             self._note_stored(message)
         elif name == "STATUSTEXT" and self._tells_taken(message) and not self._tells_ids:
-            self._changed("mission", _UNTOLD, "taken over, by its words")
+            self._changed("mission", _UNTOLD, "accepted, as it reports")
 
     def _tells_taken(self, message: Message) -> bool:
         """Whether a text says that a mission was uploaded, by whomever."""
@@ -290,12 +288,6 @@ class VehicleMonitor:
     def _wish(self, number: int, rate_hz: float) -> None:
         wish = {"command": INTERVAL, "param1": float(number), "param2": 1e6 / rate_hz}
         self.connection.send("COMMAND_LONG", self.system, **wish, **self._addressed)
-
-    def measured_rates(self, duration_s: float) -> dict[str, float]:
-        """Messages a second of each name that really come, over some time."""
-        before = dict(self._counts)
-        self.connection.run_for(duration_s)
-        return {name: (count - before.get(name, 0)) / duration_s for name, count in self._counts.items()}
 
     def take_samples(self) -> list[TelemetrySample]:
         """Return the samples that have come since this was asked last, at most a thousand; does not wait."""

@@ -83,16 +83,16 @@ class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "f
     p_reserve: float | None
 
 
-class PlannedStop(msgspec.Struct, frozen=True, kw_only=True):
-    """A stop of the plan."""
+class Stop(msgspec.Struct, frozen=True, kw_only=True):
+    """Time at a station, planned or spent: how long it waits, how long it charges and to what."""
 
     station: str | None
     arrive_s: float | None
-    leave_s: float | None
-    wait_s: float | None
-    charge_s: float | None
+    leave_s: float | None = None
+    wait_s: float | None = 0.0
+    charge_s: float | None = 0.0
     soc_from: float | None
-    soc_to: float | None
+    soc_to: float | None = None
 
 
 class Station(msgspec.Struct, frozen=True):
@@ -107,7 +107,7 @@ class Planned(msgspec.Struct, frozen=True, kw_only=True):
     """The plan; `stations` grows by those that a map shows besides."""
 
     legs: list[PlannedLeg]
-    stops: list[PlannedStop]
+    stops: list[Stop]
     stations: dict[str, Station]
     cruise_height_m: float | None
     climb_rate_mps: float | None
@@ -167,18 +167,6 @@ class FlownLeg(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "fro
     most_cross_track_m: float | None = None
 
 
-class Stop(msgspec.Struct, frozen=True, kw_only=True):
-    """Time on the ground: how long it waited, how long it charged and to what."""
-
-    station: str | None
-    arrive_s: float
-    leave_s: float | None = None
-    wait_s: float = 0.0
-    charge_s: float = 0.0
-    soc_from: float | None
-    soc_to: float | None = None
-
-
 class Decision(msgspec.Struct, frozen=True, kw_only=True):
     """Something that was decided, and by what."""
 
@@ -209,17 +197,8 @@ class Preflight(msgspec.Struct, frozen=True, kw_only=True):
     checks: tuple[entries.Checked, ...]
 
 
-class Contingency(msgspec.Struct, frozen=True, kw_only=True):
-    """What was not meant to happen."""
-
-    time_s: float
-    flight: int
-    event: str
-    reason: str | None
-
-
 class Event(msgspec.Struct, frozen=True, kw_only=True):
-    """A record of the journal."""
+    """A record of the journal, as a reader of the report sees it."""
 
     n: int
     time_s: float
@@ -250,7 +229,7 @@ class FlightReport(msgspec.Struct, frozen=True, kw_only=True):
     decisions: list[Decision]
     plans: list[PlanInForce]
     preflights: list[Preflight]
-    contingencies: list[Contingency]
+    contingencies: list[Event]
     events: list[Event]
     series: Series
     sources: Sources | None = None
@@ -377,7 +356,7 @@ def _planned(planned: dict[str, Any]) -> Planned:
         for leg in of.tables(planned, "legs")
     ]  # fmt: skip
     stops = [
-        PlannedStop(
+        Stop(
             station=of.text(stop, "station"), arrive_s=of.instant_s(stop.get("arrive")),
             leave_s=of.instant_s(stop.get("leave")), wait_s=of.number(stop, "wait_s"),
             charge_s=of.number(stop, "recharge_s"), soc_from=of.share(stop, "soc_from"),
@@ -424,8 +403,8 @@ def _totals(records: tuple[Record, ...], planned: dict[str, Any], legs: list[Flo
             depart_s=took_off,
             delivery_s=None if took_off is None or last_s is None else last_s - took_off,
             flight_s=sum(flown) if flown else None,
-            wait_s=sum(stop.wait_s for stop in stops),
-            charge_s=sum(stop.charge_s for stop in stops),
+            wait_s=sum(stop.wait_s or 0.0 for stop in stops),
+            charge_s=sum(stop.charge_s or 0.0 for stop in stops),
             lowest_soc=min((leg.soc_land for leg in legs if leg.soc_land is not None), default=None),
             flights=len(legs),
         ),
@@ -508,17 +487,17 @@ def _stops(records: tuple[Record, ...], start: entries.Start, outcome: Result) -
         stops[-1] = _counted(stops[-1], entered, times[-1])
         if len(stops) > 1 and outcome.delivered:
             stops.pop()
-    return stops if stops[0].wait_s + stops[0].charge_s > 0.0 else stops[1:]
+    return stops if (stops[0].wait_s or 0.0) + (stops[0].charge_s or 0.0) > 0.0 else stops[1:]
 
 
 def _counted(stop: Stop, entered: tuple[float, str] | None, until_s: float) -> Stop:
     """Add the time in a state to the stop it was spent at."""
     if entered is None:
         return stop
-    spent_s = max(until_s - max(entered[0], stop.arrive_s), 0.0)
+    spent_s = max(until_s - max(entered[0], stop.arrive_s or 0.0), 0.0)
     if entered[1] == "waiting-for-pad":
-        return replace(stop, wait_s=stop.wait_s + spent_s)
-    return replace(stop, charge_s=stop.charge_s + spent_s) if entered[1] == "charging" else stop
+        return replace(stop, wait_s=(stop.wait_s or 0.0) + spent_s)
+    return replace(stop, charge_s=(stop.charge_s or 0.0) + spent_s) if entered[1] == "charging" else stop
 
 
 def _plans(records: tuple[Record, ...]) -> list[PlanInForce]:
@@ -533,7 +512,7 @@ def _plans(records: tuple[Record, ...]) -> list[PlanInForce]:
     return found
 
 
-def _contingencies(records: tuple[Record, ...]) -> list[Contingency]:
+def _contingencies(records: tuple[Record, ...]) -> list[Event]:
     """Return what was not meant to happen: diverts, lost links, foreign commands, reboots, resumes."""
     found = []
     landings = [at_s for at_s, record in of.timed(records) if record.event == entries.Landed.EVENT]
@@ -551,13 +530,15 @@ def _contingencies(records: tuple[Record, ...]) -> list[Contingency]:
         turned = decided is not None and decided.action in ("divert", "land", "stop")
         apart = entered is not None and entered.after in ("lost-link", "holding", "diverting", *END_WORDS[1:])
         if foreign or turned or apart or event in ("turn", "reboot", "link", "resume"):
-            found.append(Contingency(time_s=at_s, flight=record.flight, event=event, reason=record.reason))
+            found.append(_event(at_s, record))
     return found[:_MAX_ROWS]
 
 
+def _event(at_s: float, record: Record) -> Event:
+    return Event(
+        n=record.n, time_s=at_s, state=record.state, event=record.event, flight=record.flight, reason=record.reason
+    )  # fmt: skip
+
+
 def _events(records: tuple[Record, ...]) -> list[Event]:
-    return [
-        Event(n=r.n, time_s=at_s, state=r.state, event=r.event, flight=r.flight, reason=r.reason)
-        for at_s, r in of.timed(records)
-        if r.event not in _QUIET
-    ][:_MAX_ROWS]
+    return [_event(at_s, record) for at_s, record in of.timed(records) if record.event not in _QUIET][:_MAX_ROWS]

@@ -1,6 +1,7 @@
 """A ground station of ours on a simulated vehicle, in virtual time, and packets that somebody meddles with."""
 
 import math
+from collections import Counter
 
 from skyway.link.protocol.connection import Connection
 from skyway.link.protocol.verified import UploadJob, upload_verified
@@ -133,3 +134,13 @@ class Scene:
 
 def as_stored(mission):
     return [(int(i.command), i.x, i.y, round(i.z, 2)) for i in mission.items]
+
+
+def rates_hz(craft, duration_s):
+    """Messages a second of each name that come from a vehicle, over some time."""
+    counts = Counter()
+    craft.connection.listeners.append(
+        lambda peer, message: counts.update([message.name]) if peer is craft.peer else None
+    )
+    craft.connection.run_for(duration_s)
+    return {name: count / duration_s for name, count in counts.items()}

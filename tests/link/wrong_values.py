@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from branches import Branches
 
-from benchmarks.deliveries import Stage, Story
-from skyway.link.supervisor import Scripted, read_journal
+from benchmarks.deliveries import Scripted, Stage, Story
+from skyway.link.supervisor import read_journal
 from skyway.link.wire import frames
 from skyway.link.wire.frames import Message
 from skyway.sim_stub.wire.messages import Mavlink

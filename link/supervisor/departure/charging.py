@@ -67,7 +67,7 @@ def charging(ctx: Context) -> After:
             told = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, target)
         except PadServiceError as error:
             ctx.note(PadAnswered(answer="refused"), str(error))
-            return State.REPLANNING, f"charging ended: {error}"
+            return State.REPLANNING, f"charging was interrupted, decide again: {error}"
         if told.state == "waiting":
             return State.WAITING, "the pad was taken from the drone: wait for another"
         if told.soc is not None and not 0.0 <= told.soc <= 1.0:

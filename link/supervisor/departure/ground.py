@@ -110,7 +110,7 @@ def _planned(ctx: Context) -> float | None:
 def _as_planned(ctx: Context, standing: Grounded) -> Decision:
     """Fly the plan as it is, whatever comes: what supervision is compared with."""
     if ctx.delivery.plan is None:
-        return Decision("stop", "there is no plan from here")
+        return Decision("stop", "no plan leads on from here: make one, and fly it")
     service = ctx.delivery.plan.services[0]
     stop = next((s for s in ctx.delivery.plan.stops if s.station == service.origin), None)
     target = (

@@ -33,7 +33,7 @@ def flying(ctx: Context) -> After:
     """Watch a leg to its landing, deciding every ten seconds."""
     leg = ctx.delivery.leg
     if leg is None:
-        return State.HOLDING, "the drone flies, and on which leg is not known"
+        return State.HOLDING, "the drone is in the air, and its leg is not known"
     request_telemetry(ctx)
     _free_pad(ctx, leg.origin)
     replanner = _replanner(ctx)

@@ -305,13 +305,10 @@ def _served(pads: TcpPads | None, job: DeliveryJob, console: Console, clock: Clo
 
 def _end(outcome: Outcome, journal: Path, report: Path | None, *, as_json: bool) -> None:
     """Say how it ended, and exit by it."""
+    from skyway import flying
+
     if as_json:
-        ended = {
-            "schema": "skyway.fly/1", "delivered": outcome.delivered, "state": outcome.state, "reason": outcome.reason,
-            "station": outcome.station, "flights": outcome.flights, "journal": str(journal),
-            "report": None if report is None else str(report),
-        }  # fmt: skip
-        typer.echo(json_text(ended))
+        typer.echo(json_text(flying.summary(outcome, journal, report).to_json()))
     else:
         typer.echo(outcome.reason if outcome.delivered else f"{outcome.state}: {outcome.reason}")
         typer.echo(f"journal: {journal}" + ("" if report is None else f"; report: {report}"))

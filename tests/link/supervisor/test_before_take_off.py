@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.deliveries import Stage, Story, newyork
-from skyway.link.supervisor import NobodyThere, Scripted, read_journal
+from benchmarks.deliveries import Scripted, Stage, Story, newyork
+from skyway.link.supervisor import NobodyThere, read_journal
 from skyway.link.supervisor.departure.parameter_changes import changes_of
 from skyway.link.supervisor.observed.vehicle_texts import TextLog
 from skyway.missions.autopilots.registry import family_named

@@ -4,7 +4,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, bad_radio
+from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, bad_radio, rates_hz
 
 from skyway.link.protocol.connection import Connection
 from skyway.link.protocol.mission_words import MissionKind
@@ -261,7 +261,7 @@ def test_the_package_is_released(family):
 
 def test_telemetry_comes_at_the_rates_asked_for_with_times_in_utc(scene):
     assert scene.craft.request_telemetry() == ()
-    rates = scene.craft.measured_rates(10.0)
+    rates = rates_hz(scene.craft, 10.0)
     assert rates["ATTITUDE"] == pytest.approx(10.0, rel=0.1)
     assert rates["GLOBAL_POSITION_INT"] == pytest.approx(5.0, rel=0.1)
     list(scene.craft.samples(0.05))
@@ -282,7 +282,7 @@ def test_telemetry_comes_at_the_rates_asked_for_with_times_in_utc(scene):
 
 
 @pytest.mark.parametrize(
-    ("kind", "said"), [("soc-unknown", "does not know"), ("soc-jump", "jumped"), ("battery-drop", "jumped")]
+    ("kind", "said"), [("soc-unknown", "unknown to the drone"), ("soc-jump", "jumped"), ("battery-drop", "jumped")]
 )
 def test_a_doubtful_state_of_charge_is_flagged(kind, said):
     scene = aboard("px4", faults=(Fault(kind, 20.0, value=0.5),))
@@ -347,7 +347,7 @@ def test_an_upload_by_another_station_is_noticed(scene):
     found = scene.craft.changes()
     assert {(change.what, change.ours) for change in found} == {("mission", False)}
     assert "5 items" in found[-1].after
-    assert str(found[-1]).endswith("(not commanded by us)")
+    assert str(found[-1]).endswith("(not commanded by this program)")
 
 
 def test_an_upload_by_another_is_noticed_by_ardupilots_words_where_it_tells_no_ids():
@@ -364,7 +364,7 @@ def test_an_upload_by_another_is_noticed_by_ardupilots_words_where_it_tells_no_i
     other = MavlinkVehicle(Connection(scene.lockstep.connect(scene.vehicle), scene.lockstep.clock, system=254))
     assert other.upload(a_mission(5, height=70.0)).verified
     scene.connection.run_for(3.0)
-    assert ("mission", "taken over, by its words", False) in told(scene.craft)
+    assert ("mission", "accepted, as it reports", False) in told(scene.craft)
 
 
 def test_a_restart_is_a_change_too(scene):
@@ -373,7 +373,7 @@ def test_a_restart_is_a_change_too(scene):
     scene.connection.run_for(8.0)
     scene.craft.request_telemetry()
     scene.connection.run_for(2.0)
-    assert ("boot", "begun anew", False) in told(scene.craft)
+    assert ("boot", "restarted", False) in told(scene.craft)
     assert scene.craft.reboots == 1
 
 

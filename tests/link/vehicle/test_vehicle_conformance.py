@@ -297,7 +297,7 @@ def test_after_a_restart_it_is_spoken_with_again(site):
     assert craft.request_telemetry() == ()
     assert craft.upload(a_mission(7)).verified
     assert site.wait(lambda: craft.reboots == 1, 10.0)
-    assert ("boot", "begun anew") in {(change.what, change.after) for change in craft.changes()}
+    assert ("boot", "restarted") in {(change.what, change.after) for change in craft.changes()}
 
 
 @pytest.mark.slow
