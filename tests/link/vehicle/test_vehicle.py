@@ -175,7 +175,7 @@ def test_parameters_are_read_set_and_read_back(scene):
     assert scene.vehicle.autopilot.parameters[name] == value
     with pytest.raises(ParameterAbsentError, match="has no parameter NO_SUCH"):
         craft.parameter("NO_SUCH")
-    with pytest.raises(InputError, match="no name"):
+    with pytest.raises(InputError, match="is not a parameter name"):
         craft.parameter("X" * 17)
 
 
