@@ -24,7 +24,8 @@ from skyway.link.protocol.download import Download
 from skyway.link.protocol.parameters import REAL32, ListParameters, ParameterValue, SetParameter
 from skyway.link.protocol.set_current import SetCurrent
 from skyway.link.protocol.upload import Upload, UploadEnd
-from skyway.link.wire.frames import MAGIC_2, FrameWriter
+from skyway.link.wire.frames import FrameWriter
+from skyway.link.wire.layout import MAGIC_2
 from skyway.missions.autopilots.wire import WireItem
 from skyway.models.base.errors import LinkLostError, VehicleTimeoutError
 

@@ -16,14 +16,23 @@ from typing import TYPE_CHECKING, Any
 
 from fastcrc.crc16 import mcrf4xx
 
+from skyway.link.wire.layout import (
+    AROUND_1_BYTES,
+    AROUND_2_BYTES,
+    HEADER_1_BYTES,
+    HEADER_2_BYTES,
+    ID_AT_1,
+    ID_AT_2,
+    MAGIC_1,
+    MAGIC_2,
+    SIGNATURE_BYTES,
+    SIGNED,
+)
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-MAGIC_1, MAGIC_2 = 0xFE, 0xFD
-_SIGNED = 0x01
-_SIGNATURE_BYTES = 13
 _SIGNING_EPOCH_S = 1_420_070_400.0
 """1 January 2015 UTC: signing time counts from here, in units of 10 microseconds."""
 _NEW_SENDER_WINDOW = 6_000_000
@@ -250,7 +259,7 @@ class FrameWriter:
             body = bytes([MAGIC_1, len(payload), sequence, self.system, self.component, kind.id]) + payload
             return body + mcrf4xx(body[1:] + kind.crc_extra).to_bytes(2, "little")
         payload = payload.rstrip(b"\0") or b"\0"
-        flags = 0 if self.signing is None else _SIGNED
+        flags = 0 if self.signing is None else SIGNED
         head = bytes([MAGIC_2, len(payload), flags, 0, sequence, self.system, self.component])
         body = head + kind.id.to_bytes(3, "little") + payload
         body += mcrf4xx(body[1:] + kind.crc_extra).to_bytes(2, "little")
@@ -333,13 +342,13 @@ class FrameReader:
         """Whether it is a frame, whether it is believed, and what it says."""
         version = 1 if frame[0] == MAGIC_1 else 2
         if version == 1:
-            number, head, tail = frame[5], 6, 0
+            number, head, tail = frame[ID_AT_1], HEADER_1_BYTES, 0
             sequence, system, component = frame[2], frame[3], frame[4]
         else:
-            number, head = int.from_bytes(frame[7:10], "little"), 10
+            number, head = int.from_bytes(frame[ID_AT_2:HEADER_2_BYTES], "little"), HEADER_2_BYTES
             sequence, system, component = frame[4], frame[5], frame[6]
-            tail = _SIGNATURE_BYTES if frame[2] & _SIGNED else 0
-            if frame[2] & ~_SIGNED:
+            tail = SIGNATURE_BYTES if frame[2] & SIGNED else 0
+            if frame[2] & ~SIGNED:
                 return False, False, None
         kind = kinds().get(number)
         if kind is None:
@@ -374,8 +383,8 @@ def _frame_size(data: bytes, position: int, end: int) -> int | None:
         return None
     length = data[position + 1]
     if data[position] == MAGIC_1:
-        return length + 8
-    return length + 12 + (_SIGNATURE_BYTES if data[position + 2] & _SIGNED else 0)
+        return length + AROUND_1_BYTES
+    return length + AROUND_2_BYTES + (SIGNATURE_BYTES if data[position + 2] & SIGNED else 0)
 
 
 def _next_magic(data: bytes, start: int) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 
 from skyway.link.logs.tlog import tlog_kernels as kernels
 from skyway.link.logs.tlog.dialect import crc_extras
+from skyway.link.wire.layout import ID_AT_1, ID_AT_2, MAGIC_1, MAGIC_2, MAX_FRAME_BYTES
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -74,13 +75,15 @@ def _hear(stream: BinaryIO, place: int, memory: ScanState) -> bool:
 def frame_within(head: bytes) -> bool:
     """Return whether a whole frame stands behind a time stamp anywhere: a tlog whose beginning is cut or damaged."""
     extras, data = crc_extras(), np.frombuffer(head, dtype=np.uint8)
-    for at in np.flatnonzero((data == kernels.V1) | (data == kernels.V2)).tolist():
-        if at < 8 or at + kernels.LONGEST > len(data):
+    for at in np.flatnonzero((data == MAGIC_1) | (data == MAGIC_2)).tolist():
+        if at < kernels.STAMP_SIZE or at + MAX_FRAME_BYTES > len(data):
             continue
         total = kernels.announced(data, at)
-        number = data[at + 5] if data[at] == kernels.V1 else data[at + 7] | data[at + 8].astype(int) << 8
+        number = (
+            data[at + ID_AT_1] if data[at] == MAGIC_1 else data[at + ID_AT_2] | data[at + ID_AT_2 + 1].astype(int) << 8
+        )
         if (
-            data[at - 8] == 0
+            data[at - kernels.STAMP_SIZE] == 0
             and extras[number] >= 0
             and kernels.frame_is_good(data, at, total, extras, kernels.CRC_TABLE)
         ):

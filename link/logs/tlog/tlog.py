@@ -18,6 +18,7 @@ from skyway.link.logs.tlog import tlog_kernels as kernels
 from skyway.link.logs.tlog.beginning import beginning
 from skyway.link.logs.tlog.dialect import crc_extras, message_type, name_of
 from skyway.link.logs.tlog.stamps import StampCheck
+from skyway.link.wire import layout
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -67,18 +68,19 @@ class Frames:
 
     def decoded(self, name: str, rows: NDArray[np.int64]) -> NDArray[np.void]:
         """Fields of messages of one type, as a structured array, shape (rows,)."""
-        layout = message_type(name).layout
+        fields = message_type(name).layout
         start = self.offset[rows] - self.base
-        second = self.data[start] == kernels.V2
-        signed = second & ((self.data[np.minimum(start + 2, len(self.data) - 1)] & kernels.SIGNED) != 0)
-        payload = start + np.where(second, 10, 6)
-        length = self.length[rows] - np.where(second, 12, 8) - np.where(signed, 13, 0)
-        return table_of(self.data, payload.astype(np.int64), layout, length.astype(np.int64))
+        second = self.data[start] == layout.MAGIC_2
+        signed = second & ((self.data[np.minimum(start + layout.FLAGS_AT, len(self.data) - 1)] & layout.SIGNED) != 0)
+        payload = start + np.where(second, layout.HEADER_2_BYTES, layout.HEADER_1_BYTES)
+        around = np.where(second, layout.AROUND_2_BYTES, layout.AROUND_1_BYTES)
+        length = self.length[rows] - around - np.where(signed, layout.SIGNATURE_BYTES, 0)
+        return table_of(self.data, payload.astype(np.int64), fields, length.astype(np.int64))
 
 
 def _fresh_state() -> NDArray[np.int64]:
     state = np.zeros(kernels.STATE_SIZE, dtype=np.int64)
-    state[kernels.EXPECTED] = 8
+    state[kernels.EXPECTED] = layout.AROUND_1_BYTES
     return state
 
 

@@ -15,15 +15,30 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skyway.link.wire.layout import (
+    AROUND_1_BYTES,
+    AROUND_2_BYTES,
+    CHECKSUM_BYTES,
+    FLAGS_AT,
+    HEADER_2_BYTES,
+    ID_AT_1,
+    ID_AT_2,
+    LENGTH_AT,
+    MAGIC_1,
+    MAGIC_2,
+    MAX_FRAME_BYTES,
+    SENDER_AT_1,
+    SENDER_AT_2,
+    SIGNATURE_BYTES,
+    SIGNED,
+)
 from skyway.models.jit.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-V1, V2 = 0xFE, 0xFD
-SIGNED = 0x01
-LONGEST = 280
-"""Bytes of the longest frame: 10 header, 255 payload, 2 checksum, 13 signature."""
+STAMP_SIZE = 8
+"""Bytes of a time stamp."""
 MARGIN = 8192
 """A chunk is left this far before its end, unless it is the last: no step of the parser looks further."""
 KEPT_BACK = 1024
@@ -36,7 +51,7 @@ POS, BUFFERED, EXPECTED, HAVE_LAST, LAST_BAD, ENDED, BAD, BAD_BYTES, STAMP_BYTES
 """Places in the state: next byte of the chunk, bytes kept back, bytes the parser wants, whether a good message came
 yet, whether the last one was bad, whether the log is over, bad records, their bytes, bytes passed looking for a stamp."""
 STATE_SIZE = 9
-HEADER = 18
+HEADER = STAMP_SIZE + HEADER_2_BYTES
 """Bytes from a stamp to the end of the longest header."""
 FRAME = 1024
 """Where in the parser's memory a complete frame is laid."""
@@ -56,6 +71,14 @@ CRC_TABLE = _crc_table()
 
 
 @compiled
+def _message_id(data: NDArray[np.uint8], at: int) -> int:
+    """Id of the message in the frame that begins at `at`, whose header is whole."""
+    if data[at] == MAGIC_1:
+        return int(data[at + ID_AT_1])
+    return int(data[at + ID_AT_2]) | (int(data[at + ID_AT_2 + 1]) << 8) | (int(data[at + ID_AT_2 + 2]) << 16)
+
+
+@compiled
 def frame_is_good(
     data: NDArray[np.uint8], at: int, total: int, crc_extra: NDArray[np.int16], table: NDArray[np.int64]
 ) -> bool:
@@ -63,15 +86,13 @@ def frame_is_good(
 
     Takes any bytes, and any place in them: a frame that is cut off is not good.
     """
-    tail = 2
-    if data[at] == V2:
-        if data[at + 2] & ~SIGNED:
+    tail = CHECKSUM_BYTES
+    if data[at] == MAGIC_2:
+        if data[at + FLAGS_AT] & ~SIGNED:
             return False
-        if data[at + 2] & SIGNED:
-            tail = 15
-        number = int(data[at + 7]) | (int(data[at + 8]) << 8) | (int(data[at + 9]) << 16)
-    else:
-        number = int(data[at + 5])
+        if data[at + FLAGS_AT] & SIGNED:
+            tail += SIGNATURE_BYTES
+    number = _message_id(data, at)
     extra = int(crc_extra[number]) if number < DENSE_IDS else -1
     if extra < 0:
         return True
@@ -130,14 +151,10 @@ def _record(
     offset[row] = place
     times[row] = clock[0]
     length[row] = total
-    if data[at] == V2:
-        system[row] = data[at + 5]
-        component[row] = data[at + 6]
-        number[row] = int(data[at + 7]) | (int(data[at + 8]) << 8) | (int(data[at + 9]) << 16)
-    else:
-        system[row] = data[at + 3]
-        component[row] = data[at + 4]
-        number[row] = data[at + 5]
+    number[row] = _message_id(data, at)
+    sender = at + (SENDER_AT_2 if data[at] == MAGIC_2 else SENDER_AT_1)
+    system[row] = data[sender]
+    component[row] = data[sender + 1]
     state[HAVE_LAST] = 1
     state[LAST_BAD] = 0
     clock[1] = clock[0]
@@ -179,19 +196,19 @@ def _buffered_message(
         state[POS] += new
         have += new
         state[BUFFERED] = have
-        if have >= 1 and kept[0] != V2 and kept[0] != V1:
+        if have >= 1 and kept[0] != MAGIC_2 and kept[0] != MAGIC_1:
             used = 1
-            while used < have and kept[used] != V2 and kept[used] != V1:
+            while used < have and kept[used] != MAGIC_2 and kept[used] != MAGIC_1:
                 used += 1
-            state[EXPECTED] = 8
+            state[EXPECTED] = AROUND_1_BYTES
             _drop(kept, used, have, state)
             _bad(state, used)
             return 0
-        shortest = 12 if have >= 1 and kept[0] == V2 else 8
+        shortest = AROUND_2_BYTES if have >= 1 and kept[0] == MAGIC_2 else AROUND_1_BYTES
         if have >= 3:
-            state[EXPECTED] = int(kept[1]) + shortest
-            if kept[0] == V2 and kept[2] & SIGNED:
-                state[EXPECTED] += 13
+            state[EXPECTED] = int(kept[LENGTH_AT]) + shortest
+            if kept[0] == MAGIC_2 and kept[FLAGS_AT] & SIGNED:
+                state[EXPECTED] += SIGNATURE_BYTES
         if state[EXPECTED] >= shortest and have >= max(state[EXPECTED], 3):
             total = state[EXPECTED]
             state[EXPECTED] = shortest
@@ -224,9 +241,9 @@ def announced(data: NDArray[np.uint8], at: int) -> int:
 
     Takes any bytes, and any place in them.
     """
-    if data[at] == V2:
-        return int(data[at + 1]) + 12 + 13 * (int(data[at + 2]) & SIGNED)
-    return int(data[at + 1]) + 8 if data[at] == V1 else 0
+    if data[at] == MAGIC_2:
+        return int(data[at + LENGTH_AT]) + AROUND_2_BYTES + SIGNATURE_BYTES * (int(data[at + FLAGS_AT]) & SIGNED)
+    return int(data[at + LENGTH_AT]) + AROUND_1_BYTES if data[at] == MAGIC_1 else 0
 
 
 @compiled
@@ -275,11 +292,11 @@ def scan_chunk(
         if not _take_stamp(data, stop, size, state, clock):
             break
         at = state[POS]
-        if state[BUFFERED] == 0 and size - at >= LONGEST:
+        if state[BUFFERED] == 0 and size - at >= MAX_FRAME_BYTES:
             total = announced(data, at)
             if total >= state[EXPECTED]:
                 state[POS] = at + total
-                state[EXPECTED] = 12 if data[at] == V2 else 8
+                state[EXPECTED] = AROUND_2_BYTES if data[at] == MAGIC_2 else AROUND_1_BYTES
                 if frame_is_good(data, at, total, crc_extra, table):
                     _record(data, at, total, base + at, row, state, clock, out)
                     row += 1
@@ -332,18 +349,14 @@ def walk(
     while at + 14 < size:
         if not final and at + HEADER > size:
             break
-        length = int(data[at + 9]) + 8
-        if data[at + 8] == V1:
-            number = int(data[at + 13])
-            length += 8
-        elif data[at + 8] == V2:
-            if at + HEADER > size:
-                return at, -1
-            number = int(data[at + 15]) | (int(data[at + 16]) << 8) | (int(data[at + 17]) << 16)
-            length += 12 + 13 * (int(data[at + 10]) & SIGNED)
-        else:
+        frame = at + STAMP_SIZE
+        total = announced(data, frame)
+        if total == 0:
             at += 1
             continue
+        if data[frame] == MAGIC_2 and at + HEADER > size:
+            return at, -1
+        length, number = STAMP_SIZE + total, _message_id(data, frame)
         if number < DENSE_IDS and known[number] >= 0 and not seen[number]:
             seen[number] = True
             return at, length
