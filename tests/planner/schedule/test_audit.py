@@ -69,7 +69,7 @@ def test_what_each_planner_answers_is_flown_and_a_wrong_claim_is_refused(planner
     (composition, *beside), legs = judged[-1], len(result.composition.services)
     honest(composition, *beside)
     for name, spoil in WRONG.items():
-        with pytest.raises(AuditError, match=f"answer of {planner} is wrong") as caught:
+        with pytest.raises(AuditError, match=f"plan of {planner} failed its audit") as caught:
             honest(spoil(composition), *beside)
         assert caught.value.planner == planner, name
         assert caught.value.leg is None or 1 <= caught.value.leg <= legs, name
