@@ -14,7 +14,7 @@ from skyway.models.composition.composition import Place
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from skyway.link.supervisor.journal.entries import Expected
+    from skyway.link.supervisor.journal.parts import Expected
     from skyway.link.supervisor.soc.modelled_use import ModelledUse
     from skyway.missions.autopilots.family import Family
     from skyway.missions.builder.mission_options import MissionOptions

@@ -13,8 +13,9 @@ from skyway.link.supervisor.departure import charging, departure, ground
 from skyway.link.supervisor.departure.parameter_changes import restore_at_end
 from skyway.link.supervisor.flight import air, landing
 from skyway.link.supervisor.job import Outcome
-from skyway.link.supervisor.journal.entries import Ended, Forecast, Resumed, Start, StateEntered
+from skyway.link.supervisor.journal.entries import Ended, Resumed, Start, StateEntered
 from skyway.link.supervisor.journal.file import SCHEMA, read_journal
+from skyway.link.supervisor.journal.parts import Forecast
 from skyway.link.supervisor.progress import DeliveryProgress
 from skyway.link.supervisor.soc.energy_learning import EnergyLearning
 from skyway.link.supervisor.states import ENDS, IN_AIR, State, Status, Turn

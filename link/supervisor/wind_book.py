@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.link.supervisor.flight.lean import WindAtLimit
-    from skyway.link.supervisor.journal.entries import Observation
+    from skyway.link.supervisor.journal.parts import Observation
     from skyway.models.drones.drag import DragModel
     from skyway.models.drones.telemetry import TelemetrySample
     from skyway.models.wind.ensemble import WindEnsemble

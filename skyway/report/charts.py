@@ -11,7 +11,7 @@ from skyway.report.svg import BROAD, Band, Chart, Course
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from skyway.report.document import FlightReport
+    from skyway.report.flight_report import FlightReport
     from skyway.report.series import Columns
 
 _GAP_S = 30.0

@@ -8,11 +8,28 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import msgspec
 from msgspec.structs import replace
 
 from skyway.link.supervisor.journal import entries
 from skyway.link.supervisor.journal import fields as of
+from skyway.report.flight_report import (
+    Decision,
+    Delivery,
+    Event,
+    FlightReport,
+    FlownLeg,
+    PlanInForce,
+    Planned,
+    PlannedLeg,
+    PlannedTimes,
+    Preflight,
+    Result,
+    Scenario,
+    Station,
+    Stop,
+    Times,
+    Totals,
+)
 from skyway.report.series import Columns, LegWind, Series, series_of, wind_errors
 
 if TYPE_CHECKING:
@@ -27,217 +44,6 @@ END_WORDS = ("delivered", "stopped-safe", "landed-elsewhere", "crashed", "left-t
 _QUIET = frozenset({"track", "truth"})
 _MAX_ROWS = 20_000
 _LANDING_S = 15.0
-
-
-class Scenario(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the plan was made: folder and digest."""
-
-    path: str | None
-    sha256: str | None
-
-
-class Delivery(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "from", "destination": "to"}):
-    """What was to be delivered, by what, and under which settings."""
-
-    origin: str | None
-    destination: str | None
-    drone: str | None
-    drone_name: str | None
-    vehicle: str | None
-    autopilot: str | None
-    payload_kg: float | None
-    reserve_soc: float | None
-    planner: str | None
-    supervised: bool | None
-    asking: str | None
-    forecast: entries.Forecast
-    scenario: Scenario
-
-
-class Result(msgspec.Struct, frozen=True, kw_only=True):
-    """How it ended, or that it has not; `resumed`: how often."""
-
-    ended: bool
-    state: str
-    delivered: bool
-    reason: str | None
-    station: str | None
-    time: str
-    flights: int
-    resumed: int
-
-
-class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "from", "destination": "to"}):
-    """A leg of the plan."""
-
-    origin: str | None
-    destination: str | None
-    via: list[str]
-    depart_s: float | None
-    arrive_s: float | None
-    flight_s: float | None
-    distance_m: float | None
-    soc_depart: float | None
-    soc_arrive: float | None
-    ground_speed_mps: float | None
-    p_reserve: float | None
-
-
-class Stop(msgspec.Struct, frozen=True, kw_only=True):
-    """Time at a station, planned or spent: how long it waits, how long it charges and to what."""
-
-    station: str | None
-    arrive_s: float | None
-    leave_s: float | None = None
-    wait_s: float | None = 0.0
-    charge_s: float | None = 0.0
-    soc_from: float | None
-    soc_to: float | None = None
-
-
-class Station(msgspec.Struct, frozen=True):
-    """A station on the map."""
-
-    lat: float
-    lon: float
-    name: str | None
-
-
-class Planned(msgspec.Struct, frozen=True, kw_only=True):
-    """The plan; `stations` grows by those that a map shows besides."""
-
-    legs: list[PlannedLeg]
-    stops: list[Stop]
-    stations: dict[str, Station]
-    cruise_height_m: float | None
-    climb_rate_mps: float | None
-    descent_rate_mps: float | None
-    airspeed_mps: float | None
-
-
-class Times(msgspec.Struct, frozen=True, kw_only=True):
-    """Times and charges of the whole that happened."""
-
-    depart_s: float | None
-    delivery_s: float | None
-    flight_s: float | None
-    wait_s: float | None
-    charge_s: float | None
-    lowest_soc: float | None
-    flights: int | None
-
-
-class PlannedTimes(Times, frozen=True, kw_only=True):
-    """The same as planned, with the arrival on average, and by which half and 95 % of such deliveries arrive."""
-
-    arrive_mean_s: float | None
-    arrive_p50_s: float | None
-    arrive_p95_s: float | None
-
-
-class Totals(msgspec.Struct, frozen=True, kw_only=True):
-    """The whole, planned and actual."""
-
-    planned: PlannedTimes
-    actual: Times
-
-
-class FlownLeg(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "from", "destination": "to"}):
-    """A flight: what was planned at the take-off, and what came of it."""
-
-    flight: int
-    origin: str | None
-    destination: str | None
-    via: tuple[str, ...]
-    depart_s: float
-    land_s: float | None = None
-    landed_at: str | None = None
-    as_planned: bool | None = None
-    planned_s: float | None
-    flight_s: float | None = None
-    soc_depart: float | None
-    planned_soc: float | None
-    soc_land: float | None = None
-    used_soc: float | None = None
-    modelled_soc: float | None = None
-    diverts: tuple[str, ...]
-    ground_speed_mps: float | None
-    way: tuple[tuple[float, float], ...]
-    wind: LegWind
-    most_cross_track_m: float | None = None
-
-
-class Decision(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that was decided, and by what."""
-
-    time_s: float
-    flight: int
-    state: str
-    action: str | None
-    where: str | None
-    reason: str | None
-    new_plan: bool | None
-    figures: dict[str, float]
-
-
-class PlanInForce(msgspec.Struct, frozen=True, kw_only=True):
-    """A plan that came into force, as its route."""
-
-    time_s: float
-    reason: str | None
-    route: list[str]
-
-
-class Preflight(msgspec.Struct, frozen=True, kw_only=True):
-    """The list before a take-off."""
-
-    time_s: float
-    flight: int
-    reason: str | None
-    checks: tuple[entries.Checked, ...]
-
-
-class Event(msgspec.Struct, frozen=True, kw_only=True):
-    """A record of the journal, as a reader of the report sees it."""
-
-    n: int
-    time_s: float
-    state: str
-    event: str
-    flight: int
-    reason: str | None
-
-
-class Sources(msgspec.Struct, frozen=True, kw_only=True):
-    """Names of the files that it was made from."""
-
-    journal: str
-    logs: list[str]
-    plan: str | None
-
-
-class FlightReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What was planned and what happened."""
-
-    schema: str
-    delivery: Delivery
-    outcome: Result
-    planned: Planned
-    totals: Totals
-    legs: list[FlownLeg]
-    stops: list[Stop]
-    decisions: list[Decision]
-    plans: list[PlanInForce]
-    preflights: list[Preflight]
-    contingencies: list[Event]
-    events: list[Event]
-    series: Series
-    sources: Sources | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """Return it as ``skyway.flight/1``."""
-        found: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
-        return found
 
 
 def flight_report(records: tuple[Record, ...], plan: dict[str, Any] | None = None) -> FlightReport:

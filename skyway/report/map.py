@@ -11,7 +11,7 @@ from skyway.report.svg import nice_step, safe, swatch
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from skyway.report.document import FlightReport, FlownLeg, PlannedLeg
+    from skyway.report.flight_report import FlightReport, FlownLeg, PlannedLeg
     from skyway.report.series import Columns
 
 WIDTH, _LEAST, _MOST = 640.0, 360.0, 760.0

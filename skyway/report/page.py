@@ -23,7 +23,7 @@ from skyway.report.svg import safe
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from skyway.report.document import FlightReport
+    from skyway.report.flight_report import FlightReport
     from skyway.report.map import Zone
     from skyway.report.series import WindExpected, WindFound
 

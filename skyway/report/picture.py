@@ -14,7 +14,7 @@ from skyway.report.svg import BROAD, HEIGHT, safe, swatch
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from skyway.report.document import FlightReport
+    from skyway.report.flight_report import FlightReport
     from skyway.report.map import Zone
 
 _SHOWN = 2

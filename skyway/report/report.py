@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from skyway.models.scenario.scenario import Scenario
-    from skyway.report.document import FlightReport
+    from skyway.report.flight_report import FlightReport
     from skyway.report.map import Zone
 
 
@@ -34,7 +34,8 @@ def flight(journal: Path, *, logs: Sequence[Path] = (), plan: Path | None = None
 
     from skyway.link.supervisor import read_journal
     from skyway.models.composition.file import load, to_json
-    from skyway.report.document import Sources, flight_report
+    from skyway.report.document import flight_report
+    from skyway.report.flight_report import Sources
     from skyway.report.series import log_series
 
     records = read_journal(journal).records
@@ -105,7 +106,7 @@ def _built_in(document: FlightReport) -> Scenario | None:
 
 def _add_stations(document: FlightReport, scenario: Scenario) -> None:
     """Put the other stations of the scenario beside those that the plan names."""
-    from skyway.report.document import Station
+    from skyway.report.flight_report import Station
 
     known = document.planned.stations
     for station in scenario.network.stations:

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from skyway.link.supervisor.departure.parameter_changes import told
-from skyway.link.supervisor.journal.entries import Briefed, CheckDone, ParameterToSet, Waiting, winds
+from skyway.link.supervisor.journal.entries import Briefed, CheckDone, Waiting
+from skyway.link.supervisor.journal.parts import ParameterToSet, winds
 from skyway.models.base.formatting import duration, percent, zone_clock
 
 if TYPE_CHECKING:

@@ -12,7 +12,8 @@ from skyway.link.supervisor.departure.parameter_changes import apply
 from skyway.link.supervisor.departure.preflight import run_checks
 from skyway.link.supervisor.flight.crash import crashed
 from skyway.link.supervisor.flight.pilot_intervention import refuse_foreign
-from skyway.link.supervisor.journal.entries import Checked, LegBegun, ListDone, OperatorNote, StartNote, Uploaded, winds
+from skyway.link.supervisor.journal.entries import LegBegun, ListDone, OperatorNote, StartNote, Uploaded
+from skyway.link.supervisor.journal.parts import Checked, winds
 from skyway.link.supervisor.journal.standing import standing
 from skyway.link.supervisor.legs import Leg, plan_leg, with_places
 from skyway.link.supervisor.observed.link_watch import must_answer, unanswered

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from skyway.link.supervisor.journal.entries import Expected
+from skyway.link.supervisor.journal.parts import Expected
 from skyway.link.supervisor.legs import cross_track_m
 
 if TYPE_CHECKING:

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.link.supervisor.journal.entries import Expected, Tracked, Winds, winds
+from skyway.link.supervisor.journal.entries import Tracked
+from skyway.link.supervisor.journal.parts import Expected, Winds, winds
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context

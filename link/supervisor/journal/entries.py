@@ -6,121 +6,17 @@ import math
 from collections.abc import Mapping  # noqa: TC003  the annotations are read at run time
 from typing import Any, ClassVar
 
-from skyway.link.supervisor.journal.entry import Entry, Part, Place, Share
+from skyway.link.supervisor.journal.entry import Entry, Place, Share
 from skyway.link.supervisor.journal.fields import number as of_number
+from skyway.link.supervisor.journal.parts import (  # noqa: TC001  the annotations are read at run time
+    Checked,
+    Expected,
+    Forecast,
+    ParameterToSet,
+    Standing,
+    Winds,
+)
 from skyway.models.base.formatting import wind_text
-from skyway.models.wind.summary import WindSummary, summary_from
-
-# Parts that several have
-
-
-class Winds(Part, frozen=True, kw_only=True):
-    """A summary of the winds that may be met; speeds in m/s, direction FROM, None: variable or unknown."""
-
-    mean_mps: float | None = None
-    p10_mps: float | None = None
-    p90_mps: float | None = None
-    from_deg: float | None = None
-    sector_share: Share = None
-
-    def words(self) -> str | None:
-        """Return it in the words that every wind is told in; None where it is unknown."""
-        found = summary_from({name: getattr(self, name) for name in self.__struct_fields__})
-        return None if found is None else str(found)
-
-
-def winds(summary: WindSummary) -> Winds:
-    """Return a summary of winds as the journal has it."""
-    return Winds(**summary.as_data())
-
-
-class Observation(Part, frozen=True, kw_only=True):
-    """A wind measured in flight, see `models.wind.estimation.field.WindObservation`."""
-
-    time_s: float | None
-    lat_deg: float | None
-    lon_deg: float | None
-    north_mps: float | None
-    east_mps: float | None
-    variance: float | None
-    height_m: float | None = None
-
-
-class Standing(Part, frozen=True, kw_only=True):
-    """What a resume needs besides the plan."""
-
-    station: str | None
-    visited: tuple[str, ...]
-    belief: dict[str, Any]
-    diverts: tuple[str, ...]
-    charge_to: Share
-    asked_once: bool | None
-    gauge: float | None
-    lost_soc: float | None
-    observations: tuple[Observation, ...]
-
-
-class Expected(Part, frozen=True, kw_only=True):
-    """What a flight is expected to come to, as the last decision found it.
-
-    Attributes
-    ----------
-    destination : str
-        Station id.
-    left_s, late_s : float
-        Flight time left, and how much later than planned at the take-off it lands.
-    soc_land, planned_soc_land, p_below_reserve : float
-        Charge at the landing: expected now, planned; probability that it is below the reserve.
-    cross_track_m : float
-        Distance from the way.
-    commanded_mps : float
-        Ground speed last sent.
-    believed_north_mps, believed_east_mps : float
-        Mean wind of the updated forecast, TOWARDS.
-    energy_factor : float
-        Energy against the model.
-    limited : str
-        What limits its speed.
-    """
-
-    destination: str | None = None
-    left_s: float | None = None
-    late_s: float | None = None
-    soc_land: Share = None
-    planned_soc_land: Share = None
-    p_below_reserve: Share = None
-    cross_track_m: float | None = None
-    commanded_mps: float | None = None
-    believed_north_mps: float | None = None
-    believed_east_mps: float | None = None
-    energy_factor: float | None = None
-    limited: str | None = None
-
-
-class Checked(Part, frozen=True, kw_only=True):
-    """One entry of the list before a take-off."""
-
-    name: str | None
-    verdict: str | None
-    said: str | None
-
-
-class ParameterToSet(Part, frozen=True, kw_only=True):
-    """A parameter that a take-off changes."""
-
-    name: str | None
-    now: float | None
-    then: float | None
-    why: str | None
-
-
-class Forecast(Part, frozen=True, kw_only=True):
-    """The forecast that a delivery began with."""
-
-    members: int | None = None
-    labels: tuple[str, ...] = ()
-    height_m: float | None = None
-
 
 # The delivery
 

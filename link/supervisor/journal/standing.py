@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from skyway.link.supervisor.journal.entries import Observation, Standing
+from skyway.link.supervisor.journal.parts import Observation, Standing
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
