@@ -1,8 +1,9 @@
 """Compiled kernels of flights through slotted wind: the wind triangle, the slots, and the walk through them.
 
-See `models.flight.rules` for the rules and `SegmentWind` for the arrays. Whatever flies through slots (in one member, in a
-table of speeds, in gusts, in wind that is taken to be worse) takes slots from `slot_number` and `slot_until`, flies each
-part of a segment by `flown_part`, and, where the speed follows from slot and segment alone, walks by `cross`.
+See `models.flight.rules` for the rules and `SegmentWind` for the arrays. Whatever flies through slots (in one member,
+in a table of speeds, in gusts, in wind that is taken to be worse) takes slots from `slot_number` and `slot_until`,
+flies each part of a segment by `flown_part`, and, where the speed follows from slot and segment alone, walks by
+`cross`.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ def slot_end(air: SegmentWind, slot: int) -> float:
 
 @compiled_lean
 def wind_on(air: SegmentWind, member: int, slot: int, segment: int) -> tuple[float, float]:
-    """Wind (north, east) over a segment in one slot of one member."""
+    """Wind (north, east) over a segment in one slot of one member, m/s: the weighted mean of the sites."""
     north = 0.0
     east = 0.0
     for site in range(air.weight.shape[1]):
@@ -106,7 +107,11 @@ def wind_on(air: SegmentWind, member: int, slot: int, segment: int) -> tuple[flo
 
 @compiled_lean
 def speed_in(air: SegmentWind, segment: int, north: float, east: float) -> float:
-    """Ground speed over a segment in a wind (equations 1-5); 0 where it cannot be flown."""
+    """Ground speed over a segment in a wind (north, east), m/s; 0 where it cannot be flown.
+
+    Equations 1-5 of the paper: A along the course, C across it, B = sqrt(S^2 - C^2), ground speed A + B, capped at what
+    the vehicle is commanded (`models.wind.triangle`).
+    """
     along, across = along_across(north, east, air.cos_bearing[segment], air.sin_bearing[segment])
     forward = forward_mps(air.airspeed_mps, across)
     if flyable(along, forward, north * north + east * east, air.wind_limit_mps):
@@ -123,7 +128,10 @@ def segment_speed(air: SegmentWind, member: int, slot: int, segment: int) -> flo
 
 @compiled_lean
 def flown_part(left_m: float, speed_mps: float, now_s: float, end_s: float) -> tuple[float, bool]:
-    """Fly on over a segment until it or the slot ends, whichever is first: (seconds flown, whether the segment has ended)."""
+    """Fly on over a segment until it or the slot ends, whichever is first.
+
+    Returns the seconds flown and whether the segment has ended.
+    """
     whole_s = left_m / speed_mps
     if end_s == NEVER or now_s + whole_s <= end_s:
         return whole_s, True
@@ -137,8 +145,10 @@ def cross(
     """Time at which a segment entered at `time_s` is left again; never where a slot on the way forbids it.
 
     The ground speed in a slot over the segment is ``speed_over(wind, slot, segment)``, m/s, 0 where it forbids it.
-    ``left`` is the length that is left at time ``now``: left <- left - speed * (end of the slot - now), now <- end of the slot.
+    ``left`` is the length that is left at time ``now``: left <- left - speed * (end of the slot - now), now <- end of
+    the slot.
     """
+    # Slot by slot, at the speed of each.
     left = length_m
     now = time_s
     slot = slot_number(slots, now)
@@ -166,9 +176,13 @@ def land_by(
     segments: Sequence[int] | NDArray[np.int64],
     depart_s: float,
 ) -> float:
-    """Touch-down of a flight over segments at the speeds of `cross`; never where a slot that it touches forbids one of them.
+    """Touch-down of a flight over segments at the speeds of `cross`, POSIX seconds.
 
-    `distance_m` has the length of every segment, shape (all segments,); `segments`, an array or a tuple, names those that are flown.
+    Climb, the segments in turn, descent; never where a slot that the flight touches forbids one of the segments, even
+    one that is flown in another slot: with that rule leaving later never arrives earlier (FIFO, `models.flight.rules`).
+
+    `distance_m` has the length of every segment, shape (all segments,); `segments`, an array or a tuple, names those
+    that are flown.
     """
     now = depart_s + climb_s
     for segment in segments:
@@ -176,6 +190,7 @@ def land_by(
         if now == NEVER:
             return NEVER
     now += descent_s
+    # The slots that it touches; a touch-down as a slot begins does not touch that one.
     first = slot_number(slots, depart_s)
     last = slot_number(slots, now - 2.0 * SLOT_EDGE_S)
     if len(segments) == 1 and last == first:
@@ -212,9 +227,10 @@ def land(air: SegmentWind, member: int, segments: Sequence[int] | NDArray[np.int
 def next_flight(
     air: SegmentWind, member: int, segments: Sequence[int] | NDArray[np.int64], time_s: float
 ) -> tuple[float, float]:
-    """Take-off and touch-down of a flight that leaves at `time_s` or, held by the wind, when it first can; never where it stays over limits.
+    """Take-off and touch-down of a flight that leaves at `time_s` or, held by the wind, when it first can.
 
-    Held flights leave as a slot begins: within one, none that leaves later is down earlier.
+    POSIX seconds; never where the wind stays over limits. Held flights leave as a slot begins: within a slot, leaving
+    later never arrives earlier.
     """
     off = time_s
     while True:
@@ -230,8 +246,8 @@ def next_flight(
 def next_opening(air: SegmentWind, member: int, segments: Sequence[int] | NDArray[np.int64], time_s: float) -> float:
     """First time from `time_s` on at which a take-off makes a flyable flight; never where the wind stays over limits.
 
-    Takes a member and segments of the air (checked where `air_over` and the itinerary are made), and any time: none that is infinite or NaN is
-    flyable.
+    Takes a member and segments of the air (checked where `air_over` and the itinerary are made), and any time: none
+    that is infinite or NaN is flyable.
     """
     return next_flight(air, member, segments, time_s)[0]
 

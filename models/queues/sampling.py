@@ -337,10 +337,15 @@ def _path(
 
 @compiled_lean
 def _after(t: float, amount: float, rates: Floats, first_s: float) -> float:
-    """Find when a rate, constant within hours, has added up to an amount since `t`; inf if it never does."""
+    """Find when a rate, constant within hours, has added up to an amount since `t`; inf if it never does.
+
+    The time of the next event of a Poisson process, for a standard exponential `amount`: the t' with integral of the
+    rate from t to t' = amount. `rates` are per s, the first hour begins at `first_s`, the last never ends.
+    """
     last = len(rates) - 1
     slot = min(max(int((t - first_s) / 3600.0), 0), last)
     while slot < last:
+        # What this hour adds from t on, and whether that is enough.
         ends = first_s + (slot + 1) * 3600.0
         inside = rates[slot] * (ends - t)
         if inside >= amount and rates[slot] > 0.0:
@@ -364,14 +369,19 @@ def _lived(
     present: int,
     known: Floats,
 ) -> tuple[Floats, Floats, Floats, int, Floats, bool]:
-    """Serve those who are there at first and all who arrive until the end, first come, first served.
+    """Serve the drones present at first and all that arrive until the end, first come, first served.
 
-    Takes finite deviates from 0 up, hourly rates from 0 up that hold from before the start to the end, and as many known times as pads are busy at
-    most; `_check` and `PadLoad` see to it.
+    For the i-th of them: it arrives at a_i, the next event after a_(i-1) of a Poisson process with the arrival rate; it
+    gets the pad that is free first, at b_i = max(a_i, f), and leaves it at the next event after b_i with the service
+    rate, which is the pad's new f. `QueuePath` is what a drone meets behind the first 0, 1, 2, ... of those that come
+    after the start.
+
+    Takes finite deviates from 0 up, hourly rates from 0 up that hold from before the start to the end, and as many
+    known times as pads are busy at most; `_check` and `PadLoad` see to it.
 
     Parameters
     ----------
-    draws : ndarray
+    draws : ndarray, shape (deviates,)
         Standard exponential deviates, used in order.
     pads, spots, known
         Of `sample_path`; `known` are its remaining times.
@@ -395,6 +405,7 @@ def _lived(
     came, began, ready, left = np.empty(size), np.empty(size), np.empty(size + 1), np.empty(size + pads)
     free = np.full(pads, -np.inf)
     now, waiting, used = first_s, 0, 0
+    # Drones present at the start: on pads, for times that are known or sampled, and the rest in line.
     if present >= 0:
         now, waiting = start_s, max(present - pads, 0)
         free[: len(known)] = start_s + known
@@ -402,6 +413,7 @@ def _lived(
             free[pad] = _after(start_s, draws[used], services, first_s)
             used += 1
     at_start, gone, later = 0, waiting, 0
+    # Departures after the start, at first of the drones on pads then.
     if present >= 0:
         for pad in range(pads):
             if free[pad] > start_s:
@@ -410,10 +422,12 @@ def _lived(
         at_start = later
     count = 0
     while True:
+        # The pad that is free first: a drone of ours behind the first `count` others would get it then.
         earliest = np.argmin(free)
         ready[count] = free[earliest]
         if used + 2 > size:
             return came, ready, began, 0, left, False
+        # The next arrival, once those that waited at the start are served; the path ends with the horizon.
         if count >= waiting:
             now = _after(now, draws[used], arrivals, first_s)
             used += 1
@@ -421,6 +435,7 @@ def _lived(
                 break
             if now <= start_s:
                 gone = count + 1
+        # It gets its pad and leaves it.
         came[count], began[count] = now, max(now, free[earliest])
         free[earliest] = _after(began[count], draws[used], services, first_s)
         used += 1
@@ -430,6 +445,7 @@ def _lived(
             if gone > count:
                 at_start += 1
         count += 1
+    # The path begins behind those present at the start.
     pad_s = ready[gone : count + 1].copy()
     land_s = pad_s.copy()
     # It may stand on a holding spot once the drone that is `spots` places ahead in the line has its pad.

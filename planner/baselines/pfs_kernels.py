@@ -1,4 +1,20 @@
-"""Kernel of the forward search: depth first, best first; candidates are evaluated as late as possible."""
+"""Kernel of the forward search: depth first, best first; candidates are evaluated as late as possible.
+
+The path is a stack of frames, one a station. From the last one the search goes on to the neighbour n of least rank
+
+    rank(n) = flight to n + wait there + recharge + min over stations m beyond n of
+              (flight n to m + wait at m + factor * straight flight from m to the destination)
+
+(all expected; `planner.lookahead.lookahead_kernels.rank`), and to the destination as soon as it is in reach. A station
+without candidates is a dead end: it is remembered with its time, and the search goes back.
+
+A rank is expensive to compute, so each candidate has a key that is first a bound from below: by its distance, by its
+flight, by the tabled flights beyond it, and at last the rank itself. Only the candidate of least key is evaluated
+further; when the least key is a rank, it is the least rank (as in branch and bound).
+
+Source: Shahzaad, Bouguettaya and Mistry, "Robust Composition of Drone Delivery Services under Uncertainty", ICWS 2021,
+Algorithm 1; what is repaired in it: docs/explanation/planners.md.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +41,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FOUND, EXHAUSTED, NEEDS_WAITS, DEAD_END = range(4)
-"""What `search` returns: the path is in the frames; there is none; the waits of the node in the tally are needed, then call
-again; the first dead end has been met, call again to go on."""
+"""What `search` returns: the path is in the frames; there is none; the waits of the node in the tally are needed, then
+call again; the first dead end has been met, call again to go on."""
 _FRESH, _BARE, _OPEN, _HOLDING = range(4)
-"""Stages of a frame: candidates not listed yet; those in reach as the drone stands, those in reach after charging, those
-that better wind brings into reach."""
+"""Stages of a frame: candidates not listed yet; those in reach as the drone stands, those in reach after charging,
+those that better wind brings into reach."""
 _BOUNDED, _EVALUATED, _LOOKED, _RANKED, _PASSED, _USED, _CLOSED = range(7)
-"""Stages of a candidate: its key is a bound from its distance; a bound from its flight; a bound from the flights beyond it
-too; its rank; it is on the path already; it has been tried or is no place to land; it is out of reach."""
+"""Stages of a candidate: its key is a bound from its distance; a bound from its flight; a bound from the flights beyond
+it too; its rank; it is on the path already; it has been tried or is no place to land; it is out of reach."""
 _DESTINATION_KEY = -1.0
 _NONE, _UNKNOWN = -1, -2
 """Answers of `_best` that are no segment: there is none left; a wait is not known yet."""
@@ -68,14 +84,14 @@ class Frames(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """Where to go on to, by segment: no station is twice on the path, so each segment is a candidate of one frame at most.
+    """Where to go on to, by segment: as no station is twice on the path, each is a candidate of one frame at most.
 
     Attributes
     ----------
     stage : ndarray of int, shape (segments,)
-        How far it is judged.
+        How far it is evaluated.
     key : ndarray, shape (segments,)
-        Its rank, or a lower bound.
+        Its rank, or a lower bound, s.
     leave_s, mean_s, soc, charge_to : ndarray, shape (segments,)
         The flight, see `Flight`.
     """
@@ -136,19 +152,26 @@ class Start(NamedTuple):
 def search(world: World, start: Start, frames: Frames, candidates: Candidates, marks: Marks) -> int:
     """Continue the search from the current frames; see the names of the answers.
 
-    Takes a world, frames and marks as `planner.lookahead` lays them out: as many frames as stops at most, one mark a node.
+    Exponential in the number of stations at worst; dead ends, which are remembered, and `_leave_cut_off` keep it far
+    from that.
+
+    Takes a world, frames and marks as `planner.lookahead` lays them out: as many frames as stops at most, one mark a
+    node.
     """
+    # The first call: the path is the start.
     if frames.depth[0] < 0:
         frames.depth[0] = 0
         _enter(frames, 0, start.node, start.time_s, start.soc)
         marks.on_path[start.node] = True
     while True:
         f = frames.depth[0]
+        # The candidate of least rank; if a wait is not known, it is asked for and the search resumes here.
         if frames.stage[f] == _FRESH and not _list(world, start, frames, f, candidates):
             return NEEDS_WAITS
         chosen = _best(world, frames, f, candidates, marks)
         if chosen == _UNKNOWN:
             return NEEDS_WAITS
+        # None left: hold for better wind once, then give the station up as a dead end.
         if chosen == _NONE:
             if frames.stage[f] != _HOLDING and not (f == 0 and start.in_flight):
                 _list_held(world, frames, f, candidates, marks)
@@ -161,6 +184,7 @@ def search(world: World, start: Start, frames: Frames, candidates: Candidates, m
             if first:
                 return DEAD_END
             continue
+        # Go on to it.
         candidates.stage[chosen] = _USED
         node = world.graph.head[chosen]
         arrive = candidates.leave_s[chosen] + candidates.mean_s[chosen]
@@ -175,14 +199,17 @@ def search(world: World, start: Start, frames: Frames, candidates: Candidates, m
 
 @compiled_lean
 def _enter(frames: Frames, f: int, node: int, arrive_s: float, soc: float) -> None:
-    """Begin a frame."""
+    """Begin frame f: at `node` from `arrive_s` on, with charge `soc`."""
     frames.node[f], frames.stage[f], frames.arrive_s[f], frames.soc[f] = node, _FRESH, arrive_s, soc
     frames.limited[f] = False
 
 
 @compiled_lean
 def _leave(frames: Frames, f: int, marks: Marks) -> None:
-    """Give up a frame: its station is a dead end."""
+    """Give up a frame: its station is a dead end.
+
+    Where neither wind nor charge closed a way, an earlier arrival would fare no better: it is one at any time.
+    """
     node = frames.node[f]
     limited = frames.limited[f] or marks.closed[node]
     marks.on_path[node] = False
@@ -206,6 +233,7 @@ def _leave_cut_off(world: World, frames: Frames, marks: Marks) -> None:
     size = 0
     while frames.depth[0] >= 0:
         f = frames.depth[0]
+        # Flood from the last station over open ones; where that reaches the destination, there is still a way.
         marks.queue[0] = frames.node[f]
         size = 1
         while size > 0:
@@ -220,6 +248,7 @@ def _leave_cut_off(world: World, frames: Frames, marks: Marks) -> None:
                     seen[other] = True
                     marks.queue[size] = other
                     size += 1
+        # No way: give the frame up, and try from the one before.
         node = frames.node[f]
         marks.on_path[node] = False
         marks.dead_s[node] = frames.arrive_s[f]
@@ -236,7 +265,11 @@ def _stand(frames: Frames, f: int) -> Stand:
 
 @compiled_lean
 def _list(world: World, start: Start, frames: Frames, f: int, candidates: Candidates) -> bool:
-    """List the candidates of a fresh frame; false where the wait there is not known yet."""
+    """List the candidates of a fresh frame; false where the wait there is not known yet.
+
+    The drone may charge from its arrival plus the expected wait on, but nowhere without pads and not where it starts in
+    flight.
+    """
     node, graph = frames.node[f], world.graph
     frames.pad_s[f] = NEVER
     if graph.stops[node] and not (f == 0 and start.in_flight):
@@ -259,7 +292,12 @@ def _list(world: World, start: Start, frames: Frames, f: int, candidates: Candid
 
 @compiled_lean
 def _list_bounds(world: World, stand: Stand, candidates: Candidates) -> None:
-    """List the segments that leave a station, with bounds from their lengths."""
+    """List the segments that leave a station, with bounds from their lengths.
+
+    key = (earliest take-off - now) + T + D, T the time of a flight over the segment at the greatest ground speed and D
+    that of a straight flight on to the destination. The earliest take-off is after a full charge or, where just enough
+    is charged, after what T needs at least.
+    """
     need, policy, air = world.need, world.policy, world.ways.air
     charged = stand.time_s
     if policy.full and stand.pad_s < NEVER and stand.soc < 1.0:
@@ -271,6 +309,7 @@ def _list_bounds(world: World, stand: Stand, candidates: Candidates) -> None:
             candidates.key[segment] = _DESTINATION_KEY
         elif world.graph.stops[other]:
             least = least_time(air, segment)
+            # Rounded down, so that rounding never makes the bound too high.
             lacks = (1.0 - 1e-9) * (need.soc_fixed + need.soc_per_s * least + policy.reserve)
             leave = charged
             if not policy.full and lacks > stand.soc and stand.pad_s < NEVER:
@@ -284,12 +323,14 @@ def _list_bounds(world: World, stand: Stand, candidates: Candidates) -> None:
 def _list_held(world: World, frames: Frames, f: int, candidates: Candidates, marks: Marks) -> None:
     """List the stations that better wind brings into reach while the drone waits, charged."""
     node, graph = frames.node[f], world.graph
+    # What was skipped is no longer a candidate; whether it was closed decides about the dead end.
     for segment in range(graph.first[node], graph.first[node + 1]):
         if candidates.stage[segment] == _PASSED:  # no need to hold for it, but is it in reach?
             _evaluate(world, frames, f, candidates, segment)
             marks.closed[node] |= candidates.stage[segment] == _CLOSED
             candidates.stage[segment] = _USED
     frames.stage[f] = _HOLDING
+    # What is out of reach now: the first flight in better wind.
     for segment in range(graph.first[node], graph.first[node + 1]):
         if candidates.stage[segment] == _CLOSED:
             marks.closed[node] = True
@@ -306,7 +347,11 @@ def _evaluate(world: World, frames: Frames, f: int, candidates: Candidates, segm
 
 @compiled_lean
 def _put(world: World, stand: Stand, candidates: Candidates, segment: int, flight: Flight) -> None:
-    """Note the flight of a candidate, and the bound of its rank that follows from it."""
+    """Note the flight of a candidate, and the bound of its rank that follows from it.
+
+    key = (touch-down - now) + straight flight on at the greatest ground speed + what is known of the stop: its wait,
+    and a full charge.
+    """
     if flight.leave_s == NEVER:
         candidates.stage[segment] = _CLOSED
         return
@@ -341,17 +386,20 @@ def _best(world: World, frames: Frames, f: int, candidates: Candidates, marks: M
     """Candidate of least rank, each judged only as far as it takes to know it."""
     node, graph = frames.node[f], world.graph
     while True:
+        # The candidate of least key; if that is a rank, the answer.
         least, best = NEVER, _NONE
         for segment in range(graph.first[node], graph.first[node + 1]):
             if candidates.stage[segment] <= _RANKED and candidates.key[segment] < least:
                 least, best = candidates.key[segment], segment
         if best == _NONE or candidates.stage[best] == _RANKED:
             return best
+        # On the path or dead: skipped, whatever its rank.
         other = graph.head[best]
         if _turned_away(marks, other, candidates, best):
             candidates.stage[best] = _PASSED
             frames.limited[f] |= math.isfinite(marks.dead_s[other])
             continue
+        # Else one step of evaluation: flight, flights beyond, rank.
         if candidates.stage[best] == _BOUNDED:
             _evaluate(world, frames, f, candidates, best)
             continue

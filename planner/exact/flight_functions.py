@@ -1,10 +1,20 @@
 """Arrival functions of flights: the earliest touch-down at every station for each take-off time.
 
 Between take-off and landing a drone may overfly stations. For take-offs within one time slot the earliest arrival over
-all walks is a continuous, never-decreasing, piecewise-linear function of the take-off time; it is found for all
-stations at once by label correction on whole functions (profile search; Dean, "Shortest paths in FIFO time-dependent
-networks", 2004). The rule that no segment of a flight may be over the limits in any slot the flight touches
-(`models.flight.rules`) is met by one search for each last slot, on the segments that are open in all slots up to it.
+all walks is a continuous, never-decreasing, piecewise-linear function A_v(t) of the take-off time t for each node v.
+With T(x) the time at which the segment (v, w) is left that was entered at x (`table_cruise`), they are the greatest
+that satisfy
+
+    A_source(t) = t + climb,     A_w(t) <= T(A_v(t)) for each segment (v, w)
+
+and are found for all stations at once by label correction on whole functions: A_w <- min(A_w, T o A_v) until nothing
+changes (profile search). Touch-down is A_v(t) + descent. The rule that no segment of a flight may be over the limits in
+any slot the flight touches (`models.flight.rules`) is met by one search for each last slot, on the segments that are
+open in all slots up to it.
+
+A function is two arrays t, a of n points, POSIX seconds, linear between them.
+
+Source: Dean, "Shortest paths in FIFO time-dependent networks: theory and algorithms" (2004).
 """
 
 from __future__ import annotations
@@ -30,7 +40,10 @@ _POINTS = 16  # points of a function at first; grows as needed
 
 @compiled
 def _entered(table: FlightTable, segment: int, slot: int, since_s: float) -> float:
-    """When a segment was entered that is left as a slot ends; -inf where that was before `since_s`."""
+    """When a segment was entered that is left as a slot ends; -inf where that was before `since_s`.
+
+    T^-1, slot by slot backwards.
+    """
     left = table.distance_m[segment]
     now = table_slot_end(table, slot)
     while now > since_s:
@@ -50,10 +63,11 @@ def _entered(table: FlightTable, segment: int, slot: int, since_s: float) -> flo
 def _link(
     table: FlightTable, segment: int, last_slot: int, t: NDArray[np.float64], a: NDArray[np.float64], n: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Append a segment to an arrival function of n points.
+    """Append a segment to an arrival function of n points: T o A.
 
-    A segment's own arrival function bends where it is entered at the boundary of two slots, and where it is left at one:
-    that boundary, however many lie before it on the way, is pulled back through the segment.
+    A segment's own arrival function bends where it is entered at the boundary of two slots, and where it is left at
+    one: that boundary, however many lie before it on the way, is pulled back through the segment. Between bends T is
+    linear, so points at all of them and at those of A are exact.
     """
     entering = table_slot(
         table, a[0]
@@ -65,6 +79,7 @@ def _link(
     leave = _entered(table, segment, leaving, a[0]) if leaving < last_slot else NEVER
     size = 0
     for k in range(n):
+        # The points of A, and between each two of them the bends of T that lie there, in order.
         out_t[size], out_a[size] = t[k], table_cruise(table, segment, a[k], last_slot)
         size += 1
         while k < n - 1:
@@ -72,10 +87,12 @@ def _link(
             if x >= a[k + 1]:
                 break
             if a[k] + _EPS_S < x < a[k + 1] - _EPS_S:
+                # The take-off that enters the segment at the bend x.
                 where = t[k] + (x - a[k]) / (a[k + 1] - a[k]) * (t[k + 1] - t[k])
                 if out_t[size - 1] < where < t[k + 1]:
                     out_t[size], out_a[size] = where, table_cruise(table, segment, x, last_slot)
                     size += 1
+            # The next bend of the kind that was met.
             if enter <= leave:
                 entering += 1
                 enter = table_slot_end(table, entering) if entering < last_slot else NEVER
@@ -87,7 +104,7 @@ def _link(
 
 @compiled
 def _at(t: NDArray[np.float64], a: NDArray[np.float64], n: int, x: float) -> float:
-    """Value of a function of n points at x within its domain."""
+    """Value of a function of n points at x, held beyond its ends; by bisection."""
     low, high = 0, n - 1
     if x <= t[0]:
         return a[0]
@@ -113,8 +130,12 @@ def _lower(
     a1: NDArray[np.float64],
     n1: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int, bool]:
-    """Lower envelope of two functions on the same domain; the flag tells whether the second is anywhere lower."""
+    """Lower envelope of two functions on the same domain; the flag tells whether the second is anywhere lower.
+
+    If it is not, at the points of either, the first is returned as it is: most corrections change nothing.
+    """
     better = False
+    # Is the second lower anywhere?
     for k in range(n1):
         if a1[k] < _at(t0, a0, n0, t1[k]) - _EPS_S:
             better = True
@@ -126,25 +147,27 @@ def _lower(
                 break
     if not better:
         return t0, a0, n0, False
+    # The points of both in order; their values there and at the point before; where the two cross in between.
     xs = np.sort(np.concatenate((t0[:n0], t1[:n1])))
     out_t = np.empty(2 * len(xs))
     out_a = np.empty(2 * len(xs))
     size = 0
     for k in range(len(xs)):
         x = xs[k]
-        u, v = _at(t0, a0, n0, x), _at(t1, a1, n1, x)
+        now0, now1 = _at(t0, a0, n0, x), _at(t1, a1, n1, x)
         if k > 0:
-            w = xs[k - 1]
-            p, q = _at(t0, a0, n0, w), _at(t1, a1, n1, w)
-            if (p - q) * (u - v) < 0.0 and x > w:
-                part = (p - q) / ((p - q) - (u - v))
-                where = w + part * (x - w)
+            before = xs[k - 1]
+            was0, was1 = _at(t0, a0, n0, before), _at(t1, a1, n1, before)
+            if (was0 - was1) * (now0 - now1) < 0.0 and x > before:
+                part = (was0 - was1) / ((was0 - was1) - (now0 - now1))
+                where = before + part * (x - before)
                 if out_t[size - 1] + _EPS_S < where < x - _EPS_S:
-                    out_t[size], out_a[size] = where, p + part * (u - p)
+                    out_t[size], out_a[size] = where, was0 + part * (now0 - was0)
                     size += 1
+        # Points closer than the tolerance count once.
         if size > 0 and x <= out_t[size - 1] + _EPS_S and k < len(xs) - 1:
             continue
-        out_t[size], out_a[size] = x, min(u, v)
+        out_t[size], out_a[size] = x, min(now0, now1)
         size += 1
     return out_t, out_a, _straighten(out_t, out_a, size), True
 
@@ -179,17 +202,24 @@ def _search(
     limit_s: float,
     useful: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Arrival over every node (before descent) for take-offs in slot ``slots[0]``, on segments open up to ``slots[1]``."""
+    """Arrival over every node (before descent) for take-offs in slot ``slots[0]``, on segments open up to ``slots[1]``.
+
+    Returns t, a, shape (nodes, points), and n, shape (nodes,): the functions, with no points where there is no way
+    within `limit_s`. Label correction with a first-in-first-out queue (Bellman and Ford): O(nodes x segments) functions
+    at worst, in practice each segment a few times.
+    """
     s0, s1 = slots
     nodes = len(table.first) - 1
     t = np.empty((nodes, _POINTS))
     a = np.empty((nodes, _POINTS))
     n = np.zeros(nodes, dtype=np.int64)
+    # The source: over it a climb after each take-off of the slot.
     begin = _slot_begin(table, s0)
     end = table.start_s + (s0 + 1) * table.slot_s
     t[source, 0], t[source, 1] = begin, end
     a[source, 0], a[source, 1] = begin + table.climb_s, end + table.climb_s
     n[source] = 2
+    # Nodes whose function has changed, in a ring.
     queue = np.empty(nodes + 1, dtype=np.int64)
     queued = np.zeros(nodes, dtype=np.bool_)
     queue[0], queued[source] = source, True
@@ -202,17 +232,20 @@ def _search(
             other = table.head[segment]
             if not useful[other]:
                 continue
+            # Skip segments that are closed in one of the slots, and the way back to the source.
             closed = False
             for slot in range(s0, s1 + 1):
                 closed = closed or table.speed_mps[slot, segment] <= 0.0
             if closed or other == source:
                 continue
+            # T o A, if it is short enough for the battery at any time.
             lt, la, ln = _link(table, segment, s1, t[node], a[node], n[node])
             shortest = NEVER
             for k in range(ln):
                 shortest = min(shortest, la[k] - lt[k])
             if shortest + table.descent_s > limit_s:
                 continue
+            # The lower envelope with what is known of the node; if that changes, the node is queued again.
             if n[other] > 0:
                 lt, la, ln, better = _lower(t[other], a[other], n[other], lt, la, ln)
                 if not better:
@@ -239,7 +272,11 @@ def arrival_functions(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Earliest touch-down at every node for take-offs at `source` within one slot.
 
-    Takes a node and a slot of the table, and flags for all nodes; speeds finite and 0 or more (`kernel_inputs.check_speeds`).
+    One search for each last slot in which a flight may end, the earliest first: the answer of a search holds for the
+    take-offs that are down by the end of its last slot, if no earlier search has answered for them.
+
+    Takes a node and a slot of the table, and flags for all nodes; speeds finite and 0 or more
+    (`kernel_inputs.check_speeds`).
 
     Parameters
     ----------
@@ -282,6 +319,7 @@ def arrival_functions(
             found = np.empty((n[node], 4))
             size = 0
             for k in range(n[node] - 1):
+                # Touch-downs of a piece, cut to the take-offs that are still unanswered and that are down by then.
                 t0, a0 = t[node, k], a[node, k] + table.descent_s
                 t1, a1 = t[node, k + 1], a[node, k + 1] + table.descent_s
                 if t1 <= taken[node] or t1 <= t0 or a0 > bound:
@@ -318,6 +356,7 @@ def flights_from(
         return found[0]
     for offset, _ in found:
         total += offset
+    # The pieces of each node, slot after slot.
     out = np.empty((total[-1], 4))
     place = total[:-1].copy()
     for offset, pieces in found:
@@ -332,7 +371,10 @@ def flights_from(
 def _pack(
     nodes: int, pieces: list[NDArray[np.float64]], owner: list[NDArray[np.int64]]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Sort pieces by node, keeping their order."""
+    """Sort pieces by node, keeping their order: offset and pieces as `arrival_functions` returns them.
+
+    `owner` is the node of each piece, block by block like `pieces`. Counting sort, O(nodes + pieces).
+    """
     offset = np.zeros(nodes + 1, dtype=np.int64)
     for block in owner:
         for node in block:

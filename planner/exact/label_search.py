@@ -20,7 +20,7 @@ import numpy as np
 
 from skyway.planner.exact.flight_functions import flights_from
 from skyway.planner.exact.relaxation import run_backward
-from skyway.planner.exact.relaxation_kernels import slack
+from skyway.planner.exact.relaxation_grid_kernels import slack
 from skyway.planner.exact.stop_label_kernels import stop_labels_after
 from skyway.planner.exact.stop_labels import StopLabel, come_by_s, only_at
 from skyway.planner.problem.flight_table import table_slot

@@ -21,15 +21,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.exact.relaxation_kernels import (
-    Cells,
-    Pass,
-    backward_pass,
-    forward_pass,
-    in_time,
-    least_times,
-    queue_cells,
-)
+from skyway.planner.exact.relaxation_grid_kernels import Cells, least_times, queue_cells
+from skyway.planner.exact.relaxation_kernels import Pass, backward_pass, forward_pass, in_time
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

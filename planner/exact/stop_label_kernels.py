@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.jit.compiled import compiled
-from skyway.planner.exact.relaxation_kernels import Cells, slack
-from skyway.planner.schedule.profile_kernels import departure_profile, fly_profile, stop_profile
+from skyway.planner.exact.relaxation_grid_kernels import Cells, slack
+from skyway.planner.schedule.leg_profile_kernels import fly_profile, stop_profile
+from skyway.planner.schedule.profile_kernels import departure_profile
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,12 +21,15 @@ class Grounds(NamedTuple):
 
     Attributes
     ----------
-    queue_offset, arrival_s, pad_s, land_s, delay_s
-        Queue paths of all nodes, packed by `models.queues.sampling.pack`.
+    queue_offset : ndarray of int, shape (nodes + 1,)
+        Entries of node i are ``queue_offset[i] : queue_offset[i + 1]`` of the next four.
+    arrival_s, pad_s, land_s, delay_s : ndarray, shape (entries,)
+        Queue paths of all nodes, POSIX seconds (`delay_s`: seconds), packed by `models.queues.sampling.pack`.
     curve_of : ndarray of int, shape (nodes,)
         Kind of pad.
     curve_s, curve_soc : ndarray, shape (kinds, points)
         Charging curves, padded by repeating the last point; `curve_points` says how many there are.
+    curve_points : ndarray of int, shape (kinds,)
     """
 
     queue_offset: NDArray[np.int64]
@@ -40,7 +44,21 @@ class Grounds(NamedTuple):
 
 
 class Costs(NamedTuple):
-    """Of flights and of charging: see `planner.problem.problem.Problem` and `stop_label_bound`."""
+    """Of flights and of charging: see `planner.problem.problem.Problem` and `stop_label_bound`.
+
+    Attributes
+    ----------
+    soc_per_s, soc_fixed : float
+        A flight of T seconds takes ``soc_fixed + soc_per_s * T``.
+    margin_soc_per_s : float
+        What it must keep on touch-down beyond the reserve, for each of its seconds.
+    reserve : float
+        What it must keep, SoC.
+    rate_per_s : float
+        Greatest rate of charging of any pad.
+    landing_s : float
+        Climb and descent together, s.
+    """
 
     soc_per_s: float
     soc_fixed: float
@@ -54,15 +72,20 @@ class Costs(NamedTuple):
 def in_order(flights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Leave out take-offs of an arrival function after which another one is down no later.
 
-    Where a segment opens with a slot, the way round it that was begun just before may arrive later than the straight way
-    begun just after. Whoever waits for that has more charge, too.
+    Where a segment opens with a slot, the way round it that was begun just before may arrive later than the straight
+    way begun just after. A drone that waits for that has more charge, too.
+
+    `flights` are pieces (t0, a0, t1, a1), shape (pieces, 4), sorted by take-off; so are those that are returned.
+    O(pieces).
     """
     last = len(flights) - 1
     k = 0
+    # The usual case: touch-downs are in order as they are.
     while k < last and flights[k, 3] <= flights[k + 1, 1]:
         k += 1
     if k >= last:
         return flights
+    # From the last take-off backwards, keep what is down before all later ones.
     out = np.empty_like(flights)
     size = len(out)
     earliest = math.inf
@@ -70,6 +93,7 @@ def in_order(flights: NDArray[np.float64]) -> NDArray[np.float64]:
         t0, a0, t1, a1 = flights[i]
         if a0 >= earliest:
             continue
+        # Cut the piece where it is down as early as they.
         if a1 > earliest:
             t1, a1 = t0 + (earliest - a0) / (a1 - a0) * (t1 - t0), earliest
         size -= 1
@@ -84,14 +108,19 @@ def land_at(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly from a stop label to a station and put the drone on its pads: profiles z and h there, empty where it cannot.
 
+    `g` is the departure profile of the stop label, shape (points, 2), `flights` the pieces of the arrival function to
+    `node`, shape (pieces, 4). What lands after `best_s` does not matter.
+
     Takes a profile and pieces in order of time, and a node with pads.
     """
+    # The flight: what keeps the reserve on touch-down.
     needed = np.array([[g[0, 0], costs.reserve]])
     flown, size = fly_profile(
         g, in_order(flights), costs.soc_per_s, costs.soc_fixed, costs.margin_soc_per_s, needed, best_s
     )
     if size == 0:
         return np.empty((0, 3)), np.empty((0, 3))
+    # The queue and the pads.
     low, high = grounds.queue_offset[node], grounds.queue_offset[node + 1]
     kind = grounds.curve_of[node]
     last = grounds.curve_points[kind]
@@ -158,12 +187,14 @@ def land_everywhere(
     count = 0
     for i in range(len(targets)):
         node = targets[i]
+        # Targets out of reach, or whose bound is too late, are left out.
         z, h = land_at(g, pieces[piece_offset[i] : piece_offset[i + 1]], node, grounds, costs, best_s)
         if len(h) == 0:
             continue
         bound = stop_label_bound(z, h, least_s[node], costs)
         if bound >= best_s:
             continue
+        # Append z and h to the points, which grow as needed.
         begin = offset[2 * count]
         end = begin + len(z) + len(h)
         if end > len(points):
@@ -180,18 +211,22 @@ def land_everywhere(
 
 @compiled
 def stop_label_bound(z: NDArray[np.float64], h: NDArray[np.float64], least_s: float, costs: Costs) -> float:
-    """Earliest arrival at the destination that any continuation of a stop label can have.
+    """Earliest arrival at the destination that any continuation of a stop label can have, POSIX seconds.
 
     Let L be the least flight time from here at the best wind of any slot that is left, c the charge a second of flight
     takes, r the greatest rate of charging, and z the greatest charging potential. No arrival is earlier than (a) the
     stay's beginning plus L, nor than (b) reserve / r + L (1 + c / r) - z: potential is lost by L c / r to energy and by
     L to time in flight, waiting never gains any, and to land at T with the reserve, T + z must be at least reserve / r.
     """
+    # L, with a climb and a descent at least.
     flight = least_s + costs.landing_s
+    # z, in seconds of charging at r: off the pads, and on them.
     potential = h[-1, 1] / costs.rate_per_s - h[0, 0]
     if len(z) > 0:
         potential = max(potential, z[-1, 1])
+    # c L, and what a flight costs beyond that where it is less than nothing.
     taken = flight * costs.soc_per_s + min(costs.soc_fixed, 0.0)
+    # (b), and the later of both.
     by_charge = costs.reserve / costs.rate_per_s + flight + taken / costs.rate_per_s - potential
     return max(h[0, 0] + flight, by_charge)
 
@@ -210,7 +245,7 @@ def stop_labels_after(
     window: NDArray[np.int64],
     least_leave: NDArray[np.float64],
 ) -> list[tuple[int, float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
-    """Fly from a stop label to each target and keep what can still be on time.
+    """Fly from a stop label to each target and keep what can still be on time, by `slack`.
 
     Takes what `land_everywhere` takes, with a window and a row of `least_leave` for each node and cell.
 
@@ -221,12 +256,13 @@ def stop_labels_after(
     piece_offset, pieces : ndarray
         Arrival functions: those of node j are ``pieces[piece_offset[j] : piece_offset[j + 1]]``.
     cells, climb_s, window, least_leave
-        See `planner.exact.relaxation.Guide`.
+        Grid, s, ndarray of int of shape (nodes, 2), ndarray of shape (cells, nodes): see
+        `planner.exact.relaxation.Guide`.
 
     Returns
     -------
     list of (node, slack, z, h, g)
-        See `planner.exact.relaxation_kernels.slack`.
+        Profiles at each node that is kept, and by how much its charge exceeds what is asked for, s.
     """
     found = [(0, 0.0, np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 2)))]
     for node in targets:
@@ -236,6 +272,7 @@ def stop_labels_after(
         z, h = land_at(g, flights, node, grounds, costs, best_s)
         if len(h) == 0:
             continue
+        # The charge to leave with, against what the guide asks for.
         kind = grounds.curve_of[node]
         last = grounds.curve_points[kind]
         curve_s, curve_soc = grounds.curve_s[kind, :last], grounds.curve_soc[kind, :last]

@@ -19,7 +19,8 @@ from skyway.planner.exact.flight_functions import arrival_functions
 from skyway.planner.exact.stop_label_kernels import Costs, land_at, land_everywhere
 from skyway.planner.problem.flight_table import table_land, table_slot
 from skyway.planner.schedule.itinerary import Leg
-from skyway.planner.schedule.profile_kernels import departure_profile, fly_profile, profile_at
+from skyway.planner.schedule.leg_profile_kernels import fly_profile
+from skyway.planner.schedule.profile_kernels import departure_profile, profile_at
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

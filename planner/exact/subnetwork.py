@@ -73,13 +73,18 @@ def _cut(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """First, head and old number of the segments between some nodes.
 
+    Segments that leave node i are ``first[i] : first[i + 1]`` and lead to ``head`` (compressed sparse rows); the nodes
+    are renumbered in the order of `nodes`. O(nodes + segments that leave them).
+
     Takes nodes in ascending order, each once.
     """
+    # New number of each node, -1 outside, and room for all segments that leave them.
     local = np.full(len(first) - 1, -1, dtype=np.int64)
     most = 0
     for number in range(len(nodes)):
         local[nodes[number]] = number
         most += first[nodes[number] + 1] - first[nodes[number]]
+    # Keep those that lead to one of them.
     new_first = np.zeros(len(nodes) + 1, dtype=np.int64)
     new_head = np.empty(most, dtype=np.int64)
     old = np.empty(most, dtype=np.int64)

@@ -1,8 +1,12 @@
 """Kernels of expected flight times and required charges over a forecast.
 
-A flight that ends in the slot of its departure takes as long whenever in the slot it leaves, and one that the wind holds
-leaves with a later slot. So both are worked out once for each segment and slot, and only flights across the end of a slot
-are flown in every member each time.
+A flight that ends in the slot of its departure takes the same time whenever in the slot it leaves, and one that the
+wind holds leaves with a later slot. So both are computed once for each segment and slot (`Ways.table`), and only
+flights across the end of a slot are flown in every member each time.
+
+With T_m the flight time in member m, of probability p_m: mean = sum p_m T_m / sum p_m over the members that can
+fly at once, charge = the (1 - epsilon) quantile of k + c T_m over those that can fly at all, P(hold) = the share of
+these that cannot fly at once.
 """
 
 from __future__ import annotations
@@ -28,9 +32,9 @@ if TYPE_CHECKING:
     from skyway.models.flight.rules import SegmentWind
 
 KNOWN, MEAN, LONGEST, CHARGE, P_HOLD = range(5)
-"""Columns of a table of `Ways`: 1 where the row is filled; mean time of the members that can fly at once (where none can:
-the mean touch-down, POSIX seconds); the longest such time (0 where none can); charge taken in all but a share epsilon of
-the members; probability that the wind holds it."""
+"""Columns of a table of `Ways`: 1 where the row is filled; mean time of the members that can fly at once (where none
+can: the mean touch-down, POSIX seconds); the longest such time (0 where none can); charge taken in all but a share
+epsilon of the members; probability that the wind holds it."""
 
 
 class Need(NamedTuple):
@@ -39,14 +43,14 @@ class Need(NamedTuple):
     Attributes
     ----------
     soc_per_s, soc_fixed : float
-        Cost of a flight with the package.
+        A flight of T seconds with the package costs ``soc_fixed + soc_per_s * T``.
     empty_per_s, empty_fixed : float
-        Cost of a flight without it.
+        The same without it.
     epsilon : float
         Share of the members that may need more.
     destination : int
         Node where the package is left.
-    escapes : ndarray of int
+    escapes : ndarray of int, shape (ways on,)
         Segments of the flight on from a destination without pads; empty where none is needed.
     needs_escape : bool
         Whether one is needed.
@@ -67,7 +71,7 @@ class Ways(NamedTuple):
 
     Attributes
     ----------
-    air : Air
+    air : SegmentWind
         Segments and wind.
     north, east : ndarray, shape (slots, sites, members)
         The wind again, in the order in which all members are looked at together.
@@ -78,8 +82,8 @@ class Ways(NamedTuple):
     lower_s : ndarray, shape (slots, segments)
         The mean time is not below this, whenever in the slot a flight leaves; 0 where it is not worked out yet.
     calm : ndarray of bool, shape (slots,)
-        Whether some member can fly at once over every segment, whenever in the slot it leaves; then the mean time is not
-        above that at `slowest_mps`, if that is at most two slots.
+        Whether some member can fly at once over every segment, whenever in the slot it leaves; then the mean time is
+        not above that at `slowest_mps`, if that is at most two slots.
     slowest_mps : float
         Least ground speed in wind that may be flown in.
     fresh : ndarray, shape (5,)
@@ -124,7 +128,7 @@ def escape_cost(air: SegmentWind, member: int, need: Need, time_s: float) -> flo
 
 @compiled_lean
 def _speeds(ways: Ways, slot: int, segment: int, out: NDArray[np.float64]) -> None:
-    """Ground speeds of a segment in a slot in every member; the same as `segment_speed`, all together."""
+    """Ground speeds of a segment in a slot in every member, m/s: `segment_speed`, all together."""
     air = ways.air
     north, east = ways.rows[_NORTH], ways.rows[_EAST]
     north[:] = 0.0
@@ -135,6 +139,7 @@ def _speeds(ways: Ways, slot: int, segment: int, out: NDArray[np.float64]) -> No
         for member in range(len(out)):
             north[member] += weight * site_north[member]
             east[member] += weight * site_east[member]
+    # The wind triangle of each member.
     cos, sin = air.cos_bearing[segment], air.sin_bearing[segment]
     for member in range(len(out)):
         along, across = along_across(north[member], east[member], cos, sin)
@@ -146,7 +151,12 @@ def _speeds(ways: Ways, slot: int, segment: int, out: NDArray[np.float64]) -> No
 
 @compiled_lean
 def _fill(ways: Ways, need: Need, slot: int, segment: int, row: NDArray[np.float64]) -> None:
-    """Fill a row of the table: what holds for every flight that ends in the slot in which it leaves, or is held."""
+    """Fill a row of the table: what holds for every flight that ends in the slot in which it leaves, or is held.
+
+    At ground speed v_m member m takes T_m = climb + descent + d / v_m. The mean is over the members that fly at once,
+    sum p_m T_m / sum p_m, or, where none does, that of the touch-downs of those that fly later; the charge is the (1 -
+    epsilon) quantile over all that fly at all.
+    """
     air, probability = ways.air, ways.probability
     speeds = ways.rows[_SPEED]
     _speeds(ways, slot, segment, speeds)
@@ -155,6 +165,7 @@ def _fill(ways: Ways, need: Need, slot: int, segment: int, row: NDArray[np.float
     mass = now_sum = longest = held_mass = held_sum = 0.0
     later = slot_end(air, slot)
     for member in range(len(probability)):
+        # A member that flies at once.
         if speeds[member] > 0.0:
             spent = fixed + length / speeds[member]
             mass += probability[member]
@@ -163,6 +174,7 @@ def _fill(ways: Ways, need: Need, slot: int, segment: int, row: NDArray[np.float
             charge[member] = need.soc_fixed + need.soc_per_s * spent
             continue
         charge[member] = NEVER
+        # A member whose wind holds it: it leaves with a later slot.
         if later < NEVER:
             off, down = leg(air, member, segment, later)
             if down < NEVER:
@@ -193,8 +205,8 @@ def lower_time(ways: Ways, slot: int, segment: int) -> float:
 def _lower(ways: Ways, slot: int, segment: int) -> float:
     """Work the bound out: the speeds of the slots that a flight may touch are at most each member's fastest.
 
-    A member is sure to fly at once if its slowest speed brings it down in the slots looked at. Other members may be among
-    those that do: they count where they lower the mean.
+    A member is sure to fly at once if its slowest speed brings it down in the slots looked at. Other members may be
+    among those that do: they count where they lower the mean.
     """
     air, probability = ways.air, ways.probability
     speed, slowest, fastest = ways.rows[_SPEED], ways.rows[_SLOWEST], ways.rows[_FASTEST]
@@ -202,6 +214,7 @@ def _lower(ways: Ways, slot: int, segment: int) -> float:
     begin = slot_end(air, slot)
     span = NEVER if begin == NEVER else 0.0
     ahead = 0
+    # Least and greatest speed of each member in this slot and the next ones, until they hold twice the least flight.
     _speeds(ways, slot, segment, slowest)
     for member in range(len(speed)):
         fastest[member] = slowest[member]
@@ -212,6 +225,7 @@ def _lower(ways: Ways, slot: int, segment: int) -> float:
             slowest[member] = min(slowest[member], speed[member])
             fastest[member] = max(fastest[member], speed[member]) if fastest[member] > 0.0 else 0.0
         span = slot_end(air, slot + ahead) - begin
+    # The members that are sure to fly at once, each at its fastest.
     mass = total = 0.0
     for member in range(len(speed)):
         if slowest[member] > 0.0 and fixed + length / slowest[member] <= span:
@@ -220,6 +234,7 @@ def _lower(ways: Ways, slot: int, segment: int) -> float:
             fastest[member] = 0.0
     if mass == 0.0:
         return least
+    # Those that may: a member that takes less than the mean so far lowers it.
     changed = True
     while changed:
         changed = False
@@ -246,6 +261,9 @@ def _look_up(ways: Ways, need: Need, slot: int, segment: int) -> None:
 def flight_lookahead(ways: Ways, need: Need, segment: int, node: int, time_s: float) -> tuple[float, float, float]:
     """Expectation of a one-segment flight to `node` over the forecast.
 
+    By the table where the flight of every member that flies at once ends in the slot of its departure; else flown in
+    every member.
+
     Takes a segment that leads to the node, and a finite time.
 
     Returns
@@ -263,6 +281,7 @@ def flight_lookahead(ways: Ways, need: Need, segment: int, node: int, time_s: fl
     if not escapes:
         _look_up(ways, need, slot, segment)
         row = ways.table[slot, segment] if slot < len(ways.table) else ways.fresh
+        # No member flies at once: the table has the mean touch-down. Else the mean time, if all are down in the slot.
         if row[LONGEST] == 0.0:
             return row[MEAN] - time_s, row[CHARGE], row[P_HOLD]
         if time_s + row[LONGEST] <= slot_end(ways.air, slot):
@@ -303,6 +322,7 @@ def _mean(
     for member in range(len(probability)):
         if down[member] == NEVER:
             continue
+        # Flown at once, or held until later.
         if off[member] <= time_s:
             now_mass += probability[member]
             now_sum += probability[member] * (down[member] - time_s)
@@ -320,6 +340,7 @@ def mean_flight(ways: Ways, need: Need, segment: int, time_s: float) -> float:
     air, probability = ways.air, ways.probability
     slot = slot_of(air, time_s)
     end = slot_end(air, slot)
+    # By the table, if every flight that is begun at once may end in the slot.
     if time_s + least_time(air, segment) <= end:
         _look_up(ways, need, slot, segment)
         row = ways.table[slot, segment] if slot < len(ways.table) else ways.fresh
@@ -327,6 +348,7 @@ def mean_flight(ways: Ways, need: Need, segment: int, time_s: float) -> float:
             return row[MEAN] - time_s
         if time_s + row[LONGEST] <= end:
             return row[MEAN]
+    # Else flown in every member.
     mass = total = 0.0
     for member in range(len(probability)):
         down = land(air, member, (segment,), time_s)
@@ -344,7 +366,11 @@ def least_time(air: SegmentWind, segment: int) -> float:
 
 @compiled_lean
 def _quantile(values: NDArray[np.float64], probability: NDArray[np.float64], mass: float) -> float:
-    """Least value at or below which at least `mass` lies; infinite values carry none, and what is left out becomes infinite."""
+    """Least value at or below which at least `mass` lies; infinite values carry none.
+
+    `values` and `probability` have shape (members,). What is left out becomes infinite in `values`. Epsilon is small,
+    so that hardly any value is left out: the greatest, one by one, without sorting.
+    """
     greatest = -NEVER
     total = 0.0
     lightest = NEVER

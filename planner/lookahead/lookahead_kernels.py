@@ -1,4 +1,15 @@
-"""Look-ahead kernels of the forward search: stations in reach, and their rank."""
+"""Look-ahead kernels of the forward search: stations in reach, and their rank.
+
+Times of flights are means over the members that can fly at once, charges are what all but a share epsilon of the
+members need (`planner.lookahead.flight_kernels`). A flight over a segment is made at the first time t at which the
+charge is enough:
+
+    soc(t) >= charge(t) + reserve
+
+`earliest` solves this in the wind of about now, `held` waits for another wind; `rank` and `beyond` are line 12 of
+Algorithm 1 of Shahzaad, Bouguettaya and Mistry (ICWS 2021), and the functions with "bound" in their names are never
+above them.
+"""
 
 from __future__ import annotations
 
@@ -144,7 +155,10 @@ class Flight(NamedTuple):
 
 @compiled_lean
 def wait_at(world: World, node: int, time_s: float) -> float:
-    """Expected wait of an arrival, linear between grid points; NaN, and a note in the tally, where it is not known yet."""
+    """Expected wait of an arrival, s, linear between grid points.
+
+    NaN, and a note in the tally, where it is not known yet.
+    """
     graph = world.graph
     if not graph.wait_known[node]:
         world.tally[MISSING] = node
@@ -164,13 +178,14 @@ def charge_time(world: World, node: int, soc_from: float, soc_to: float) -> floa
     if soc_to <= soc_from:
         return 0.0
     curve = world.graph.curve_of[node]
+    # F^-1(to) - F^-1(from), F the charging curve from empty.
     time, soc = world.graph.curve_s[curve], world.graph.curve_soc[curve]
     return interpolate(min(soc_to, 1.0), soc, time) - interpolate(max(soc_from, 0.0), soc, time)
 
 
 @compiled_lean
 def expected_flight(world: World, segment: int, time_s: float) -> tuple[float, float]:
-    """Mean time and charge of a flight, see `flight_lookahead`."""
+    """Mean time, s, and charge of a flight over a segment from a time on; see `flight_lookahead`."""
     world.tally[FLIGHTS] += 1
     table, need, node = world.ways.table, world.need, world.graph.head[segment]
     slot = slot_of(world.ways.air, time_s)
@@ -186,10 +201,14 @@ def expected_flight(world: World, segment: int, time_s: float) -> tuple[float, f
 def earliest(world: World, stand: Stand, segment: int) -> Flight:
     """Earliest flight over a segment in the wind of that time, after charging to full or to what it needs.
 
+    What it needs depends on when it leaves, and that on what it needs: from t_0 = now, t_(k+1) = pad time + F^-1(c_k +
+    reserve) - F^-1(soc), c_k the greatest charge(t_i) for i <= k, until t no longer grows.
+
     Takes a segment that begins where the drone stands, a finite time and a charge from 0 to 1.
     """
     full, reserve, pad, soc = world.policy.full, world.policy.reserve, stand.pad_s, stand.soc
     none = Flight(NEVER, NEVER, NEVER, math.nan, 0.0)
+    # With the charge as it is or, where it charges to full, full.
     leave, have, to = stand.time_s, soc, math.nan
     if full and pad < NEVER:
         leave = pad + charge_time(world, stand.node, soc, 1.0) if soc < 1.0 else leave
@@ -199,6 +218,7 @@ def earliest(world: World, stand: Stand, segment: int) -> Flight:
         return Flight(leave, charge, mean, to, have - charge)
     if pad == NEVER or full:
         return none
+    # Charged to what the flight needs: t_(k+1) from c_k.
     for _ in range(_ROUNDS):
         if charge > 1.0 - reserve:
             break
@@ -218,12 +238,17 @@ def earliest(world: World, stand: Stand, segment: int) -> Flight:
 def held(world: World, stand: Stand, segment: int) -> Flight:
     """Earliest flight with a full battery (or, without a pad, with what there is) after waiting for better wind.
 
+    From when it is charged, slot by slot, the first beginning with charge(t) <= soc - reserve, within `MAX_HOLD_S`;
+    then, by bisection to half a second, the earliest such time in the slot before, for a flight may reach into the
+    better slot.
+
     Takes what `earliest` takes.
     """
     pad, air = stand.pad_s, world.ways.air
     ready, limit = stand.time_s, stand.soc - world.policy.reserve
     if pad < NEVER:
         ready, limit = pad + charge_time(world, stand.node, stand.soc, 1.0), 1.0 - world.policy.reserve
+    # Slot by slot.
     before, leave = ready, ready
     mean, charge = expected_flight(world, segment, leave)
     while charge > limit:
@@ -244,7 +269,12 @@ def held(world: World, stand: Stand, segment: int) -> Flight:
 
 @compiled_lean
 def _bounds_beyond(world: World, node: int, came_from: int, time_s: float) -> float:
-    """Bound what `beyond` adds up for each segment that leaves a station, from what is tabled; returns the least."""
+    """Bound what `beyond` adds up for each segment that leaves a station, from what is tabled; returns the least.
+
+    For station m: (lower bound of the flight) + factor * (least lower bound of m's straight flight in the slots in
+    which the flight may end) + (wait at m for the earliest end, where known). Written to `world.bound`, infinite where
+    m does not count.
+    """
     graph, need, factor = world.graph, world.need, world.policy.factor
     table, air, direct = world.ways.table, world.ways.air, world.direct
     fixed, slot = air.climb_s + air.descent_s, slot_of(air, time_s)
@@ -255,6 +285,7 @@ def _bounds_beyond(world: World, node: int, came_from: int, time_s: float) -> fl
         bound[row] = NEVER
         if other == came_from or not (other == need.destination or graph.stops[other]):
             continue
+        # Between which times the mean flight lies: the tabled one, or those at greatest and least ground speed.
         lower, upper = least_time(air, segment), fixed + air.distance_m[segment] / world.ways.slowest_mps
         if slot < len(table) and 0.0 < table[slot, segment, LONGEST] <= end - time_s:
             lower = upper = table[slot, segment, MEAN]
@@ -262,6 +293,7 @@ def _bounds_beyond(world: World, node: int, came_from: int, time_s: float) -> fl
             upper = NEVER
         bound[row] = lower
         if other != need.destination:
+            # The straight flight on, in whatever slot it begins.
             rest = least_time(direct.air, other)
             if upper < NEVER:
                 rest = NEVER
@@ -292,6 +324,7 @@ def beyond(world: World, node: int, came_from: int, time_s: float) -> tuple[floa
     if _bounds_beyond(world, node, came_from, time_s) == NEVER:
         return best, charge
     while True:  # in the order of the bounds, so that few are worked out
+        # The station of least bound; when that is no less than the best so far, nothing is.
         row = 0
         for k in range(graph.first[node + 1] - begin):
             row = k if bound[k] < bound[row] else row
@@ -299,6 +332,7 @@ def beyond(world: World, node: int, came_from: int, time_s: float) -> tuple[floa
             return best, charge
         bound[row] = NEVER
         segment, other = begin + row, graph.head[begin + row]
+        # Is it in reach of a full battery, and how long does it take from there?
         mean, taken = expected_flight(world, segment, time_s)
         if taken > 1.0 - world.policy.reserve:
             continue
@@ -317,7 +351,10 @@ def beyond(world: World, node: int, came_from: int, time_s: float) -> tuple[floa
 
 @compiled_lean
 def rank_bound(world: World, node: int, came_from: int, now_s: float, arrive_s: float, soc: float) -> float:
-    """Bound a rank from below, from the tables alone."""
+    """Bound a rank from below, from the tables alone.
+
+    Arguments as of `rank`; what is not known yet (the wait, and with it all that follows) is left out.
+    """
     leave = arrive_s
     if world.graph.wait_known[node]:
         leave += wait_at(world, node, arrive_s)
@@ -333,12 +370,22 @@ def rank_bound(world: World, node: int, came_from: int, now_s: float, arrive_s: 
 
 @compiled_lean
 def rank(world: World, node: int, came_from: int, now_s: float, arrive_s: float, soc: float) -> float:
-    """Time of Algorithm 1, line 12: to a station, there, and beyond it; NaN where a wait is not known yet."""
+    """Time of Algorithm 1, line 12: to a station, there, and beyond it, s; NaN where a wait is not known yet.
+
+    rank = (arrive - now) + wait + recharge + beyond, where `beyond` begins after the wait (and after a full charge) and
+    the recharge is to 100 % or to what the flight beyond takes with the reserve. A station with nothing beyond it comes
+    after all others.
+
+    `node` is the station, `came_from` the one before, `now_s` the time there, `arrive_s` and `soc` the landing at
+    `node`.
+    """
+    # Wait and, where each charge goes to 100 %, recharge.
     leave = arrive_s + wait_at(world, node, arrive_s)
     if math.isnan(leave):
         return leave
     if world.policy.full:
         leave += charge_time(world, node, soc, 1.0)
+    # Beyond, and the charge for just that.
     ahead, charge = beyond(world, node, came_from, leave)
     if ahead == NEVER:
         return LAST_RESORT_S + leave - now_s

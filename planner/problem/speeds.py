@@ -75,11 +75,15 @@ class GivenSpeeds:
 def _mean_speeds(
     air: SegmentWind, probability: NDArray[np.float64], first: int, last: int, segments: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Speeds whose times are the means of the members', shape (slots, segments).
+    """Speeds whose times are the means of the members', m/s, shape (slots, segments); 0 where too few can fly.
+
+    The harmonic mean over the members m that can fly: v = sum p_m / sum (p_m / v_m), where the p_m sum to `MIN_OPEN` at
+    least.
 
     Takes a probability for each member, slots in order, and segments of the air.
     """
     count, sites = len(segments), air.weight.shape[1]
+    # The segments' data as contiguous arrays: all segments are computed together, member by member.
     weight, cos, sin = np.empty((sites, count)), np.empty(count), np.empty(count)
     for i in range(count):
         for site in range(sites):
@@ -93,6 +97,7 @@ def _mean_speeds(
         for member in range(len(probability)):
             if probability[member] <= 0.0:
                 continue
+            # The member's wind over each segment.
             north[:] = 0.0
             east[:] = 0.0
             for site in range(sites):

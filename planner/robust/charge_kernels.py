@@ -1,8 +1,13 @@
 """Kernels that fly a route whose charges are decided at each stop.
 
-At a stop the drone leaves as soon as its charge is enough for the next flight in all but a share epsilon of what it must
-expect (`planner.robust.required_soc_kernels`), with the error of its energy model, which the first flight tells, and when there is
-likely room at the station where it goes (`planner.robust.free_capacity_kernels`).
+At a stop the drone leaves at the first time t at which its charge is enough for the next flight in all but a share
+epsilon of what it must expect (`planner.robust.required_soc_kernels`), with the error of its energy model, which the
+first flight tells:
+
+    soc(t) >= landing + (1 + error) (1 + margin) E(t),    soc(t) = F(F^-1(soc) + t - pad time) once it charges
+
+with E(t) what a flight at t may need and F the charging curve from empty; and at which the wind lets it fly and there
+is likely room at the station where it goes (`planner.robust.free_capacity_kernels`).
 """
 
 from __future__ import annotations
@@ -86,25 +91,41 @@ def _leave(
 ) -> tuple[float, float, float, float, float, float]:
     """Find when the drone leaves a stop by the rule: (pad or landing, ready, take-off, charge, need, held for room).
 
-    From when it is ready to the take-off it holds: for room at the next station so many seconds, else for wind that it may
-    fly in or that its battery is enough for. The take-off is infinite where the rule never lets it leave.
+    From when it is ready to the take-off it holds: for room at the next station so many seconds, else for wind that it
+    may fly in or that its battery is enough for. The take-off is infinite where the rule never lets it leave. Times are
+    POSIX seconds, `need` is E as SoC.
+
+    Parameters
+    ----------
+    known, row, truth, member, segments, cost, table
+        The rule and the flight, see `planner.robust.required_soc_kernels.energy_about`.
+    stop : Stop
+        The stay.
+    curve : (curve_s, curve_soc)
+        F, shape (points,) each.
+    room : (FreeCapacity, leg, Queues, Present, entry)
+        Who is at the next station, see `planner.robust.free_capacity_kernels.is_room`.
     """
     curve_s, curve_soc = curve
+    # F^-1 of the charge on landing; `at` is the time considered.
     u = interpolate(stop.soc, curve_soc, curve_s)
     at = stop.now_s
     ready = at
     for_room = 0.0
     charging = False
     for _ in range(_CHANGES):
+        # What the flight may need by what is known now, and the charge wanted with error and margin.
         base = energy_about(known, row, truth, member, segments, at, cost, table)
         wanted = stop.landing + (1.0 + stop.error) * (1.0 + known.margin) * base
         if known.full and not stop.first:
             wanted = max(wanted, curve_soc[-1])
         charging = charging or wanted > stop.soc
+        # The charge by now.
         level = stop.soc
         if charging and at > stop.pad_s:
             level = interpolate(u + at - stop.pad_s, curve_s, curve_soc)
         if level >= wanted - 1e-9 or stop.at_once:
+            # Enough: leave, unless the wind or the next station is closed; then try again when that may have changed.
             opening = next_opening(truth, member, segments, at)
             if opening == NEVER:
                 break
@@ -120,6 +141,7 @@ def _leave(
                 pad = stop.pad_s if charging and at > stop.pad_s else stop.now_s
                 return pad, min(ready, at), at, level, base, for_room
             continue
+        # Not enough: go to when the charge is reached or the wind changes, whichever is first.
         reached = NEVER
         if wanted <= curve_soc[-1] and stop.pad_s < NEVER:
             reached = stop.pad_s + interpolate(wanted, curve_soc, curve_s) - u
@@ -156,8 +178,11 @@ def fly_by_required_soc(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly a sequence of legs in several runs, charging by what is known at each stop.
 
-    Takes members, rows and sets of queues that are there, and a segment or more for each leg; `planner.problem.kernel_inputs` checks them in
-    `ChargePolicy.fly`.
+    The error of a vehicle's energy is unknown before its first flight (`known.energy_error` is counted in) and, but for
+    `LEARNED`, known after it. O(runs x legs), apart from needs that no table has yet.
+
+    Takes members, rows and sets of queues that are there, and a segment or more for each leg;
+    `planner.problem.kernel_inputs` checks them in `ChargePolicy.fly`.
 
     Parameters
     ----------
@@ -165,13 +190,13 @@ def fly_by_required_soc(
         The rule.
     landing : ndarray, shape (legs,)
         Least charge at the end of each: the reserve, and at the last the way on.
-    sky, truth, member
+    disturbance, truth, member
         What is true in each run: see `planner.schedule.schedule_kernels.fly_under`.
     row : ndarray of int, shape (runs,)
         Row of `Known.share` of each run.
     legs, queues, waits, start, cost
         As there; of `Legs` the segments, curves and pads are read.
-    room, there : Room, Present
+    room, there : FreeCapacity, Present
         Of the stations at the ends of the legs, and who is at those before them; looked at where queues are sampled.
     tables : ndarray, shape (members, legs, points)
         Needs found so far, NaN where not yet; written to. They hold for the same truth, flights and forecast, whatever
@@ -201,6 +226,7 @@ def fly_by_required_soc(
         for leg in range(count):
             segments = legs.segments[legs.offset[leg] : legs.offset[leg + 1]]
             entry = disturbance.queue[run] * (count + 1) + leg
+            # The stop: when there is a pad, and when the rule lets the drone leave.
             pad = NEVER
             if legs.has_pads[leg]:
                 pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, leg, now)
@@ -224,6 +250,7 @@ def fly_by_required_soc(
                 break
             out[run, leg, PAD], out[run, leg, READY], out[run, leg, ROOM] = pad, ready, for_room
             out[run, leg, TAKE_OFF], out[run, leg, SOC_TAKE_OFF] = off, level
+            # The flight, in the true wind, with gusts and the vehicle's own energy.
             now = gusty_land(
                 truth,
                 member[run],
@@ -236,10 +263,12 @@ def fly_by_required_soc(
             used = disturbance.energy[run] * (cost[1] + cost[0] * (now - off))
             soc = level - used
             joined = now  # a drone that hovers for a spot keeps its place in the queue
+            # Hover until there is a place to land.
             if sampled:
                 now = sampled_spot(queues, entry + 1, now)
                 soc -= disturbance.energy[run] * cost[0] * (now - joined)
             out[run, leg, TOUCH_DOWN], out[run, leg, SOC_LANDING] = now, soc
+            # What the flight has shown of the vehicle.
             energy_ratio[run, leg] = used / ((1.0 + error) * base) if base > 0.0 else 0.0
             error = disturbance.energy[run] - 1.0 + LEARNED
     return out, energy_ratio

@@ -60,6 +60,10 @@ class Present(NamedTuple):
 def chance_full(pads: int, spots: int, arrivals: float, services: float, present: int) -> float:
     """Chance that all pads and spots are taken after a while in which `arrivals` others are expected.
 
+    P(A - D >= room) = sum over d of P(D = d) P(A >= room + d), room = pads + spots - present, with A Poisson of mean
+    `arrivals` and D Poisson of mean `services` times the pads busy now: those that arrive in the meantime are assumed
+    not to leave again.
+
     Takes counts and expected numbers from 0 up, all finite; where there is no room the chance is 1.
 
     Parameters
@@ -70,11 +74,6 @@ def chance_full(pads: int, spots: int, arrivals: float, services: float, present
         Expected number of arrivals, and of departures from one busy pad, in the while.
     present : int
         Others there now.
-
-    Returns
-    -------
-    float
-        P(arrivals - departures >= room), both Poisson, of which the departures are those of the pads busy now.
     """
     room = pads + spots - present
     if room <= 0:
@@ -84,9 +83,11 @@ def chance_full(pads: int, spots: int, arrivals: float, services: float, present
     count = 0
     total = 0.0
     below, term = 0.0, math.exp(-arrivals)  # probability of fewer arrivals than there is room for, and of just so many
+    # P(A < room), and P(A = room).
     for k in range(room):
         below += term
         term *= arrivals / (k + 1)
+    # One departure more at a time, until more than `room + d` arrivals are negligible.
     while True:
         late = max(1.0 - below, 0.0)
         total += gone * late
@@ -106,7 +107,7 @@ def chances(
     services: NDArray[np.float64],
     present: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """`chance_full` of several stations.
+    """`chance_full` of several stations, shape (stations,).
 
     Takes arrays of one length.
     """
@@ -118,8 +119,9 @@ def chances(
 
 @compiled_lean
 def _others(queues: Queues, there: Present, entry: int, time_s: float) -> int:
-    """Others at the station of an entry at a time."""
+    """Others at the station of an entry at a time: at the start, plus arrived, minus left by then."""
     low, high = queues.offset[entry], queues.offset[entry + 1]
+    # The first arrival of a packed path is -inf, which is no drone.
     came = max(np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, 0)
     left = np.searchsorted(there.left_s[there.offset[entry] : there.offset[entry + 1]], time_s, side="right")
     return int(there.at_start[entry] + came - left)
@@ -127,7 +129,7 @@ def _others(queues: Queues, there: Present, entry: int, time_s: float) -> int:
 
 @compiled_lean
 def _enough(room: FreeCapacity, leg: int, present: int, flight_s: float) -> bool:
-    """Return whether the station at the end of a leg has room, likely enough, after a flight, with so many there now."""
+    """Return whether a station has room, likely enough, after a flight, with so many there now."""
     full = chance_full(
         room.pads[leg],
         room.spots[leg],
@@ -142,7 +144,11 @@ def _enough(room: FreeCapacity, leg: int, present: int, flight_s: float) -> bool
 def is_room(
     room: FreeCapacity, leg: int, queues: Queues, there: Present, entry: int, time_s: float, flight_s: float
 ) -> bool:
-    """Return whether the station at the end of a leg has room, likely enough, after a flight that begins at a time."""
+    """Return whether the station at the end of a leg has room, likely enough, after a flight that begins at a time.
+
+    `entry` is the queue path of that station in `queues` and `there`, `flight_s` how long the flight is expected to
+    last, s.
+    """
     return _enough(room, leg, _others(queues, there, entry, time_s), flight_s)
 
 
@@ -157,7 +163,10 @@ def next_look(
     flight_s: float,
     until_s: float,
 ) -> float:
-    """Find the first time after one without room, in steps of `LOOK_S`, at which there is room or `until_s` is over."""
+    """Find the first time after one without room, in steps of `LOOK_S`, at which there is room or `until_s` is over.
+
+    Arguments as of `is_room`; the chance is worked out again only when the number of others has changed.
+    """
     seen = _others(queues, there, entry, time_s)
     while True:
         time_s += LOOK_S

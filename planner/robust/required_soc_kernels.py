@@ -1,7 +1,14 @@
 """Kernels of the required SoC of a flight, given the information state at take-off.
 
-What it must expect is the forecast seen from that moment: each member weighted by its likeness to the wind measured now
-and shifted by its own residual, which fades as exp(-horizon / tau) (model.md, section 9), smoothed, with gusts about it.
+A flight must expect the forecast seen from that moment: each member m weighted by its likeness to the wind measured now
+and shifted by its own residual, which fades with the time h since then, smoothed, with gusts about it:
+
+    r_m    = measured - w_m,     wind of member m later: w_m + r_m exp(-h / tau)     (`residuals`)
+    p_m    ~ share_m exp(-|r_m|^2 / (2 sigma^2))                                     (`chances`)
+    time of a flight in member m ~ Normal(T_m, D_m^2), D_m from gusts and smoothing  (`slow_land`)
+    energy E: sum of p_m P(k + c time_m > E) = epsilon sum of p_m                    (`flight_energy`)
+
+with w_m the wind of member m, c the SoC that a second of flight takes and k what a flight takes beyond that.
 """
 
 from __future__ import annotations
@@ -26,6 +33,7 @@ from skyway.models.flight.kernels import (
 from skyway.models.flight.rules import SegmentWind
 from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
+from skyway.planner.robust.normal_kernels import capped, exceeded_by
 from skyway.planner.schedule.gust_kernels import LATERAL
 
 if TYPE_CHECKING:
@@ -39,11 +47,8 @@ WORST = 12
 """Members, of those with the strongest wind against the way, whose flights are worked out; the others are taken to need
 what the mildest of these does, which is no less than they need."""
 STEADY = 3.0
-"""Standard deviations of what is unsure at which the time that it costs is worked out; it is taken as linear in them."""
-SURE = 6.5
-"""Standard deviations beyond which nothing is expected: 4e-11."""
-_CLOSE = 1e-3  # share of epsilon to which the chance is met that a flight needs more
-_STRAIGHT, _ROUNDS = 10, 40  # rounds of that search by false position, and all
+"""Standard deviations of what is unsure at which the time that it costs is worked out; it is taken as linear in
+them."""
 
 
 class Known(NamedTuple):
@@ -51,7 +56,7 @@ class Known(NamedTuple):
 
     Attributes
     ----------
-    air : Air
+    air : SegmentWind
         Segments and the members of the forecast.
     share : ndarray, shape (rows, members)
         Probability of each member; a row for each truth, so that a truth can be left out of its own forecast.
@@ -92,9 +97,9 @@ class Known(NamedTuple):
 def residuals(
     known: Known, first: int, wind_north: NDArray[np.float64], wind_east: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How much the wind measured in slot `first` is more than each member says, towards north and east, shape (members, sites).
+    """How much the wind measured in slot `first` is more than each member says, shape (members, sites).
 
-    Nothing where nobody measures.
+    r_m, towards north and east, m/s; 0 where nobody measures. The measured wind has shape (sites,).
     """
     air = known.air
     members, _, sites = air.north.shape
@@ -109,12 +114,17 @@ def residuals(
 
 @compiled
 def chances(known: Known, row: int, north: NDArray[np.float64], east: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Probability of each member, but for a factor, given its residuals; shape (members,)."""
+    """Probability of each member, but for a factor, given its residuals; shape (members,).
+
+    p_m = share_m exp(-|r_m|^2 / (2 sigma^2)), |r_m|^2 the mean square of a component over the sites; the factor makes
+    the likeliest member keep its share, so that nothing underflows.
+    """
     members, sites = north.shape
     miss, out = np.zeros(members), np.zeros(members)
     least = NEVER
     for m in range(members):
         for site in range(sites):
+            # |r_m|^2, and the least of those that count.
             miss[m] += (north[m, site] * north[m, site] + east[m, site] * east[m, site]) / (2.0 * sites)
         if known.share[row, m] > 0.0:
             least = min(least, miss[m])
@@ -127,14 +137,16 @@ def chances(known: Known, row: int, north: NDArray[np.float64], east: NDArray[np
 def gust_mean_variance(x: float) -> float:
     """Variance of the mean of a flight's gusts as a share of that of one, for a time constant of x times the flight.
 
-    The mean of an Ornstein-Uhlenbeck process of time constant tau over T has 2 tau / T (1 - tau / T (1 - exp(-T / tau))).
+    The mean of an Ornstein-Uhlenbeck process of time constant tau over T has, with x = tau / T,
+
+        2 x (1 - x (1 - exp(-1 / x)))
     """
     return 2.0 * x * (1.0 - x * (1.0 - math.exp(-1.0 / x)))
 
 
 @compiled_lean
 def gust_mean(known: Known, flight_s: float) -> float:
-    """Standard deviation of the mean of a flight's gusts, as a share of the wind.
+    """Standard deviation of the mean of a flight's gusts, as a share of the wind; `flight_s` is how long it lasts.
 
     Takes any length of flight; what is not above 0 has the gust of a moment.
     """
@@ -143,12 +155,14 @@ def gust_mean(known: Known, flight_s: float) -> float:
 
 @compiled_lean
 def wind_felt(air: SegmentWind, member: int, slot: int, segment: int) -> tuple[float, float, float]:
-    """Ground speed (equations 1-5), and what gusts of the strength of the wind itself change it by; m/s, without limits.
+    """Ground speed (equations 1-5), and what gusts as strong as the wind itself change it by; m/s, without limits.
 
-    With the wind (a, c) along and across the way, a gust of the shares x along the wind and y across it makes it
-    (a + a x - c y, c + c x + a y); the ground speed a + sqrt(S^2 - c^2) then changes by (a - c t) x - (c + a t) y to first
-    order, t = c / sqrt(S^2 - c^2) being the tangent of the crab angle. Returned are the ground speed, a - c t, and c + a t times
-    `LATERAL`.
+    With the wind (a, c) along and across the way, gusts of the shares x along the wind and y across it make it
+
+        (a + a x - c y,  c + c x + a y)
+
+    so that the ground speed v = a + sqrt(S^2 - c^2) changes by (a - c t) x - (c + a t) y to first order, with the
+    tangent of the crab angle t = c / sqrt(S^2 - c^2). Returned are v, a - c t, and c + a t times `LATERAL`.
     """
     north, east = wind_on(air, member, slot, segment)
     along, across = along_across(north, east, air.cos_bearing[segment], air.sin_bearing[segment])
@@ -158,34 +172,33 @@ def wind_felt(air: SegmentWind, member: int, slot: int, segment: int) -> tuple[f
 
 
 @compiled_lean
-def capped(mean: float, deviation: float, most: float) -> float:
-    """Mean of what is normally distributed but never above a limit: of min(most, X)."""
-    if mean + SURE * deviation <= most:
-        return mean
-    if deviation <= 0.0:
-        return most
-    off = (most - mean) / deviation
-    below = 0.5 * math.erfc(-off * math.sqrt(0.5))
-    density = math.exp(-0.5 * off * off) / math.sqrt(2.0 * math.pi)
-    return mean * below + most * (1.0 - below) - deviation * density
-
-
-@compiled_lean
 def wind_variance(known: Known, ahead_s: float) -> float:
-    """Of a component of the wind about what a member says, some time after the hour that was measured, m2/s2."""
+    """Variance of a component of the wind about what a member says, `ahead_s` after the hour that was measured, m2/s2.
+
+    (b sigma)^2 (1 - exp(-2 t / tau)): the variance that a residual has gained by then, times the square of b =
+    `smoothing`.
+    """
     unsure = known.sigma_mps * known.smoothing
     return unsure * unsure * (1.0 - math.exp(-2.0 * ahead_s / known.tau_s))
 
 
 @compiled_lean
 def _slow_speed(wind: tuple[Known, SegmentWind, int, int, float], slot: int, segment: int) -> float:
-    """Ground speed of `slow_land` as `models.flight.kernels.cross` takes it, in (known, air, member, slot of the take-off, gust)."""
+    """Ground speed of `slow_land` as `models.flight.kernels.cross` takes it, m/s.
+
+    v - `STEADY` sqrt(gust^2 f^2 + variance of the wind), v and f (what a gust of the wind's own strength does) of
+    `wind_felt`; then the mean under the greatest ground speed, with the rest of the gusts, which vary about their mean.
+
+    `wind` is (known, air, member, slot of the take-off, gust).
+    """
     known, air, member, first, gust = wind
     speed, with_wind, across_wind = wind_felt(air, member, slot, segment)
     felt = math.hypot(with_wind, across_wind)
+    # What is uncertain all the way: the mean gust and, after the hour of the take-off, the wind.
     square = gust * gust * felt * felt
     if slot > first:
         square += wind_variance(known, (slot - first) * air.slot_s)
+    # What varies about that.
     about = felt * math.sqrt(max(known.gust_sd * known.gust_sd - gust * gust, 0.0))
     return max(capped(speed - STEADY * math.sqrt(square), about, air.max_ground_speed_mps), MIN_GROUND_SPEED_MPS)
 
@@ -196,9 +209,9 @@ def slow_land(
 ) -> float:
     """Touch-down of a flight through wind that is worse all the way than the member says, by `STEADY` deviations.
 
-    Of the wind itself after the hour of the take-off, and of the mean of gusts, `gust` as a share of the wind. About their mean
-    gusts come and go: where the ground speed is capped, lulls slow a flight and squalls from behind give nothing back. Whether
-    the flight is flyable is `land`'s to say.
+    Of the wind itself after the hour of the take-off, and of the mean of gusts, `gust` as a share of the wind. About
+    their mean gusts come and go: where the ground speed is capped, lulls slow a flight and squalls from behind give
+    nothing back. Whether the flight is flyable, `land` decides.
     """
     now = depart_s + air.climb_s
     wind = known, air, member, slot_of(air, depart_s), gust
@@ -211,7 +224,9 @@ def slow_land(
 def careful_speeds(
     air: SegmentWind, member: int, slots: NDArray[np.int64], segments: NDArray[np.int64], gust: float
 ) -> NDArray[np.float64]:
-    """Ground speeds with a gust against every flight, `gust` as a share of the wind, shape (slots, segments); 0 where closed.
+    """Ground speeds with a gust against every flight, m/s, shape (slots, segments); 0 where closed.
+
+    v - `gust` f, v and f of `wind_felt`, `gust` as a share of the wind.
 
     Takes a member, slots and segments of the air, any number of them, and a finite gust.
     """
@@ -237,12 +252,16 @@ def _worst_first(
 ) -> NDArray[np.int64]:
     """Members that count, those with the strongest wind against the way as a whole first.
 
-    `north` and `east` are their residuals, shape (members, sites), which fade by `fade` from slot to slot.
+    By the wind along the sum of the segments (as vectors), summed over the sites, in the slot of the take-off and the
+    next one. `north` and `east` are their residuals, shape (members, sites), which fade by `fade`, shape (slots,), from
+    slot to slot.
     """
+    # The way as a whole.
     to_north, to_east = 0.0, 0.0
     for segment in segments:
         to_north += air.distance_m[segment] * air.cos_bearing[segment]
         to_east += air.distance_m[segment] * air.sin_bearing[segment]
+    # The less wind along the way, the worse.
     which, score = np.empty(len(chance), dtype=np.int64), np.empty(len(chance))
     count = 0
     for m in range(len(chance)):
@@ -255,61 +274,6 @@ def _worst_first(
                     score[count] += to_east * (air.east[m, slot, site] + east[m, site] * fade[k])
             count += 1
     return which[:count][np.argsort(score[:count])]
-
-
-@compiled_lean
-def _deviations(chance: float) -> float:
-    """Standard deviations that a normal deviate exceeds with a chance up to a half, to 5e-4 (Abramowitz and Stegun, 26.2.23)."""
-    t = math.sqrt(-2.0 * math.log(chance))
-    return t - (2.515517 + t * (0.802853 + t * 0.010328)) / (1.0 + t * (1.432788 + t * (0.189269 + t * 0.001308)))
-
-
-@compiled_lean
-def _exceeded_by(
-    least: float,
-    total: float,
-    mean: NDArray[np.float64],
-    spread: NDArray[np.float64],
-    share: NDArray[np.float64],
-) -> float:
-    """Find the value that a mixture of normal distributions, of weight `total`, exceeds with the weight `least` only.
-
-    None of its parts alone may exceed it with more, and where each does so with its share, so does the mixture: between
-    these bounds the logarithm of the weight is all but straight, and is followed by false position (the Illinois rule).
-    """
-    lowest, low, high = NEVER, -NEVER, -NEVER
-    most = _deviations(min(least / total, 0.5)) + 1e-3
-    for m in range(len(mean)):
-        lowest, high = min(lowest, mean[m]), max(high, mean[m] + most * spread[m])
-        if 2.0 * least < share[m]:
-            low = max(low, mean[m] + (_deviations(least / share[m]) - 1e-3) * spread[m])
-    low = max(low, lowest)
-    below, above, side = math.nan, math.nan, 0
-    x = low
-    for done in range(_ROUNDS):
-        beyond = 0.0
-        for m in range(len(mean)):
-            off = (x - mean[m]) / spread[m]
-            if off < SURE:
-                beyond += share[m] * 0.5 * math.erfc(off * math.sqrt(0.5))
-        miss = math.log(max(beyond, 1e-300) / least)
-        if abs(miss) < _CLOSE:
-            return x
-        if miss > 0.0:
-            low, below = x, miss
-            above = above / 2.0 if side > 0 else above
-            side = 1
-        else:
-            high, above = x, miss
-            below = below / 2.0 if side < 0 else below
-            side = -1
-        if math.isnan(above):
-            x = high
-        elif math.isnan(below):
-            x = low
-        else:  # halved where parts are so narrow that the weight falls in steps
-            x = low + (high - low) * (below / (below - above) if done < _STRAIGHT else 0.5)
-    return high
 
 
 @compiled
@@ -325,15 +289,28 @@ def flight_energy(
     """Energy, as SoC, that a flight taking off at `time_s` exceeds with the probability epsilon only.
 
     `wind_north` and `wind_east`, shape (sites,), are measured in the slot of `time_s`. Members over the limits do not
-    count (nobody would fly); without any other, never. Also returns how long the slowest flight lasts that it was worked
-    out from, s: as long as that ends in the same slot, the energy is the same.
+    count (nobody would fly); without any other, never. Also returns how long the slowest flight lasts that it was
+    worked out from, s: as long as that ends in the same slot, the energy is the same.
+
+    Only the `WORST` members are flown, twice each: as they are, for T_m, and with the uncertain part `STEADY`
+    deviations against the flight, for D_m. O(`WORST` x segments x slots of the flight).
 
     Takes a row of `Known.share`, segments of its air, one wind a site, and a finite time.
+
+    Parameters
+    ----------
+    row : int
+        Of `Known.share`.
+    segments : ndarray of int
+        Flown in order.
+    cost : (c, k)
+        SoC of a second of flight, and of a flight beyond that.
     """
     air = known.air
     first = slot_of(air, time_s)
     count = int(math.ceil(2.0 * 3600.0 / air.slot_s)) + 1
     members, slots, sites = air.north.shape
+    # Residuals r_m, how they fade, and p_m; `seen` is the wind of one member at a time, as seen from now.
     fade = np.exp(-np.arange(count) * air.slot_s / known.tau_s)
     residual_north, residual_east = residuals(known, first, wind_north, wind_east)
     north, east = np.empty((1, count, sites)), np.empty((1, count, sites))
@@ -361,11 +338,13 @@ def flight_energy(
         if flying >= WORST:
             break
         seen_enough += 1
+        # Its wind: w_m + r_m exp(-h / tau).
         for k in range(count):
             slot = min(first + k, slots - 1)
             for site in range(sites):
                 north[0, k, site] = air.north[m, slot, site] + residual_north[m, site] * fade[k]
                 east[0, k, site] = air.east[m, slot, site] + residual_east[m, site] * fade[k]
+        # T_m and D_m, as energy.
         down = land(seen, 0, segments, time_s)
         if down == NEVER:
             longest = NEVER
@@ -382,13 +361,14 @@ def flight_energy(
         flying += 1
     if flying == 0:
         return NEVER, NEVER
+    # Members that are not flown need no more than the mildest that is.
     rest = 0.0
     for m in order[seen_enough:]:
         rest += chance[m]
     energy[flying], spread[flying], share[flying] = energy[mildest], spread[mildest], rest  # they need no more than it
     flying += 1
     total += rest
-    need = _exceeded_by(known.epsilon * total, total, energy[:flying], spread[:flying], share[:flying])
+    need = exceeded_by(known.epsilon * total, total, energy[:flying], spread[:flying], share[:flying])
     return need, float(longest)
 
 
@@ -403,7 +383,19 @@ def energy_about(
     cost: tuple[float, float],
     table: NDArray[np.float64],
 ) -> float:
-    """Look up, or work out and keep, what a flight may need that takes off about a time."""
+    """Look up, or work out and keep, what a flight may need that takes off about a time, as SoC.
+
+    The most of both ends of the interval of `GRID_S` that holds the time, in the wind that is true in its slot.
+
+    Parameters
+    ----------
+    known, row, segments, cost
+        As of `flight_energy`.
+    truth, member : SegmentWind, int
+        The wind that is measured.
+    table : ndarray, shape (points,)
+        Of this member and leg, see `required_soc_tables`.
+    """
     slot = slot_of(truth, time_s)
     k = int((time_s - truth.start_s) // GRID_S)
     need = _energy_at(known, row, truth, member, segments, cost, table, slot, 2 * k + 1)
@@ -412,7 +404,7 @@ def energy_about(
 
 @compiled_lean
 def next_change(truth: SegmentWind, time_s: float) -> float:
-    """First time after one from which on `energy_about` may say something else."""
+    """First time after one from which on `energy_about` may say something else, POSIX seconds."""
     over = truth.start_s + (int((time_s - truth.start_s) // GRID_S) + 1) * GRID_S
     return min(over, slot_end(truth, slot_of(truth, time_s)))
 
@@ -429,7 +421,11 @@ def _energy_at(
     slot: int,
     point: int,
 ) -> float:
-    """What a flight needs at point 2 k + 1, the beginning of interval k, or 2 k + 2, its end, kept where both are one."""
+    """What a flight needs at the beginning of interval k (point 2 k + 1) or at its end (2 k + 2), as SoC.
+
+    Kept in the table; where the next interval begins in the same slot, its beginning serves for this end.
+    """
+    # When the point is, and where it is kept; at the end of a slot, a second before it.
     interval = (point - 1) // 2
     time_s = truth.start_s + interval * GRID_S
     key = point
@@ -443,6 +439,7 @@ def _energy_at(
     if 0 <= key < points and not math.isnan(table[key]):
         return float(table[key])
     north, east = truth.north[member, slot], truth.east[member, slot]
+    # What the flight needs at the beginning of the slot holds as long as it ends in the slot.
     begin = points + 2 * slot
     if math.isnan(table[begin]):
         at = truth.start_s + slot * truth.slot_s
@@ -459,8 +456,8 @@ def _energy_at(
 def required_soc_tables(truth: SegmentWind, legs: int) -> NDArray[np.float64]:
     """Return tables for `fly_by_required_soc` in which nothing is known yet.
 
-    For each point of `GRID_S` what a flight needs, and then for each slot what it needs at its beginning and how long it
-    may last; see `flight_energy`.
+    For each point of `GRID_S` what a flight needs, and then for each slot what it needs at its beginning and how long
+    it may last; see `flight_energy`.
     """
     members, slots, _ = truth.north.shape
     return np.full((members, legs, 2 * int(slots * truth.slot_s / GRID_S) + 4 + 2 * slots), np.nan)

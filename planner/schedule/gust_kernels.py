@@ -1,9 +1,16 @@
 """Gust kernels: flights through wind that varies about its hourly value.
 
-The gust at a time follows from a key and the time alone, so that whoever flies in the same sampled truth, on whatever
-route, meets the same gusts (but for what is older than `_WARM_UP` time constants at the take-off: below 0.1 %). Normal deviates come from a counter (SplitMix64 of key and step, then Box and Muller); the
-process is an Ornstein-Uhlenbeck one sampled at steps of `GUST_STEP_S` and held within each:
-x(k) = phi x(k-1) + sqrt(1 - phi^2) e(k), phi = exp(-step / time constant).
+The gust at a time follows from a key and the time alone, so that every flight in the same sampled truth, on any route,
+meets the same gusts (but for what is older than `_WARM_UP` time constants at the take-off: below 0.1 %). Along and
+across the wind each is an Ornstein-Uhlenbeck process sampled at steps k of `GUST_STEP_S` and held within each, in
+standard deviations:
+
+    x(k) = phi x(k - 1) + sqrt(1 - phi^2) e(k),     phi = exp(-GUST_STEP_S / time constant)
+
+The normal deviates e(k) are a function of key and k: SplitMix64 of a counter, then Box and Muller.
+
+Sources: Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014; Box and Muller, "A note
+on the generation of random normal deviates", Annals of Mathematical Statistics 29 (1958).
 """
 
 from __future__ import annotations
@@ -75,10 +82,15 @@ def mixed(z: np.uint64) -> np.uint64:
 
 @compiled_lean
 def deviates(key: np.uint64, step: int) -> tuple[float, float]:
-    """Two independent standard normal deviates of a step of time."""
+    """Two independent standard normal deviates of a step of time: e(k) along and across the wind.
+
+    From U, V uniform in (0, 1) and [0, 1), 53 bits each: sqrt(-2 ln U) (cos, sin)(2 pi V).
+    """
+    # Two numbers of the counter, scrambled.
     counter = np.uint64(step) * _TWO
     first = mixed(key + counter * _GOLDEN)
     second = mixed(key + (counter + _ONE) * _GOLDEN)
+    # Box and Muller.
     radius = math.sqrt(-2.0 * math.log((np.float64(first >> _S11) + 1.0) / 9007199254740993.0))
     angle = 2.0 * math.pi * np.float64(second >> _S11) / 9007199254740992.0
     return radius * math.cos(angle), radius * math.sin(angle)
@@ -86,14 +98,17 @@ def deviates(key: np.uint64, step: int) -> tuple[float, float]:
 
 @compiled_lean
 def gust_after(gust: tuple[float, float], key: np.uint64, step: int, phi: float, scale: float) -> tuple[float, float]:
-    """Gust of a step of time, from that of the step before; `scale` is sqrt(1 - phi^2)."""
+    """Gust of a step k of time, x(k), from that of the step before; `scale` is sqrt(1 - phi^2)."""
     along, across = deviates(key, step)
     return phi * gust[0] + scale * along, phi * gust[1] + scale * across
 
 
 @compiled_lean
 def gust_at(key: np.uint64, step: int, phi: float) -> tuple[float, float]:
-    """Gust along and across the wind in a step of time, in standard deviations, from its past."""
+    """Gust along and across the wind in a step of time, in standard deviations, from its past.
+
+    The recurrence from `_WARM_UP` time constants before, of which exp(-`_WARM_UP`) is left.
+    """
     scale = math.sqrt(1.0 - phi * phi)
     length = int(math.ceil(-_WARM_UP / math.log(phi))) if phi > 0.0 else 0
     gust = deviates(key, step - length)
@@ -106,12 +121,18 @@ def gust_at(key: np.uint64, step: int, phi: float) -> tuple[float, float]:
 def gusty_speed(
     air: SegmentWind, member: int, slot: int, segment: int, gust: tuple[float, float], gust_sd: float
 ) -> float:
-    """Ground speed over a segment in a gust (equations 1-5); a gust slows a flight, but does not end it."""
+    """Ground speed over a segment in a gust (equations 1-5), m/s; a gust slows a flight, but does not end it.
+
+    With x along the wind w and y across it, as shares of it, the wind becomes (1 + x) w + y w', w' being w turned right
+    by 90 degrees: north (1 + x) - east y, east (1 + x) + north y.
+    """
     north, east = wind_on(air, member, slot, segment)
+    # x and y.
     along = gust_sd * min(max(gust[0], -MAX_DEVIATION), MAX_DEVIATION)
     across = LATERAL * gust_sd * min(max(gust[1], -MAX_DEVIATION), MAX_DEVIATION)
     gust_north = north * (1.0 + along) - east * across
     gust_east = east * (1.0 + along) + north * across
+    # Along the course and across it, and the speed between its limits.
     tail, cross = along_across(gust_north, gust_east, air.cos_bearing[segment], air.sin_bearing[segment])
     speed = tail + forward_mps(air.airspeed_mps, cross)
     return float(min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps))
@@ -175,6 +196,7 @@ def gusty_start(gusts: Gusts, length_m: float, time_s: float) -> GustyPlace:
 def gusty_part(air: SegmentWind, member: int, segment: int, gusts: Gusts, at: GustyPlace) -> GustyPlace:
     """Fly on over a segment until it, the gust or the slot ends."""
     slot = slot_of(air, at.time_s)
+    # Up to the end of the segment, of the gust or of the slot, at the speed of now.
     speed = gusty_speed(air, member, slot, segment, at.gust, gusts.sd)
     next_step_s = (at.step + 1) * GUST_STEP_S
     end_s = min(next_step_s, slot_end(air, slot))
@@ -182,6 +204,7 @@ def gusty_part(air: SegmentWind, member: int, segment: int, gusts: Gusts, at: Gu
     if there:
         return GustyPlace(0.0, at.time_s + spent, at.step, at.gust)
     left = at.left_m - speed * spent
+    # A new slot in the same gust, or the next gust.
     if end_s < next_step_s:
         return GustyPlace(left, end_s, at.step, at.gust)
     return GustyPlace(left, end_s, at.step + 1, gust_after(at.gust, gusts.key, at.step + 1, gusts.phi, gusts.scale))

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.gust_kernels import Disturbance
 
 PAD, TAKE_OFF, TOUCH_DOWN, SOC_TAKE_OFF, SOC_LANDING, READY, ROOM = range(COLUMNS := 7)
-"""Columns of what `fly_under` returns: pad reached (the arrival where no pad is used), take-off, touch-down, charge at both,
-when the drone was ready to leave, and for how long after that it held until the next station had room, s. The rest of the
-time from ready to take-off it held for the wind."""
+"""Columns of what `fly_under` returns: pad reached (the arrival where no pad is used), take-off, touch-down, charge at
+both, when the drone was ready to leave, and for how long after that it held until the next station had room, s. The
+rest of the time from ready to take-off it held for the wind."""
 
 
 class Legs(NamedTuple):
@@ -52,6 +52,14 @@ class Queues(NamedTuple):
     """Sets of queue paths, packed by `models.queues.sampling.pack` in order (set, place).
 
     The places of a set are the stop before each leg and, last, the station where the route ends: one more than legs.
+
+    Attributes
+    ----------
+    offset : ndarray of int, shape (entries + 1,)
+        Path i is rows ``offset[i] : offset[i + 1]`` of the others.
+    arrival_s, pad_s, land_s, delay_s : ndarray
+        See `models.queues.sampling.QueuePath`, whose arrivals are preceded by one at -inf: row k holds for a drone
+        behind k others.
     """
 
     offset: NDArray[np.int64]
@@ -67,7 +75,10 @@ def no_queues() -> Queues:
 
 
 class Waits(NamedTuple):
-    """Expected waits at the stop before each leg, shape (legs, times)."""
+    """Expected waits at the stop before each leg, s.
+
+    `wait_s` has shape (legs, times), for arrivals at `start_s` (POSIX seconds), `step_s` later, and so on.
+    """
 
     start_s: float
     step_s: float
@@ -76,7 +87,10 @@ class Waits(NamedTuple):
 
 @compiled_lean
 def expected_pad(waits: Waits, leg: int, time_s: float) -> float:
-    """When a drone that arrives at a time can expect a pad."""
+    """When a drone that arrives at a time can expect a pad, POSIX seconds.
+
+    The time and the expected wait then, linear between the points of the grid, constant outside it.
+    """
     x = (time_s - waits.start_s) / waits.step_s
     last = waits.wait_s.shape[1] - 1
     if x <= 0.0:
@@ -89,19 +103,20 @@ def expected_pad(waits: Waits, leg: int, time_s: float) -> float:
 
 @compiled_lean
 def _interval(queues: Queues, entry: int, time_s: float) -> int:
+    """Row of a queue path that holds for arrivals at a time: the last other that came by then."""
     low, high = queues.offset[entry], queues.offset[entry + 1]
     return max(low + np.searchsorted(queues.arrival_s[low:high], time_s, side="right") - 1, low)
 
 
 @compiled_lean
 def sampled_spot(queues: Queues, entry: int, time_s: float) -> float:
-    """When a drone that arrives at a time can touch down."""
+    """When a drone that arrives at a time can touch down, POSIX seconds: max(t, land)."""
     return max(time_s, queues.land_s[_interval(queues, entry, time_s)])
 
 
 @compiled_lean
 def sampled_pad(queues: Queues, entry: int, time_s: float) -> float:
-    """When a drone that arrives at a time gets a pad."""
+    """When a drone that arrives at a time gets a pad, POSIX seconds: max(t + delay, pad)."""
     k = _interval(queues, entry, time_s)
     return max(time_s + queues.delay_s[k], queues.pad_s[k])
 
@@ -119,14 +134,22 @@ def fly_under(
 ) -> NDArray[np.float64]:
     """Fly an itinerary in several runs, through gusts and with errors of energy.
 
-    Takes members and sets of queues that are there, and a segment or more for each leg (`planner.problem.kernel_inputs`, in `planner.schedule.itinerary`); it charges
-    nowhere without pads.
+    For each leg, with s the charge on arrival, F the charging curve from empty, c and k what a second of flight and a
+    flight cost, and e the vehicle's energy as a multiple of the model's:
+
+        ready    r = p + F^-1(charge_to) - F^-1(s), p the time it gets a pad; not before not_before
+        take-off t = first opening of the wind from r on, with the charge F(F^-1(s) + t - p)
+        landing  a = end of the flight in gusts, with e (k + c (a - t)) less
+        hovering until there is a holding spot, at e c a second
+
+    O(runs x legs) flights. Takes members and sets of queues that are there, and a segment or more for each leg
+    (`planner.problem.kernel_inputs`, in `planner.schedule.itinerary`); it charges nowhere without pads.
 
     Parameters
     ----------
-    sky : Sky
+    disturbance : Disturbance
         Gusts, errors of energy, and which set of queues each run meets.
-    air : Air
+    air : SegmentWind
         The wind.
     members : ndarray of int, shape (runs,)
         Member of the ensemble that each run flies in.
@@ -139,7 +162,7 @@ def fly_under(
     start : (time_s, soc)
         When and with which charge the delivery starts.
     cost : (soc_per_s, soc_fixed)
-        Of a flight.
+        c and k.
 
     Returns
     -------
@@ -155,6 +178,7 @@ def fly_under(
         for leg in range(count):
             segments = legs.segments[legs.offset[leg] : legs.offset[leg + 1]]
             entry = disturbance.queue[run] * (count + 1) + leg
+            # The stop: when there is a pad, and when the drone is ready.
             pad = now
             ready = now
             charges = legs.has_pads[leg] and legs.charge_to[leg] > soc  # not where it is NaN either
@@ -164,6 +188,7 @@ def fly_under(
                 u = interpolate(soc, legs.curve_soc[leg], legs.curve_s[leg])
                 ready = pad + interpolate(legs.charge_to[leg], legs.curve_soc[leg], legs.curve_s[leg]) - u
             ready = max(ready, legs.not_before_s[leg])
+            # Take-off, with what it has charged until then.
             off = next_opening(air, members[run], segments, ready)
             if off == NEVER:
                 break
@@ -176,6 +201,7 @@ def fly_under(
                 soc,
             )
             out[run, leg, ROOM] = 0.0
+            # Landing.
             now = gusty_land(
                 air,
                 members[run],
@@ -187,6 +213,7 @@ def fly_under(
             )
             soc -= disturbance.energy[run] * (cost[1] + cost[0] * (now - off))
             joined = now  # a drone that hovers for a spot keeps its place in the queue
+            # Hovering.
             if sampled:
                 now = sampled_spot(queues, entry + 1, now)
                 soc -= disturbance.energy[run] * cost[0] * (now - joined)
@@ -211,6 +238,7 @@ def flight_parts(air: SegmentWind, member: int, segments: NDArray[np.int64], dep
         left = air.distance_m[segment]
         slot = slot_of(air, now)
         while True:
+            # To the end of the segment or of the slot, whichever is first.
             speed = segment_speed(air, member, slot, segment)
             if speed <= 0.0:
                 return out[:size].copy()

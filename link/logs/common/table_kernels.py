@@ -18,7 +18,10 @@ def table_of(
     layout: np.dtype[np.void],
     length: NDArray[np.int64] | None = None,
 ) -> NDArray[np.void]:
-    """Return the payloads at some places, all packed alike, as a structured array, shape (places,); of a `length` where some are cut short."""
+    """Return the payloads at some places, all packed alike, as a structured array, shape (places,).
+
+    With `length` some may be cut short; what is missing is 0.
+    """
     table = np.empty((len(place), layout.itemsize), dtype=np.uint8)
     gather(data, place, np.full(len(place), layout.itemsize) if length is None else length, table)
     return np.asarray(table.view(layout).reshape(len(place)))
@@ -28,9 +31,21 @@ def table_of(
 def gather(
     data: NDArray[np.uint8], payload: NDArray[np.int64], length: NDArray[np.int64], out: NDArray[np.uint8]
 ) -> None:
-    """Copy payloads, one a row; what is shorter than a row is filled with zeros (MAVLink 2 cuts trailing zeros).
+    """Copy payloads into the rows of a table.
+
+    out[r, k] = data[payload[r] + k] for k < length[r], 0 from there on.
+    MAVLink 2 cuts off the zeros that end a payload; here they are put back. What is longer than a row is cut.
 
     Takes places and lengths of payloads inside the bytes, and a table with a row for each.
+
+    Parameters
+    ----------
+    data : ndarray of uint8, shape (bytes,)
+        A log or a piece of one.
+    payload, length : ndarray of int64, shape (rows,)
+        Where each payload begins in `data`, and its bytes.
+    out : ndarray of uint8, shape (rows, bytes of a row)
+        Filled.
     """
     for row in range(len(payload)):
         count = min(length[row], out.shape[1])

@@ -1,4 +1,11 @@
-"""Kernels that find the messages of a DataFlash log, by pymavlink's rules."""
+"""Kernels that find the messages of a DataFlash log, by pymavlink's rules.
+
+A message is 0xA3 0x95, one byte of type, and its fields. A format message (FMT, type 0x80, 89 bytes) tells of another
+type: after its own 3 bytes come the type it describes (1), the bytes of such a message with its head (1), name (4), one
+letter for each field (16) and the fields' labels (64). Letters after the first zero are ignored.
+
+Source: `DFReader` of pymavlink, which says what each letter is.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +25,13 @@ FORMAT_LENGTH = 89
 LETTERS_AT, LETTERS = 9, 16
 """Where a format message has the letters of the fields, and how many at most."""
 GARBAGE_BYTES = 528
-"""A message that cannot be unpacked ends the log where fewer bytes than these are left: block devices end in garbage."""
+"""A message that cannot be unpacked ends the log where fewer bytes than these are left: block devices end in
+garbage."""
 
 
 @compiled
 def packed_bytes(data: NDArray[np.uint8], at: int, sizes: NDArray[np.int64]) -> int:
-    """Bytes that the fields of a format message take; -1 where a letter is none."""
+    """Bytes that the fields of the format message at `at` take, by its letters; -1 where a letter is none."""
     total = 0
     for place in range(at + LETTERS_AT, at + LETTERS_AT + LETTERS):
         if data[place] == 0:
@@ -71,13 +79,17 @@ def find_messages(
     count = skipped = at = 0
     size = len(data)
     while size - at >= 3 and count < len(offset):
+        # Skip byte by byte to the head of a message of a known type.
         if data[at] != HEAD_1 or data[at + 1] != HEAD_2 or length[data[at + 2]] == 0:
             at += 1
             skipped += 1
             continue
         number = data[at + 2]
+        # A message that the piece cuts off: the next piece begins with it.
         if size - at < length[number]:
             break
+        # A message whose fields do not fill its length cannot be unpacked. Near the end of the data it ends the log;
+        # elsewhere, or where it is a format with an unknown letter, only its head is skipped.
         nonsense = number == FORMAT_TYPE and packed_bytes(data, at, sizes) < 0
         if nonsense or packed[number] != length[number] - 3:
             if not nonsense and size - at - 3 < GARBAGE_BYTES:
@@ -85,13 +97,16 @@ def find_messages(
             at += 3
             skipped += 3
             continue
+        # A message.
         offset[count] = at
         kind[count] = number
         count += 1
+        # A format message says how long messages of its type are from here on.
         if number == FORMAT_TYPE and data[at + 4] >= 3:
             length[data[at + 3]] = data[at + 4]
             packed[data[at + 3]] = packed_bytes(data, at, sizes)
         at += length[number]
+    # What is left when the log is over belongs to no message.
     if final:
         return count, size, skipped + size - at
     return count, at, skipped

@@ -5,8 +5,17 @@ a message where bytes are damaged is decided as pymavlink does, byte for byte: i
 the parser asks for, and keeps what the parser has not used for the next message. Agreement matters more here
 than cleverness, for people compare counts.
 
-Source: MAVLink 2 serialisation (https://mavlink.io/en/guide/serialization.html); X.25 checksum with one extra byte per
-message type.
+Frames, by bytes (n is the length of the payload, id is least significant byte first; places: `link.wire.layout`):
+
+- MAVLink 1: 0xFE, n, sequence, system, component, id, payload (n), checksum (2): n + 8;
+- MAVLink 2: 0xFD, n, incompatible flags, compatible flags, sequence, system, component, id (3), payload (n), checksum
+  (2) and, where bit 0 of the incompatible flags is set, a signature (13): n + 12 or n + 25.
+
+The checksum is CRC-16/MCRF4XX, least significant byte first, of all bytes between the first and itself and then of one
+extra byte of the message type: from c = 0xFFFF, c <- (c >> 8) xor T[(c xor byte) & 0xFF], T the table of the polynomial
+0x8408.
+
+Source: MAVLink 2 serialisation (https://mavlink.io/en/guide/serialization.html); `mavutil.mavlogfile` of pymavlink.
 """
 
 from __future__ import annotations
@@ -49,7 +58,8 @@ STAMP_REACH_S = 3 * 24 * 3600.0
 """After bad bytes a stamp further than this from the last good one is not believed."""
 POS, BUFFERED, EXPECTED, HAVE_LAST, LAST_BAD, ENDED, BAD, BAD_BYTES, STAMP_BYTES = range(9)
 """Places in the state: next byte of the chunk, bytes kept back, bytes the parser wants, whether a good message came
-yet, whether the last one was bad, whether the log is over, bad records, their bytes, bytes passed looking for a stamp."""
+yet, whether the last one was bad, whether the log is over, bad records, their bytes, bytes passed looking for a
+stamp."""
 STATE_SIZE = 9
 HEADER = STAMP_SIZE + HEADER_2_BYTES
 """Bytes from a stamp to the end of the longest header."""
@@ -58,6 +68,7 @@ FRAME = 1024
 
 
 def _crc_table() -> NDArray[np.int64]:
+    """Return T of the checksum: each byte value shifted out bit by bit."""
     table = np.zeros(256, dtype=np.int64)
     for value in range(256):
         crc = value
@@ -84,8 +95,10 @@ def frame_is_good(
 ) -> bool:
     """Whether a frame that begins at `at` and has `total` bytes passes the checks; an unknown type always does.
 
-    Takes any bytes, and any place in them: a frame that is cut off is not good.
+    Takes any bytes, and any place in them: a frame that is cut off is not good. `crc_extra` and `table` are those of
+    `scan_chunk`.
     """
+    # Bytes behind the payload, and the message type, by version; unknown incompatible flags are refused.
     tail = CHECKSUM_BYTES
     if data[at] == MAGIC_2:
         if data[at + FLAGS_AT] & ~SIGNED:
@@ -93,14 +106,17 @@ def frame_is_good(
         if data[at + FLAGS_AT] & SIGNED:
             tail += SIGNATURE_BYTES
     number = _message_id(data, at)
+    # An unknown type has no extra byte, so its checksum cannot be computed.
     extra = int(crc_extra[number]) if number < DENSE_IDS else -1
     if extra < 0:
         return True
+    # The checksum over all bytes after the first, then over the extra byte.
     crc = 0xFFFF
     end = at + total - tail
     for place in range(at + 1, end):
         crc = (crc >> 8) ^ table[(crc ^ data[place]) & 0xFF]
     crc = (crc >> 8) ^ table[(crc ^ extra) & 0xFF]
+    # As it is sent, least significant byte first.
     return (int(data[end]) | (int(data[end + 1]) << 8)) == crc
 
 
@@ -117,12 +133,18 @@ def stamp(data: NDArray[np.uint8], at: int) -> float:
 def _take_stamp(
     data: NDArray[np.uint8], stop: int, size: int, state: NDArray[np.int64], clock: NDArray[np.float64]
 ) -> bool:
-    """Take the stamp before a message; after bad bytes search for a plausible one. False: continue in the next chunk."""
+    """Take the stamp before a message; after bad bytes search for a plausible one. False: continue in the next chunk.
+
+    A stamp is plausible if it is no further than `STAMP_REACH_S` from that of the last good message, ``clock[1]``.
+    Arguments as of `scan_chunk`; `stop` is where a chunk ends that is not the last.
+    """
+    # Too few bytes for a stamp: the log is over.
     if size - state[POS] < 8:
         state[POS] = size
         return True
     at = state[POS] + 8
     time_s = stamp(data, at - 8)
+    # After a bad record: byte by byte until a stamp is plausible.
     if state[HAVE_LAST] and state[LAST_BAD]:
         while abs(time_s - clock[1]) > STAMP_REACH_S and at < size:
             if stop < size and at > stop:
@@ -147,6 +169,7 @@ def _record(
     clock: NDArray[np.float64],
     out: tuple[NDArray[Any], ...],
 ) -> None:
+    """Write a good frame, which begins at `at` of `data` and at `place` of the log, into a row of `out`."""
     offset, times, number, system, component, length = out
     offset[row] = place
     times[row] = clock[0]
@@ -162,6 +185,7 @@ def _record(
 
 @compiled
 def _bad(state: NDArray[np.int64], count: int) -> None:
+    """Count a bad record of so many bytes."""
     state[LAST_BAD] = 1
     state[BAD] += 1
     state[BAD_BYTES] += count
@@ -169,7 +193,7 @@ def _bad(state: NDArray[np.int64], count: int) -> None:
 
 @compiled
 def _drop(kept: NDArray[np.uint8], used: int, have: int, state: NDArray[np.int64]) -> None:
-    """Forget the first bytes of the parser's buffer."""
+    """Forget the first `used` of the `have` bytes in the parser's buffer."""
     for step in range(used, have):
         kept[step - used] = kept[step]
     state[BUFFERED] = have - used
@@ -186,9 +210,13 @@ def _buffered_message(
 ) -> int:
     """Read one message through the parser's buffer; a good frame ends up at kept[FRAME:].
 
+    The steps of pymavlink's parser: take the bytes it asks for; discard bytes before a start marker; ask for the rest
+    of the frame once its head gives the length; check it when it is complete. Arguments as of `scan_chunk`.
+
     Returns the length of a good frame, 0 for a bad record, -1 where the bytes end.
     """
     while True:
+        # Take the bytes that the parser asks for, at least one, as far as there are any.
         have = state[BUFFERED]
         new = min(max(state[EXPECTED] - have, 1), size - state[POS])
         for step in range(new):
@@ -196,6 +224,7 @@ def _buffered_message(
         state[POS] += new
         have += new
         state[BUFFERED] = have
+        # No frame begins here: all bytes up to the next start marker are one bad record.
         if have >= 1 and kept[0] != MAGIC_2 and kept[0] != MAGIC_1:
             used = 1
             while used < have and kept[used] != MAGIC_2 and kept[used] != MAGIC_1:
@@ -204,11 +233,13 @@ def _buffered_message(
             _drop(kept, used, have, state)
             _bad(state, used)
             return 0
+        # The head gives the length of the frame.
         shortest = AROUND_2_BYTES if have >= 1 and kept[0] == MAGIC_2 else AROUND_1_BYTES
         if have >= 3:
             state[EXPECTED] = int(kept[LENGTH_AT]) + shortest
             if kept[0] == MAGIC_2 and kept[FLAGS_AT] & SIGNED:
                 state[EXPECTED] += SIGNATURE_BYTES
+        # A complete frame: set it aside, keep what follows for the next message, and check it.
         if state[EXPECTED] >= shortest and have >= max(state[EXPECTED], 3):
             total = state[EXPECTED]
             state[EXPECTED] = shortest
@@ -219,13 +250,18 @@ def _buffered_message(
                 return total
             _bad(state, total)
             return 0
+        # Nothing more to take.
         if new == 0:
             return -1
 
 
 @compiled
 def _place_of(data: NDArray[np.uint8], kept: NDArray[np.uint8], found: int, state: NDArray[np.int64]) -> int:
-    """Return where in the chunk a buffered frame lies in one piece, or -1."""
+    """Return where in the chunk a buffered frame lies in one piece, or -1.
+
+    The frame ends where the bytes still in the buffer begin, unless a stamp was taken in between; so the bytes are
+    compared.
+    """
     place = state[POS] - state[BUFFERED] - found
     if place < 0:
         return -1
@@ -261,6 +297,9 @@ def scan_chunk(
 ) -> int:
     """Find the messages of a chunk.
 
+    A complete frame in the chunk, with the parser's buffer empty, is checked in place; any other goes through the
+    buffer, byte for byte as in pymavlink. Both leave the parser in the same state.
+
     Takes any bytes, and a state of `STATE_SIZE`.
 
     Parameters
@@ -271,15 +310,19 @@ def scan_chunk(
         Place of the first of them in the log.
     final : bool
         Whether the log ends with them.
-    state, clock, kept : ndarray
-        What the parser remembers: `STATE_SIZE` numbers; times of the last stamp and of the last good message; its buffer
-        of 2048 bytes.
+    state : ndarray of int64, shape (`STATE_SIZE`,)
+        What the parser remembers, by the names of its places in this module.
+    clock : ndarray of float64, shape (2,)
+        Times of the last stamp and of the last good message, POSIX seconds.
+    kept : ndarray of uint8, shape (2048,)
+        The parser's buffer; a complete frame is laid from `FRAME` on.
     crc_extra : ndarray of int16, shape (65536,)
         Extra byte of each message type, -1 where the type is unknown.
-    table : ndarray of int64
+    table : ndarray of int64, shape (256,)
         `CRC_TABLE`.
     out : tuple of ndarray
-        Offset in the log (-1 where a frame is not in one piece), time, id, system, component, length of each frame.
+        Filled, each of one length: offset in the log (-1 where a frame is not in one piece), time in POSIX seconds, id,
+        system, component, length of each frame.
 
     Returns
     -------
@@ -291,6 +334,7 @@ def scan_chunk(
     while not state[ENDED] and (final or state[POS] < stop) and row < len(out[0]):
         if not _take_stamp(data, stop, size, state, clock):
             break
+        # The usual case, an empty buffer and room for the longest frame: check it in place.
         at = state[POS]
         if state[BUFFERED] == 0 and size - at >= MAX_FRAME_BYTES:
             total = announced(data, at)
@@ -303,6 +347,7 @@ def scan_chunk(
                 else:
                     _bad(state, total)
                 continue
+        # Otherwise through the buffer: damage, or the ends of a chunk.
         found = _buffered_message(data, size, state, kept, crc_extra, table)
         if found < 0:
             state[ENDED] = 1
@@ -322,9 +367,11 @@ def read_one(
     crc_extra: NDArray[np.int16],
     table: NDArray[np.int64],
 ) -> int:
-    """Read one message, stamp and all, as `scan_chunk` does; returns its length, 0 for a bad record, -1 where there is none.
+    """Read one message, stamp and all, as `scan_chunk` does.
 
-    Takes any bytes.
+    Returns its length, 0 for a bad record, -1 where there is none.
+
+    Takes any bytes. Arguments as of `scan_chunk`; the frame is left at ``kept[FRAME:]``.
     """
     size = len(data)
     _take_stamp(data, size, size, state, clock)
@@ -340,23 +387,39 @@ def read_one(
 def walk(
     data: NDArray[np.uint8], size: int, at: int, final: bool, known: NDArray[np.int16], seen: NDArray[np.bool_]
 ) -> tuple[int, int]:
-    """Go from header to header; returns a place and the bytes to the next one where a type is met first, or where it ends.
+    """Go from header to header; return a place and the bytes to the next one where a type is met first.
 
-    The bytes are 0 where the piece is over, and -1 where the log is.
+    Where none is any more, return the place where it ends; the bytes are 0 where the piece is over, and -1 where the
+    log is. Nothing is checked: this finds one message of each type in a log that is mostly undamaged.
 
     Takes any bytes.
+
+    Parameters
+    ----------
+    data, size, final
+        As of `scan_chunk`.
+    at : int
+        Place of a stamp to begin with.
+    known : ndarray of int16, shape (65536,)
+        -1 where a type is unknown; these are skipped.
+    seen : ndarray of bool, shape (65536,)
+        Types met so far; written to.
     """
     while at + 14 < size:
         if not final and at + HEADER > size:
             break
+        # The frame behind the stamp, and its bytes.
         frame = at + STAMP_SIZE
         total = announced(data, frame)
+        # No frame follows this stamp: try the next byte.
         if total == 0:
             at += 1
             continue
+        # A header that is cut off ends the log.
         if data[frame] == MAGIC_2 and at + HEADER > size:
             return at, -1
         length, number = STAMP_SIZE + total, _message_id(data, frame)
+        # The first message of a known type.
         if number < DENSE_IDS and known[number] >= 0 and not seen[number]:
             seen[number] = True
             return at, length

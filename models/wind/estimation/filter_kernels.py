@@ -1,4 +1,22 @@
-"""The wind filter's recursion over a whole log: the same arithmetic as `models.wind.estimation.filter`, compiled."""
+"""The wind filter's recursion over a whole log: the same arithmetic as `models.wind.estimation.filter`, compiled.
+
+State x = (slow wind (north, east), gust (north, east), systematic errors b_1 ... b_k), covariance P. The slow wind
+returns to the forecast m, gusts and errors to 0, each as an Ornstein-Uhlenbeck process of time constant tau_i and
+variance V_i, whose solution over a step of d seconds is exact. A measurement z of the wind with covariance R sees the
+sum of the two winds and the errors by its sensitivity B:
+
+    predict   x <- m + K (x - m),  P <- K P K + (I - K^2) V,     K = diag(exp(-d / tau_i))
+    innovate  y = z - H x,  S = H P H' + R,                       H = [I I B]
+    gate      nis = y' S^-1 y;  use z if nis <= gate (`_persuaded`: or if rejected for too long)
+    update    G = P H' S^-1,  x <- x + G y,  P <- P - G H P
+
+A sensor with a scale c and an offset o of the heading measures the air velocity scaled and turned; the state then holds
+the wind scaled and turned likewise, s = c Q(o) w with Q(o) the turn by o, in which the measurement is linear
+(`models.wind.estimation.systematic`), and what is told is w = Q(-o) s / c.
+
+Sources: Kalman, "A new approach to linear filtering and prediction problems" (1960); Bar-Shalom, Li and Kirubarajan,
+"Estimation with Applications to Tracking and Navigation" (2001), sections 2.9 (gating) and 5.4.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +35,8 @@ if TYPE_CHECKING:
 REJECTED, FIRST_S, SUM_N, SUM_E = range(4)
 """Places in the memory of rejections: how many in a row, time of the first, sum of their innovations."""
 SLOW, GUST, SYSTEMATIC = 0, 2, 4
-"""Places in the state: the slow wind (north, east), the gust about it, and the systematic errors of the measurements."""
+"""Places in the state: the slow wind (north, east), the gust about it, and the systematic errors of the
+measurements."""
 
 
 @compiled
@@ -28,7 +47,10 @@ def _predict(
     keep: NDArray[np.float64],
     variance: NDArray[np.float64],
 ) -> None:
-    """Let each state return to its mean by the share that is not kept: x <- m + k (x - m), P <- K P K + (1 - K^2) V."""
+    """Let each state return to its mean by the share that is not kept: x <- m + K (x - m), P <- K P K + (I - K^2) V.
+
+    `target` is m of the slow wind, m/s; `keep` the diagonal of K and `variance` that of V, shape (states,).
+    """
     for row in range(len(x)):
         mean = target[row] if row < GUST else 0.0
         x[row] = mean + keep[row] * (x[row] - mean)
@@ -45,12 +67,18 @@ def _see(
     seen: NDArray[np.float64],
     total: NDArray[np.float64],
 ) -> None:
-    """Fill in P H' and S = H P H' + R of a measurement with H = [I I sensitivity]; S as north-north, north-east, east-east."""
+    """Fill in P H' and S = H P H' + R of a measurement with H = [I I B].
+
+    `sensitivity` is B, shape (2, k); `noise` is R and `total` S, as north-north, north-east, east-east, m2/s2; `seen`
+    is P H', shape (states, 2).
+    """
+    # P H': columns of the slow wind and of the gust, and of the errors by B.
     for row in range(len(p)):
         for part in range(2):
             seen[row, part] = p[row, part] + p[row, GUST + part]
             for error in range(sensitivity.shape[1]):
                 seen[row, part] += p[row, SYSTEMATIC + error] * sensitivity[part, error]
+    # S: rows of the two winds, and then those of the errors by B.
     total[0] = seen[0, 0] + seen[2, 0] + noise[0]
     total[1] = seen[0, 1] + seen[2, 1] + noise[1]
     total[2] = seen[1, 1] + seen[3, 1] + noise[2]
@@ -69,7 +97,12 @@ def _persuaded(
     patience_s: float,
     patience_count: int,
 ) -> bool:
-    """Count a rejection; after too many of them in a row widen the covariance of the slow wind."""
+    """Count a rejection; after too many of them in a row widen the covariance of the slow wind.
+
+    P_slow <- P_slow + e e', e the mean innovation of those rejected, m/s: rejected for so long and so often, the filter
+    is wrong. `memory` has shape (4,), by the names of its places in this module; `miss` is y.
+    """
+    # The first of them in a row.
     if memory[REJECTED] == 0.0:
         memory[FIRST_S], memory[SUM_N], memory[SUM_E] = time_s, 0.0, 0.0
     memory[REJECTED] += 1.0
@@ -77,6 +110,7 @@ def _persuaded(
     memory[SUM_E] += miss[1]
     if memory[REJECTED] < patience_count or time_s - memory[FIRST_S] < patience_s:
         return False
+    # Enough of them: e, and e e'.
     mean_n, mean_e = memory[SUM_N] / memory[REJECTED], memory[SUM_E] / memory[REJECTED]
     p[0, 0] += mean_n * mean_n
     p[0, 1] += mean_n * mean_e
@@ -87,7 +121,7 @@ def _persuaded(
 
 @compiled
 def _scaling(x: NDArray[np.float64], scale: int, turn: int) -> tuple[float, float]:
-    """Return k cos o and k sin o of the sensor in use: by k R(o) it scales and turns the wind."""
+    """Return c cos o and c sin o of the sensor in use; `scale` and `turn` are its errors, -1 for none."""
     size = max(1.0 + x[SYSTEMATIC + scale], MIN_SCALE) if scale >= 0 else 1.0
     angle = x[SYSTEMATIC + turn] if turn >= 0 else 0.0
     return size * math.cos(angle), size * math.sin(angle)
@@ -102,11 +136,17 @@ def _tell(
     estimate: NDArray[np.float64],
     covariance: NDArray[np.float64],
 ) -> None:
-    """Fill in the wind w = R(-o) s / k and its covariance G P G', G the derivative of w by the state."""
+    """Fill in the wind w = Q(-o) s / c and its covariance J P J', J the derivative of w by the state.
+
+    dw/ds = Q(-o) / c, dw/dc = -w / c, dw/do = w turned left by 90 degrees: (east, -north). `estimate` is (north, east),
+    m/s; `covariance` north-north, north-east, east-east, m2/s2.
+    """
+    # w, from s = slow wind + gust.
     cosine, sine = _scaling(x, scale, turn)
     square = cosine * cosine + sine * sine
     s_north, s_east = x[0] + x[GUST], x[1] + x[GUST + 1]
     north, east = (cosine * s_north + sine * s_east) / square, (cosine * s_east - sine * s_north) / square
+    # J.
     slope = np.zeros((2, len(x)))
     for first in (0, GUST):
         slope[0, first], slope[0, first + 1] = cosine / square, sine / square
@@ -118,6 +158,7 @@ def _tell(
     if turn >= 0:
         slope[0, SYSTEMATIC + turn] += east
         slope[1, SYSTEMATIC + turn] -= north
+    # J P J'.
     estimate[0], estimate[1] = north, east
     covariance[:] = 0.0
     for row in range(len(x)):
@@ -135,7 +176,7 @@ def _update(
     seen: NDArray[np.float64],
     total: NDArray[np.float64],
 ) -> None:
-    """Take a measurement: with the gain K = P H' S^-1, x <- x + K innovation, P <- P - K (P H')'."""
+    """Take a measurement: with the gain G = P H' S^-1, x <- x + G y, P <- P - G (P H')'."""
     det = total[0] * total[2] - total[1] * total[1]
     for row in range(len(x)):
         north = (seen[row, 0] * total[2] - seen[row, 1] * total[1]) / det
@@ -161,24 +202,26 @@ def run_filter(
     nis: NDArray[np.float64],
     accepted: NDArray[np.bool_],
 ) -> None:
-    """Run the filter over measurements in the order of time.
+    """Run the filter over measurements in the order of time. O(n states^2).
 
-    Takes arrays of these shapes, finite ascending times and a finite forecast; `models.wind.estimation.filter.filter_log` checks them.
+    Takes arrays of these shapes, finite ascending times and a finite forecast;
+    `models.wind.estimation.filter.filter_log` checks them.
 
     Parameters
     ----------
     time_s : ndarray, shape (n,)
+        POSIX seconds.
     wind : ndarray, shape (n, 2)
-        Measured, m/s (north, east) TOWARDS; NaN predicts only.
+        z: measured, m/s (north, east) TOWARDS; NaN predicts only.
     noise : ndarray, shape (n, 3)
-        Covariance of each: north-north, north-east, east-east, m2/s2.
+        R of each: north-north, north-east, east-east, m2/s2.
     forecast : ndarray, shape (n, 2)
-        What the wind reverts to.
+        m: what the wind reverts to, m/s.
     sensitivity : ndarray, shape (n, 2, k)
-        How each measurement depends on k systematic errors; see `models.wind.estimation.systematic`.
+        B: how each measurement depends on k systematic errors; see `models.wind.estimation.systematic`.
     scale, turn : ndarray of int, shape (n,)
-        The error that scales, and the one that turns, the air velocity behind each measurement; -1 is none. The state holds the
-        wind scaled and turned likewise.
+        The error that scales, and the one that turns, the air velocity behind each measurement; -1 is none. The state
+        holds the wind scaled and turned likewise.
     systematic_sigma : ndarray, shape (k,)
         Standard deviation of each of these.
     settings : tuple
@@ -198,6 +241,7 @@ def run_filter(
     for error in range(errors):
         variance[SYSTEMATIC + error] = systematic_sigma[error] ** 2
     for row in range(len(time_s)):
+        # V and K of the step; gusts go with the speed of the slow wind. At first nothing is kept, so that P = V.
         if row == 0:
             x[:GUST] = forecast[0]
         gust_mps = max(intensity * math.hypot(x[0], x[1]), floor_mps)
@@ -205,14 +249,17 @@ def run_filter(
         step_s = max(time_s[row] - time_s[row - 1], 0.0) if row else math.inf
         keep[:GUST], keep[GUST:SYSTEMATIC] = math.exp(-step_s / tau_s), math.exp(-step_s / gust_tau_s)
         keep[SYSTEMATIC:] = math.exp(-step_s / TAU_S)
+        # Predict, with the forecast scaled and turned as the state is.
         cosine, sine = _scaling(x, scaled, turned)
         north, east = forecast[row]
         _predict(x, p, (cosine * north - sine * east, sine * north + cosine * east), keep, variance)
+        # Innovate: y, S.
         for part in range(2):
             miss[part] = wind[row, part] - x[part] - x[GUST + part]
             for error in range(errors):
                 miss[part] -= sensitivity[row, part, error] * x[SYSTEMATIC + error]
         _see(p, sensitivity[row], noise[row], seen, total)
+        # Gate: y' S^-1 y of a 2 x 2 matrix. NaN is not above the gate, and not used either.
         value = total[2] * miss[0] * miss[0] - 2.0 * total[1] * miss[0] * miss[1] + total[0] * miss[1] * miss[1]
         value /= total[0] * total[2] - total[1] * total[1]
         nis[row] = value
@@ -221,6 +268,7 @@ def run_filter(
             use = _persuaded(memory, p, miss, time_s[row], patience_s, patience_count)
             _see(p, sensitivity[row], noise[row], seen, total)
         accepted[row] = use
+        # Update; the state is scaled and turned by the errors of the sensor that was used last.
         if use:
             memory[REJECTED] = 0.0
             _update(x, p, miss, seen, total)
