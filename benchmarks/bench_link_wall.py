@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.bench_link import LOSSES, MOST, bound_s, mission, p95, radio
 from benchmarks.figure import Figure
+from benchmarks.relay import Relay
 from skyway.sim_stub.transports.channel import Impairment
-from skyway.sim_stub.transports.relay import Relay
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

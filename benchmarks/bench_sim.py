@@ -14,6 +14,7 @@ import time
 import tracemalloc
 from typing import TYPE_CHECKING
 
+from skyway.models.base.address import Address
 from skyway.models.network.network import Station
 from skyway.sim_stub.autopilot.items import Command, Frame, Item
 from skyway.sim_stub.config import VehicleConfig
@@ -21,7 +22,6 @@ from skyway.sim_stub.fleet import FleetOptions, build_world, serve
 from skyway.sim_stub.pads import Pads
 from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.lockstep import Lockstep
-from skyway.sim_stub.transports.urls import Address
 from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:

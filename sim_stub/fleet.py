@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from skyway.models.base.address import Address
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
 from skyway.sim_stub.autopilot import NAMES
@@ -16,7 +17,6 @@ from skyway.sim_stub.transports.channel import Impairment
 from skyway.sim_stub.transports.loop import SocketLoop
 from skyway.sim_stub.transports.pad_server import serve_pads
 from skyway.sim_stub.transports.udp import UdpEndpoint
-from skyway.sim_stub.transports.urls import Address
 from skyway.sim_stub.world import World
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from skyway.link.wire.address import Address
+    from skyway.models.base.address import Address
 
 _AGAIN_S = 1.0
 _READ_BYTES = 4096

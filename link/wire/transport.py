@@ -8,10 +8,11 @@ import socket
 import time
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
+from skyway.models.base.address import bind, resolve
 from skyway.models.base.errors import Fault, InputError, LinkLostError
 
 if TYPE_CHECKING:
-    from skyway.link.wire.address import Address
+    from skyway.models.base.address import Address
 
 _READ_BYTES = 65536
 _AGAIN_S = 1.0
@@ -103,7 +104,7 @@ class UdpSocket:
     """
 
     def __init__(self, address: Address) -> None:
-        family, target = _resolve(address, socket.SOCK_DGRAM)
+        family, target = resolve(address, socket.SOCK_DGRAM)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.settimeout(0.0)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4_000_000)
@@ -111,7 +112,7 @@ class UdpSocket:
         self._routes: dict[int, tuple[Any, float]] = {}
         self._sender: Any = None
         if address.listens:
-            _bind(self._socket, target, address)
+            bind(self._socket, target, address)
         self.port: int = self._socket.getsockname()[1]
 
     def read(self, timeout_s: float = 0.0) -> bytes:
@@ -277,11 +278,11 @@ class TcpServer:
     """A listening TCP port; one vehicle at a time, and nobody may push it off as long as it speaks."""
 
     def __init__(self, address: Address) -> None:
-        family, target = _resolve(address, socket.SOCK_STREAM)
+        family, target = resolve(address, socket.SOCK_STREAM)
         self._listener = socket.socket(family, socket.SOCK_STREAM)
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self._listener.settimeout(0.0)
-        _bind(self._listener, target, address)
+        bind(self._listener, target, address)
         self._listener.listen(1)
         self.port: int = self._listener.getsockname()[1]
         self._peer: socket.socket | None = None
@@ -341,24 +342,6 @@ class TcpServer:
         """Close."""
         self._drop()
         self._listener.close()
-
-
-def _resolve(address: Address, kind: int) -> tuple[int, Any]:
-    try:
-        found = socket.getaddrinfo(address.host, address.port, type=kind)
-    except OSError as error:
-        problem = f"unknown host: {error.strerror or error}"
-        raise InputError(Fault(problem, field="--connect", value=address.host)) from None
-    return found[0][0], found[0][4]
-
-
-def _bind(listener: socket.socket, target: Any, address: Address) -> None:
-    try:
-        listener.bind(target)
-    except OSError as error:
-        listener.close()
-        problem, remedy = f"cannot listen: {error.strerror or error}", "another program listens there"
-        raise InputError(Fault(problem, field="--connect", value=str(address), remedy=remedy)) from None
 
 
 def _prepare(stream: socket.socket) -> None:

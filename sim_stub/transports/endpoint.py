@@ -1,14 +1,8 @@
-"""Socket endpoints of the loop, and address resolution."""
+"""Socket endpoints of the loop."""
 
 from __future__ import annotations
 
-import socket
-from typing import TYPE_CHECKING, Any, Protocol
-
-from skyway.models.base.errors import Fault, InputError
-
-if TYPE_CHECKING:
-    from skyway.sim_stub.transports.urls import Address
+from typing import Protocol
 
 
 class Endpoint(Protocol):
@@ -37,37 +31,3 @@ class Endpoint(Protocol):
     def close(self) -> None:
         """Close for good."""
         ...
-
-
-def resolve(address: Address, kind: int) -> tuple[int, tuple[Any, ...]]:
-    """Family and address of a host.
-
-    Raises
-    ------
-    InputError
-        There is no such host.
-    """
-    try:
-        found = socket.getaddrinfo(address.host, address.port, type=kind)
-    except OSError as error:
-        problem = f"unknown host: {error.strerror or error}"
-        raise InputError(Fault(problem, field="--connect", value=address.host)) from None
-    return found[0][0], found[0][4]
-
-
-def bind(listener: socket.socket, target: tuple[Any, ...], address: Address) -> None:
-    """Bind a socket.
-
-    Raises
-    ------
-    InputError
-        The address is taken, or not ours.
-    """
-    try:
-        listener.bind(target)
-    except OSError as error:
-        listener.close()
-        where = f"{address.host}:{address.port}"
-        problem = f"cannot listen: {error.strerror or error}"
-        remedy = "another program listens there; choose another port"
-        raise InputError(Fault(problem, field="--connect", value=where, remedy=remedy)) from None

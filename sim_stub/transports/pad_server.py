@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import selectors
     import socket
 
+    from skyway.models.base.address import Address
     from skyway.sim_stub.pads import Pads
-    from skyway.sim_stub.transports.urls import Address
 
 MAX_CLIENTS = 32
 

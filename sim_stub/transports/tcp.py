@@ -8,15 +8,15 @@ import time
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
+from skyway.models.base.address import bind, resolve
 from skyway.models.base.errors import Fault, InputError
-from skyway.sim_stub.transports.endpoint import bind, resolve
 from skyway.sim_stub.transports.lane import Lane
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from skyway.models.base.address import Address
     from skyway.sim_stub.transports.channel import Impairment
-    from skyway.sim_stub.transports.urls import Address
     from skyway.sim_stub.vehicle import Vehicle
 
 MAX_VEHICLE_PEERS = 8

@@ -7,13 +7,13 @@ import selectors
 import socket
 from typing import TYPE_CHECKING, Any
 
+from skyway.models.base.address import bind, resolve
 from skyway.models.base.errors import InputError
-from skyway.sim_stub.transports.endpoint import bind, resolve
 from skyway.sim_stub.transports.lane import Lane
 
 if TYPE_CHECKING:
+    from skyway.models.base.address import Address
     from skyway.sim_stub.transports.channel import Impairment
-    from skyway.sim_stub.transports.urls import Address
     from skyway.sim_stub.vehicle import Vehicle
 
 _MAX_PEERS = 8

@@ -3,29 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
+from skyway.models.base.address import LOOPBACK, Address
 from skyway.models.base.errors import Fault, InputError
 
 KINDS = ("udpout", "udpin", "tcp", "tcpin")
 _FORM = re.compile(r"([a-z]+):(?://)?(\[[0-9a-fA-F:]+\]|[^:\[\]]*):(\d{1,5})")
-
-
-@dataclass(frozen=True, slots=True)
-class Address:
-    """Where to speak.
-
-    Attributes
-    ----------
-    kind : str
-        ``udpout`` sends there, ``udpin`` and ``tcpin`` listen there, ``tcp`` connects there.
-    host, port : str, int
-        Port 0 lets the system choose when listening.
-    """
-
-    kind: str
-    host: str
-    port: int
 
 
 def parse_address(text: str, *, option: str, kinds: tuple[str, ...] = KINDS) -> Address:
@@ -43,4 +26,4 @@ def parse_address(text: str, *, option: str, kinds: tuple[str, ...] = KINDS) -> 
     port = int(found[3])
     if port > 65535:
         raise InputError(Fault("port out of range", field=option, value=text, remedy="0 to 65535"))
-    return Address(found[1], found[2].strip("[]") or "127.0.0.1", port)
+    return Address(found[1], found[2].strip("[]") or LOOPBACK, port)

@@ -2,11 +2,11 @@
 
 import contextlib
 
+from benchmarks.relay import Relay
 from skyway.link.protocol.opening import open_connection
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
 from skyway.missions.autopilots.wire import WireItem
 from skyway.sim_stub.transports.channel import Impairment
-from skyway.sim_stub.transports.relay import Relay
 
 PARAMETERS = {"MPC_XY_CRUISE": 5.0, "WPNAV_SPEED": 500.0, "RTL_RETURN_ALT": 60.0}
 WHOLE_PARAMETERS = {"COM_DLL_EXCEPT": 1, "FS_OPTIONS": 8}

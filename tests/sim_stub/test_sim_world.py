@@ -9,10 +9,11 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from sim_station import LAT, LON, Stage, dialect, item
 
+from skyway.models.base.address import Address
 from skyway.models.base.errors import InputError
 from skyway.models.base.geodesy import inverse
 from skyway.models.network.network import Station as Place
@@ -27,10 +28,11 @@ from skyway.sim_stub.plant.power import PowerModel
 from skyway.sim_stub.plant.wind_truth import ConstantWind, Gusts, RecordedWind, parse_constant
 from skyway.sim_stub.transports.channel import Channel, Impairment
 from skyway.sim_stub.transports.loop import SocketLoop
-from skyway.sim_stub.transports.urls import Address, parse_address
+from skyway.sim_stub.transports.urls import parse_address
 from skyway.sim_stub.world import World
 
 
+@settings(deadline=None)
 @given(st.floats(-70, 70), st.floats(-179.9, 179.9), st.floats(0, 360), st.floats(10, 20_000))
 def test_flat_offsets_agree_with_geodesics(lat, lon, bearing, length):
     from skyway.models.base.geodesy import direct

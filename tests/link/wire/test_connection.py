@@ -17,9 +17,10 @@ from skyway.link.protocol.exchange import RoundTrip
 from skyway.link.protocol.opening import open_connection
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
 from skyway.link.wire import transport
-from skyway.link.wire.address import Address, parse_address
+from skyway.link.wire.address import parse_address
 from skyway.link.wire.frames import FrameReader, FrameWriter
 from skyway.link.wire.transport import TcpClient, TcpServer, UdpSocket, open_transport
+from skyway.models.base.address import Address
 from skyway.models.base.clock import WallClock
 from skyway.models.base.errors import InputError, LinkLostError
 

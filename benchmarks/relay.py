@@ -45,7 +45,7 @@ class Relay:
             opened.settimeout(0.0)
             self._sockets.append(opened)
         self.ground_port, self.vehicle_port = (opened.getsockname()[1] for opened in self._sockets)
-        luck = (random.Random(f"{way}/{seed}") for way in ("up", "down"))  # noqa: S311
+        luck = (random.Random(f"{way}/{seed}") for way in ("up", "down"))
         self._channels = [Channel(impairment, generator) for generator in luck]
         self._peers: list[tuple[str, int] | None] = [None, None]
         self._stopping = threading.Event()

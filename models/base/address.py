@@ -1,0 +1,78 @@
+"""Network addresses: what both sides of a link speak and listen at."""
+
+from __future__ import annotations
+
+import socket
+from dataclasses import dataclass
+from typing import Any
+
+from skyway.models.base.errors import Fault, InputError
+
+LOOPBACK = "127.0.0.1"
+LISTENING = ("udpin", "tcpin")
+"""Kinds at which others connect."""
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where to speak.
+
+    Attributes
+    ----------
+    kind : str
+        ``udpin`` and ``tcpin`` listen, ``udpout`` and ``tcp`` speak first, ``serial`` opens a device.
+    host : str
+        Host, or the device.
+    port : int
+        Port, or the baud rate of a device; port 0 lets the system choose when listening.
+    """
+
+    kind: str
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        if self.kind == "serial":
+            return f"{self.host},{self.port}"
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.kind}:{host}:{self.port}"
+
+    @property
+    def listens(self) -> bool:
+        """Whether others connect to us."""
+        return self.kind in LISTENING
+
+
+def resolve(address: Address, kind: int) -> tuple[int, Any]:
+    """Return family and socket address of a host, for a kind of socket.
+
+    Raises
+    ------
+    InputError
+        There is no such host.
+    """
+    try:
+        found = socket.getaddrinfo(address.host, address.port, type=kind)
+    except OSError as error:
+        problem = f"unknown host: {error.strerror or error}"
+        raise InputError(Fault(problem, field="--connect", value=address.host)) from None
+    return found[0][0], found[0][4]
+
+
+def bind(listener: socket.socket, target: Any, address: Address) -> None:
+    """Bind a socket; it is closed where that fails.
+
+    Raises
+    ------
+    InputError
+        The address is taken, or not ours.
+    """
+    try:
+        listener.bind(target)
+    except OSError as error:
+        listener.close()
+        problem, remedy = (
+            f"cannot listen: {error.strerror or error}",
+            "another program listens there; choose another port",
+        )
+        raise InputError(Fault(problem, field="--connect", value=str(address), remedy=remedy)) from None
