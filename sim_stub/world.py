@@ -131,18 +131,18 @@ class World:
         InputError
             No such fault, vehicle, or station with pads.
         """
-        told = parse_fault(fault) if isinstance(fault, str) else fault
-        begun_s = 0.0 if told.after_take_off else self.sim_s
-        now = replace(told, start_s=told.start_s + begun_s, end_s=told.end_s + begun_s)
-        if told.kind == AT_STATIONS:
+        asked = parse_fault(fault) if isinstance(fault, str) else fault
+        begun_s = 0.0 if asked.after_take_off else self.sim_s
+        now = replace(asked, start_s=asked.start_s + begun_s, end_s=asked.end_s + begun_s)
+        if asked.kind == AT_STATIONS:
             if self.pads is None:
-                raise InputError(Wrong("there are no pads here", field="--fault", value=told.kind))
+                raise InputError(Wrong("there are no pads here", field="--fault", value=asked.kind))
             self.pads.take(now)
             return
-        if told.system is not None and told.system not in self.vehicles:
-            raise InputError(Wrong("no such vehicle", field="--fault", value=told.system))
+        if asked.system is not None and asked.system not in self.vehicles:
+            raise InputError(Wrong("no such vehicle", field="--fault", value=asked.system))
         for system, vehicle in self.vehicles.items():
-            if told.system in (None, system):
+            if asked.system in (None, system):
                 vehicle.faults.add(now, vehicle.sim_s)
 
     @property

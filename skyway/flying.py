@@ -46,8 +46,8 @@ def scenario_of(composition: Composition, folder: Path | None) -> Scenario:
             remedy = "give its folder with --scenario"
             raise InputError(Fault("the scenario of the plan was not found", str(path), remedy=remedy))
     scenario = load_scenario(folder)
-    told, found = composition.scenario_sha256, scenario.sha256
-    if told is not None and found is not None and told != found:
+    planned, found = composition.scenario_sha256, scenario.sha256
+    if planned is not None and found is not None and planned != found:
         remedy = "plan again, or give its scenario with --scenario"
         raise InputError(Fault("the scenario differs from that of the plan", scenario.path, remedy=remedy))
     for name in (composition.origin, composition.destination):
@@ -155,20 +155,20 @@ def line_of(record: Record, zone: tzinfo = UTC) -> str | None:
 
     at_s = of.instant_s(record.time)
     clock = "unknown time" if at_s is None else zone_clock(from_posix(at_s), zone)
-    if (told := record.told(Tracked)) is not None and told.expected.left_s is not None:
-        return f"{clock}  {record.state:<12} {_flight_line(told)}"
+    if (entry := record.entry(Tracked)) is not None and entry.expected.left_s is not None:
+        return f"{clock}  {record.state:<12} {_flight_line(entry)}"
     return f"{clock}  {record.state:<12} {record.reason}" if record.event in SHOWN else None
 
 
-def _flight_line(told: Tracked) -> str:
+def _flight_line(entry: Tracked) -> str:
     """Where a flight stands, beside what was planned."""
-    expected = told.expected
+    expected = entry.expected
     line = (
-        f"{_figure(told.height_m)} m, {_figure(told.ground_speed_mps, 1)} m/s, {percent(told.soc)}; "
+        f"{_figure(entry.height_m)} m, {_figure(entry.ground_speed_mps, 1)} m/s, {percent(entry.soc)}; "
         f"{expected.destination} in {duration(expected.left_s)} ({duration(expected.late_s or 0.0, signed=True)}), "
         f"landing with {percent(expected.soc_land)} (planned {percent(expected.planned_soc_land)}), "
-        f"{_figure(expected.cross_track_m)} m off the route, wind {told.measured_words() or 'not measured'} "
-        f"(forecast {told.forecast.words() or 'unknown'})"
+        f"{_figure(expected.cross_track_m)} m off the route, wind {entry.measured_words() or 'not measured'} "
+        f"(forecast {entry.forecast.words() or 'unknown'})"
     )
     return f"{line}; {expected.limited}" if expected.limited else line
 

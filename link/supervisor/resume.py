@@ -36,18 +36,18 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
     delivery.restore_flight(max(record.flight for record in records))
     ctx.parameters.follow(records)
     for record in records:
-        if met := record.told(Met):
+        if met := record.entry(Met):
             ctx.observed.identify(met.uid or 0)
-        elif taken := record.told(PlanTaken):
+        elif taken := record.entry(PlanTaken):
             if taken.plan:
                 delivery.take_plan(from_json(json.dumps(taken.plan), file="journal"))
             restore_standing(ctx, taken.standing)
-        elif begun := record.told(LegBegun):
+        elif begun := record.entry(LegBegun):
             restore_standing(ctx, begun.standing)
             delivery.note_landing(None)
             delivery.take_leg(_restored_leg(ctx, begun, record.time_s))
             ctx.divert.call_off()
-        elif landed := record.told(Landed):
+        elif landed := record.entry(Landed):
             restore_standing(ctx, landed.standing)
             delivery.take_leg(None)
             ctx.divert.call_off()
@@ -59,9 +59,9 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
 
 def _restore_flight(ctx: Context, leg: Leg, record: Record) -> None:
     """Bring back what became of a leg in the air: what it should have taken so far, and where it was sent."""
-    if (point := record.told(Tracked)) and leg.modelled is not None and point.modelled_soc is not None:
+    if (point := record.entry(Tracked)) and leg.modelled is not None and point.modelled_soc is not None:
         leg.modelled.restore(point.modelled_soc, record.time_s)
-    elif (turned := record.told(Turned)) and turned.destination:
+    elif (turned := record.entry(Turned)) and turned.destination:
         ctx.divert.to(turned.destination, turned=not turned.begun)
 
 

@@ -36,7 +36,7 @@ class Task:
         Does what is done at the end; returns the final result.
     tells : bool
         It says how far it is; otherwise only that it is under way.
-    told : int
+    reported : int
         How often it has said so.
     """
 
@@ -45,17 +45,17 @@ class Task:
     lasts_s: float
     finish: Callable[[], Result]
     tells: bool = True
-    told: int = 0
+    reported: int = 0
 
     @property
     def progress(self) -> int:
         """Percent, or 255 for unknown."""
-        return self.told * 100 // _TELLS if self.tells else _UNKNOWN_PROGRESS
+        return self.reported * 100 // _TELLS if self.tells else _UNKNOWN_PROGRESS
 
     @property
     def next_s(self) -> float:
         """Wall instant at which there is something to tell."""
-        return self.begun_s + self.lasts_s * ((self.told + 1) / _TELLS if self.tells else 1.0)
+        return self.begun_s + self.lasts_s * ((self.reported + 1) / _TELLS if self.tells else 1.0)
 
 
 class CommandServer:
@@ -128,8 +128,8 @@ class CommandServer:
         now = self.vehicle.wall_s
         for number, task in list(self.tasks.items()):
             while task.next_s <= now and number in self.tasks:
-                task.told += 1
-                if task.tells and task.told < _TELLS:
+                task.reported += 1
+                if task.tells and task.reported < _TELLS:
                     self._answer(task.order, Result.IN_PROGRESS)
                     continue
                 del self.tasks[number]

@@ -63,10 +63,10 @@ def flight_report(records: tuple[Record, ...], plan: dict[str, Any] | None = Non
     stops = _stops(records, start, outcome)
     decisions = [
         Decision(
-            time_s=at_s, flight=record.flight, state=record.state, action=told.action, where=told.where,
-            reason=record.reason, new_plan=told.new_plan, figures=told.numbers(),
+            time_s=at_s, flight=record.flight, state=record.state, action=entry.action, where=entry.where,
+            reason=record.reason, new_plan=entry.new_plan, figures=entry.numbers(),
         )
-        for at_s, record, told in _of(records, entries.Decided)
+        for at_s, record, entry in _of(records, entries.Decided)
     ]  # fmt: skip
     return FlightReport(
         schema=SCHEMA,
@@ -79,8 +79,8 @@ def flight_report(records: tuple[Record, ...], plan: dict[str, Any] | None = Non
         decisions=decisions,
         plans=_plans(records),
         preflights=[
-            Preflight(time_s=at_s, flight=record.flight, reason=record.reason, checks=told.checks)
-            for at_s, record, told in _of(records, entries.ListDone)
+            Preflight(time_s=at_s, flight=record.flight, reason=record.reason, checks=entry.checks)
+            for at_s, record, entry in _of(records, entries.ListDone)
         ],
         contingencies=_contingencies(records),
         events=_events(records),
@@ -91,9 +91,9 @@ def flight_report(records: tuple[Record, ...], plan: dict[str, Any] | None = Non
 def _of(records: tuple[Record, ...], kind: type[E]) -> Iterator[tuple[float, Record, E]]:
     """Go through the records of a kind that have an instant."""
     for at_s, record in of.timed(records):
-        told = record.told(kind)
-        if told is not None:
-            yield at_s, record, told
+        entry = record.entry(kind)
+        if entry is not None:
+            yield at_s, record, entry
 
 
 def _delivery(records: tuple[Record, ...], start: entries.Start, planned: dict[str, Any]) -> Delivery:
@@ -118,7 +118,7 @@ def _delivery(records: tuple[Record, ...], start: entries.Start, planned: dict[s
 
 def _outcome(records: tuple[Record, ...]) -> Result:
     last = records[-1]
-    end = last.told(entries.Ended)
+    end = last.entry(entries.Ended)
     state = (None if end is None else end.outcome) or last.state
     return Result(
         ended=end is not None,
@@ -128,7 +128,7 @@ def _outcome(records: tuple[Record, ...]) -> Result:
         station=_last_station(records) if end is None else end.station,
         time=last.time,
         flights=max((record.flight for record in records), default=0),
-        resumed=sum(1 for r in records if (told := r.told(entries.Resumed)) is not None and told.last is not None),
+        resumed=sum(1 for r in records if (entry := r.entry(entries.Resumed)) is not None and entry.last is not None),
     )
 
 
@@ -144,8 +144,8 @@ def _last_station(records: tuple[Record, ...]) -> str | None:
     for record in reversed(records):
         if record.event == entries.LegBegun.EVENT:
             return None
-        if (told := record.told(entries.Landed) or record.told(entries.PlanTaken)) is not None:
-            return told.standing.station
+        if (entry := record.entry(entries.Landed) or record.entry(entries.PlanTaken)) is not None:
+            return entry.standing.station
     return None
 
 
@@ -221,16 +221,16 @@ def _legs(records: tuple[Record, ...], series: Series) -> list[FlownLeg]:
     """Return the flights."""
     legs: list[FlownLeg] = []
     for at_s, record in of.timed(records):
-        if begun := record.told(entries.LegBegun):
+        if begun := record.entry(entries.LegBegun):
             legs.append(_leg_begun(at_s, record, begun))
         elif not legs:
             continue
-        elif (landed := record.told(entries.Landed)) and legs[-1].land_s is None:
+        elif (landed := record.entry(entries.Landed)) and legs[-1].land_s is None:
             legs[-1] = replace(
                 legs[-1], land_s=at_s, landed_at=landed.standing.station, as_planned=landed.planned,
                 flight_s=landed.flight_s, soc_land=landed.soc,
             )  # fmt: skip
-        elif (learnt := record.told(entries.EnergyLearnt)) and legs[-1].flight == record.flight:
+        elif (learnt := record.entry(entries.EnergyLearnt)) and legs[-1].flight == record.flight:
             legs[-1] = replace(legs[-1], used_soc=learnt.used_soc, modelled_soc=learnt.modelled_soc)
     return [
         replace(
@@ -241,20 +241,20 @@ def _legs(records: tuple[Record, ...], series: Series) -> list[FlownLeg]:
     ]  # fmt: skip
 
 
-def _leg_begun(at_s: float, record: Record, told: entries.LegBegun) -> FlownLeg:
+def _leg_begun(at_s: float, record: Record, entry: entries.LegBegun) -> FlownLeg:
     return FlownLeg(
         flight=record.flight,
-        origin=told.origin,
-        destination=told.destination,
-        via=told.via,
+        origin=entry.origin,
+        destination=entry.destination,
+        via=entry.via,
         depart_s=at_s,
-        planned_s=told.planned_s,
-        soc_depart=told.soc,
-        planned_soc=told.planned_soc,
-        diverts=told.standing.diverts,
-        ground_speed_mps=told.ground_speed_mps,
-        way=told.way,
-        wind=LegWind.expected(told.wind.words(), told.wind_origin),
+        planned_s=entry.planned_s,
+        soc_depart=entry.soc,
+        planned_soc=entry.planned_soc,
+        diverts=entry.standing.diverts,
+        ground_speed_mps=entry.ground_speed_mps,
+        way=entry.way,
+        wind=LegWind.expected(entry.wind.words(), entry.wind_origin),
     )
 
 
@@ -279,15 +279,15 @@ def _stops(records: tuple[Record, ...], start: entries.Start, outcome: Result) -
     entered: tuple[float, str] | None = None
     for at_s, record in of.timed(records):
         stands = stops[-1].leave_s is None
-        if landed := record.told(entries.Landed):
+        if landed := record.entry(entries.Landed):
             stops.append(Stop(station=landed.standing.station, arrive_s=at_s, soc_from=landed.soc))
-        elif (begun := record.told(entries.LegBegun)) and stands:
+        elif (begun := record.entry(entries.LegBegun)) and stands:
             stops[-1] = replace(stops[-1], leave_s=at_s, soc_to=begun.soc)
         elif record.event == entries.StateEntered.EVENT:
             if stands:
                 stops[-1] = _counted(stops[-1], entered, at_s)
             entered = (at_s, record.state)
-        elif stands and stops[-1].soc_from is None and (point := record.told(entries.Tracked)):
+        elif stands and stops[-1].soc_from is None and (point := record.entry(entries.Tracked)):
             stops[-1] = replace(stops[-1], soc_from=point.soc)
     if stops[-1].leave_s is None:
         stops[-1] = _counted(stops[-1], entered, times[-1])
@@ -309,8 +309,8 @@ def _counted(stop: Stop, entered: tuple[float, str] | None, until_s: float) -> S
 def _plans(records: tuple[Record, ...]) -> list[PlanInForce]:
     """Return the plans that came into force."""
     found = []
-    for at_s, record, told in _of(records, entries.PlanTaken):
-        legs = of.tables(told.plan or {}, "legs")
+    for at_s, record, entry in _of(records, entries.PlanTaken):
+        legs = of.tables(entry.plan or {}, "legs")
         route = [of.text(legs[0], "from") or "unknown"] if legs else []
         for leg in legs:
             route += [f"({name})" for name in of.words(leg, "via")] + [of.text(leg, "to") or "unknown"]
@@ -323,7 +323,7 @@ def _contingencies(records: tuple[Record, ...]) -> list[Event]:
     found = []
     landings = [at_s for at_s, record in of.timed(records) if record.event == entries.Landed.EVENT]
     for at_s, record in of.timed(records):
-        event, changed = record.event, record.told(entries.Changed)
+        event, changed = record.event, record.entry(entries.Changed)
         foreign = changed is not None and changed.ours is False
         if (
             changed is not None
@@ -332,7 +332,7 @@ def _contingencies(records: tuple[Record, ...]) -> list[Event]:
             and any(abs(at_s - t) <= _LANDING_S for t in landings)
         ):
             continue  # an autopilot disarms itself when it has landed
-        decided, entered = record.told(entries.Decided), record.told(entries.StateEntered)
+        decided, entered = record.entry(entries.Decided), record.entry(entries.StateEntered)
         turned = decided is not None and decided.action in ("divert", "land", "stop")
         apart = entered is not None and entered.after in ("lost-link", "holding", "diverting", *END_WORDS[1:])
         if foreign or turned or apart or event in ("turn", "reboot", "link", "resume"):

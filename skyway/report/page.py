@@ -201,7 +201,7 @@ def _legs(document: FlightReport) -> str:
 
 
 def _winds(document: FlightReport) -> str:
-    def told(wind: WindFound | None, without: str = UNKNOWN) -> str:
+    def wind_text(wind: WindFound | None, without: str = UNKNOWN) -> str:
         return without if wind is None or wind.words is None else wind.words
 
     def expected(wind: WindExpected) -> str:
@@ -219,8 +219,8 @@ def _winds(document: FlightReport) -> str:
     )
     body = [
         (
-            str(leg.flight), expected(wind.forecast), told(wind.estimate, "not measured"), speed_text(wind.estimate_sigma_mps),
-            told(wind.truth), speed_text(wind.forecast_rms_mps), speed_text(wind.estimate_rms_mps),
+            str(leg.flight), expected(wind.forecast), wind_text(wind.estimate, "not measured"), speed_text(wind.estimate_sigma_mps),
+            wind_text(wind.truth), speed_text(wind.forecast_rms_mps), speed_text(wind.estimate_rms_mps),
         )
         for leg in document.legs for wind in (leg.wind,)
     ]  # fmt: skip

@@ -97,11 +97,11 @@ def _built_in(document: FlightReport) -> Scenario | None:
     """
     from skyway.scenarios import BUILT_IN, load_scenario
 
-    told = document.delivery.scenario
-    if told.path != BUILT_IN:
+    source = document.delivery.scenario
+    if source.path != BUILT_IN:
         return None
     scenario = load_scenario(None)
-    return scenario if scenario.sha256 == told.sha256 else None
+    return scenario if scenario.sha256 == source.sha256 else None
 
 
 def _add_stations(document: FlightReport, scenario: Scenario) -> None:

@@ -49,7 +49,7 @@ class Series(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WindFound(msgspec.Struct, frozen=True, kw_only=True):
-    """Winds of a flight in the figures and words that every wind is told in."""
+    """Winds of a flight in the figures and words that every wind is given in."""
 
     north_mps: float
     east_mps: float
@@ -88,9 +88,9 @@ def series_of(records: tuple[Record, ...]) -> Series:
     """Return the courses that a journal tells."""
     track = [row for at_s, record in of.timed(records) if (row := _track_row(at_s, record)) is not None]
     truth = [
-        {"time_s": at_s, "wind_north_mps": told.wind_north_mps, "wind_east_mps": told.wind_east_mps, "soc": told.soc}
+        {"time_s": at_s, "wind_north_mps": entry.wind_north_mps, "wind_east_mps": entry.wind_east_mps, "soc": entry.soc}
         for at_s, record in of.timed(records)
-        if (told := record.told(entries.Truth)) is not None
+        if (entry := record.entry(entries.Truth)) is not None
     ]
     names = ("time_s", "flight", "air", *_PLAIN, *_EXPECTED, *_MEASURED, "forecast_mean_mps", "forecast_p10_mps",
              "forecast_p90_mps", "forecast_from_deg", "believed_mean_mps")  # fmt: skip
@@ -102,17 +102,19 @@ def series_of(records: tuple[Record, ...]) -> Series:
 
 def _track_row(at_s: float, record: Record) -> dict[str, Any] | None:
     """Values of a ``track`` record; None of another."""
-    told = record.told(entries.Tracked)
-    if told is None:
+    entry = record.entry(entries.Tracked)
+    if entry is None:
         return None
-    place = of.place(told.lat, told.lon) or (None, None)
-    row: dict[str, Any] = {"time_s": at_s, "flight": record.flight, "air": told.landed is False}
-    row |= {name: getattr(told, name) for name in _PLAIN} | dict(zip(("lat", "lon"), place, strict=True))
-    row |= {name: getattr(told.expected, name) for name in _EXPECTED}
-    unmeasured = told.measured_words() is None  # the filter tells its forecast where nothing was measured
-    row |= {name: None if unmeasured else getattr(told, name) for name in _MEASURED}
-    row |= {f"forecast_{name}": getattr(told.forecast, name) for name in ("mean_mps", "p10_mps", "p90_mps", "from_deg")}
-    return row | {"believed_mean_mps": told.believed.mean_mps}
+    place = of.place(entry.lat, entry.lon) or (None, None)
+    row: dict[str, Any] = {"time_s": at_s, "flight": record.flight, "air": entry.landed is False}
+    row |= {name: getattr(entry, name) for name in _PLAIN} | dict(zip(("lat", "lon"), place, strict=True))
+    row |= {name: getattr(entry.expected, name) for name in _EXPECTED}
+    unmeasured = entry.measured_words() is None  # the filter tells its forecast where nothing was measured
+    row |= {name: None if unmeasured else getattr(entry, name) for name in _MEASURED}
+    row |= {
+        f"forecast_{name}": getattr(entry.forecast, name) for name in ("mean_mps", "p10_mps", "p90_mps", "from_deg")
+    }
+    return row | {"believed_mean_mps": entry.believed.mean_mps}
 
 
 def log_series(paths: Sequence[Path]) -> Columns:

@@ -318,7 +318,7 @@ class DataFlash:
             end_s=last_s + zero_s if known else math.nan,
             events=tuple(
                 LogEvent((first_s if math.isnan(time_s) else time_s) + zero_s, 1, text)
-                for time_s, text in self._events.told(vehicle.kind)
+                for time_s, text in self._events.texts(vehicle.kind)
             ),
             vehicles={1: vehicle},
             doubted={1: tuple((begin + zero_s, end + zero_s) for begin, end in self._events.doubted())},

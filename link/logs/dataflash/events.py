@@ -58,7 +58,7 @@ class DataFlashEvents:
         """Latest lasting values, by the names of `models.drones.telemetry`."""
         return dict(self._lasting)
 
-    def told(self, kind: Kind) -> list[tuple[float, str]]:
+    def texts(self, kind: Kind) -> list[tuple[float, str]]:
         """Times since the start (NaN: unknown) and texts, in the order of the log."""
         return [(time_s, text(kind)) for time_s, text in self._told]
 

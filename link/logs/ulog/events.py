@@ -144,7 +144,7 @@ class ULogEvents:
         """Latest lasting values, by the names of `models.drones.telemetry`."""
         return dict(self._lasting)
 
-    def told(
+    def texts(
         self, texts: Sequence[tuple[float, str]], words: EventWords
     ) -> tuple[list[tuple[float, str]], tuple[tuple[float, float], ...]]:
         """Return times, microseconds, and words in the order of time, and spans in which the position was doubted, s.

@@ -181,7 +181,7 @@ class ULogFile:
         if self._odd_stamps:
             doubts += (f"{self._odd_stamps} messages have times far from their neighbours' and are left out",)
         first_us, last_us = self._range_us
-        told, spans = self._events.told(self._log.texts, EventWords(self._log.event_metadata))
+        told, spans = self._events.texts(self._log.texts, EventWords(self._log.event_metadata))
         return LogSummary(
             format="ulog",
             messages=sum(by_type.values()),

@@ -80,7 +80,7 @@ class ParameterChanges:
     def follow(self, records: Iterable[Record]) -> None:
         """Follow the ``parameter`` records of a journal."""
         for record in records:
-            if told := record.told(ParameterNote):
+            if told := record.entry(ParameterNote):
                 self.take(told)
 
     def take(self, told: ParameterNote) -> None:

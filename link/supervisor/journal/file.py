@@ -64,8 +64,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
         """POSIX seconds."""
         return parse_instant(self.time).timestamp()
 
-    def told(self, kind: type[E]) -> E | None:
-        """Return what it tells, where it is of a kind of entry; None where it is of another."""
+    def entry(self, kind: type[E]) -> E | None:
+        """Return its data as an entry of a kind; None if it is of another kind."""
         return kind.read(self.data) if self.event == kind.EVENT else None
 
 

@@ -22,9 +22,9 @@ AUTOPILOT_SIGMA_MPS = 1.0
 AUTOPILOT_EVERY_S = 10.0
 """The autopilot's estimate is a filtered one: it is taken this often and no oftener."""
 SAME_SENSOR_S = 30.0
-"""Where airspeed told the wind so shortly before, the autopilot's estimate is made of the same and not taken again."""
+"""Where airspeed gave the wind so shortly before, the autopilot's estimate is made of the same and not taken again."""
 PLAIN_SENSOR = AirspeedModel(factor_sigma=0.08, heading_sigma_rad=math.radians(6.0))
-"""A sensor that nobody has calibrated, as it reads."""
+"""An uncalibrated sensor."""
 MIN_AIRSPEED_MPS = 8.0
 """Below this a plane does not fly on its wings."""
 MAX_WIND_MPS = {"tilt": 25.0, "airspeed": 60.0, "autopilot": 60.0}
@@ -149,11 +149,11 @@ def autopilot_wind(air: Blocks, after_s: float = -math.inf, told_s: NDArray[np.f
     after_s : float
         When it was taken last, in blocks before these.
     told_s : ndarray, optional
-        When airspeed told the wind, in order.
+        When airspeed gave the wind, in order.
     """
     noise = np.broadcast_to(np.array([AUTOPILOT_SIGMA_MPS**2, 0.0, AUTOPILOT_SIGMA_MPS**2]), (len(air), 3))
-    told = np.concatenate([[-np.inf], np.empty(0) if told_s is None else told_s])
-    since = air.time_s - told[np.searchsorted(told, air.time_s, side="right") - 1]
+    airspeed_s = np.concatenate([[-np.inf], np.empty(0) if told_s is None else told_s])
+    since = air.time_s - airspeed_s[np.searchsorted(airspeed_s, air.time_s, side="right") - 1]
     alive = np.flatnonzero(np.isfinite(air.autopilot).all(axis=1) & air.flying & (since > SAME_SENSOR_S))
     slot = np.floor(air.time_s[alive] / AUTOPILOT_EVERY_S)
     fresh = np.diff(slot, prepend=math.floor(after_s / AUTOPILOT_EVERY_S) if math.isfinite(after_s) else -np.inf) > 0.0
@@ -182,7 +182,7 @@ def measurements(
     sensor : AirspeedModel
         Of a plane; by default as the sensor says.
     autopilot_s, airspeed_s : float
-        When the autopilot's estimate was taken last, and airspeed told the wind, in blocks before these.
+        When the autopilot's estimate was taken last, and airspeed gave the wind, in blocks before these.
     mean : MeanWind, optional
         Which goes on from the blocks before these.
     """

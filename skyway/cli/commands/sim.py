@@ -191,7 +191,7 @@ def sim(
     )
     addresses = connect or ([] if tcp is not None else [DEFAULT_CONNECT])
     world = build_world(asked, _print_json if as_json else _print_line)
-    loop, told = serve(
+    loop, listening = serve(
         world,
         connect=tuple(parse_address(text, option="--connect") for text in addresses),
         tcp_port=_tcp_port(tcp, vehicles),
@@ -201,7 +201,7 @@ def sim(
         pad_speedup=pad_speedup,
         seed=seed,
     )
-    _run(world, loop, told, lasting, as_json=as_json)
+    _run(world, loop, listening, lasting, as_json=as_json)
 
 
 def _placed(scenario: Scenario, at: list[str] | None) -> tuple[Scenario, tuple[Station, ...]]:
@@ -230,11 +230,11 @@ def _tcp_port(tcp: int | None, vehicles: int) -> int | None:
     return tcp
 
 
-def _run(world: World, loop: SocketLoop, told: list[str], lasting: float | None, *, as_json: bool) -> None:
-    """Run until the time is over or somebody stops it; Ctrl-C is the usual end and no error."""
+def _run(world: World, loop: SocketLoop, listening: list[str], lasting: float | None, *, as_json: bool) -> None:
+    """Run until the time is over or it is stopped; Ctrl-C is the usual end, not an error."""
     before = {number: signal.signal(number, lambda *_: loop.stop()) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        for line in told:
+        for line in listening:
             typer.echo(json.dumps({"listening": line}) if as_json else line)
         loop.run(None if lasting is None else lambda: world.sim_s >= lasting)
     finally:

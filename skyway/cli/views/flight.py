@@ -105,11 +105,11 @@ class FlightView:
 
     def take(self, record: Record) -> None:
         """Show a record."""
-        if entered := record.told(StateEntered):
+        if entered := record.entry(StateEntered):
             self._enter(entered.after or record.state)
-        elif check := record.told(CheckDone):
+        elif check := record.entry(CheckDone):
             self._checks[check.name or ""] = (check.verdict or "", check.said or "")
-        elif leg := record.told(LegBegun):
+        elif leg := record.entry(LegBegun):
             self._leg, self._took_off_s = leg, of.instant_s(record.time)
         elif record.event == Landed.EVENT:
             self._leg, self._took_off_s, self._track = None, None, None
@@ -179,7 +179,7 @@ class FlightView:
 
     def _open_checks(self) -> list[str]:
         checks = dict(self._checks)  # the panel is drawn beside the flight
-        wrong = {name: told for name, told in checks.items() if told[0] != "ok"}
+        wrong = {name: entry for name, entry in checks.items() if entry[0] != "ok"}
         words = {"no": "NOT OK", "unknown": "UNKNOWN"}
         lines = [f"checks: {len(checks) - len(wrong)} passed" + (f", {len(wrong)} not:" if wrong else "")]
         return lines + [f"  {name}: {words.get(verdict, verdict)}: {said}" for name, (verdict, said) in wrong.items()]
@@ -201,20 +201,20 @@ class FlightView:
 
     def rows(self, record: Record) -> list[tuple[str, str, str]]:
         """Return name, expected and actual of time, charge, wind, speed and way; what is not known says so."""
-        told, now_s = Tracked.read(record.data), of.instant_s(record.time)
-        expected, planned_s = told.expected, None if self._leg is None else self._leg.planned_s
+        entry, now_s = Tracked.read(record.data), of.instant_s(record.time)
+        expected, planned_s = entry.expected, None if self._leg is None else self._leg.planned_s
         flown = None if now_s is None or self._took_off_s is None else now_s - self._took_off_s
         left = expected.left_s
         whole = None if flown is None or left is None else flown + left
         rows = [
             ("flight time", counter(planned_s), f"{counter(whole)}{_late(expected.late_s)}; {counter(left)} left"),
-            ("charge now", percent(self._expected_now(flown, planned_s)), percent(told.soc)),
+            ("charge now", percent(self._expected_now(flown, planned_s)), percent(entry.soc)),
             ("charge at the landing", percent(expected.planned_soc_land), percent(expected.soc_land)),
             ("below the reserve", "", probability(expected.p_below_reserve, 1)),
-            ("wind", told.forecast.words() or UNKNOWN, told.measured_words() or "not measured"),
-            ("ground speed", speed_text(expected.commanded_mps), speed_text(told.ground_speed_mps)),
+            ("wind", entry.forecast.words() or UNKNOWN, entry.measured_words() or "not measured"),
+            ("ground speed", speed_text(expected.commanded_mps), speed_text(entry.ground_speed_mps)),
             ("off the route", "0 m", distance_text(expected.cross_track_m)),
-            ("height above home", "", height_text(told.height_m)),
+            ("height above home", "", height_text(entry.height_m)),
         ]  # fmt: skip
         if expected.limited:
             rows.append(("", "", expected.limited))
