@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from skyway.missions.autopilots.settings import Settings
 
-_NOT_TOLD = "not known: the parameters that decide it were not told"
+_NOT_READ = "unknown: the parameters that decide it could not be read"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +66,9 @@ class Failsafes(ABC):
     def by_itself(self, values: Mapping[str, float]) -> list[str]:
         """Return what it does by itself in a mission, a line for each cause: what an operator reads before a take-off."""
         if not values:
-            return ["what it does by itself is not known: its failsafe parameters could not be read"]
+            return ["what it does by itself is unknown: its failsafe parameters could not be read"]
         return [
-            f"link to us lost: {self.without_us(values)}",
+            f"link to skyway lost: {self.without_us(values)}",
             f"remote control lost: {self._without_pilot(values)}",
             *self.battery(values),
         ]
@@ -76,7 +76,7 @@ class Failsafes(ABC):
     def when_left(self, values: Mapping[str, float]) -> str:
         """Say in one sentence what it does in its mission when our program ends, and with it its heartbeat."""
         if not values:
-            return "what it does then is not known: its failsafe parameters could not be read"
+            return "what it does then is unknown: its failsafe parameters could not be read"
         return f"{self.without_us(values)}; {self.battery_first(values)}"
 
     def finishes_alone(self, values: Mapping[str, float]) -> bool | None:
@@ -93,24 +93,24 @@ class Failsafes(ABC):
         """Return what it does in its mission without our heartbeat."""
         loss, alone = self.station, self.finishes_alone(values)
         if alone is None:
-            return _NOT_TOLD
+            return _NOT_READ
         if alone:
             excepted = int(values.get(loss.exceptions, 0)) & loss.in_mission
             why = self.name(loss.exceptions) if excepted else f"{self.name(loss.action)} 0"
             return f"it finishes its mission, lands and disarms there ({why})"
         wait = values.get(loss.timeout)
         after = "some time" if wait is None else duration(wait)
-        return f"after {after} without us it {self.action(loss.action, loss.words, values)}"
+        return f"after {after} without skyway it {self.action(loss.action, loss.words, values)}"
 
     def _without_pilot(self, values: Mapping[str, float]) -> str:
         """Return what it does in its mission without its remote control."""
         loss = self.pilot
         if int(values.get(loss.exceptions, 0)) & loss.in_mission:
-            return f"it goes on with its mission ({self.name(loss.exceptions)})"
+            return f"it continues its mission ({self.name(loss.exceptions)})"
         if loss.action not in values or (loss.exceptions not in values and values[loss.action] != 0):
-            return _NOT_TOLD
+            return _NOT_READ
         if values[loss.action] == 0:
-            return f"it goes on with its mission ({self.name(loss.action)} 0)"
+            return f"it continues its mission ({self.name(loss.action)} 0)"
         return f"it {self.action(loss.action, loss.words, values)}"
 
     def name(self, key: str) -> str:
@@ -121,6 +121,6 @@ class Failsafes(ABC):
         """What a setting makes it do, with the name of its parameter."""
         name = self.name(key)
         if key not in values:
-            return f"does what {name} says, which was not told"
+            return f"does what {name} says, which could not be read"
         value = int(values[key])
         return f"{words[value]} ({name})" if value in words else f"does what {name} {value} says"

@@ -264,7 +264,7 @@ def test_a_yes_from_a_pipe_is_an_answer_and_all_it_answers_to_stands_before_it(p
         "wind: ok",
         "divert stations on the way",
         "MPC_XY_VEL_MAX 12 > 20",
-        "link to us lost",
+        "link to skyway lost",
         "EDT",
     ):
         assert word in before, word

@@ -17,11 +17,11 @@ _KEYS = (
     "battery-capacity",
 )  # fmt: skip
 _STATION = {
-    0: "goes on as it is", 1: "returns", 3: "returns", 4: "returns or lands", 5: "lands", 6: "lands by its landing sequence",
+    0: "continues", 1: "returns", 3: "returns", 4: "returns or lands", 5: "lands", 6: "lands by its landing sequence",
     7: "stops",
 }  # fmt: skip
 _PILOT = {
-    0: "goes on as it is", 1: "returns", 2: "goes on as it is", 3: "lands", 4: "returns", 5: "returns or lands",
+    0: "continues", 1: "returns", 2: "continues", 3: "lands", 4: "returns", 5: "returns or lands",
     6: "lands by its landing sequence", 7: "stops, or lands",
 }  # fmt: skip
 _BATTERY = {
@@ -54,7 +54,7 @@ class ArduPilotFailsafes(Failsafes):
         if volts:
             at.append(f"{volts:g} V")
         if charge is None or volts is None:
-            at.append("thresholds not all told")
+            at.append("not all thresholds could be read")
         if not at:
             names = ", ".join(self.name(key) for key in (f"{stage}-battery", f"{stage}-battery-voltage"))
             return f"battery {stage}: no threshold is set ({names}): it does nothing"

@@ -16,7 +16,7 @@ _KEYS = (
     "low-battery-action", "low-battery", "critical-battery", "emergency-battery",
 )  # fmt: skip
 _ACTIONS = {
-    0: "goes on as it is",
+    0: "continues",
     1: "holds",
     2: "returns",
     3: "lands",
@@ -53,7 +53,7 @@ class Px4Failsafes(Failsafes):
         return f"at critical battery ({self._percent(values, 'critical-battery')}) it {action}"
 
     def _percent(self, values: Mapping[str, float], key: str) -> str:
-        return percent(values[key]) if key in values else f"{self.name(key)}, not told"
+        return percent(values[key]) if key in values else f"{self.name(key)}, not read"
 
 
 FAILSAFES = Px4Failsafes(

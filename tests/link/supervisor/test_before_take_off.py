@@ -206,7 +206,7 @@ def test_everything_that_a_yes_answers_to_is_told_before_it_is_asked(tmp_path):
     operator = answering(stage, "no")
     stage.fly()
     before = "\n".join(operator.lines).split("yes or no?")[0]
-    for word in ("leg 1 of 1: bellevue > city-hall", "wind", "divert stations on the way", "link to us lost", "battery low",
+    for word in ("leg 1 of 1: bellevue > city-hall", "wind", "divert stations on the way", "link to skyway lost", "battery low",
                  "remote control lost", "95 % by", "EDT"):  # fmt: skip
         assert word in before, word
 
@@ -216,16 +216,16 @@ def test_everything_that_a_yes_answers_to_is_told_before_it_is_asked(tmp_path):
     [
         ("px4", {"COM_DLL_EXCEPT": 1, "COM_RCL_EXCEPT": 1, "COM_LOW_BAT_ACT": 3, "BAT_LOW_THR": 0.15, "BAT_CRIT_THR": 0.07,
                  "BAT_EMERGEN_THR": 0.05},
-         ["finishes its mission", "goes on with its mission", "low (15 %): it only warns", "critical (7 %): it returns",
+         ["finishes its mission", "continues its mission", "low (15 %): it only warns", "critical (7 %): it returns",
           "emergency (5 %): it lands"]),
-        ("px4", {"NAV_DLL_ACT": 2, "COM_DLL_EXCEPT": 0, "COM_DL_LOSS_T": 10}, ["after 10 s without us it returns",
-         "remote control lost: not known", "BAT_CRIT_THR, not told"]),
+        ("px4", {"NAV_DLL_ACT": 2, "COM_DLL_EXCEPT": 0, "COM_DL_LOSS_T": 10}, ["after 10 s without skyway it returns",
+         "remote control lost: unknown", "BAT_CRIT_THR, not read"]),
         ("ardupilot", {"FS_GCS_ENABLE": 1, "FS_OPTIONS": 0, "FS_GCS_TIMEOUT": 5, "FS_THR_ENABLE": 1, "BATT_CAPACITY": 10000,
                        "BATT_LOW_MAH": 2000, "BATT_LOW_VOLT": 21, "BATT_FS_LOW_ACT": 2, "BATT_CRT_MAH": 0,
                        "BATT_CRT_VOLT": 0, "BATT_FS_CRT_ACT": 1},
-         ["after 5 s without us it returns", "remote control lost: it returns", "low (20 % or 21 V): it returns",
+         ["after 5 s without skyway it returns", "remote control lost: it returns", "low (20 % or 21 V): it returns",
           "critical: no threshold is set"]),
-        ("ardupilot", {}, ["is not known"]),
+        ("ardupilot", {}, ["is unknown"]),
     ],
 )  # fmt: skip
 def test_failsafes_are_told_in_words_and_what_was_not_told_is_unknown(family, values, words):

@@ -222,7 +222,7 @@ def test_what_a_vehicle_does_alone_is_told_from_its_parameters():
     assert ardupilot.finishes_alone({enabled: 1.0, options: 2.0}) is True
     assert ardupilot.finishes_alone({enabled: 1.0, options: 16.0}) is False
     said = px4.when_left({exceptions: 0.0, action: 2.0, "data-link-timeout": 10.0, "critical-battery": 0.07})
-    assert "after 10 s without us it returns" in said
+    assert "after 10 s without skyway it returns" in said
     assert "7 %" in said
     assert "returns" in ardupilot.when_left({enabled: 1.0, options: 0.0, "battery-capacity": 15000.0})
 

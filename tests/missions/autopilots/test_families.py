@@ -79,7 +79,7 @@ def test_a_third_family_is_met_takes_a_mission_and_flies_it(invented):
     craft.set_mode("hold")
     assert craft.mode == "hold"
     assert craft.family.failsafes.by_itself({"link-action": 1.0}) == [
-        "link to us lost: after some time without us it lands (INV_LINK)",
+        "link to skyway lost: after some time without skyway it lands (INV_LINK)",
         "remote control lost: it lands (INV_LINK)",
-        "battery low: it does what INV_BATT says, which was not told",
+        "battery low: it does what INV_BATT says, which could not be read",
     ]
