@@ -98,13 +98,13 @@ class Vehicle:
         family = FAMILIES[config.autopilot]
         self.position = Positioning(self.body, self._mishap_rad, family.GLITCH_PATIENCE_S)
         self.autopilot: Autopilot = family(self)
-        for name in ("MAV_SYS_ID", "SYSID_THISMAV", "MAV_SYSID"):  # whichever it has
+        for name in self.autopilot.SYSTEM_PARAMETERS:  # whichever this version has
             self.autopilot.parameters.set(name, float(config.system))
         for name, value in config.parameters:
             if not self.autopilot.parameters.set(name, value):
                 raise InputError(Wrong("no such parameter, or not a number", field=name, value=value))
         if config.warm:
-            self.autopilot.begin_warm()
+            self.autopilot.count_charge(config.soc)
         self.autopilot.set_home_here()
         self._make_services()
 

@@ -29,10 +29,14 @@ class Family(ABC):
     """Version that answers PARAM_ERROR where it has no such parameter; older ones are silent."""
     CAPABILITIES: ClassVar[int]
     """MAV_PROTOCOL_CAPABILITY."""
+    SYSTEM_PARAMETERS: ClassVar[tuple[str, ...]]
+    """Names of the parameter that is its system id, in all versions."""
     BYTEWISE: ClassVar[bool]
     """Whole numbers of parameters travel as the bytes of a float."""
     STRICT_PARAMETERS: ClassVar[bool] = False
     """It refuses a parameter of another type, and says so, and of one that it does not have."""
+    FENCE_SWITCH: ClassVar[str] = ""
+    """Parameter that DO_FENCE_ENABLE sets, of a family that obeys it."""
     DEFAULT_HZ: ClassVar[dict[str, float]]
     """Messages that it streams unasked."""
     LACKS: ClassVar[frozenset[str]] = frozenset()
@@ -84,8 +88,8 @@ class Family(ABC):
     def reported_airspeed_mps(self) -> float:
         """Airspeed that it tells without a sensor."""
 
-    def begin_warm(self) -> None:  # noqa: B027  most have nothing to learn
-        """Take over what it would have learnt, had it been on for a while."""
+    def count_charge(self, soc: float) -> None:  # noqa: B027  not all count
+        """Set the counter of its battery to a state of charge, where it has one."""
 
     @abstractmethod
     def read_speeds(self) -> Speeds:

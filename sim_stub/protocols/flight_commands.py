@@ -179,7 +179,7 @@ class FlightCommands:
     def _fence_enable(self, order: Order) -> Result:
         if order.p[0] not in (0.0, 1.0):
             return Result.UNSUPPORTED
-        self._pilot.parameters.set("FENCE_ENABLE", order.p[0])
+        self._pilot.parameters.set(self._pilot.FENCE_SWITCH, order.p[0])
         return Result.ACCEPTED
 
     def _terminate(self, order: Order) -> Result:

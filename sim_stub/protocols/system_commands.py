@@ -69,8 +69,7 @@ class SystemCommands:
         percent = order.p[1]
         if not 0.0 <= percent <= 100.0:
             return Result.FAILED
-        capacity = self._pilot.parameters.clamped("BATT_CAPACITY", 1.0, 1e6)
-        self.vehicle.counted_mah = capacity * (1.0 - percent / 100.0)
+        self._pilot.count_charge(percent / 100.0)
         self._pilot.failsafes.battery_level = 0
         self.vehicle.event(f"battery counter set to {percent:g} %")
         return Result.ACCEPTED

@@ -54,7 +54,9 @@ class ArduPilot(ArduPilotFailsafes):
     PARAMETER_ERRORS_SINCE: ClassVar[tuple[int, int]] = (4, 7)
     # As PX4's, with whole numbers of parameters as numbers (131072; 2 is its old name) and SET_POSITION_TARGET_GLOBAL_INT (256).
     CAPABILITIES: ClassVar[int] = 1 | 2 | 4 | 8 | 256 | 2048 | 8192 | 16384 | 32768 | 131072
+    SYSTEM_PARAMETERS: ClassVar[tuple[str, ...]] = ("SYSID_THISMAV", "MAV_SYSID")
     BYTEWISE: ClassVar[bool] = False
+    FENCE_SWITCH: ClassVar[str] = "FENCE_ENABLE"
     DEFAULT_HZ: ClassVar[dict[str, float]] = {"HEARTBEAT": 1.0}
     LACKS: ClassVar[frozenset[str]] = frozenset({"WIND_COV", "ESTIMATOR_STATUS", "ALTITUDE"})
     OBEYS_STREAM_GROUPS: ClassVar[bool] = True
@@ -98,9 +100,9 @@ class ArduPilot(ArduPilotFailsafes):
         """A synthetic one: the ground speed."""
         return self.body.ground_speed_mps
 
-    def begin_warm(self) -> None:
-        """Its counter knows what was drawn from the battery."""
-        self.vehicle.counted_mah = (1.0 - self.vehicle.config.soc) * self.parameters["BATT_CAPACITY"]
+    def count_charge(self, soc: float) -> None:
+        """Of BATT_CAPACITY."""
+        self.vehicle.counted_mah = (1.0 - soc) * self.parameters.clamped("BATT_CAPACITY", 1.0, 1e6)
 
     def read_speeds(self) -> Speeds:
         """WPNAV_* and LAND_SPEED, kept in cm/s; at most 20 m/s."""

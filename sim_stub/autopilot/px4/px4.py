@@ -79,6 +79,7 @@ class Px4(Px4Failsafes):
     PARAMETER_ERRORS_SINCE: ClassVar[tuple[int, int]] = (1, 18)
     # Mission float 1, mission int 4, command int 8, parameters bytewise 16, termination 2048, MAVLink 2 8192, fence 16384, rally 32768.
     CAPABILITIES: ClassVar[int] = 1 | 4 | 8 | 16 | 2048 | 8192 | 16384 | 32768
+    SYSTEM_PARAMETERS: ClassVar[tuple[str, ...]] = ("MAV_SYS_ID",)
     BYTEWISE: ClassVar[bool] = True
     STRICT_PARAMETERS: ClassVar[bool] = True
     DEFAULT_HZ: ClassVar[dict[str, float]] = _DEFAULT_HZ
