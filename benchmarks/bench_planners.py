@@ -16,12 +16,15 @@ from benchmarks.instances import FOLDER, NETWORKS, UTILISATIONS, read_instance
 from benchmarks.paper import NODES, rows, run_experiment
 from benchmarks.trials import COMPARED_RUNS, try_instance
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.parameters import changed
+from skyway.planner.parameters.planner import USUAL
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from benchmarks.paper import PaperRow, PaperRun
     from benchmarks.trials import Row
+    from skyway.planner.parameters.planner import PlannerParameters
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,14 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def run(size: Size, out: Path, *, keep: bool = False, progress: Callable[[str], None] = say) -> list[Path]:
+def run(
+    size: Size,
+    out: Path,
+    *,
+    keep: bool = False,
+    progress: Callable[[str], None] = say,
+    parameters: PlannerParameters = USUAL,
+) -> list[Path]:
     """Run the benchmark and write table, figures and results into a folder; returns the files.
 
     After each instance the results so far are written, so that a run that was broken off can go on.
@@ -81,6 +91,8 @@ def run(size: Size, out: Path, *, keep: bool = False, progress: Callable[[str], 
         Instances that the folder's results hold are not run again.
     progress : callable
         Told in words how far it is.
+    parameters : PlannerParameters
+        Of all planners; those that are not at their defaults are kept with the results.
 
     Raises
     ------
@@ -91,7 +103,7 @@ def run(size: Size, out: Path, *, keep: bool = False, progress: Callable[[str], 
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(Fault(f"cannot be made: {error.strerror}", str(out))) from None
-    results = Results(out, {"commit": commit()} | machine())
+    results = Results(out, {"commit": commit()} | machine() | changed(parameters, "planner"))
     if keep:
         results.read()
     if not results.runs and size.nodes:
@@ -101,6 +113,7 @@ def run(size: Size, out: Path, *, keep: bool = False, progress: Callable[[str], 
             time_limit_s=size.time_limit_s,
             runs=lambda nodes: min(nodes // 2, size.paper_runs),
             progress=progress,
+            parameters=parameters,
         )
         results.add([], time.perf_counter() - started)
     for file in size.instances:
@@ -114,7 +127,9 @@ def run(size: Size, out: Path, *, keep: bool = False, progress: Callable[[str], 
             progress(f"left out: {results.skipped[-1]}")
             continue
         started = time.perf_counter()
-        found = try_instance(instance, compared=size.compared, time_limit_s=size.time_limit_s, progress=progress)
+        found = try_instance(
+            instance, compared=size.compared, time_limit_s=size.time_limit_s, progress=progress, parameters=parameters
+        )
         results.add(found, time.perf_counter() - started)
     results.write()
     pictures = _draw(out, results.rows, results.paper, progress)

@@ -23,6 +23,7 @@ from skyway.models.drones.drone import M200_V2
 from skyway.models.network.builders import build_network
 from skyway.models.network.network import ConnectionRule, Station
 from skyway.models.queues.load import PadLoad
+from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.result import PlanResult
 
 NODES = (5, 10, 15, 20, 25, 30, 35, 40)
@@ -116,6 +118,7 @@ def run_experiment(
     runs: Callable[[int], int] = lambda nodes: nodes // 2,
     planners: Sequence[str] = PLANNERS,
     progress: Callable[[str], None] = lambda _: None,
+    parameters: PlannerParameters = USUAL,
 ) -> list[PaperRun]:
     """Run all sizes.
 
@@ -135,7 +138,9 @@ def run_experiment(
         Told in words how far it is.
     """
     done: list[PaperRun] = []
-    _run(4, 0, _request(paper_network(4, seed), ("n0", "n1"), date(2013, 7, 10), 0), planners, 1.0)  # compiles
+    _run(
+        4, 0, _request(paper_network(4, seed), ("n0", "n1"), date(2013, 7, 10), 0), planners, 1.0, parameters
+    )  # compiles
     for size in nodes:
         scenario = paper_network(size, seed)
         rng = np.random.default_rng((seed, size, 2))
@@ -143,7 +148,7 @@ def run_experiment(
         started = time.perf_counter()
         for number, pair in enumerate(pairs):
             day = _day(scenario, rng)
-            done += _run(size, number, _request(scenario, pair, day, seed + number), planners, time_limit_s)
+            done += _run(size, number, _request(scenario, pair, day, seed + number), planners, time_limit_s, parameters)
         progress(f"paper's experiment, {size} nodes: {len(pairs)} runs in {time.perf_counter() - started:.0f} s")
     return done
 
@@ -176,7 +181,12 @@ def _request(scenario: Scenario, pair: tuple[str, str], day: date, seed: int) ->
 
 
 def _run(
-    size: int, number: int, what: tuple[Scenario, Request, date], planners: Sequence[str], time_limit_s: float
+    size: int,
+    number: int,
+    what: tuple[Scenario, Request, date],
+    planners: Sequence[str],
+    time_limit_s: float,
+    parameters: PlannerParameters,
 ) -> list[PaperRun]:
     scenario, request, day = what
     forecast = scenario.forecast(request.state.time, HORIZON_H, truth=day)
@@ -186,7 +196,10 @@ def _run(
         begun = time.perf_counter()
         status, delivery_s, below = SOLVED, None, False
         try:
-            result = plan(scenario, request, planner=name, forecast=forecast, truth=truth, time_limit_s=time_limit_s)
+            result = plan(
+                scenario, request, planner=name, forecast=forecast, truth=truth, time_limit_s=time_limit_s,
+                parameters=parameters,
+            )  # fmt: skip
         except InfeasibleError as error:
             spent = time.perf_counter() - begun
             status = CUT_OFF if name == "ies" and spent >= time_limit_s else NO_ROUTE

@@ -21,6 +21,7 @@ from skyway.planner.evaluation.evaluate import (
     summarise,
 )
 from skyway.planner.online.rolling import RollingRobust
+from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, forecast_planner
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.evaluation.evaluate import Realizations
+    from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.request import Request
     from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
@@ -183,7 +185,13 @@ class Case:
         return self.instance.request(self.instance.deliveries[self.number], recharge)[0]
 
 
-def case_of(scenario: Scenario, instance: Instance, number: int, compared: int = COMPARED_RUNS) -> Case:
+def case_of(
+    scenario: Scenario,
+    instance: Instance,
+    number: int,
+    compared: int = COMPARED_RUNS,
+    parameters: PlannerParameters = USUAL,
+) -> Case:
     """Make a delivery of an instance ready, in the scenario of the instance."""
     request, day = instance.request(instance.deliveries[number], "enough")
     forecast = scenario.forecast(request.state.time, HORIZON_H, truth=day)
@@ -192,6 +200,7 @@ def case_of(scenario: Scenario, instance: Instance, number: int, compared: int =
     realizations = sample_realizations(
         scenario, request, [day], runs=instance.runs, errors=instance.errors, seed=instance.truth_seed + number
     )
+    realizations = replace(realizations, parameters=parameters)
     return Case(scenario, instance, number, forecast, realizations, min(compared, instance.runs))
 
 
@@ -201,6 +210,7 @@ def try_instance(
     compared: int = COMPARED_RUNS,
     time_limit_s: float = 5.0,
     progress: Callable[[str], None],
+    parameters: PlannerParameters = USUAL,
 ) -> list[Row]:
     """Try all planners on an instance.
 
@@ -214,6 +224,8 @@ def try_instance(
         Of each clairvoyant plan.
     progress : callable
         Told in words how far it is.
+    parameters : PlannerParameters
+        Of all planners.
     """
     scenario = instance.scenario()
     rivals = contenders(len(scenario.network))
@@ -223,7 +235,7 @@ def try_instance(
     cut: dict[str, int] = {}
     started = time.perf_counter()
     for number in range(len(instance.deliveries)):
-        case = case_of(scenario, instance, number, compared)
+        case = case_of(scenario, instance, number, compared, parameters)
         trials += [try_case(case, rival) for rival in rivals]
         for name in CLAIRVOYANT_PLANNERS:
             if not tried(name, len(scenario.network)):
@@ -246,7 +258,7 @@ def try_case(case: Case, rival: Contender) -> Trial:
             return _try_rolling(case, rival)
         if rival.planner == ROBUST:
             return _try_robust(case, rival)
-        itinerary, promise, spent = _solve(case.scenario, case.request(rival.recharge), rival.planner, case.forecast)
+        itinerary, promise, spent = _solve(case, rival)
     except InfeasibleError:
         return Trial(rival, case.number, NO_ROUTE, time.perf_counter() - started, 0, None)
     if promise is None:
@@ -258,7 +270,10 @@ def try_case(case: Case, rival: Contender) -> Trial:
 
 def _try_robust(case: Case, rival: Contender) -> Trial:
     """A route with charges decided at each stop."""
-    result = plan(case.scenario, case.request(rival.recharge), planner=ROBUST, forecast=case.forecast)
+    parameters = case.realizations.parameters
+    result = plan(
+        case.scenario, case.request(rival.recharge), planner=ROBUST, forecast=case.forecast, parameters=parameters
+    )
     assert result.robust is not None
     flown = fly_charging(case.realizations, case.instance.drone, result.robust.policy)
     flown = flown.judged(result.outcome, result.problem.depart_s)
@@ -269,7 +284,7 @@ def _try_rolling(case: Case, rival: Contender) -> Trial:
     """Everything decided again at each stop; its planning time is that of one decision."""
     request = case.request(rival.recharge)
     started = time.perf_counter()
-    start = Problem(case.scenario, request, case.scenario.drone(request.drone or ""), case.forecast)
+    start = _problem(case, request)
     policy = RollingRobust(start, case.realizations.errors)
     flown, done = fly_policy(case.realizations, case.instance.drone, policy, np.arange(case.compared))
     decisions = sum(len(legs) for legs in done)
@@ -277,14 +292,19 @@ def _try_rolling(case: Case, rival: Contender) -> Trial:
     return Trial(rival, case.number, PLANNED, spent, max((len(legs) for legs in done), default=0), flown)
 
 
-def _solve(
-    scenario: Scenario, request: Request, name: str, forecast: WindEnsemble
-) -> tuple[Itinerary, Outcome | None, float]:
+def _problem(case: Case, request: Request) -> Problem:
+    drone, parameters = case.scenario.drone(request.drone or ""), case.realizations.parameters
+    return Problem(case.scenario, request, drone, case.forecast, parameters=parameters)
+
+
+def _solve(case: Case, rival: Contender) -> tuple[Itinerary, Outcome | None, float]:
     """Itinerary, what the forecast makes of it (None where it is too long to be told), and planning time."""
+    name, request = rival.planner, case.request(rival.recharge)
     if name not in FORECAST_PLANNERS:
-        result = plan(scenario, request, planner=name, forecast=forecast)
+        parameters = case.realizations.parameters
+        result = plan(case.scenario, request, planner=name, forecast=case.forecast, parameters=parameters)
         return result.itinerary, result.outcome, result.planning_time_s
-    problem = Problem(scenario, request, scenario.drone(request.drone or ""), forecast)
+    problem = _problem(case, request)
     search = forecast_planner(name)(problem)
     started = time.perf_counter()
     itinerary = search.solve()

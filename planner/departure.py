@@ -8,6 +8,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InfeasibleError, InputError, NoRouteError
+from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.registry import ROBUST
@@ -19,15 +20,9 @@ if TYPE_CHECKING:
     from skyway.models.base.figure import Figure
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.request import Request
     from skyway.planner.result import PlanResult
-
-STEP_S = 1800.0
-"""Between departures that are tried."""
-MIN_WINDOW_S = 60.0
-"""Of a shorter window nobody has anything."""
-MAX_TRIED = 25
-"""Departures that are tried at most; in a longer window they are farther apart."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +57,7 @@ def plan_within(
     planner: str = ROBUST,
     forecast: Callable[[datetime], WindEnsemble] | None = None,
     progress: Callable[[int, int], None] | None = None,
+    parameters: PlannerParameters = USUAL,
 ) -> tuple[PlanResult, list[Departure]]:
     """Plan for the departure within a window that takes the least time, or that best keeps the deadline.
 
@@ -77,6 +73,8 @@ def plan_within(
         Forecast for a departure; the scenario's by default.
     progress : callable, optional
         Told how many of how many departures have been tried.
+    parameters : PlannerParameters, optional
+        See `planner.plan.plan`.
 
     Returns
     -------
@@ -92,13 +90,15 @@ def plan_within(
     InfeasibleError
         No departure has a route; the error of the first.
     """
-    if not MIN_WINDOW_S <= window_s <= 86_400.0:
+    schedule = parameters.schedule
+    if not schedule.min_window_s <= window_s <= 86_400.0:
         remedy = "from 1 min to 24 h, such as 2h"
         raise InputError(Fault("out of range", field="depart-window", value=f"{window_s:g} s", remedy=remedy))
     if request.state.position is not None:
         raise InputError(Fault("a drone in the air cannot wait for its departure", field="depart-window"))
-    count = min(max(math.floor(window_s / STEP_S + 1e-9), 1) + 1, MAX_TRIED)
-    step = min(window_s / (count - 1), STEP_S) if count < MAX_TRIED else window_s / (count - 1)
+    step, most = schedule.departure_step_s, max(schedule.max_departures, 2)
+    count = min(max(math.floor(window_s / step + 1e-9), 1) + 1, most)
+    step = min(window_s / (count - 1), step) if count < most else window_s / (count - 1)
     best: PlanResult | None = None
     best_loss = (math.inf, math.inf)
     first_error: InfeasibleError | None = None
@@ -108,7 +108,7 @@ def plan_within(
         moved = replace(request, state=replace(request.state, time=depart))
         wind = forecast(depart) if forecast is not None else scenario.forecast(depart, HORIZON_H)
         try:
-            result = plan(scenario, moved, planner=planner, forecast=wind)
+            result = plan(scenario, moved, planner=planner, forecast=wind, parameters=parameters)
         except InfeasibleError as error:
             first_error = first_error or error
             tried.append(Departure(depart, None, 0.0))

@@ -12,7 +12,7 @@ from skyway.models.base.errors import NoRouteError
 from skyway.models.base.weighted import weighted_quantile
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.problem.speeds import TrueSpeeds
-from skyway.planner.robust.robust import LARGE, RobustSearch
+from skyway.planner.robust.robust import RobustSearch
 from skyway.planner.schedule.outcome import later
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN
 
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
 LOW, HIGH = 0.1, 0.9
 """Quantiles that say how far a charge may be from that of the typical schedule."""
-
-LOOK_S = 0.05
-"""On large networks, for each world that the wait-and-see bound is the mean of."""
 
 
 @dataclass(frozen=True)
@@ -197,12 +194,13 @@ def alternatives(answer: RobustAnswer, count: int) -> list[Candidate]:
 def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
     """Bound from below how long a delivery takes: the exact planner told each member and a queue; None without a route.
 
-    On large networks a search that takes long gives its own lower bound (`LOOK_S`).
+    On large networks a search that takes long gives its own lower bound (`RobustParameters.reasons_s`).
     """
     problem = answer.policy.problem
     times, weights = [], []
     nodes = range(len(problem.network))
-    limit_s = LOOK_S if len(nodes) > LARGE else math.inf
+    robust = problem.parameters.robust
+    limit_s = robust.reasons_s if len(nodes) > robust.large_network else math.inf
     for member, probability in enumerate(problem.probability.tolist()):
         queues, speeds = problem.queue_paths(nodes, member), TrueSpeeds(problem.air, member)
         search = ExactSearch(problem, queues, speeds=speeds, time_limit_s=limit_s)

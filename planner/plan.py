@@ -15,13 +15,14 @@ from skyway.models.base.units import S_PER_H
 from skyway.planner.baselines.ies import ExhaustiveSearch
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.explain import alternatives
+from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H, Problem, check_apart
 from skyway.planner.problem.skyline import skyline
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, forecast_planner
 from skyway.planner.result import Comparison, PlanResult
 from skyway.planner.robust.charge_policy import realization_of, simulate_fixed, typical_fixed
-from skyway.planner.robust.robust import FINAL_RUNS, MEMBERS, MIN_ARRIVE, RobustSearch
+from skyway.planner.robust.robust import RobustSearch
 from skyway.planner.schedule.audit import Realization, audit
 from skyway.planner.schedule.composing import compose
 from skyway.planner.schedule.itinerary import fly_true
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from skyway.models.drones.drone import Drone
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.objective import Objective
     from skyway.planner.problem.request import Request
     from skyway.planner.robust.robust import RobustAnswer
@@ -56,6 +58,7 @@ def plan(
     truth: WindEnsemble | None = None,
     time_limit_s: float = math.inf,
     progress: Callable[[int, float], None] | None = None,
+    parameters: PlannerParameters = USUAL,
 ) -> PlanResult:
     """Compose a delivery.
 
@@ -75,6 +78,8 @@ def plan(
         A clairvoyant planner ends after this time, for each drone: with the best found, which says so, or an error.
     progress : callable, optional
         Of ``ies``, see `ExhaustiveSearch`.
+    parameters : PlannerParameters, optional
+        Tuned numbers; those that are not at their defaults are kept with the composition.
 
     Returns
     -------
@@ -99,9 +104,9 @@ def plan(
     if planner in CLAIRVOYANT_PLANNERS:
         wind = _truth(forecast, truth, planner)
     rejected: dict[str, str] = {}
-    problems = _problems(scenario, request, wind, rejected)
+    problems = _problems(scenario, request, wind, rejected, parameters)
     if planner == ROBUST:
-        return _plan_robust(problems, request.objective, rejected)
+        return _plan_robust(problems, request.objective, rejected, parameters.robust.min_arrival)
     answers: list[PlanResult] = []
     errors: dict[str, InfeasibleError] = {}
     for problem in problems:
@@ -110,7 +115,14 @@ def plan(
         except InfeasibleError as error:
             errors[problem.drone.id] = error
     drones = [answer.problem.drone.id for answer in answers]
-    best = _best(request.objective, drones, [answer.outcome for answer in answers], errors, rejected)
+    best = _best(
+        request.objective,
+        drones,
+        [answer.outcome for answer in answers],
+        errors,
+        rejected,
+        parameters.robust.min_arrival,
+    )
     return replace(
         answers[best],
         rejected=rejected,
@@ -127,12 +139,16 @@ def compare(
     forecast: WindEnsemble | None = None,
     truth: WindEnsemble | None = None,
     time_limit_s: float = math.inf,
+    parameters: PlannerParameters = USUAL,
 ) -> list[Comparison]:
     """Put the same request to several planners; a planner without an answer says why."""
     answers = []
     for name in planners:
         try:
-            result = plan(scenario, request, planner=name, forecast=forecast, truth=truth, time_limit_s=time_limit_s)
+            result = plan(
+                scenario, request, planner=name, forecast=forecast, truth=truth, time_limit_s=time_limit_s,
+                parameters=parameters,
+            )  # fmt: skip
             answers.append(Comparison(name, result, None))
         except InfeasibleError as error:
             answers.append(Comparison(name, None, error))
@@ -160,11 +176,17 @@ def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -
     return chosen
 
 
-def _problems(scenario: Scenario, request: Request, wind: WindEnsemble, rejected: dict[str, str]) -> Iterator[Problem]:
+def _problems(
+    scenario: Scenario, request: Request, wind: WindEnsemble, rejected: dict[str, str], parameters: PlannerParameters
+) -> Iterator[Problem]:
     """One problem for each drone to compose for; they share what is known of waits and queues."""
     problem: Problem | None = None
     for drone in candidates(scenario, request, rejected):
-        problem = Problem(scenario, request, drone, wind) if problem is None else problem.for_drone(drone)
+        problem = (
+            Problem(scenario, request, drone, wind, parameters=parameters)
+            if problem is None
+            else problem.for_drone(drone)
+        )
         check_apart(problem)
         yield problem
 
@@ -175,6 +197,7 @@ def _best(
     outcomes: Sequence[Outcome],
     errors: dict[str, InfeasibleError],
     rejected: dict[str, str],
+    least_arrival: float,
 ) -> int:
     """Choose among answers for several drones the one whose outcome is best, and say in `rejected` why not the others.
 
@@ -188,7 +211,7 @@ def _best(
         raise _none(errors)
     best = min(
         range(len(drones)),
-        key=lambda number: (outcomes[number].p_arrive < MIN_ARRIVE, *objective.loss(outcomes[number])),
+        key=lambda number: (outcomes[number].p_arrive < least_arrival, *objective.loss(outcomes[number])),
     )
     for number, drone in enumerate(drones):
         if number != best:
@@ -253,8 +276,10 @@ def _solve(
         started = time.perf_counter()
         itinerary = search.solve()
         spent = time.perf_counter() - started
-        same = problem.thinned(MEMBERS)  # the members in which the figures of `robust` are counted
-        runs = simulate_fixed(same, itinerary, USUAL_ERRORS, FINAL_RUNS)
+        same = problem.thinned(
+            problem.parameters.robust.members
+        )  # the members in which the figures of `robust` are counted
+        runs = simulate_fixed(same, itinerary, USUAL_ERRORS, problem.parameters.robust.final_runs)
         if not np.isfinite(runs.schedule[:, -1, TOUCH_DOWN]).any():
             raise never_leaves(problem, itinerary, grounded_leg(runs.schedule))
         typical = typical_fixed(same, itinerary, runs)
@@ -304,7 +329,9 @@ def _cut_off(search: ExactSearch | ExhaustiveSearch, time_limit_s: float) -> str
     return note
 
 
-def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: dict[str, str]) -> PlanResult:
+def _plan_robust(
+    problems: Iterator[Problem], objective: Objective, rejected: dict[str, str], least_arrival: float
+) -> PlanResult:
     """Compare routes for every drone, and finish the best: the composition tells its typical schedule."""
     searches: list[RobustSearch] = []
     outcomes: list[Outcome] = []
@@ -323,7 +350,7 @@ def _plan_robust(problems: Iterator[Problem], objective: Objective, rejected: di
     while True:
         drones = [search.problem.drone.id for search in searches]
         told: dict[str, str] = {}
-        best = _best(objective, drones, outcomes, errors, told)
+        best = _best(objective, drones, outcomes, errors, told, least_arrival)
         started = time.perf_counter()
         try:
             answer = searches[best].solve()

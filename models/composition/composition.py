@@ -318,6 +318,8 @@ class Composition:
         That every landing keeps the reserve, and that the package arrives by the deadline; None is unknown.
     success, on_time : Figure or None
         How sure these are; None where nothing was sampled.
+    parameters : mapping of str to str
+        Parameters of planners that were not at their defaults, as they are typed after ``--set``.
     """
 
     id: str
@@ -347,6 +349,7 @@ class Composition:
     notes: tuple[str, ...] = ()
     success: Figure | None = None
     on_time: Figure | None = None
+    parameters: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse an answer with a figure that is not a number, whoever made it."""

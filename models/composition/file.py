@@ -90,6 +90,7 @@ def to_json(composition: Composition) -> dict[str, Any]:
         "success": figure_json(c.success),
         "planning_time_s": c.planning_time_s,
         "notes": list(c.notes),
+        "parameters": dict(c.parameters),
     }
 
 
@@ -237,6 +238,7 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
         notes=tuple(raw.notes),
         success=_figure(raw.success),
         on_time=_figure(raw.on_time),
+        parameters=raw.parameters,
     )
 
 

@@ -144,3 +144,4 @@ class Composition(msgspec.Struct, rename={"origin": "from", "destination": "to"}
     notes: list[str] = []
     success: Figure | None = None
     on_time: Figure | None = None
+    parameters: dict[str, str] = {}

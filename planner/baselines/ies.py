@@ -29,9 +29,6 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
 
-GAIN_S = 1e-6
-"""Compositions that are not better by this much are not looked for."""
-
 
 class ExhaustiveSearch:
     """One search.
@@ -122,12 +119,15 @@ class ExhaustiveSearch:
         destination = self.problem.destination
         if useful[destination]:
             arrive, leave = self._stop_labels.arrive(path[-1], pieces_of(destination))
-            if arrive < self.best_s - GAIN_S:
+            if arrive < self.best_s - self.problem.parameters.ies.gain_s:
                 self._stop_labels.best_s, self._best = arrive, (path, leave)
         useful[[destination, *(stop_label.node for stop_label in path)]] = False
         following = self._stop_labels.land(
             path[-1], np.flatnonzero(useful & (self.problem.network.pads > 0)), pieces_of
         )
         for bound, after in sorted(following, key=lambda pair: pair[0]):
-            if landing_s(self.problem, self._queues, bound) < self.best_s - GAIN_S and self.complete:
+            if (
+                landing_s(self.problem, self._queues, bound) < self.best_s - self.problem.parameters.ies.gain_s
+                and self.complete
+            ):
                 self._visit([*path, after])

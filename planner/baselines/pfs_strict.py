@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
 
-STEPS_PER_STATION = 4
-"""The search is given up after this many steps per station of the network."""
-
 
 class StrictForwardSearch:
     """Algorithm 1, line by line."""
@@ -48,7 +45,7 @@ class StrictForwardSearch:
         p = self.problem
         here, now, soc = p.origin, p.depart_s, p.soc
         legs: list[Leg] = []
-        for _ in range(STEPS_PER_STATION * len(p.network)):
+        for _ in range(p.parameters.pfs.strict_steps * len(p.network)):
             leave, charge_to = now, None
             if legs:
                 wait, _ = p.waits.at(here, now)
@@ -67,9 +64,7 @@ class StrictForwardSearch:
             flight, _ = self._segment(segment, leave)
             here, now = int(p.network.head[segment]), leave + flight
             soc = max(ready - p.soc_fixed - p.soc_per_s * flight, 0.0)
-        message = (
-            f"Algorithm 1 as printed cycles: no end after {STEPS_PER_STATION * len(p.network)} steps; try planner pfs"
-        )
+        message = f"Algorithm 1 as printed cycles: no end after {p.parameters.pfs.strict_steps * len(p.network)} steps; try planner pfs"
         raise NoRouteError(message, constraint="step-limit")
 
     def _segment(self, segment: int, time_s: float) -> tuple[float, float]:

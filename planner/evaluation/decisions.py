@@ -28,12 +28,8 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
 
-MAX_STOPS = 60
-"""A policy that stops more often has given up."""
 MAX_WAIT_S = HORIZON_H * S_PER_H
 """A policy that stays longer at a stop has given up: no forecast that it had there reaches further."""
-PATIENCE = 1.0 / 24.0
-"""Who has waited long decides again after this share of the wait, not sooner: a wait has some 100 decisions, not one each 5 minutes."""
 _AGAIN_S = 30.0  # a drone that cannot leave yet looks at the clock again
 
 
@@ -81,7 +77,7 @@ def _fly_decisions(
     visited: tuple[str, ...] = ()
     flown: Flown | None = None
     schedule: NDArray[np.float64] | None = None
-    while len(legs) < MAX_STOPS:
+    while len(legs) < problem.parameters.evaluation.max_stops:
         station = network.stations[node].id
         stop_label = _StopLabel(run, node, station, time_s, soc, visited)
         if isinstance(policy, Adaptive):
@@ -198,7 +194,7 @@ def _fly_adaptive(
         if way is None:
             return None
         until = min(wind.start_s + (wind.slot_at(now) + 1) * wind.slot_s, max(way.look_s, now + _AGAIN_S))
-        until = max(until, now + PATIENCE * (now - stop_label.landed_s))
+        until = max(until, now + problem.parameters.evaluation.patience * (now - stop_label.landed_s))
         segments = np.array(way.segments, dtype=np.int64)
         at = now
         while at < until:

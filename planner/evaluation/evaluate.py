@@ -31,7 +31,7 @@ from skyway.planner.evaluation.realizations import (
     sample_realizations,
     season_days,
 )
-from skyway.planner.evaluation.statistics import DayBootstrap, Estimate
+from skyway.planner.evaluation.statistics import USUAL, DayBootstrap, Estimate
 from skyway.planner.plan import plan
 from skyway.planner.problem.error_model import NO_ERRORS, Errors
 
@@ -199,12 +199,15 @@ def evaluate(
     flown = flown.judged(result.outcome, result.problem.depart_s)
     if clairvoyant_s is not None:
         flown = replace(flown, clairvoyant_s=clairvoyant_s)
-    return summarise(result.composition.planner, flown, (result.planning_time_s,), seed=seed)
+    replicates = result.problem.parameters.evaluation.replicates
+    return summarise(result.composition.planner, flown, (result.planning_time_s,), seed=seed, replicates=replicates)
 
 
-def summarise(planner: str, flown: Flown, planning_s: Sequence[float] = (), *, seed: int = 0) -> Evaluation:
+def summarise(
+    planner: str, flown: Flown, planning_s: Sequence[float] = (), *, seed: int = 0, replicates: int = USUAL.replicates
+) -> Evaluation:
     """Turn simulated deliveries into figures with intervals."""
-    days = DayBootstrap(flown.block, seed=seed)
+    days = DayBootstrap(flown.block, seed=seed, replicates=replicates)
     counts = {"delivered": int((flown.ending == DELIVERED).sum())}
     counts |= {name: int((flown.ending == code).sum()) for name, code in _ENDINGS.items()}
     counts["below_reserve"] = int(flown.below_reserve.sum())

@@ -17,6 +17,7 @@ import numpy as np
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.units import utc
 from skyway.models.wind.forecast import WindEnsemble, analogue_ensemble
+from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS, Errors
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.schedule.gust_kernels import Disturbance
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
     from skyway.models.queues.sampling import QueuePath
     from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.request import Request
 
 MAX_QUEUES = 500
@@ -62,6 +64,8 @@ class Realizations:
         Of each run's gusts.
     errors : Errors
         As asked for.
+    parameters : PlannerParameters
+        Of the problems that are made of these.
     """
 
     scenario: Scenario
@@ -74,6 +78,7 @@ class Realizations:
     energy: NDArray[np.float64]
     gust_key: NDArray[np.uint64]
     errors: Errors
+    parameters: PlannerParameters = USUAL
     _met: dict[tuple[int, int], QueuePath] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -102,7 +107,7 @@ class Realizations:
 
     def problem(self, drone: str) -> Problem:
         """The request in the winds of all days, for one drone of the fleet."""
-        return Problem(self.scenario, self.request, self.scenario.drone(drone), self.wind)
+        return Problem(self.scenario, self.request, self.scenario.drone(drone), self.wind, parameters=self.parameters)
 
     def disturbance(self, runs: NDArray[np.int64] | slice = slice(None)) -> Disturbance:
         """What kernels need to know of some runs."""

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.planner.parameters.evaluation import EvaluationParameters
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-REPLICATES = 1000
 CONFIDENCE = 0.95
+USUAL = EvaluationParameters()
 _CELLS = 5_000_000  # weights held at a time
 
 
@@ -70,7 +72,7 @@ class DayBootstrap:
     days without one event would be rarer than 2.5 %; a rate of 1 likewise.
     """
 
-    def __init__(self, block: NDArray[np.int64], *, replicates: int = REPLICATES, seed: int = 0) -> None:
+    def __init__(self, block: NDArray[np.int64], *, replicates: int = USUAL.replicates, seed: int = 0) -> None:
         self.days, self.block = np.unique(block, return_inverse=True)
         rng = np.random.default_rng(seed)
         count = len(self.days)

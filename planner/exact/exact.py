@@ -44,20 +44,6 @@ if TYPE_CHECKING:
     from skyway.planner.problem.speeds import Speeds
     from skyway.planner.schedule.itinerary import Itinerary
 
-FIRST_GUESS = 2.2
-"""The first deadline, as a multiple of what the straight way would take."""
-AFTER = (0.08, 0.25, 0.7, math.inf)
-"""How far beyond the lower bound deadlines go before the next larger part of the network is laid out, as shares of it."""
-SHARES = (0.01, 0.03, math.inf)
-"""The same within one part of the network; a search with a time limit tries the last one only."""
-COARSE_CELLS = 240
-"""Cells that the time up to the first deadline is cut into, about; they are at least 10 s long."""
-FINE_S = 30.0
-FEWEST, MOST = 700, 4_500
-"""Finer cells are about that long, unless they would be fewer or more than this up to the deadline."""
-MAX_STATES = 5_000_000
-"""Nor are there more of them than this, over all nodes: they take 40 bytes each."""
-
 
 class ExactSearch:
     """One search.
@@ -107,7 +93,7 @@ class ExactSearch:
         most_labels: float = math.inf,
         cut_off_s: float = math.inf,
     ) -> None:
-        self.problem = problem
+        self.problem, self.parameters = problem, problem.parameters.exact
         self.queues = queues
         self.labels_expanded = 0
         self.complete = True
@@ -165,7 +151,7 @@ class ExactSearch:
         self._stop_at, self._end_at = started + self._time_limit_s, started + self._cut_off_s
         self._place_m = places(p.network)
         straight = self._straight_s()
-        until = p.depart_s + FIRST_GUESS * (straight - p.depart_s) + 600.0
+        until = p.depart_s + self.parameters.first_deadline * (straight - p.depart_s) + 600.0
         least = landing_s(p, self.queues, straight)
         while self._answer is None:
             until = min(until, self._latest_s)
@@ -235,9 +221,9 @@ class ExactSearch:
         needed = needed_to_land(self.problem, self._speeds, self.queues, self._margin, until_s)
         come_by = self._come_by_s(until_s)
         span = until_s - start.time_s
-        step = min(max(span / COARSE_CELLS, 10.0), longest_cell_s(whole, costs))
+        step = min(max(span / self.parameters.coarse_cells, 10.0), longest_cell_s(whole, costs))
         cells = cells_for(whole, start, step, come_by)
-        for after in AFTER:
+        for after in self.parameters.deadlines:
             forward = run_forward(whole, costs, start, cells, needed, come_by, after=after)
             if math.isinf(forward.arrive_s):
                 break
@@ -262,7 +248,11 @@ class ExactSearch:
         """Search where a guide leaves anything to be found, with finer cells and earlier deadlines first."""
         start, coarse = self._start(), guide.cells
         span = deadline_s - start.time_s
-        fine_s = max(min(FINE_S, span / FEWEST), span / min(MOST, max(MAX_STATES / len(part.nodes), 1.0)), 2.0)
+        fine_s = max(
+            min(self.parameters.fine_s, span / self.parameters.min_fine_cells),
+            span / min(self.parameters.max_fine_cells, max(self.parameters.max_states / len(part.nodes), 1.0)),
+            2.0,
+        )
         ratio = max(int(coarse.step_s / fine_s), 1)
         cells = coarse._replace(step_s=coarse.step_s / ratio, length=coarse.length * ratio)
         mask = guide.over.copy()
@@ -279,7 +269,9 @@ class ExactSearch:
         )
         least = min(landing_s(self.problem, self.queues, forward.arrive_s), deadline_s)
         self.lower_bound_s = max(self.lower_bound_s, least)
-        for share in SHARES if math.isinf(self._time_limit_s) else SHARES[-1:]:
+        for share in (
+            self.parameters.refinements if math.isinf(self._time_limit_s) else self.parameters.refinements[-1:]
+        ):
             until = min(least + share * (least - start.time_s) + 2.0 * cells.step_s, deadline_s)
             narrow = run_backward(part, self._costs, forward, needed, self._come_by_s(until))
             if self._run(part, narrow, forward, needed, until, self._stop_at) or until >= deadline_s:

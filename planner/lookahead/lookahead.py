@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from skyway.models.flight.rules import SegmentWind
     from skyway.planner.problem.problem import Problem
 
-MAX_KEPT_FLIGHTS = 100_000_000
-"""Flights, by segment and slot, that are kept once worked out; a larger network's are worked out each time."""
-
 
 class Lookahead:
     """Answers about flights from a station at a time, over the forecast of a problem.
@@ -94,7 +91,7 @@ class Lookahead:
     def _ways(self, air: SegmentWind) -> Ways:
         members, slots, _ = air.north.shape
         count = len(air.distance_m)
-        keep = slots if slots * count <= MAX_KEPT_FLIGHTS else 0
+        keep = slots if slots * count <= self.problem.parameters.pfs.kept_flights else 0
         north, east = self._wind
         return Ways(
             air=air,

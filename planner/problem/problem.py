@@ -16,6 +16,7 @@ from skyway.models.base.units import MPS_PER_KMH, S_PER_H
 from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets
 from skyway.models.queues.transient import forecast_waits
+from skyway.planner.parameters.planner import USUAL
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from skyway.models.network.network import Network
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.request import Request
 
 HORIZON_H = 48
@@ -60,6 +62,8 @@ class Problem:
         A flight from take-off to touch-down of T seconds costs ``soc_fixed + soc_per_s * T``.
     longest_flight_s : float
         On a full battery, keeping the reserve.
+    parameters : PlannerParameters
+        Tuned numbers of all planners.
     """
 
     def __init__(
@@ -69,8 +73,10 @@ class Problem:
         drone: Drone,
         ensemble: WindEnsemble,
         *,
+        parameters: PlannerParameters = USUAL,
         waits: ExpectedWaits | None = None,
     ) -> None:
+        self.parameters = parameters
         self.scenario = scenario
         self.request = request
         self.drone = drone
@@ -246,7 +252,7 @@ class Problem:
         return self._sharing_queues(drone, self.ensemble)
 
     def _sharing_queues(self, drone: Drone, ensemble: WindEnsemble) -> Problem:
-        other = Problem(self.scenario, self.request, drone, ensemble, waits=self.waits)
+        other = Problem(self.scenario, self.request, drone, ensemble, parameters=self.parameters, waits=self.waits)
         other.__dict__["_paths"], other.forecast = self._paths, self.forecast
         return other
 

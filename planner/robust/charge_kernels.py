@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.gust_kernels import Disturbance
     from skyway.planner.schedule.schedule_kernels import Legs, Queues, Waits
 
-LEARNED = 0.005
-"""What is left of the energy error once a flight has shown it."""
 _CHANGES = 500  # times a stay is looked at again
 
 
@@ -179,7 +177,7 @@ def fly_by_required_soc(
     """Fly a sequence of legs in several runs, charging by what is known at each stop.
 
     The error of a vehicle's energy is unknown before its first flight (`known.energy_error` is counted in) and, but for
-    `LEARNED`, known after it. O(runs x legs), apart from needs that no table has yet.
+    `learned_error`, known after it. O(runs x legs), apart from needs that no table has yet.
 
     Takes members, rows and sets of queues that are there, and a segment or more for each leg;
     `planner.problem.kernel_inputs` checks them in `ChargePolicy.fly`.
@@ -222,7 +220,7 @@ def fly_by_required_soc(
     for run in range(runs):
         now, soc = start
         joined = now
-        error = disturbance.energy[run] - 1.0 + LEARNED if learned else known.energy_error
+        error = disturbance.energy[run] - 1.0 + known.learned_error if learned else known.energy_error
         for leg in range(count):
             segments = legs.segments[legs.offset[leg] : legs.offset[leg + 1]]
             entry = disturbance.queue[run] * (count + 1) + leg
@@ -270,5 +268,5 @@ def fly_by_required_soc(
             out[run, leg, TOUCH_DOWN], out[run, leg, SOC_LANDING] = now, soc
             # What the flight has shown of the vehicle.
             energy_ratio[run, leg] = used / ((1.0 + error) * base) if base > 0.0 else 0.0
-            error = disturbance.energy[run] - 1.0 + LEARNED
+            error = disturbance.energy[run] - 1.0 + known.learned_error
     return out, energy_ratio

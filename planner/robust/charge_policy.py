@@ -45,15 +45,8 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.outcome import Outcome
     from skyway.planner.schedule.typical import Typical
 
-APART_DAYS = 2
-"""Members of the record less than so many days apart are no evidence for each other."""
-BANDWIDTH = 1.5
-"""Of the kernel, in standard deviations times the number of members to the power -1/5. For normal data it would be 1.06;
-the wind's changes from hour to hour have heavier tails. Chosen on held-out days: the reserve is kept in 999 of 1,000."""
 CHOOSING, PROMISING = range(2)
 """Sets of realizations: one to compare routes in, and one to count the promises of the chosen route in."""
-QUEUES = (32, 128)
-"""Sampled sets of queues in each: what is promised is told to people, and its error is mostly that of the queues."""
 _GUSTS = 0x47
 
 
@@ -61,31 +54,41 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
     """What a drone of a problem knows at every stop; see `planner.robust.required_soc_kernels.Known`.
 
     The members are smoothed with a normal kernel whose bandwidth falls with their number as Silverman's ("Density
-    Estimation", 1986, eq. 3.28), but is wider: see `BANDWIDTH`.
+    Estimation", 1986, eq. 3.28), but is wider: see `RobustParameters.bandwidth`.
     """
-    residual = ResidualModel()
+    residual, parameters = ResidualModel(), problem.parameters.robust
     return Known(
         air=problem.air,
         share=np.ascontiguousarray(problem.probability[None]),
         measured=measured,
         sigma_mps=residual.sigma_mps,
         tau_s=residual.tau_s,
-        smoothing=BANDWIDTH * len(problem.probability) ** -0.2 if measured and len(problem.probability) > 1 else 0.0,
+        smoothing=parameters.bandwidth * len(problem.probability) ** -0.2
+        if measured and len(problem.probability) > 1
+        else 0.0,
         gust_sd=errors.gust_sd,
         gust_time_s=errors.gust_time_s,
         energy_error=errors.energy,
         epsilon=epsilon,
         margin=margin,
         full=problem.request.recharge == "full",
+        worst_members=parameters.worst_members,
+        steady_sigmas=parameters.steady_sigmas,
+        learned_error=parameters.learned_error,
     )
 
 
-def left_out(ensemble: WindEnsemble) -> NDArray[np.float64]:
+def _queues(problem: Problem) -> tuple[int, int]:
+    """Sampled sets of queues in each of ``CHOOSING`` and ``PROMISING``."""
+    return problem.parameters.robust.choosing_queues, problem.parameters.robust.promising_queues
+
+
+def left_out(ensemble: WindEnsemble, apart_days: int = 2) -> NDArray[np.float64]:
     """Forecast for each member as the truth, shape (members, members): the others that are not its neighbours."""
     labels = ensemble.labels
     try:
         days = np.array([date.fromisoformat(label).toordinal() for label in labels])
-        near = np.abs(days[:, None] - days[None]) < APART_DAYS
+        near = np.abs(days[:, None] - days[None]) < apart_days
     except ValueError:
         near = np.eye(len(labels), dtype=bool)
     share = np.where(near, 0.0, ensemble.probability[None])
@@ -104,12 +107,12 @@ def simulated_realizations(
 ) -> tuple[NDArray[np.int64], Disturbance, list[QueuePath]]:
     """Realizations in which routes are tried, the same for all of one request: (member of each run, its sky, queue paths).
 
-    Paths are those of `QUEUES` sets at the stop before each flight, in order (set, leg). See `ChargePolicy.simulate`.
+    Paths are those of the sets at the stop before each flight, in order (set, leg). See `ChargePolicy.simulate`.
     """
     count = len(problem.probability)
     chosen = evenly(count, count if max_realizations is None else max_realizations)
     members = np.repeat(chosen, max(1, round(runs / len(chosen))))
-    sample = np.arange(len(members)) % QUEUES[sample_set]
+    sample = np.arange(len(members)) % _queues(problem)[sample_set]
     paths = queue_sets(problem, itinerary, sample_set)
     rng = np.random.default_rng((problem.request.seed, _GUSTS, sample_set))
     table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
@@ -120,8 +123,8 @@ def simulated_realizations(
 def queue_sets(problem: Problem, itinerary: Itinerary, sample_set: int) -> list[QueuePath]:
     """Sampled queues at each of `planner.schedule.itinerary.place_nodes`, in order (set, place)."""
     nodes = place_nodes(problem, itinerary)
-    first = sum(QUEUES[:sample_set])
-    sets = problem.queue_sets(nodes, range(first, first + QUEUES[sample_set]))
+    first = sum(_queues(problem)[:sample_set])
+    sets = problem.queue_sets(nodes, range(first, first + _queues(problem)[sample_set]))
     return [found[node] for found in sets for node in nodes]
 
 
@@ -129,7 +132,7 @@ def realization_of(problem: Problem, itinerary: Itinerary, typical: Typical) -> 
     """Return the realization of ``PROMISING`` in which a typical schedule was flown, for its audit."""
     queues = None
     if typical.queue is not None:
-        sample = sum(QUEUES[:PROMISING]) + typical.queue
+        sample = sum(_queues(problem)[:PROMISING]) + typical.queue
         queues = problem.queue_paths(place_nodes(problem, itinerary), sample)
     return Realization(typical.member, queues)
 
@@ -149,7 +152,7 @@ def typical_fixed(problem: Problem, itinerary: Itinerary, runs: Runs) -> Typical
     def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
         return fly_as_it_stands(problem, itinerary, members, no_disturbance(len(members))._replace(queue=queues), paths)
 
-    return typical_schedule(runs, problem.reserve, fly)
+    return typical_schedule(runs, problem.reserve, fly, problem.parameters.schedule)
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,7 +281,7 @@ class ChargePolicy:
         before: OutOfSample | None = None,
         sample_set: int = CHOOSING,
     ) -> OutOfSample:
-        """Fly it out of sample: each member as the truth, forecast by the others, through `QUEUES` sets of queues.
+        """Fly it out of sample: each member as the truth, forecast by the others, through the sets of queues.
 
         Parameters
         ----------
@@ -299,7 +302,9 @@ class ChargePolicy:
             p, self.itinerary, errors, runs, max_realizations, sample_set
         )
         tables = before.tables if before is not None else required_soc_tables(p.air, len(self))
-        schedule, energy_ratio = self.fly(p, disturbance, members, paths, share=left_out(p.ensemble), tables=tables)
+        schedule, energy_ratio = self.fly(
+            p, disturbance, members, paths, share=left_out(p.ensemble, p.parameters.robust.apart_days), tables=tables
+        )
         weight = p.probability[members]
         return OutOfSample(schedule, weight / weight.sum(), members, disturbance.queue, energy_ratio, tables)
 
@@ -309,13 +314,13 @@ class ChargePolicy:
         `before` is of the same flights, in the realizations of ``PROMISING``; its tables are used again.
         """
         p = self.problem
-        paths, share = queue_sets(p, self.itinerary, PROMISING), left_out(p.ensemble)
+        paths, share = queue_sets(p, self.itinerary, PROMISING), left_out(p.ensemble, p.parameters.robust.apart_days)
 
         def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
             disturbance = no_disturbance(len(members))._replace(queue=queues)
             return self.fly(p, disturbance, members, paths, share=share, tables=before.tables)[0]
 
-        return typical_schedule(before, p.reserve, fly)
+        return typical_schedule(before, p.reserve, fly, p.parameters.schedule)
 
     def grounded(self, out_of_sample: OutOfSample) -> NoRouteError:
         """Explain why no run of an out-of-sample simulation of this policy arrives."""

@@ -22,16 +22,11 @@ if TYPE_CHECKING:
     from skyway.models.queues.sampling import QueuePath
     from skyway.planner.problem.problem import Problem
 
-AHEAD_H = 10
-"""Hours in which the busiest one counts."""
-USUAL_FLIGHT_S = 900.0
-"""Flight for which stations are judged before a route is known."""
-
 
 def _rates(problem: Problem) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Greatest arrival rate and least rate of service of each node in the hours ahead, shape (nodes,)."""
     load = problem.load
-    hours = hours_of_week(load.timezone, problem.depart_s, AHEAD_H)
+    hours = hours_of_week(load.timezone, problem.depart_s, problem.parameters.robust.busy_hours)
     charging = load.mean_charging_s[:, hours].max(axis=1)
     busiest = load.arrivals_per_s[:, hours].max(axis=1)
     return busiest, np.divide(1.0, charging, out=np.zeros_like(charging), where=charging > 0.0)
@@ -53,8 +48,9 @@ def present_in(paths: Sequence[QueuePath]) -> Present:
     return Present(at_start, offset, np.concatenate([np.empty(0), *(path.left_s for path in paths)]))
 
 
-def blocking_probabilities(problem: Problem, flight_s: float = USUAL_FLIGHT_S) -> NDArray[np.float64]:
-    """Chance that each station is full after a flight that begins with one pad free there, shape (nodes,)."""
+def blocking_probabilities(problem: Problem) -> NDArray[np.float64]:
+    """Chance that each station is full after a flight of usual length that begins with one pad free there, shape (nodes,)."""
+    flight_s = problem.parameters.robust.usual_flight_s
     arrivals, services = (rate * flight_s for rate in _rates(problem))
     pads = problem.network.pads.astype(np.int64)
     spots = np.array([station.holding_spots for station in problem.network.stations], dtype=np.int64)

@@ -43,12 +43,6 @@ GRID_S = 600.0
 """What a flight needs is worked out for take-offs within so long together; the most of both ends counts."""
 MIN_CHANCE = 1e-9
 """Likeness below which a member does not count."""
-WORST = 12
-"""Members, of those with the strongest wind against the way, whose flights are worked out; the others are taken to need
-what the mildest of these does, which is no less than they need."""
-STEADY = 3.0
-"""Standard deviations of what is unsure at which the time that it costs is worked out; it is taken as linear in
-them."""
 
 
 class Known(NamedTuple):
@@ -77,6 +71,8 @@ class Known(NamedTuple):
         Calibrated: multiplies the energy that a flight needs beyond that.
     full : bool
         Every charge is to 100 %, whatever is needed.
+    worst_members, steady_sigmas, learned_error
+        See `planner.parameters.robust.RobustParameters`.
     """
 
     air: SegmentWind
@@ -91,6 +87,9 @@ class Known(NamedTuple):
     epsilon: float
     margin: float
     full: bool
+    worst_members: int
+    steady_sigmas: float
+    learned_error: float
 
 
 @compiled
@@ -186,7 +185,7 @@ def wind_variance(known: Known, ahead_s: float) -> float:
 def _slow_speed(wind: tuple[Known, SegmentWind, int, int, float], slot: int, segment: int) -> float:
     """Ground speed of `slow_land` as `models.flight.kernels.cross` takes it, m/s.
 
-    v - `STEADY` sqrt(gust^2 f^2 + variance of the wind), v and f (what a gust of the wind's own strength does) of
+    v - `steady_sigmas` sqrt(gust^2 f^2 + variance of the wind), v and f (what a gust of the wind's own strength does) of
     `wind_felt`; then the mean under the greatest ground speed, with the rest of the gusts, which vary about their mean.
 
     `wind` is (known, air, member, slot of the take-off, gust).
@@ -200,14 +199,16 @@ def _slow_speed(wind: tuple[Known, SegmentWind, int, int, float], slot: int, seg
         square += wind_variance(known, (slot - first) * air.slot_s)
     # What varies about that.
     about = felt * math.sqrt(max(known.gust_sd * known.gust_sd - gust * gust, 0.0))
-    return max(capped(speed - STEADY * math.sqrt(square), about, air.max_ground_speed_mps), MIN_GROUND_SPEED_MPS)
+    return max(
+        capped(speed - known.steady_sigmas * math.sqrt(square), about, air.max_ground_speed_mps), MIN_GROUND_SPEED_MPS
+    )
 
 
 @compiled_lean
 def slow_land(
     known: Known, air: SegmentWind, member: int, segments: NDArray[np.int64], depart_s: float, gust: float
 ) -> float:
-    """Touch-down of a flight through wind that is worse all the way than the member says, by `STEADY` deviations.
+    """Touch-down of a flight through wind that is worse all the way than the member says, by `Known.steady_sigmas` deviations.
 
     Of the wind itself after the hour of the take-off, and of the mean of gusts, `gust` as a share of the wind. About
     their mean gusts come and go: where the ground speed is capped, lulls slow a flight and squalls from behind give
@@ -292,8 +293,8 @@ def flight_energy(
     count (nobody would fly); without any other, never. Also returns how long the slowest flight lasts that it was
     worked out from, s: as long as that ends in the same slot, the energy is the same.
 
-    Only the `WORST` members are flown, twice each: as they are, for T_m, and with the uncertain part `STEADY`
-    deviations against the flight, for D_m. O(`WORST` x segments x slots of the flight).
+    Only the `worst_members` members are flown, twice each: as they are, for T_m, and with the uncertain part `steady_sigmas`
+    deviations against the flight, for D_m. O(`worst_members` x segments x slots of the flight).
 
     Takes a row of `Known.share`, segments of its air, one wind a site, and a finite time.
 
@@ -335,7 +336,7 @@ def flight_energy(
     flying, total, mildest, longest = 0, 0.0, 0, 0.0
     seen_enough = 0
     for m in order:
-        if flying >= WORST:
+        if flying >= known.worst_members:
             break
         seen_enough += 1
         # Its wind: w_m + r_m exp(-h / tau).
@@ -353,7 +354,7 @@ def flight_energy(
         slow = slow_land(known, seen, 0, segments, time_s, gust_mean(known, flight)) - down
         longest = max(longest, flight, flight + slow)
         energy[flying] = cost[1] + cost[0] * flight
-        spread[flying] = max(cost[0] * slow / STEADY, 1e-9)
+        spread[flying] = max(cost[0] * slow / known.steady_sigmas, 1e-9)
         share[flying] = chance[m]
         total += chance[m]
         if energy[flying] < energy[mildest]:

@@ -22,7 +22,7 @@ from skyway.models.wind.ensemble import evenly
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.problem.error_model import USUAL_ERRORS, Errors
-from skyway.planner.problem.mean_value import HOURS, ExpectedQueues
+from skyway.planner.problem.mean_value import ExpectedQueues
 from skyway.planner.problem.speeds import MeanSpeeds
 from skyway.planner.robust.charge_policy import PROMISING, ChargePolicy, OutOfSample, known_at, margin_for
 from skyway.planner.robust.free_capacity import blocking_probabilities
@@ -38,49 +38,6 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
     from skyway.planner.schedule.typical import Typical
-
-MEMBERS = 30
-"""Members of the forecast that routes are simulated in, at most."""
-SPEED_MEMBERS = 10
-"""Members whose flight times are averaged on large networks."""
-LARGE = 200
-"""Stations from which on a network is large: routes are composed in fewer members."""
-NEEDED = 0.5
-"""Share of epsilon for flights that need more than was charged for; the rest is for stations without room."""
-MAX_FULL = 0.5
-"""A flight is begun when the chance to find its station full is below this multiple of epsilon."""
-FULLER = (0.005, 0.02, 0.1, 0.3, 1.0)
-"""The same where the drone would else hardly ever leave: the destination, which no way leaves out, may have little room."""
-MARGINS = (0.12, 0.25, 0.06)
-"""Margins of the energy of each flight that routes are composed with; large networks begin with the first alone."""
-MUCH = 0.45
-"""Margin tried beside none where those give no route, and where the best of theirs waits long in some winds."""
-LONG = 1.3
-"""Where a mean delivery takes more than so many times the median, the wind closes one of its flights for hours on some days."""
-MAX_LABELS = 200
-"""On large networks the best route of short flights is looked for in so many labels at most (`planner.exact.label_search`)."""
-FEW = 0.1
-"""Where a smaller share of the stations has room likely enough, no way is looked for that keeps to them."""
-COMPOSED_MEMBERS = 3
-"""Members with sampled queues that routes are composed in on small networks."""
-SCREEN_REALIZATIONS, SCREEN_RUNS = 12, 120
-"""Members that are the truth, and simulated deliveries, by which routes are compared first."""
-FINALISTS, FINALIST_RUNS = 3, 600
-"""The best of them are compared again with every member as the truth and so many deliveries."""
-BOLD = 2
-"""And so many that would be better than the best of them, but break the reserve before they are calibrated."""
-FINAL_RUNS = 1500
-"""Deliveries behind the figures of the answer."""
-IDLE = 0.5
-"""A stop at which fewer runs charge is tried without."""
-CHANCE_RUNS = 1.5
-"""So many runs below the reserve may be chance."""
-MIN_ARRIVE = 0.5
-"""A route that does not arrive within the horizon this often is the last resort."""
-CALIBRATIONS = 2
-"""Times the margin is calibrated: the second time with the first one's margin in place; once on large networks."""
-CLOSE = 0.003
-"""A margin that is greater by no more than this changes nothing that is worth flying all deliveries again for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +105,6 @@ class RobustSearch:
         With the forecast.
     errors : Errors
         What the truth has beyond the forecast.
-    members : int
-        Members of the forecast beyond that number are thinned out.
 
     Attributes
     ----------
@@ -162,12 +117,12 @@ class RobustSearch:
         problem: Problem,
         *,
         errors: Errors = USUAL_ERRORS,
-        members: int = MEMBERS,
     ) -> None:
-        self.problem = problem.thinned(members)
+        self.parameters = problem.parameters.robust
+        self.problem = problem.thinned(self.parameters.members)
         self.errors = errors
         self.labels_expanded = 0
-        self._large = len(problem.network) > LARGE
+        self._large = len(problem.network) > self.parameters.large_network
 
     def solve(self) -> RobustAnswer:
         """Search.
@@ -190,9 +145,12 @@ class RobustSearch:
         """Order candidates again after more runs of the first few, and of those that beat them but for the reserve."""
         if len(candidates) == 1 or self._large:
             return candidates
-        first, others = candidates[:FINALISTS], candidates[FINALISTS:]
-        bold = [one for one in others if one.unsafe and one.loss < first[0].loss][:BOLD]
-        again = [self._careful(self._judged(one.policy.itinerary, FINALIST_RUNS, None)[0]) for one in first + bold]
+        first, others = candidates[: self.parameters.finalists], candidates[self.parameters.finalists :]
+        bold = [one for one in others if one.unsafe and one.loss < first[0].loss][: self.parameters.bold_finalists]
+        again = [
+            self._careful(self._judged(one.policy.itinerary, self.parameters.finalist_runs, None)[0])
+            for one in first + bold
+        ]
         return sorted(again, key=_order) + [one for one in others if one not in bold]
 
     def _careful(self, one: Candidate) -> Candidate:
@@ -201,7 +159,7 @@ class RobustSearch:
             return one
         margin = margin_for([one.out_of_sample], self.problem.epsilon)
         policy = replace(one.policy, known=one.policy.known._replace(margin=margin))
-        out_of_sample = policy.simulate(self.errors, FINALIST_RUNS, before=one.out_of_sample)
+        out_of_sample = policy.simulate(self.errors, self.parameters.finalist_runs, before=one.out_of_sample)
         return self._candidate(policy, out_of_sample)
 
     def finish(self, candidates: list[Candidate]) -> RobustAnswer:
@@ -214,16 +172,18 @@ class RobustSearch:
         """
         policy = candidates[0].policy
         out_of_sample = policy.simulate(
-            self.errors, FINAL_RUNS, before=candidates[0].out_of_sample, sample_set=PROMISING
+            self.errors, self.parameters.final_runs, before=candidates[0].out_of_sample, sample_set=PROMISING
         )
-        for _ in range(1 if self._large else CALIBRATIONS):
+        for _ in range(1 if self._large else self.parameters.calibrations):
             extra, margin = margin_for([out_of_sample], self.problem.epsilon), policy.known.margin
             if extra <= margin + 1e-6:
                 break
             policy = replace(policy, known=policy.known._replace(margin=extra))
-            if extra <= margin + CLOSE:
+            if extra <= margin + self.parameters.margin_tolerance:
                 break
-            out_of_sample = policy.simulate(self.errors, FINAL_RUNS, before=out_of_sample, sample_set=PROMISING)
+            out_of_sample = policy.simulate(
+                self.errors, self.parameters.final_runs, before=out_of_sample, sample_set=PROMISING
+            )
         outcome = out_of_sample.outcome(self.problem)
         if outcome.p_arrive <= 0.0:
             raise policy.grounded(out_of_sample)
@@ -249,17 +209,19 @@ class RobustSearch:
             There is no route even without margin, or none that the forecast lets fly to its end.
         """
         p = self.problem
-        likely_free_at = blocking_probabilities(p) <= MAX_FULL * p.epsilon
+        likely_free_at = blocking_probabilities(p) <= self.parameters.full_share * p.epsilon
         likely_free_at[[p.origin, p.destination]] = True
         found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
         everywhere = np.ones(len(p.network), dtype=bool)
-        few = likely_free_at.sum() < FEW * np.count_nonzero(p.network.pads > 0)
+        few = likely_free_at.sum() < self.parameters.few_free * np.count_nonzero(p.network.pads > 0)
         for allowed in (everywhere,) if few else (likely_free_at, everywhere):
             if without is not None:
                 allowed[without] = False
             if _flying(found) and (quick or self._large or likely_free_at.all()):
                 break
-            for itinerary in self._routes(allowed, members=0 if found or self._large else COMPOSED_MEMBERS):
+            for itinerary in self._routes(
+                allowed, members=0 if found or self._large else self.parameters.sampled_members
+            ):
                 self._add(found, itinerary)
                 if quick and _flying(found):
                     break
@@ -278,10 +240,18 @@ class RobustSearch:
     ) -> None:
         """Add, where the best route waits long, one of flights so short that hardly any wind makes them too long for the battery."""
         best, begin = min(found.values(), key=_order).outcome, self.problem.depart_s
-        if best.p_arrive > 1.0 - 1e-9 and best.mean_s - begin <= LONG * (best.quantile_s(0.5) - begin):
+        if best.p_arrive > 1.0 - 1e-9 and best.mean_s - begin <= self.parameters.long_wait * (
+            best.quantile_s(0.5) - begin
+        ):
             return
         speeds, queues = self._mean_value
-        itinerary = self._compose(speeds, queues, MUCH, allowed, most_labels=MAX_LABELS if self._large else math.inf)
+        itinerary = self._compose(
+            speeds,
+            queues,
+            self.parameters.short_leg_margin,
+            allowed,
+            most_labels=self.parameters.short_leg_labels if self._large else math.inf,
+        )
         if itinerary is not None:
             self._add(found, itinerary)
 
@@ -291,14 +261,16 @@ class RobustSearch:
             flights = tuple(leg.segments for leg in itinerary)
             if flights in found:
                 return
-            found[flights], charges = self._judged(itinerary)
-            itinerary = _without_idle_stops(itinerary, charges)
+            found[flights], charges = self._judged(
+                itinerary, self.parameters.screen_runs, self.parameters.screen_members
+            )
+            itinerary = _without_idle_stops(itinerary, charges, self.parameters.idle_share)
 
     def _routes(self, allowed: NDArray[np.bool_], members: int) -> Iterator[Itinerary]:
         """Compose on average-value problem at several margins, and in so many of members with a sampled queue."""
         p = self.problem
         speeds, queues = self._mean_value
-        margins = MARGINS[:1] if self._large else MARGINS
+        margins = self.parameters.margins[:1] if self._large else self.parameters.margins
         found = 0
         for margin in margins:
             itinerary = self._compose(speeds, queues, margin, allowed)
@@ -309,13 +281,13 @@ class RobustSearch:
             bare = self._compose(speeds, queues, 0.0, allowed)
             if bare is None:
                 return
-            cautious = self._compose(speeds, queues, MUCH, allowed)
+            cautious = self._compose(speeds, queues, self.parameters.short_leg_margin, allowed)
             yield from (one for one in (cautious, bare) if one is not None)
         for sample, member in enumerate(evenly(len(p.probability), members).tolist()):
             alone = np.zeros(len(p.probability))
             alone[member] = 1.0
             sampled = p.queue_paths(range(len(p.network)), sample)
-            itinerary = self._compose(self._speeds(alone), sampled, MARGINS[0], allowed)
+            itinerary = self._compose(self._speeds(alone), sampled, self.parameters.margins[0], allowed)
             if itinerary is not None:
                 yield itinerary
 
@@ -326,13 +298,13 @@ class RobustSearch:
 
     def _speeds(self, probability: NDArray[np.float64]) -> MeanSpeeds:
         count = np.count_nonzero(probability)
-        if self._large and count > SPEED_MEMBERS:
-            kept = evenly(len(probability), SPEED_MEMBERS)
+        if self._large and count > self.parameters.speed_members:
+            kept = evenly(len(probability), self.parameters.speed_members)
             mask = np.zeros(len(probability))
             mask[kept] = probability[kept]
             if mask.sum() > 0.0:
                 probability = mask / mask.sum()
-        return MeanSpeeds(self.problem.air, probability, HOURS)
+        return MeanSpeeds(self.problem.air, probability, self.parameters.speed_hours)
 
     def _compose(
         self,
@@ -363,15 +335,17 @@ class RobustSearch:
         return found
 
     def _judged(
-        self, itinerary: Itinerary, runs: int = SCREEN_RUNS, realizations: int | None = SCREEN_REALIZATIONS
+        self, itinerary: Itinerary, runs: int, realizations: int | None
     ) -> tuple[Candidate, NDArray[np.float64]]:
         """How a route fares, and the share of runs that charge at each stop."""
         p = self.problem
-        known = known_at(p, self.errors, measured=True, epsilon=NEEDED * p.epsilon / len(itinerary))
-        policy = ChargePolicy(p, itinerary, known, MAX_FULL * p.epsilon)
+        known = known_at(
+            p, self.errors, measured=True, epsilon=self.parameters.required_share * p.epsilon / len(itinerary)
+        )
+        policy = ChargePolicy(p, itinerary, known, self.parameters.full_share * p.epsilon)
         found = self._candidate(policy, policy.simulate(self.errors, runs, max_realizations=realizations))
-        for most_full in FULLER:
-            if found.outcome.p_arrive >= MIN_ARRIVE:
+        for most_full in self.parameters.fuller:
+            if found.outcome.p_arrive >= self.parameters.min_arrival:
                 break
             policy = replace(policy, most_full=most_full)
             again = policy.simulate(self.errors, runs, max_realizations=realizations, before=found.out_of_sample)
@@ -382,7 +356,7 @@ class RobustSearch:
         p = self.problem
         self.labels_expanded += len(out_of_sample.weight)
         outcome = out_of_sample.outcome(p)
-        unsafe = 1.0 - outcome.p_success > p.epsilon + CHANCE_RUNS / len(out_of_sample.weight)
+        unsafe = 1.0 - outcome.p_success > p.epsilon + self.parameters.chance_runs / len(out_of_sample.weight)
         return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome), out_of_sample)
 
 
@@ -393,14 +367,15 @@ def _flying(found: dict[tuple[tuple[int, ...], ...], Candidate]) -> list[Candida
 
 def _order(one: Candidate) -> tuple[float, ...]:
     """What makes one candidate better than another: that it arrives, keeps the reserve, and then the objective."""
-    return one.outcome.p_arrive < MIN_ARRIVE, one.unsafe, *one.loss
+    least = one.policy.problem.parameters.robust.min_arrival
+    return one.outcome.p_arrive < least, one.unsafe, *one.loss
 
 
-def _without_idle_stops(itinerary: Itinerary, charges: NDArray[np.float64]) -> Itinerary:
+def _without_idle_stops(itinerary: Itinerary, charges: NDArray[np.float64], least: float) -> Itinerary:
     """Overfly the stops at which hardly any run charges."""
     legs = [itinerary[0]]
     for leg, share in zip(itinerary[1:], charges[1:], strict=True):
-        if share < IDLE:
+        if share < least:
             legs[-1] = replace(legs[-1], segments=(*legs[-1].segments, *leg.segments))
         else:
             legs.append(leg)

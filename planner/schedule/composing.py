@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base import geodesy
+from skyway.models.base.parameters import changed
 from skyway.models.base.units import J_PER_WH, S_PER_H, S_PER_MIN, from_posix
 from skyway.models.composition.composition import (
     ArrivalDistribution,
@@ -39,9 +40,6 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
-
-DIVERTS = 3
-"""Most divert stations that a service names."""
 
 
 def compose(
@@ -80,6 +78,7 @@ def compose(
         climb_rate_mps=problem.rules.climb_rate_mps,
         descent_rate_mps=problem.rules.descent_rate_mps,
         reserve_soc=request.reserve_soc,
+        parameters=changed(problem.parameters, "planner"),
         depart=request.state.time,
         origin=network.stations[problem.origin].id,
         destination=network.stations[problem.destination].id,
@@ -267,5 +266,5 @@ def _diverts(
         for k in np.flatnonzero(cost <= spare):
             node = int(candidates[k])
             best[node] = min(best.get(node, math.inf), float(distance[k]))
-    nearest = sorted(best, key=best.__getitem__)[:DIVERTS]
+    nearest = sorted(best, key=best.__getitem__)[: problem.parameters.schedule.max_diverts]
     return tuple(network.stations[node].id for node in nearest)

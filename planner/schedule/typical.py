@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.base.weighted import weighted_quantile
+from skyway.planner.parameters.simulation import ScheduleParameters
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
 if TYPE_CHECKING:
@@ -20,10 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-CANDIDATES = 48
-"""Simulated deliveries that are flown once more."""
-ON_THE_WAY = 0.25
-"""Weight of the landings on the way against that of the delivery."""
+USUAL = ScheduleParameters()
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +63,10 @@ class Typical(NamedTuple):
 
 
 def typical_schedule(
-    runs: Runs, reserve: float, fly: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]]
+    runs: Runs,
+    reserve: float,
+    fly: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]],
+    parameters: ScheduleParameters = USUAL,
 ) -> Typical:
     """Choose the typical schedule.
 
@@ -84,11 +85,15 @@ def typical_schedule(
     weight = runs.weight[arrived]
     median = np.array([weighted_quantile(times, weight, 0.5) for times in landings[arrived].T])
     low = _shortfall(runs.schedule[arrived], reserve)
-    nearest = arrived[np.lexsort((_distance(landings[arrived], median), low))[:CANDIDATES]]
+    nearest = arrived[
+        np.lexsort((_distance(landings[arrived], median, parameters.landings_weight), low))[
+            : parameters.typical_candidates
+        ]
+    ]
     member, queue = runs.member[nearest], runs.queue[nearest]
     calm = fly(member, queue)
     low = _shortfall(calm, reserve)
-    away = _distance(calm[:, :, TOUCH_DOWN], median)
+    away = _distance(calm[:, :, TOUCH_DOWN], median, parameters.landings_weight)
     best = int(np.lexsort((away, low, ~np.isfinite(away)))[0])
     if not np.isfinite(away[best]):
         return Typical(int(member[0]), None, runs.schedule[nearest[0]])
@@ -101,8 +106,8 @@ def _shortfall(schedules: NDArray[np.float64], reserve: float) -> NDArray[np.int
     return np.asarray((least < reserve - 1e-9).astype(np.int64) + (least < 0.0), dtype=np.int64)
 
 
-def _distance(landings: NDArray[np.float64], median: NDArray[np.float64]) -> NDArray[np.float64]:
+def _distance(landings: NDArray[np.float64], median: NDArray[np.float64], on_the_way: float) -> NDArray[np.float64]:
     """How far the landings of each run, shape (runs, legs), are from the median ones, s; infinite where it does not arrive."""
     off = np.abs(np.where(np.isfinite(landings), landings, np.inf) - median)
-    found: NDArray[np.float64] = off[:, -1] + ON_THE_WAY * off[:, :-1].sum(axis=1) / max(off.shape[1] - 1, 1)
+    found: NDArray[np.float64] = off[:, -1] + on_the_way * off[:, :-1].sum(axis=1) / max(off.shape[1] - 1, 1)
     return found

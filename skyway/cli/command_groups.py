@@ -28,7 +28,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "params": "link",
     },
     "Fly": {"fly": "fly", "demo": "demo", "report": "report", "sim": "sim"},
-    "Logs and measurements": {"replay": "replay", "calibrate": "calibrate", "bench": "bench"},
+    "Logs and measurements": {"replay": "replay", "calibrate": "calibrate", "bench": "bench", "settings": "settings"},
 }
 """Headings; under each its commands in order, with the module of `skyway.cli.commands` that holds them."""
 MODULES = tuple(dict.fromkeys(module for commands in GROUPS.values() for module in commands.values()))

@@ -16,10 +16,13 @@ from skyway.models.base.formatting import distance_text
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from skyway.link.logs.common.log import Log
     from skyway.models.drones.drone import Drone
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.models.wind.estimation.filter import WindFilterSettings
 
 LogFile = Annotated[Path, typer.Argument(help=f"Flight log: {suffixes()}.", show_default=False)]
 Columns = Annotated[
@@ -140,6 +143,15 @@ def log_forecast(log: Log, wind: str | None, file: Path | None, scenario: str | 
     rules = world.rules
     aloft = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
     return {"forecast": forecast_of(ensemble, rules.wind_profile_exponent), "settings": settings_for(aloft)}
+
+
+def filter_settings(settings: list[str], air: Mapping[str, Any]) -> WindFilterSettings:
+    """Settings of the wind filter for what was forecast (`log_forecast`), with what ``--set`` changes."""
+    from skyway.models.wind.estimation.filter import WindFilterSettings
+    from skyway.models.wind.estimation.live import NO_FORECAST
+
+    usual = air.get("settings") or (WindFilterSettings() if "forecast" in air else NO_FORECAST)
+    return options.settings_of(settings, usual).wind.filter
 
 
 def dated(log: Log) -> float:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -21,9 +21,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.estimation.filter import WindFilterSettings
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.models.wind.history import WindSite
+    from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.objective import Objective
+    from skyway.settings import Settings as AllSettings
 
 if TYPE_CHECKING:
     FamilyName = str
@@ -32,6 +35,14 @@ else:  # choices for typer
     FamilyName = Literal[NAMES]
     FamilyNameOrAuto = Literal[("auto", *NAMES)]
 """Name of an autopilot family; ``auto`` asks the vehicle."""
+
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", help="A tuned number: planner.robust.members=50; may be repeated. `skyway settings` lists them.",
+        show_default=False,
+    ),
+]  # fmt: skip
 
 WIND = re.compile(r"^\s*([0-9]+(?:\.[0-9]*)?)\s*@\s*([0-9]+(?:\.[0-9]*)?)\s*$")
 POSITION = re.compile(r"^\s*(-?[0-9]+(?:\.[0-9]*)?)\s*,\s*(-?[0-9]+(?:\.[0-9]*)?)\s*$")
@@ -67,6 +78,21 @@ def as_typed() -> Iterator[None]:
 
 def _as_typed(fault: Fault) -> Fault:
     return fault if fault.file is not None else replace(fault, field=TYPED.get(fault.field or "", fault.field))
+
+
+def planner_parameters(settings: list[str] | None) -> PlannerParameters:
+    """Return the parameters of planners with what ``--set`` changes."""
+    return settings_of(settings).planner
+
+
+def settings_of(settings: list[str] | None, wind_filter: WindFilterSettings | None = None) -> AllSettings:
+    """Return all parameters with what ``--set`` changes; those of the wind filter may begin elsewhere than at its defaults."""
+    from skyway.models.base.parameters import with_settings
+    from skyway.models.wind.estimation.filter import WindFilterSettings
+    from skyway.settings import Settings as AllSettings
+    from skyway.settings import WindParameters
+
+    return with_settings(AllSettings(wind=WindParameters(wind_filter or WindFilterSettings())), settings or [])
 
 
 def percent(value: float, option: str, *, high: float = 100.0) -> float:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.parameters import Parameters, parameter
 from skyway.models.wind.estimation import systematic
 from skyway.models.wind.estimation.health import HEALTH_CORRELATION, HEALTH_WINDOW, ConsistencyMonitor
 from skyway.models.wind.estimation.systematic import Dependence
@@ -38,52 +39,39 @@ HELD_AFTER_S = 30.0
 """An estimate to which nothing was measured for so long is called held."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WindFilterSettings:
-    """Process noise of the wind, and the gate for measurements.
+@dataclass(frozen=True)
+class WindFilterSettings(Parameters):
+    """How the wind wanders, and when a measurement is not believed."""
 
-    Attributes
-    ----------
-    tau_s : float
-        Time constant with which the wind returns to the forecast.
-    sigma_mps : float
-        Standard deviation of the slow wind about the forecast, each component.
-    gust_tau_s : float
-        Time constant of gusts, as a drone meets them: their length (some 200 m at 60 m height) over its airspeed.
-    gust_intensity, gust_floor_mps : float
-        Standard deviation of gusts, each component, as averages over a second show them (some 7 % less than they are):
-        a share of the speed of the slow wind, and at least so much.
-    gate : float
-        A measurement whose normalised innovation squared is above this is not used.
-    patience_s, patience_count : float, int
-        Rejected for so long and so many times in a row, the measurements are right and the filter is wrong: its covariance is
-        widened by the mean innovation, and it follows.
-    """
-
-    tau_s: float = 600.0
-    sigma_mps: float = 2.5
-    gust_tau_s: float = 12.0
-    gust_intensity: float = 0.13
-    gust_floor_mps: float = 0.15
-    gate: float = GATE_99
-    patience_s: float = 3.0
-    patience_count: int = 5
-
-    def __post_init__(self) -> None:
-        faults = [
-            Fault("must be above 0", field=name, value=getattr(self, name))
-            for name in ("tau_s", "sigma_mps", "gust_tau_s", "gate")
-            if not 0.0 < getattr(self, name) < math.inf
-        ]
-        faults += [
-            Fault("must be 0 or more", field=name, value=getattr(self, name))
-            for name in ("gust_intensity", "gust_floor_mps")
-            if not 0.0 <= getattr(self, name) < math.inf
-        ]
-        if self.patience_s < 0.0 or self.patience_count < 1:
-            faults.append(Fault("out of range", field="patience", value=(self.patience_s, self.patience_count)))
-        if faults:
-            raise InputError(faults)
+    tau_s: float = parameter(
+        600.0, "time constant with which the wind returns to the forecast", 1e-3, 1e9, unit="s"
+    )  # fmt: skip
+    sigma_mps: float = parameter(
+        2.5, "standard deviation of the slow wind about the forecast, each component", 1e-3, 100, unit="m/s",
+    )  # fmt: skip
+    gust_tau_s: float = parameter(
+        12.0,
+        "time constant of gusts as a drone meets them: their length, some 200 m, over its airspeed",
+        1e-3,
+        1e6,
+        unit="s",
+    )
+    gust_intensity: float = parameter(
+        0.13,
+        "standard deviation of gusts, each component and averaged over a second, as a share of the slow wind",
+        0,
+        10,
+    )
+    gust_floor_mps: float = parameter(0.15, "the same at least", 0, 100, unit="m/s")
+    gate: float = parameter(
+        GATE_99, "a measurement whose normalised innovation squared is above this is not used", 1e-3, 1e6,
+        measured="99 % quantile of chi-squared with 2 degrees of freedom",
+    )  # fmt: skip
+    patience_s: float = parameter(
+        3.0, "rejected for so long, and `patience_count` times in a row, measurements are right and the filter is wrong: "
+        "its covariance is widened", 0, 1e6, unit="s",
+    )  # fmt: skip
+    patience_count: int = parameter(5, "see `patience_s`", 1, 10**6)
 
 
 @dataclass(frozen=True, slots=True)

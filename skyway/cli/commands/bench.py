@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 import skyway
+from skyway.cli import options
 from skyway.models.base.errors import Fault, InputError
 
 PLANNERS_HELP = """Measure all planners, in the paper's experiment and on held-out days of wind.
@@ -41,11 +42,13 @@ def planners(
     out: Annotated[Path, typer.Option("--output", "-o", help="Folder for the table, figures and pictures.")] = Path(
         "out/bench"
     ),
+    settings: options.Settings = None,
     keep: Annotated[bool, typer.Option("--resume", help="Continue: keep the results that the folder holds.")] = False,
 ) -> None:
     """Run the benchmark of planners."""
+    parameters = options.planner_parameters(settings)
     module = _benchmark()
-    for path in module.run(module.QUICK if quick else module.FULL, out, keep=keep):
+    for path in module.run(module.QUICK if quick else module.FULL, out, keep=keep, parameters=parameters):
         typer.echo(str(path))
 
 

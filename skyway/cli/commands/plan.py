@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.departure import Departure
+    from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.request import Request
     from skyway.planner.result import PlanResult
 
@@ -158,6 +159,7 @@ def plan(
     recharge: Recharge = "enough",
     seed: Seed = 0,
     time_limit: TimeLimit = 60.0,
+    settings: options.Settings = None,
     alternatives: Annotated[
         int, typer.Option("--alternatives", help="Largest number of different plans to show.", min=1, max=9)
     ] = 1,
@@ -182,13 +184,14 @@ def plan(
     options.refuse_overwriting(output, geojson, plot, force=force)
     options.check_picture(plot)
     _check_planners([planner], "--planner")
+    parameters = options.planner_parameters(settings)
     world = load_scenario(scenario)
     asked = _ask(world, start, to, payload, depart, drone, reserve, soc, airspeed, recharge, seed, objective)
     tried: list[Departure] = []
     if depart_window is None:
-        result = _solve(*asked, planner, wind, forecast, truth, time_limit, quiet=as_json)
+        result = _solve(*asked, planner, wind, forecast, truth, time_limit, parameters, quiet=as_json)
     else:
-        result, tried = _solve_window(*asked, depart_window, planner, wind, forecast, truth, quiet=as_json)
+        result, tried = _solve_window(*asked, depart_window, planner, wind, forecast, truth, parameters, quiet=as_json)
     options.hint_at_warnings(world, scenario)
     composition = result.composition
     if output is not None:
@@ -234,6 +237,7 @@ def compare(
     recharge: Recharge = "enough",
     seed: Seed = 0,
     time_limit: TimeLimit = 60.0,
+    settings: options.Settings = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
 ) -> None:
     """Compare planners on one request."""
@@ -243,12 +247,13 @@ def compare(
 
     names = [name.strip() for name in planners.split(",") if name.strip()]
     _check_planners(names, "--planners")
+    parameters = options.planner_parameters(settings)
     world = load_scenario(scenario)
     asked = _ask(world, start, to, payload, depart, drone, reserve, soc, airspeed, recharge, seed)
     answers: list[Comparison] = []
     for name in names:
         try:
-            result = _solve(*asked, name, wind, forecast, truth, time_limit, quiet=as_json)
+            result = _solve(*asked, name, wind, forecast, truth, time_limit, parameters, quiet=as_json)
             answers.append(Comparison(name, result, None))
         except InfeasibleError as error:
             answers.append(Comparison(name, None, error))
@@ -316,6 +321,7 @@ def _solve(
     forecast: Path | None,
     truth: str | None,
     time_limit_s: float,
+    parameters: PlannerParameters,
     *,
     quiet: bool,
 ) -> PlanResult:
@@ -332,8 +338,9 @@ def _solve(
         true, day = options.true_wind(scenario, depart, truth)
         known = options.wind_forecast(scenario, depart, wind, forecast, true, day)
         result = plan_delivery(
-            scenario, request, planner=planner, forecast=known, truth=true, time_limit_s=time_limit_s, progress=show
-        )
+            scenario, request, planner=planner, forecast=known, truth=true, time_limit_s=time_limit_s, progress=show,
+            parameters=parameters,
+        )  # fmt: skip
     if show is not None and planner in CLAIRVOYANT_PLANNERS:
         typer.echo("\r" + " " * 60 + "\r", nl=False, err=True)
     return result
@@ -347,6 +354,7 @@ def _solve_window(
     wind: str | None,
     forecast: Path | None,
     truth: str | None,
+    parameters: PlannerParameters,
     *,
     quiet: bool,
 ) -> tuple[PlanResult, list[Departure]]:
@@ -367,7 +375,9 @@ def _solve_window(
 
     show = None if quiet or not sys.stderr.isatty() else _window_progress
     with options.as_typed():
-        found = plan_within(scenario, request, length_s, planner=planner, forecast=known, progress=show)
+        found = plan_within(
+            scenario, request, length_s, planner=planner, forecast=known, progress=show, parameters=parameters
+        )
     if show is not None:
         typer.echo("\r" + " " * 60 + "\r", nl=False, err=True)
     return found

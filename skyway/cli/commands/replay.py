@@ -75,6 +75,7 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
     csv: log_options.TableFile = None,
     connect: log_options.Connect = None,
     control: log_options.Control = None,
+    settings: options.Settings = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
@@ -91,6 +92,11 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
         _serve(opened, connect, control, factor, (first, last), system)
         return
     from skyway.link.replay.replay import ReplayOptions
+    from skyway.models.base.parameters import changed
+
+    air = log_options.log_forecast(opened, wind, forecast, scenario)
+    if settings:
+        air["settings"] = log_options.filter_settings(settings, air)
 
     asked = ReplayOptions(
         system=system,
@@ -98,7 +104,7 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
         from_s=first,
         to_s=last,
         **log_options.air_of(drag),
-        **log_options.log_forecast(opened, wind, forecast, scenario),
+        **air,
     )
     if followed and drag is None:
         typer.echo(
@@ -118,6 +124,7 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
     prediction = None if predicted_by is None else predict(found, predicted_by, payload)
     if as_json:
         document = report(found) | ({} if prediction is None else {"prediction": prediction_json(prediction)})
+        document |= {"parameters": changed(air["settings"], "wind.filter")} if settings else {}
         typer.echo(json.dumps(document, allow_nan=False))
         return
     _tell(found, log)

@@ -1,0 +1,1 @@
+"""Parameters of planners and of their simulations, a part for each; see `models.base.parameters`."""

@@ -1,0 +1,31 @@
+"""Parameters of the paper's planners."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from skyway.models.base.parameters import Parameters, parameter
+
+
+@dataclass(frozen=True)
+class PfsParameters(Parameters):
+    """Of `pfs` and its variants."""
+
+    strict_steps: int = parameter(
+        4, "`pfs-strict` gives up after this many steps for each station of the network", 1, 10**6,
+        measured="Algorithm 1 as printed may run in circles: no route found so far took more than 2",
+    )  # fmt: skip
+    kept_flights: int = parameter(
+        100_000_000, "flights, by segment and slot, that are kept once worked out", 0, 10**12,
+        measured="memory: larger networks are worked out each time",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class IesParameters(Parameters):
+    """Of `ies`."""
+
+    gain_s: float = parameter(
+        1e-6, "compositions that are not better by this much are not looked for", 0, 3600, unit="s",
+        measured="rounding of instants: 2e-7 s",
+    )  # fmt: skip

@@ -1,0 +1,18 @@
+"""Parameters of evaluations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from skyway.models.base.parameters import Parameters, parameter
+
+
+@dataclass(frozen=True)
+class EvaluationParameters(Parameters):
+    """Of `planner.evaluation`: how long a simulated delivery may take, and how its figures are counted."""
+
+    max_stops: int = parameter(60, "stops after which a policy has given up", 1, 10_000)
+    patience: float = parameter(
+        1.0 / 24.0, "a policy that has waited decides again after this share of the wait: some 100 times in all", 0, 1
+    )
+    replicates: int = parameter(1000, "resamples of the bootstrap over days behind each interval", 10, 10**6)

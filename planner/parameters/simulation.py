@@ -1,0 +1,25 @@
+"""Parameters of what all planners share: the typical schedule, waits, and departures that are tried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from skyway.models.base.parameters import Parameters, parameter
+
+
+@dataclass(frozen=True)
+class ScheduleParameters(Parameters):
+    """Of `planner.schedule` and `planner.departure`."""
+
+    typical_candidates: int = parameter(
+        48, "simulated deliveries nearest to the medians that are flown once more, for the typical schedule", 1, 10_000
+    )
+    landings_weight: float = parameter(
+        0.25, "weight of the landings on the way against that of the delivery, for the same", 0, 100
+    )
+    max_diverts: int = parameter(3, "most divert stations that a leg names", 0, 100)
+    departure_step_s: float = parameter(
+        1800.0, "step between the departures that are tried in a window", 60, 86_400, unit="s"
+    )
+    min_window_s: float = parameter(60.0, "shortest window of departures", 1, 86_400, unit="s")
+    max_departures: int = parameter(25, "most departures that are tried in a window", 1, 1000)
