@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.drones.energy import PHASES
+from skyway.models.flight.energy import FlightPower
 
 if TYPE_CHECKING:
     from skyway.link.replay.replay import Replay
@@ -64,12 +65,10 @@ def predict(found: Replay, drone: Drone, payload_kg: float) -> Prediction:
         raise InputError(Fault("out of range", field="--payload", value=payload_kg, remedy=remedy))
     if not any(phase.time_s > 0.0 for phase in found.phases.values()):
         raise InputError(Fault("the log has no flight to predict", remedy="choose a log with a flight in it"))
-    mass_kg = drone.mass_kg + payload_kg
-    predicted = {
-        name: drone.energy_model.power_w(mass_kg, name) * found.phases[name].time_s
-        for name in PHASES
-        if name in found.phases
-    }
+    power = FlightPower.of(drone, payload_kg)
+    predicted = {name: power.power_w(name) * found.phases[name].time_s for name in PHASES if name in found.phases}
     measured = sum(phase.energy_j for phase in found.phases.values() if phase.time_s > 0.0)
     begin, end = found.soc
-    return Prediction(drone, mass_kg, predicted, measured, sum(predicted.values()) / drone.battery_j, begin - end)
+    return Prediction(
+        drone, drone.mass_kg + payload_kg, predicted, measured, sum(predicted.values()) / drone.battery_j, begin - end
+    )

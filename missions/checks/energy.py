@@ -16,7 +16,8 @@ from skyway.missions.checks.near_stations import NearStations
 from skyway.missions.checks.weather import SteadyWind, Weather
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
 from skyway.models.base import geodesy
-from skyway.models.wind.triangle import ground_speed
+from skyway.models.flight.energy import FlightPower
+from skyway.models.wind.triangle import along_across, ground_speed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from skyway.missions.checks.route import Route, RouteLeg
     from skyway.missions.items.mission import Mission
     from skyway.models.drones.drone import Drone
-    from skyway.models.drones.energy import Phase
     from skyway.models.network.network import Station
 
 ENERGY_ERROR = 0.05
@@ -145,8 +145,8 @@ def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -
     height_m, released = 0.0, False
     legs: list[LegEnergy] = []
     for leg in route.legs:
-        mass = conditions.drone.mass_kg + (0.0 if released else conditions.payload_kg)
-        flown = _fly(mission, leg, conditions, mass, clock_s, height_m)
+        payload_kg = 0.0 if released else conditions.payload_kg
+        flown = _fly(mission, leg, conditions, payload_kg, clock_s, height_m)
         spent_j = spent_j + flown.energy_j_or_typical(weight)
         pad = _pad_at(leg, near)
         legs.append(_leg_energy(leg, flown, conditions, soc, spent_j, pad.name if pad else None))
@@ -219,7 +219,7 @@ def _fly(
     mission: Mission,
     leg: RouteLeg,
     conditions: FlightConditions,
-    mass_kg: float,
+    payload_kg: float,
     clock_s: NDArray[np.float64],
     height_m: float,
 ) -> _Flown:
@@ -241,8 +241,7 @@ def _fly(
     elapsed = np.broadcast_to(clock_s[:, None], (members, len(length)))
     for _ in range(2):
         north, east = conditions.weather.at(mid_lat, mid_lon, elapsed)
-        along = north * np.cos(angle) + east * np.sin(angle)
-        across = east * np.cos(angle) - north * np.sin(angle)
+        along, across = along_across(north, east, np.cos(angle), np.sin(angle))
         possible = ground_speed(drone.max_airspeed_mps, along, across, drone.wind_limit_mps)
         speed = np.minimum(possible, commanded)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -255,19 +254,12 @@ def _fly(
     margins = np.where(length > 0.5, drone.max_airspeed_mps - needed, math.inf)
     margin = (margins[flyable] if flyable.any() else margins).min(axis=0)
     worst = int(np.argmin(margin))
-
-    def power(phase: Phase) -> float:
-        return drone.energy_model.power_w(mass_kg, phase)
-
-    energy = (
-        power("climb") * climb_s.sum()
-        + power("descent") * descent_s.sum()
-        + power("cruise") * (step_s - vertical_s).sum(axis=1)
-    )
+    power = FlightPower.of(drone, payload_kg)
+    cruise_s = (step_s - vertical_s).sum(axis=1)
     return _Flown(
         float(length.sum()),
         step_s.sum(axis=1),
-        energy,
+        np.asarray(power.energy_j(float(climb_s.sum()), cruise_s, float(descent_s.sum()))),
         flyable,
         float(margin[worst]),
         leg.steps[worst].item,

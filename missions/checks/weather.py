@@ -84,12 +84,5 @@ class ForecastWind:
         self, lat: NDArray[np.float64], lon: NDArray[np.float64], elapsed_s: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Interpolate between the sites at each place, in the slot of each time."""
-        wind = self.ensemble
-        weight = wind.idw_weights(lat, lon, wind.site_lat, wind.site_lon)
         elapsed = np.where(np.isfinite(elapsed_s), elapsed_s, 0.0)
-        slot = np.floor((self.depart_s + elapsed - wind.start_s) / wind.slot_s)
-        chosen = np.clip(slot, 0, wind.slots - 1).astype(np.int64)
-        member = np.arange(len(wind))[:, None]
-        north = np.einsum("mns,ns->mn", wind.north[member, chosen], weight)
-        east = np.einsum("mns,ns->mn", wind.east[member, chosen], weight)
-        return north, east
+        return self.ensemble.at_times(lat, lon, self.depart_s + elapsed)

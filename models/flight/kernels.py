@@ -11,13 +11,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from skyway.models.jit.compiled import compiled_inline, compiled_lean
+import numpy as np
+
+from skyway.models.jit.compiled import compiled, compiled_inline, compiled_lean
 from skyway.models.wind import triangle
+from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from skyway.models.flight.rules import SegmentWind
@@ -124,6 +126,15 @@ def segment_speed(air: SegmentWind, member: int, slot: int, segment: int) -> flo
     """Ground speed over a segment in one slot of one member; 0 where it cannot be flown."""
     north, east = wind_on(air, member, slot, segment)
     return speed_in(air, segment, north, east)
+
+
+@compiled_lean
+def airborne_speed(air: SegmentWind, segment: int, north: float, east: float) -> float:
+    """Ground speed over a segment in a wind of what is in the air already: limits of the wind slow it, but do not end the flight."""
+    along, across = along_across(north, east, air.cos_bearing[segment], air.sin_bearing[segment])
+    return float(
+        min(max(along + forward_mps(air.airspeed_mps, across), MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
+    )
 
 
 @compiled_lean
@@ -256,3 +267,30 @@ def next_opening(air: SegmentWind, member: int, segments: Sequence[int] | NDArra
 def leg(air: SegmentWind, member: int, segment: int, time_s: float) -> tuple[float, float]:
     """`next_flight` over one segment."""
     return next_flight(air, member, (segment,), time_s)
+
+
+@compiled_lean
+def _airborne_speed_of_member(wind: tuple[SegmentWind, int], slot: int, segment: int) -> float:
+    """`airborne_speed` as `cross` takes it: in (air, member)."""
+    north, east = wind_on(wind[0], wind[1], slot, segment)
+    return airborne_speed(wind[0], segment, north, east)
+
+
+@compiled
+def airborne_times(air: SegmentWind, begin_s: float, in_turn: bool) -> NDArray[np.float64]:  # noqa: FBT001  a kernel
+    """Seconds over each segment of what is in the air already, in each member, shape (members, segments).
+
+    The segments are flown one after the other from `begin_s` on, or each of them from then on. No climb, no descent.
+
+    Takes any air, and a finite time.
+    """
+    slots = slots_of(air)
+    out = np.empty((len(air.north), len(air.distance_m)))
+    for member in range(len(air.north)):
+        now = begin_s
+        for segment in range(len(air.distance_m)):
+            down = cross(_airborne_speed_of_member, (air, member), slots, air.distance_m[segment], segment, now)
+            out[member, segment] = down - now
+            if in_turn:
+                now = down
+    return out

@@ -114,21 +114,59 @@ def air_over(
     airspeed_mps = drone.cruise_airspeed_mps if airspeed_mps is None else airspeed_mps
     _check_flown(network, drone, rules, airspeed_mps)
     wind = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
-    bearing = np.radians(network.bearing_deg)
+    weight = network.site_weights(wind.site_lat, wind.site_lon)
+    air = _air(wind, weight, network.bearing_deg, network.distance_m, airspeed_mps, drone.max_ground_speed_mps)
+    return air._replace(wind_limit_mps=float(drone.wind_limit_mps), climb_s=rules.climb_s, descent_s=rules.descent_s)
+
+
+def air_between(
+    wind: WindEnsemble,
+    middle: tuple[NDArray[np.float64], NDArray[np.float64]],
+    bearing_deg: NDArray[np.float64],
+    distance_m: NDArray[np.float64],
+    airspeed_mps: float,
+    max_ground_speed_mps: float,
+) -> SegmentWind:
+    """Lay the wind at cruise height over straight ways of one's own choice; without climb, descent and limits of the wind.
+
+    Parameters
+    ----------
+    wind : WindEnsemble
+        At cruise height.
+    middle : (lat, lon)
+        Middles of the ways, degrees, shape (ways,) each.
+    bearing_deg, distance_m : ndarray, shape (ways,)
+        Their courses and lengths.
+    airspeed_mps, max_ground_speed_mps : float
+        Of the drone.
+    """
+    weight = wind.idw_weights(*middle, wind.site_lat, wind.site_lon)
+    return _air(wind, weight, bearing_deg, distance_m, airspeed_mps, max_ground_speed_mps)
+
+
+def _air(
+    wind: WindEnsemble,
+    weight: NDArray[np.float64],
+    bearing_deg: NDArray[np.float64],
+    distance_m: NDArray[np.float64],
+    airspeed_mps: float,
+    max_ground_speed_mps: float,
+) -> SegmentWind:
+    bearing = np.radians(bearing_deg)
     return SegmentWind(
         start_s=float(wind.start_s),
         slot_s=float(wind.slot_s),
         north=np.ascontiguousarray(wind.north),
         east=np.ascontiguousarray(wind.east),
-        weight=network.site_weights(wind.site_lat, wind.site_lon),
+        weight=np.ascontiguousarray(weight),
         cos_bearing=np.cos(bearing),
         sin_bearing=np.sin(bearing),
-        distance_m=np.ascontiguousarray(network.distance_m),
+        distance_m=np.ascontiguousarray(distance_m),
         airspeed_mps=float(airspeed_mps),
-        wind_limit_mps=float(drone.wind_limit_mps),
-        max_ground_speed_mps=float(drone.max_ground_speed_mps),
-        climb_s=rules.climb_s,
-        descent_s=rules.descent_s,
+        wind_limit_mps=math.inf,
+        max_ground_speed_mps=float(max_ground_speed_mps),
+        climb_s=0.0,
+        descent_s=0.0,
     )
 
 

@@ -179,6 +179,21 @@ class WindEnsemble:
         weights = self.idw_weights(lat, lon, self.site_lat, self.site_lon)[0]
         return self.north[:, slot] @ weights, self.east[:, slot] @ weights
 
+    def at_times(
+        self, lat: NDArray[np.float64], lon: NDArray[np.float64], time_s: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Wind of every member at places and times: (north, east), shape (members, n) each.
+
+        Places have shape (n,), times (n,) or (members, n), POSIX seconds; a time that never comes counts as the first slot.
+        """
+        weight = self.idw_weights(lat, lon, self.site_lat, self.site_lon)
+        slot = np.floor((np.broadcast_to(time_s, (len(self), len(lat))) - self.start_s) / self.slot_s)
+        chosen = np.clip(np.where(np.isfinite(slot), slot, 0.0), 0, self.slots - 1).astype(np.int64)
+        member = np.arange(len(self))[:, None]
+        north = np.einsum("mns,ns->mn", self.north[member, chosen], weight)
+        east = np.einsum("mns,ns->mn", self.east[member, chosen], weight)
+        return north, east
+
     def at_points(self, lat: ArrayLike, lon: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Wind at many places: (north, east), shape (members, slots, points) each."""
         weights = self.idw_weights(lat, lon, self.site_lat, self.site_lon).T

@@ -1,8 +1,7 @@
 """What a drone in the air can still reach: straight flights from any point, under every member of the forecast.
 
 A leg is flown only when for every point of it a station is known that could be landed at with a margin, other than the one
-that it is flown to. The wind is taken at the middle of each straight flight, at the time when the drone is there; flights
-are short against the slots of a forecast.
+that it is flown to. The wind is that at the middle of each straight flight, slot by slot (`models.flight.kernels.cross`).
 """
 
 from __future__ import annotations
@@ -16,7 +15,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.base import geodesy
-from skyway.models.wind.triangle import ground_speed
+from skyway.models.flight.energy import FlightPower
+from skyway.models.flight.kernels import airborne_times
+from skyway.models.flight.rules import air_between
+from skyway.models.wind.triangle import along_across
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
 
 POINT_EVERY_M = 500.0
 """Distance between the points of a leg at which diverts are looked for."""
-MIN_SPEED_MPS = 1.0
 MAX_DIVERTS = 16
 BESIDE_M = 1500.0
 """Stations so near to a way are beside it."""
@@ -107,10 +108,9 @@ class Reach:
         self.wind = forecast.at_height(self.rules.cruise_height_m, self.rules.wind_profile_exponent)
         self.drone, self.belief = drone, belief
         self.airspeed_mps = airspeed_mps if airspeed_mps is not None else drone.cruise_airspeed_mps
-        model, mass = drone.energy_model, drone.mass_kg + payload_kg
-        self.soc_per_s = model.power_w(mass, "cruise") / drone.battery_j
-        self.soc_climb = model.power_w(mass, "climb") / drone.battery_j * self.rules.climb_s
-        self.soc_descent = model.power_w(mass, "descent") / drone.battery_j * self.rules.descent_s
+        power = FlightPower.of(drone, payload_kg)
+        self.soc_per_s = power.soc_per_s
+        self.soc_climb, self.soc_descent = power.soc_climb(self.rules.climb_s), power.soc_descent(self.rules.descent_s)
         self.pads = np.flatnonzero(self.network.pads > 0)
 
     def winds(
@@ -120,14 +120,7 @@ class Reach:
 
         `time_s` has shape (n,) or (members, n).
         """
-        wind = self.wind
-        weight = wind.idw_weights(lat, lon, wind.site_lat, wind.site_lon)
-        slot = np.floor((np.broadcast_to(time_s, (len(wind), len(lat))) - wind.start_s) / wind.slot_s)
-        chosen = np.clip(np.where(np.isfinite(slot), slot, 0.0), 0, wind.slots - 1).astype(np.int64)
-        member = np.arange(len(wind))[:, None]
-        north = np.einsum("mns,ns->mn", wind.north[member, chosen], weight)
-        east = np.einsum("mns,ns->mn", wind.east[member, chosen], weight)
-        return north, east
+        return self.wind.at_times(lat, lon, time_s)
 
     def at_airspeed(self, airspeed_mps: float) -> Reach:
         """Return the same at another planned airspeed."""
@@ -135,49 +128,42 @@ class Reach:
         same.airspeed_mps = airspeed_mps
         return same
 
-    def cruise(
+    def _cruise(
         self, start: tuple[NDArray[np.float64], NDArray[np.float64]], bearing: NDArray[np.float64],
-        length_m: NDArray[np.float64], time_s: NDArray[np.float64],
+        length_m: NDArray[np.float64], time_s: float, *, in_turn: bool,
     ) -> Flown:  # fmt: skip
         """Fly straight at the planned airspeed, with at least 1 m/s over the ground; no climb, no descent.
 
-        Limits of the wind do not count: whoever is in the air has to fly on.
+        Each flight alone from `time_s` on, or one after the other. Limits of the wind do not count: whoever is in the air has
+        to fly on.
         """
         middle = geodesy.midpoint(*start, bearing, length_m)
-        north, east = self.winds(*middle, time_s)
-        angle = np.radians(bearing)
-        along = north * np.cos(angle) + east * np.sin(angle)
-        across = east * np.cos(angle) - north * np.sin(angle)
         most = self.drone.max_ground_speed_mps
-        speed = np.maximum(ground_speed(self.airspeed_mps, along, across, math.inf, most), MIN_SPEED_MPS)
-        flight_s = length_m / speed
+        air = air_between(self.wind, middle, bearing, length_m, self.airspeed_mps, most)
+        flight_s = airborne_times(air, time_s, in_turn)
         if self.load is None:
             return Flown(flight_s, self.soc_per_s * flight_s)
         # a drone that must not be faster over the ground flies slower through the air
-        airspeed = np.hypot(speed - along, across)
-        return Flown(flight_s, self.soc_per_s * self.load.factor(airspeed) * flight_s)
+        half_s = 0.5 * flight_s + (np.cumsum(flight_s, axis=1) - flight_s if in_turn else 0.0)
+        north, east = self.winds(*middle, time_s + half_s)
+        along, across = along_across(north, east, air.cos_bearing, air.sin_bearing)
+        speed = np.divide(length_m, flight_s, out=np.full_like(flight_s, most), where=flight_s > 0.0)
+        return Flown(flight_s, self.soc_per_s * self.load.factor(np.hypot(speed - along, across)) * flight_s)
 
     def to_stations(self, here: Place, time_s: float, nodes: NDArray[np.int64]) -> Flown:
         """Fly from a point at cruise height to touch-down at stations."""
         lat, lon = self.network.lat[nodes], self.network.lon[nodes]
         length, bearing = geodesy.inverse(*here, lat, lon)
         start = np.full(len(nodes), here[0]), np.full(len(nodes), here[1])
-        half = time_s + 0.5 * length / self.airspeed_mps
-        flown = self.cruise(start, bearing, length, half)
+        flown = self._cruise(start, bearing, length, time_s, in_turn=False)
         return Flown(flown.time_s + self.rules.descent_s, flown.soc + self.soc_descent)
 
     def along(self, points: Sequence[Place], time_s: float) -> Flown:
         """Fly along a way: to each of its points after the first, shape (members, points - 1); no climb, no descent."""
         places = np.array(points)
         length, bearing = geodesy.inverse(places[:-1, 0], places[:-1, 1], places[1:, 0], places[1:, 1])
-        start = places[:-1, 0], places[:-1, 1]
-        begins = time_s + np.concatenate(([0.0], np.cumsum(length)[:-1])) / self.airspeed_mps
-        for _ in range(2):
-            middle = begins + 0.5 * length / self.airspeed_mps
-            flown = self.cruise(start, bearing, length, middle)
-            spent = np.cumsum(flown.time_s, axis=1)
-            begins = time_s + spent - flown.time_s
-        return Flown(spent, np.cumsum(flown.soc, axis=1))
+        flown = self._cruise((places[:-1, 0], places[:-1, 1]), bearing, length, time_s, in_turn=True)
+        return Flown(np.cumsum(flown.time_s, axis=1), np.cumsum(flown.soc, axis=1))
 
     def to_the_end(self, way: Sequence[Place], time_s: float, *, climbs: bool = False) -> Flown:
         """Fly a way to touch-down at its end, shape (members,): with a climb first where it begins on the ground."""

@@ -13,6 +13,7 @@ import numpy as np
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.units import MPS_PER_KMH, S_PER_H
+from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets
 from skyway.models.queues.transient import forecast_waits
@@ -107,9 +108,8 @@ class Problem:
             raise InputError(Fault("flies at no finite cost", field=f"drone {drone.id}", value=cost, remedy=remedy))
         self.longest_flight_s = (1.0 - self.reserve - self.soc_fixed) / self.soc_per_s
         if self.in_flight:
-            climb = drone.energy_model.power_w(drone.mass_kg + request.payload_kg, "climb") / drone.battery_j
             self.depart_s -= self.rules.climb_s
-            self.soc += climb * self.rules.climb_s
+            self.soc += FlightPower.of(drone, request.payload_kg).soc_climb(self.rules.climb_s)
         if waits is not None:
             self.__dict__["waits"] = waits  # they do not depend on the drone
 
@@ -120,11 +120,8 @@ class Problem:
 
     def _flight_cost(self, payload_kg: float) -> tuple[float, float]:
         """SoC per second of flight, and what climb and descent cost beyond that rate."""
-        model, mass = self.drone.energy_model, self.drone.mass_kg + payload_kg
-        cruise = model.power_w(mass, "cruise")
-        extra = (model.power_w(mass, "climb") - cruise) * self.rules.climb_s
-        extra += (model.power_w(mass, "descent") - cruise) * self.rules.descent_s
-        return cruise / self.drone.battery_j, extra / self.drone.battery_j
+        power = FlightPower.of(self.drone, payload_kg)
+        return power.soc_per_s, power.soc_fixed(self.rules.climb_s, self.rules.descent_s)
 
     def standing_at(self, node: int, time_s: float, soc: float, *, in_flight: bool = False) -> Problem:
         """Return the same problem from another node, time and charge.

@@ -20,9 +20,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.flight.kernels import NEVER, along_across, flown_part, forward_mps, land, slot_end, slot_of, wind_on
+from skyway.models.flight.kernels import NEVER, airborne_speed, flown_part, land, slot_end, slot_of, wind_on
 from skyway.models.jit.compiled import compiled_lean
-from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -132,10 +131,7 @@ def gusty_speed(
     across = LATERAL * gust_sd * min(max(gust[1], -MAX_DEVIATION), MAX_DEVIATION)
     gust_north = north * (1.0 + along) - east * across
     gust_east = east * (1.0 + along) + north * across
-    # Along the course and across it, and the speed between its limits.
-    tail, cross = along_across(gust_north, gust_east, air.cos_bearing[segment], air.sin_bearing[segment])
-    speed = tail + forward_mps(air.airspeed_mps, cross)
-    return float(min(max(speed, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps))
+    return airborne_speed(air, segment, gust_north, gust_east)
 
 
 class Gusts(NamedTuple):
