@@ -1,7 +1,7 @@
 """Time, energy and state of charge of every flight of a mission, in the wind.
 
 The vehicle holds the commanded ground speed as long as its airspeed |ground - wind| allows, and flies slower where it
-does not. The energy error of the vehicle is uniform within 5 %.
+does not. The energy error of the vehicle is uniform within `models.flight.energy.ENERGY_ERROR`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from skyway.missions.checks.near_stations import NearStations
 from skyway.missions.checks.weather import SteadyWind, Weather
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
 from skyway.models.base import geodesy
-from skyway.models.flight.energy import FlightPower
+from skyway.models.flight.energy import ENERGY_ERROR, FlightPower
 from skyway.models.wind.triangle import along_across, ground_speed
 
 if TYPE_CHECKING:
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from skyway.missions.items.mission import Mission
     from skyway.models.drones.drone import Drone
     from skyway.models.network.network import Station
-
-ENERGY_ERROR = 0.05
-"""Energies of one vehicle differ from the model by up to this fraction, evenly."""
 
 
 @dataclass(frozen=True, slots=True)

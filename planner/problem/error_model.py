@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.ranges import range_faults
+from skyway.models.flight.energy import ENERGY_ERROR
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +25,7 @@ class Errors:
 
     gust_sd: float = 0.15
     gust_time_s: float = 180.0
-    energy: float = 0.05
+    energy: float = ENERGY_ERROR
 
     def __post_init__(self) -> None:
         faults: list[Fault] = []
