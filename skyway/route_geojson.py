@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.base.antimeridian import line_geometry
+from skyway.models.base.geodesy import line_geometry
 from skyway.models.base.units import iso
 
 if TYPE_CHECKING:

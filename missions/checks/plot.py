@@ -10,8 +10,8 @@ import numpy as np
 from skyway.missions.checks.route import fly
 from skyway.missions.items.geofence import FencePolygon
 from skyway.models.base import geodesy
-from skyway.models.base.antimeridian import about, middle_longitude, wrapped
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.geodesy import about, middle_longitude, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

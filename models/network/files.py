@@ -8,11 +8,10 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.base.antimeridian import line_geometry
 from skyway.models.base.errors import Fault, InputError, one_line
 from skyway.models.base.fields import finite
 from skyway.models.base.files import read_text, write_atomically
-from skyway.models.base.geodesy import coordinate_faults
+from skyway.models.base.geodesy import coordinate_faults, line_geometry
 from skyway.models.base.json_text import json_text
 from skyway.models.network.network import Network, Station
 from skyway.models.network.zones import features, read_geojson

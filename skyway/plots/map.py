@@ -11,8 +11,8 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from skyway.models.base import geodesy
-from skyway.models.base.antimeridian import about, middle_longitude, wrapped
 from skyway.models.base.formatting import distance_text, duration, from_to, headline
+from skyway.models.base.geodesy import about, middle_longitude, wrapped
 from skyway.plots.charge import draw_charge
 from skyway.plots.pictures import (
     CALM,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.models.base.antimeridian import about, middle_longitude, wrapped
+from skyway.models.base.geodesy import about, middle_longitude, wrapped
 from skyway.models.base.units import from_posix, iso
 from skyway.models.base.weighted import weighted_quantile
 from skyway.models.wind.summary import summary_of

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skyway.missions.examples import NEW_YORK
-from skyway.models.base.antimeridian import about, line_geometry, middle_longitude, wrapped
+from skyway.models.base.geodesy import about, line_geometry, middle_longitude, wrapped
 from skyway.models.network.builders import build_network
 from skyway.models.network.network import ConnectionRule, Station
 from skyway.models.scenario.file import read_scenario
