@@ -1,6 +1,7 @@
 """A vehicle that has crashed ends a delivery with that word, wherever it is found out; what it cannot fly with is told before the question."""
 
 import math
+from copy import copy
 
 import pytest
 from wrong_values import staged
@@ -39,10 +40,14 @@ def lying(seconds):
     """Say for some time that it lies on its back, from the first packet on."""
 
     def tamper(stage, _port):
-        def told(message, payload):
-            if message.name not in LYING or stage.lockstep.now_s > seconds:
-                return payload
-            return message.pack(message.unpack(payload) | LYING[message.name])
+        def told(message):
+            lies = LYING.get(message.get_type())
+            if lies is None or stage.lockstep.now_s > seconds:
+                return message
+            false = copy(message)
+            for name, value in lies.items():
+                setattr(false, name, value)
+            return false
 
         return told
 
