@@ -34,15 +34,14 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-# Whatever reaches a kernel once more, with every index checked: the tests. Kernels that check are kept in a folder of their own.
-CHECKED := NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/checked
+# Whatever reaches a kernel once more, with every index checked: the tests. Kernels that check are kept apart (models/jit/cache.py).
 bounds: setup
-	$(CHECKED) $(BIN)/python -m pytest -q -n auto --dist worksteal tests/planner tests/models tests/link/test_log_readers.py tests/link/test_tlog.py
+	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -q -n auto --dist worksteal tests/planner tests/models tests/link/test_log_readers.py tests/link/test_tlog.py
 
 FUZZ_S ?= 150
 # Random requests with every index checked, for so long and no longer; fails where none was answered.
 fuzz: setup
-	$(CHECKED) $(BIN)/python -m benchmarks.fuzz --strict --seconds $(FUZZ_S)
+	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m benchmarks.fuzz --strict --seconds $(FUZZ_S)
 
 # Which kernels a wheel holds, and for which types of arguments: what the tests call.
 kernels: setup

@@ -27,8 +27,11 @@ def checks_bounds() -> bool:
 
 
 def stamp_of(function: Callable[..., Any]) -> str:
-    """Return a digest of what a kernel is compiled from: its file, and the kernels and constants that the file imports."""
-    parts = [_digest(function.__code__.co_filename)]
+    """Return a digest of what a kernel is compiled from.
+
+    That is its file, the kernels and constants that the file imports, and whether indices are checked.
+    """
+    parts = [_digest(function.__code__.co_filename), "checked" if checks_bounds() else ""]
     for name, value in sorted(function.__globals__.items()):
         if name.startswith("__"):
             continue
@@ -41,25 +44,6 @@ def stamp_of(function: Callable[..., Any]) -> str:
         elif isinstance(value, _CONSTANTS):
             parts.append(f"{name} {value!r}")
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
-
-def forget_stale(kernel: Any, stamp: str) -> None:
-    """Remove the files that numba has kept of a kernel unless they bear this stamp; afterwards they do."""
-    folder, function = Path(kernel.stats.cache_path), kernel.py_func
-    stamp += " checked" if checks_bounds() else ""
-    stem = f"{Path(function.__code__.co_filename).stem}.{function.__qualname__}"
-    mark = folder / f"{stem}.stamp"
-    try:
-        if mark.is_file() and mark.read_text(encoding="utf-8") == stamp:
-            return
-        folder.mkdir(parents=True, exist_ok=True)
-        for old in (*folder.glob(f"{stem}-*.nbi"), *folder.glob(f"{stem}-*.nbc")):
-            old.unlink(missing_ok=True)
-        new = mark.with_suffix(f".{os.getpid()}")
-        new.write_text(stamp, encoding="utf-8")
-        new.replace(mark)
-    except OSError:  # a folder that cannot be written holds nothing of ours
-        return
 
 
 @cache

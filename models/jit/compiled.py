@@ -1,7 +1,7 @@
 """Kernels compiled by numba, under one set of options; from a library compiled ahead of time where there is one.
 
 The first kernel that numba compiles imports it (a few tenths of a second), so modules with kernels are imported late. What
-is compiled is kept by numba's own cache (`models.jit.cache` says when it is forgotten).
+is compiled is kept by numba's own cache, under a name with the stamp of its source (`models.jit.cache`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from functools import cache, update_wrapper
 from types import CodeType, FunctionType
 from typing import Any, TypeVar, cast
 
-from skyway.models.jit.cache import forget_stale, stamp_of
+from skyway.models.jit.cache import stamp_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -58,14 +58,13 @@ def _compile(function: F, stamp: str, own_options: dict[str, Any]) -> F:
     _tell_watchers()
     names = {name: function.__globals__.get(name) for name in _names(function.__code__)}
     ahead = {name: value.compiled for name, value in names.items() if isinstance(value, LibraryKernel)}
-    source: Any = function
-    if ahead:  # numba compiles calls of its own kernels only
-        source = FunctionType(function.__code__, function.__globals__ | ahead, function.__name__, function.__defaults__)
-        update_wrapper(source, function)
+    namespace = function.__globals__ | ahead if ahead else function.__globals__  # numba calls its own kernels only
+    source = FunctionType(function.__code__, namespace, function.__name__, function.__defaults__)
+    update_wrapper(source, function)
+    source.__qualname__ = f"{function.__qualname__}.{stamp[:16]}"  # numba names its files by this
     options = {"nogil": True, "error_model": "numpy", **own_options}
     try:
         kernel: Any = numba.njit(cache=True, **options)(source)
-        forget_stale(kernel, stamp)
     except RuntimeError:  # no folder can be written: compiled in each process
         kernel = numba.njit(**options)(source)
     kernel.skyway_stamp = stamp
