@@ -136,10 +136,11 @@ def shown(result: PlanResult) -> str:
     from io import StringIO
 
     from skyway.cli.views.plan import print_plan
+    from skyway.planner.report import plan_report
     from skyway.route_geojson import route_geojson
 
     with redirect_stdout(StringIO()) as out:
-        print_plan(result)
+        print_plan(plan_report(result))
     return out.getvalue() + json.dumps(route_geojson(result.composition), allow_nan=False)
 
 

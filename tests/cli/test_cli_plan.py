@@ -22,7 +22,7 @@ TOP = {
     "to": str, "stations": dict, "legs": list, "stops": list, "delivery_time_s": float, "flight_time_s": float,
     "wait_time_s": float, "recharge_time_s": float, "distance_m": float, "energy_wh": float, "min_soc": float,
     "arrival": dict, "on_time_probability": type(None), "on_time": type(None), "success_probability": float,
-    "success": (dict, type(None)), "planning_time_s": float, "notes": list,
+    "success": (dict, type(None)), "planning_time_s": float, "notes": list, "parameters": dict,
 }  # fmt: skip
 LEG = {
     "id": str, "from": str, "to": str, "via": list, "distance_m": float, "bearing_deg": float,
@@ -326,7 +326,7 @@ def test_a_robust_plan_says_what_it_would_do_otherwise_and_why(skyway):
     assert "Alternatives" in out or "No alternative" in out
     assert "without this stop" in out
     assert "Lower bound with perfect forecast" in out
-    assert "must be left on landing" in out
+    assert "reserve on landing" in out
 
 
 def test_a_deadline_is_told_as_a_probability(plan_json):

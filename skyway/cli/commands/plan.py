@@ -207,15 +207,18 @@ def plan(
         plot_composition(composition, result.problem.scenario, plot, charge_band(result))
     options.say_written(output, geojson, plot)
     from skyway.cli.views import plan_reasons
+    from skyway.planner.report import plan_report
+
+    report = plan_report(result, tried, alternatives, explain=explain)
 
     if as_json:
-        document = to_json(composition) | plan_reasons.as_json(result, tried, alternatives, explain=explain)
+        document = to_json(composition) | plan_reasons.as_json(report)
         typer.echo(json.dumps(document, indent=1, allow_nan=False))
         return
     from skyway.cli.views.plan import print_plan
 
-    print_plan(result)
-    plan_reasons.print_more(result, tried, alternatives, explain=explain)
+    print_plan(report)
+    plan_reasons.print_more(report)
 
 
 def compare(

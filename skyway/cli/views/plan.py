@@ -28,12 +28,14 @@ from skyway.models.base.formatting import (
 
 if TYPE_CHECKING:
     from skyway.models.composition.composition import Composition, DroneService, LegSegment, Stop
+    from skyway.planner.report import PlanReport
     from skyway.planner.result import PlanResult
     from skyway.planner.robust.robust import RobustAnswer
 
 
-def print_plan(result: PlanResult) -> None:
+def print_plan(report: PlanReport) -> None:
     """Print a plan."""
+    result = report.result
     c = result.composition
     zone = ZoneInfo(result.problem.scenario.timezone)
     say(headline(c, zone))
@@ -50,7 +52,7 @@ def print_plan(result: PlanResult) -> None:
     say(f"The schedule, {time}:" if c.arrival.delivery_mean is None else f"A typical schedule, {time}:")
     schedule_sheet(c, zone).show()
     say("")
-    _print_totals(result)
+    _print_totals(report)
 
 
 def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
@@ -163,7 +165,8 @@ def stop_text(stop: Stop, bound_for: str) -> str:
     return f"{stop.station}: {', '.join(doing) or 'land and leave'}"
 
 
-def _print_totals(result: PlanResult) -> None:
+def _print_totals(report: PlanReport) -> None:
+    result = report.result
     c = result.composition
     parts = [f"flight {duration(c.flight_time_s)}"]
     if c.recharge_time_s or c.wait_time_s:
@@ -174,7 +177,7 @@ def _print_totals(result: PlanResult) -> None:
     )
     say("Wind: mean and 80 % range of the speed at the place, time and height of the flight; tail and cross: averages")
     if result.robust is not None:
-        _print_choices(result.robust)
+        _print_choices(result.robust, report)
     for note in c.notes:
         say(f"Note: {note}")
     for drone, why in result.rejected.items():
@@ -182,12 +185,12 @@ def _print_totals(result: PlanResult) -> None:
     say(f"Planned in {spent(result.planning_time_s)}, {result.labels_expanded:,} evaluated")
 
 
-def _print_choices(answer: RobustAnswer) -> None:
+def _print_choices(answer: RobustAnswer, report: PlanReport) -> None:
     """What the plan would do otherwise, and how far it may be from the best."""
-    from skyway.planner.explain import charge_ranges, stop_names, wait_and_see
+    from skyway.planner.explain import stop_names
     from skyway.planner.schedule.outcome import later
 
-    for one in charge_ranges(answer):
+    for one in report.charges:
         often = f"; {probability(one.idle)} of the deliveries leave at once" if one.idle >= 0.005 else ""
         low, high = percent(one.low), percent(one.high)
         between_ = low if low == high else f"{low} to {high}"
@@ -196,7 +199,7 @@ def _print_choices(answer: RobustAnswer) -> None:
     if others:
         way = "with stops at " + ", ".join(stop_names(others[0])) if stop_names(others[0]) else "without a stop"
         say(f"Next best route, {way}: {later_text(later(others[0].outcome, answer.candidates[0].outcome))}")
-    bound = wait_and_see(answer)
+    bound = report.bound
     if bound is not None:
         say(
             f"Lower bound with perfect forecast: {duration(bound.bound_s)} on average; "

@@ -15,28 +15,28 @@ if TYPE_CHECKING:
 
     from skyway.planner.departure import Departure
     from skyway.planner.explain import StopReason
+    from skyway.planner.report import PlanReport
     from skyway.planner.result import PlanResult
 
 
-def print_more(result: PlanResult, tried: Sequence[Departure], count: int, *, explain: bool) -> None:
+def print_more(report: PlanReport) -> None:
     """Print what was asked for beside the plan."""
-    if tried:
-        _print_departures(result, tried)
-    if count > 1:
-        _print_alternatives(result, count)
-    if explain:
-        _print_reasons(result)
+    if report.departures:
+        _print_departures(report.result, report.departures)
+    if report.alternatives is not None:
+        _print_alternatives(report.result, report.alternatives)
+    if report.reasons is not None:
+        _print_reasons(report.result, report.reasons)
 
 
-def as_json(result: PlanResult, tried: Sequence[Departure], count: int, *, explain: bool) -> dict[str, object]:
+def as_json(report: PlanReport) -> dict[str, object]:
     """Return the same for machines: keys that the composition does not have."""
-    from skyway.planner.explain import wait_and_see
+    from skyway.models.composition.file import to_json
 
     found: dict[str, object] = {}
-    bound = None if result.robust is None else wait_and_see(result.robust)
-    if bound is not None:
-        found["bound"] = vars(bound) | {"gap": bound.gap}
-    if tried:
+    if report.bound is not None:
+        found["bound"] = vars(report.bound) | {"gap": report.bound.gap}
+    if report.departures:
         found["departures"] = [
             {
                 "depart": iso(one.depart),
@@ -44,19 +44,14 @@ def as_json(result: PlanResult, tried: Sequence[Departure], count: int, *, expla
                 "delivery_mean": None if one.delivery is None else figure_json(one.delivery),
                 "p_on_time": one.p_on_time,
             }
-            for one in tried
+            for one in report.departures
         ]
-    if count > 1:
-        from skyway.models.composition.file import to_json
-        from skyway.planner.plan import alternative_plans
-
-        found["alternatives"] = [to_json(plan.composition) for plan in alternative_plans(result, count)[1:]]
-    if explain:
-        from skyway.planner.explain import charge_ranges, stop_reasons
-
+    if report.alternatives is not None:
+        found["alternatives"] = [to_json(plan.composition) for plan in report.alternatives[1:]]
+    if report.reasons is not None:
         found["explanation"] = {
-            "stops": [_reason_json(one) for one in stop_reasons(result)],
-            "charges": [] if result.robust is None else [vars(one) for one in charge_ranges(result.robust)],
+            "stops": [_reason_json(one) for one in report.reasons],
+            "charges": [vars(one) for one in report.charges],
         }
     return found
 
@@ -86,11 +81,9 @@ def _print_departures(result: PlanResult, tried: Sequence[Departure]) -> None:
     sheet.show()
 
 
-def _print_alternatives(result: PlanResult, count: int) -> None:
+def _print_alternatives(result: PlanResult, plans: Sequence[PlanResult]) -> None:
     from skyway.planner.explain import stop_names
-    from skyway.planner.plan import alternative_plans
 
-    plans = alternative_plans(result, count)
     say("")
     if len(plans) == 1:
         if result.robust is None:
@@ -127,14 +120,12 @@ def _energy_wh(plan: PlanResult) -> float:
     return plan.robust.out_of_sample.charge_used * plan.problem.drone.battery_j / J_PER_WH
 
 
-def _print_reasons(result: PlanResult) -> None:
-    from skyway.planner.explain import stop_reasons
-
+def _print_reasons(result: PlanResult, reasons: Sequence[StopReason]) -> None:
     say("")
     if result.robust is None:
         say(f"The planner {result.composition.planner} gives no reasons; only robust does")
         return
-    for one in stop_reasons(result):
+    for one in reasons:
         say(f"{one.station}: {_why_here(one)}")
         say(f"  {_why_so_much(one)}")
     if not result.composition.stops:
