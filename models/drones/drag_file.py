@@ -74,7 +74,7 @@ def read_air(path: Path) -> AirFile:
     drag = _drag(top) if airspeed is None or "linear_per_s" in top else None
     top.finish()
     if drag is not None and not faults and drag["linear_per_s"] + drag["quadratic_per_m"] <= 0.0:
-        top.fault("linear_per_s", "and quadratic_per_m are both 0: with a drag of 0 the wind cannot be estimated")
+        top.fault("linear_per_s", "is 0, and so is quadratic_per_m: with a drag of 0 the wind cannot be estimated")
     if faults:
         raise InputError(faults)
     return AirFile(None if drag is None else DragModel(**drag), None if airspeed is None else AirspeedModel(**airspeed))

@@ -68,7 +68,7 @@ def read_stations(
         found = len(faults)
         station = _station(_Row(row, names, place, faults), pads, holding_spots)
         if station.id in first:
-            problem, remedy = "two stations have the same id", f"it is already {first[station.id]} already"
+            problem, remedy = "two stations have the same id", f"it is already {first[station.id]}"
             faults.append(_at(place, names["id"], problem, station.id, remedy))
         first.setdefault(station.id, f"on line {place.line}" if place.line else f"at {place.field}")
         if len(faults) == found:

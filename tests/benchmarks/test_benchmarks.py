@@ -28,8 +28,10 @@ from benchmarks.networks import geometric, random_pairs  # noqa: E402
 from benchmarks.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows  # noqa: E402
 from benchmarks.trials import ROLLING, case_of, contenders  # noqa: E402
 from skyway.models.base.errors import InputError  # noqa: E402
+from skyway.models.base.parameters import with_settings  # noqa: E402
 from skyway.planner.evaluation.evaluate import NO_ERRORS, fly_policy  # noqa: E402
 from skyway.planner.online.rolling import RollingRobust  # noqa: E402
+from skyway.planner.parameters.planner import PlannerParameters  # noqa: E402
 from skyway.planner.plan import plan  # noqa: E402
 from skyway.planner.problem.problem import Problem  # noqa: E402
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST  # noqa: E402
@@ -218,12 +220,12 @@ def test_a_flight_is_flown_again_as_it_was_in_the_same_gusts(long_instance):
     assert watch.broken == 1.0
 
 
-def test_where_the_wind_closes_a_flight_for_hours_a_route_of_shorter_ones_is_better(monkeypatch):
+def test_where_the_wind_closes_a_flight_for_hours_a_route_of_shorter_ones_is_better():
     instance = read_instance(FOLDER / "geometric-1000-0.5.json")
     case = case_of(instance.scenario(), instance, 3, 1)
     short = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast)
-    monkeypatch.setattr("skyway.planner.robust.robust.LONG", np.inf)
-    long = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast)
+    patient = with_settings(PlannerParameters(), ["robust.long_wait=10"])
+    long = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast, parameters=patient)
     begin = short.problem.depart_s
     assert len(short.robust.candidates) > len(long.robust.candidates)
     assert short.outcome.mean_s - begin < 0.8 * (long.outcome.mean_s - begin)

@@ -207,7 +207,7 @@ def test_json_says_the_same_as_the_lines(run, plan, tmp_path):
         assert (code, json.loads(text)["differences"]) == (1, [{"name": "RTL_ALT", "file": 1000.0, "vehicle": 2000.0}])
         code, text = run("verify", plan, "--json", port=port)
         assert code == 1
-        assert json.loads(text)["differences"][0]["text"] == "count: on board 0, in the file 8"
+        assert json.loads(text)["differences"][0]["text"] == "count: on the vehicle 0, in the file 8"
         found = json.loads(run("clear", "--kind", "all", "--json", port=port)[1])
         assert (found["cleared"], found["held"]) == (False, {"mission": 0, "fence": 0, "rally": 0})
         found = json.loads(run("download", "-o", tmp_path / "x.plan", "--json", port=port)[1])
@@ -237,7 +237,7 @@ def test_a_signed_link_takes_the_key_from_a_file_or_the_environment_and_no_link_
         monkeypatch.setattr("skyway.link.telemetry.vehicle_monitor.FIND_S", 1.5)
         code, text = run("verify", plan, port=port)
         assert code == 2
-        assert re.fullmatch(r"--key-file: no packet is signed with our key: \d+ were not believed; the key .*", text)
+        assert re.fullmatch(r"--key-file: no packet is signed with our key: \d+ were rejected; the key .*", text)
 
 
 def test_watching_tells_how_many_packets_were_not_believed(run):

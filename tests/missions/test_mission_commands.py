@@ -162,7 +162,7 @@ def test_a_fence_left_over_is_not_mixed_with_another_mission(run, plan_json, tmp
 
 
 def test_a_suffix_that_is_no_format_is_refused(run, plan_json):
-    with pytest.raises(InputError, match=r"no mission format; name it \.plan"):
+    with pytest.raises(InputError, match=r"not a mission format; name it \.plan"):
         run("mission", plan_json, "-o", "out.kml")
 
 

@@ -109,7 +109,7 @@ def test_one_that_does_not_come_closer_is_told_again_and_then_given_up():
     scene.link.spoil = spoil
     diversion = divert(scene.craft, REFUGE)
     assert diversion.state is DivertState.OVERDUE
-    assert "told 4 times" in diversion.reason
+    assert "sent there 4 times" in diversion.reason
     assert len(ordered) == 4
     assert scene.craft.mode == "hold"
 

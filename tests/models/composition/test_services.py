@@ -56,7 +56,7 @@ def test_distance_energy_and_lowest_charge_are_over_all_flights():
 
 def test_the_route_names_overflown_stations_too():
     assert DELIVERY.route == ("a", "b", "c", "d")
-    assert str(DELIVERY) == "pfs: a > b > c > d in 33.2 min from 2013-07-10T18:00:00Z"
+    assert str(DELIVERY) == "pfs: a > b > c > d in 33 min from 2013-07-10T18:00:00Z"
 
 
 def test_a_composition_without_flights_is_there_already():

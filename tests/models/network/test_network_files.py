@@ -192,7 +192,7 @@ def test_a_table_from_any_office_program_is_read(tmp_path, text):
         ("x,St. Mary, Bronx,40.8,-73.9,1,5", "has 7 cells, the header has 6"),
         ('"a\x1b[2J",N,40.8,-73.9,1,5', "id: must be one line of plain text (got 'a\\x1b[2J')"),
         ('"a\nb",N,40.8,-73.9,1,5', "id: must be one line of plain text (got 'a\\nb')"),
-        ("bx,N,40.8,-73.9,1,5", "id: two stations have the same id (got 'bx'); it stands on line 2 already"),
+        ("bx,N,40.8,-73.9,1,5", "id: two stations have the same id (got 'bx'); it is already on line 2"),
     ],
 )
 def test_each_wrong_field_is_one_line_with_file_line_field_and_value(tmp_path, row, said):

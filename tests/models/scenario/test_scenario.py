@@ -491,7 +491,7 @@ def test_wind_from_far_away_is_a_warning(scenario_with):
     (warning,) = read_scenario(boston).warnings
     farthest = geodesy.distance_m(42.36, -70.5, 40.70, -73.92) / 1000.0
     assert warning == (
-        f"{_count(42.36, -70.5)} stations lie more than 300 km from every wind site (farthest: station bk, {farthest:.0f} km)"
+        f"{_count(42.36, -70.5)} stations lie more than 300 km from every wind site (farthest: station bk, {farthest:.1f} km)"
     )
 
 

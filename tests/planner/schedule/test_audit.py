@@ -155,7 +155,7 @@ def test_a_drone_in_the_air_is_never_said_to_hold_for_the_wind(planner):
     assert result.outcome.p_arrive == pytest.approx(0.4, abs=0.05)
     assert any("cannot hold" in note for note in result.composition.notes)
     north[:, 0] = 14.0
-    with pytest.raises(InfeasibleError, match="stranded" if planner == "pfs-strict" else "cannot hold"):
+    with pytest.raises(InfeasibleError, match="no station in reach" if planner == "pfs-strict" else "cannot hold"):
         plan(scenario, request, planner=planner, forecast=replace(wind, north=north))
 
 
