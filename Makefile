@@ -36,7 +36,7 @@ check: setup
 
 # Whatever reaches a kernel once more, with every index checked: the tests. Kernels that check are kept apart (models/jit/cache.py).
 bounds: setup
-	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -q -n auto --dist worksteal tests/planner tests/models tests/link/test_log_readers.py tests/link/test_tlog.py
+	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -q -n auto --dist worksteal tests/planner tests/models tests/link/logs
 
 FUZZ_S ?= 150
 # Random requests with every index checked, for so long and no longer; fails where none was answered.
