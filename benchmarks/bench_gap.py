@@ -214,28 +214,28 @@ def measure_request(
     best, _, _ = clairvoyant_times(realizations, DRONE, "exact", range(len(realizations)))
     flown = fly_charging(realizations, DRONE, answer.policy).delivery_s
     started = time.perf_counter()
-    anew = fly_policy(realizations, DRONE, RollingRobust(start, NO_ERRORS))[0].delivery_s if rolling else flown
+    rolled = fly_policy(realizations, DRONE, RollingRobust(start, NO_ERRORS))[0].delivery_s if rolling else flown
     seconds = time.perf_counter() - started
-    told_wind = anew
+    told_wind = rolled
     if rolling:
         told_wind = np.array([_told_the_wind(start, realizations, run) for run in range(len(realizations))])
-    solved = np.isfinite(best) & np.isfinite(flown) & np.isfinite(anew) & np.isfinite(told_wind)
+    solved = np.isfinite(best) & np.isfinite(flown) & np.isfinite(rolled) & np.isfinite(told_wind)
     if not solved.any():
         return row
     return replace(
         row,
         day_bound_s=float(best[solved].mean()),
         day_fixed_s=float(flown[solved].mean()),
-        rolling_s=float(anew[solved].mean()) if rolling else math.nan,
+        rolling_s=float(rolled[solved].mean()) if rolling else math.nan,
         told_s=float(told_wind[solved].mean()) if rolling else math.nan,
         days=int(solved.sum()),
-        rolling_failed=int((np.isfinite(best) & ~np.isfinite(anew)).sum()),
+        rolling_failed=int((np.isfinite(best) & ~np.isfinite(rolled)).sum()),
         seconds=seconds,
     )
 
 
 def _told_the_wind(start: Problem, realizations: Realizations, run: int) -> float:
-    """Delivery time of who plans again in one truth whose wind it is told, s."""
+    """Delivery time of the rolling horizon in one realization, with a perfect wind forecast, s."""
     told = Problem(start.scenario, start.request, start.drone, realizations.wind.member(int(realizations.day[run])))
     return float(fly_policy(realizations, DRONE, RollingRobust(told, NO_ERRORS), np.array([run]))[0].delivery_s[0])
 
@@ -260,8 +260,8 @@ def figures_of(rows: list[GapRow]) -> list[Figure]:
     columns = {
         "fixed route, charges decided at each stop": gaps([r.fixed_s for r in rows], [r.bound_s for r in rows]),
         "the same on held-out days": gaps([r.day_fixed_s for r in rows], [r.day_bound_s for r in rows]),
-        "planning anew at every stop, held-out days": gaps([r.rolling_s for r in rows], [r.day_bound_s for r in rows]),
-        "  planning anew, told the wind": gaps([r.told_s for r in rows], [r.day_bound_s for r in rows]),
+        "rolling horizon, held-out days": gaps([r.rolling_s for r in rows], [r.day_bound_s for r in rows]),
+        "  rolling horizon, perfect wind forecast": gaps([r.told_s for r in rows], [r.day_bound_s for r in rows]),
     }
     for name in rows[0].parts if rows else ():
         columns[f"  {name}"] = gaps([r.parts[name] for r in rows], [r.bound_s for r in rows])
@@ -277,7 +277,7 @@ def figures_of(rows: list[GapRow]) -> list[Figure]:
 
 
 def measure(count: int = 30) -> list[Figure]:
-    """Return the figures of the fixed route; planning again takes minutes and is run by this module's own command."""
+    """Return the figures of the fixed route; the rolling horizon takes minutes and is run by this module's own command."""
     return figures_of(list(measured(count, days=6, rolling=False)))
 
 
@@ -288,7 +288,9 @@ def main() -> int:
     parser.add_argument("--days", type=int, default=6, help="held-out days of each request")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--why", action="store_true", help="tell the parts of the gap")
-    parser.add_argument("--no-rolling", action="store_true", help="do not plan anew: that takes seconds a delivery")
+    parser.add_argument(
+        "--no-rolling", action="store_true", help="leave the rolling horizon out: it takes seconds a delivery"
+    )
     parser.add_argument("--out", type=Path, help="write rows to this file, one JSON document a line")
     options = parser.parse_args()
     rows = []
@@ -305,7 +307,7 @@ def main() -> int:
     print(
         f"  {sum(r.missed for r in rows)} members that only the exact planner arrives in; on {failed} of {flown} days"
     )
-    print("  planning anew did not deliver though the exact planner does")
+    print("  the rolling horizon did not deliver though the exact planner does")
     return 0
 
 

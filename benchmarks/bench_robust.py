@@ -1,7 +1,7 @@
 """How fast `robust` plans, with 30 members of the forecast, and how that grows with stations, members and pads.
 
 A request counts whole: the problem made (wind over the segments, a drone in the air joined to the network), waits and queues
-forecast for the stations that the search touches, routes, rehearsals, calibration, the typical schedule. Each station has a load of
+forecast for the stations that the search touches, routes, out-of-sample simulations, calibration, the typical schedule. Each station has a load of
 its own, so that no forecast serves two of them. Set-up, once for a network, is stated apart: how the wind's sites weigh on each
 segment. Kernels are compiled before. Times are processor time of the one thread that plans; wall time stands beside it.
 """

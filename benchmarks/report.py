@@ -26,7 +26,7 @@ Written by `skyway bench planners`. All times in minutes, with 95 % intervals (b
 *Failures* are counted over all simulated deliveries of a planner. *Times* are compared over the first few runs of each
 delivery, those that every planner delivered (`pfs-strict` does not decide what is compared: where it has no plan it is
 missing from the means). Clairvoyant planners are told the hourly wind and the queues of these runs, neither gusts nor
-errors of energy: a bound, not a rival. `robust, anew at each stop` flies these runs alone, and its planning time is that of
+errors of energy: a bound, not a rival. `robust, rolling horizon` flies these runs alone, and its planning time is that of
 one decision. How it is measured: docs/explanation/evaluation.md; the instances:
 docs/reference/benchmark.md.
 
@@ -37,7 +37,7 @@ Where fewer runs are compared in a row than in others (searches cut off, no plan
 compare them with others; the figure of delivery times leaves such rows out.
 
 `ies` is tried on networks of at most 200 stations, `pfs-strict`, which goes in circles until its step limit, of at most 50,
-`robust, anew at each stop` of at most 200.
+`robust, rolling horizon` of at most 200.
 """
 GLANCE = """## At a glance
 

@@ -76,7 +76,7 @@ class ToldRolling(RollingRobust):
 
 
 def fly_told(case: Case, told: str) -> float:
-    """Delivery time of the first run, s, of who plans again at every stop and is told something; NaN where not delivered."""
+    """Delivery time of the first run, s, of the rolling horizon with a perfect forecast of something; NaN where not delivered."""
     realizations, drone = case.realizations, case.instance.drone
     forecast = realizations.wind.member(int(realizations.day[0])) if told in (WIND, BOTH) else case.forecast
     start = Problem(case.scenario, realizations.request, case.scenario.drone(drone), forecast)

@@ -53,11 +53,11 @@ MAX_FLIGHTS = 150
 """A plan of more flights takes longer than the horizon; it counts as wandering and is not flown."""
 MAX_STATIONS = {"ies": 200, "pfs-strict": 50, "rolling": 200}
 """Planners that are tried only on networks of up to so many stations: the search that looks at everything, the one that
-goes in circles until its step limit, and the one that plans again at every stop of every run."""
+goes in circles until its step limit, and the rolling horizon, which plans at every stop of every run."""
 ROLLING = "rolling"
 """`planner.online.rolling.RollingRobust`: ``robust`` again at every stop."""
 COMPARED_RUNS = 4
-"""Runs of each delivery in which times are compared: the clairvoyant are told these, and who plans again flies these alone."""
+"""Runs of each delivery in which times are compared: the clairvoyant are told these, and the rolling horizon flies these alone."""
 PLANNED, NO_ROUTE, WANDERED = "planned", "no-route", "wandered"
 
 
@@ -72,7 +72,7 @@ class Contender:
     def label(self) -> str:
         """For tables."""
         if self.planner == ROLLING:
-            return "robust, anew at each stop"
+            return "robust, rolling horizon"
         return f"{self.planner}, {self.recharge}" if self.planner in TWO_WAYS else self.planner
 
 

@@ -37,7 +37,7 @@ class Operator(Protocol):
 
 @dataclass(slots=True)
 class NobodyThere:
-    """Rehearsals: lines are shown, nobody answers.
+    """For dry runs: lines are shown, nobody answers.
 
     Attributes
     ----------

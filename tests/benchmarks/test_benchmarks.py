@@ -175,7 +175,7 @@ def long_instance():
 
 
 def test_a_long_measurement_goes_on_where_it_was_broken_off(tmp_path, monkeypatch):
-    few = tuple(one for one in bench_rolling.RIVALS if one.label in {"robust, anew at each stop", "pfs, full"})
+    few = tuple(one for one in bench_rolling.RIVALS if one.label in {"robust, rolling horizon", "pfs, full"})
     monkeypatch.setattr("benchmarks.bench_rolling.RIVALS", few)
     instance = read_instance(FOLDER / "new-york-0.5-125.json").cut(3, 1)
     told = []

@@ -523,7 +523,7 @@ def test_row_a_reboot_on_the_pad_is_normal(autopilot):
     s.seen.clear()
     assert s.command(512, 148, seconds=1.0) is None, "it is silent while it boots"
     s.run(6.0)
-    assert stage.vehicle.boot_ms < before, "the time base starts anew"
+    assert stage.vehicle.boot_ms < before, "the time base starts again"
     assert s.wait("HEARTBEAT") is not None
     assert len(s.download()) == len(stage.mission(*leg())), "missions survive"
     if autopilot == "ardupilot":

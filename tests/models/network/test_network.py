@@ -161,11 +161,11 @@ def test_a_delivery_target_is_joined_both_ways_to_what_the_rule_reaches():
 def test_a_network_with_a_target_is_as_if_built_anew(kind):
     network = build_network(CITY, ConnectionRule(kind, 12_000.0, 2)).with_target(40.80, -73.90)
     pairs = np.column_stack((network.tail, network.head))
-    anew = Network.from_pairs(network.stations, pairs)
-    assert (anew.tail == network.tail).all()
-    assert (anew.head == network.head).all()
-    assert (anew.distance_m == network.distance_m).all()
-    assert (anew.bearing_deg == network.bearing_deg).all()
+    again = Network.from_pairs(network.stations, pairs)
+    assert (again.tail == network.tail).all()
+    assert (again.head == network.head).all()
+    assert (again.distance_m == network.distance_m).all()
+    assert (again.bearing_deg == network.bearing_deg).all()
     assert network.rule == ConnectionRule(kind, 12_000.0, 2)
 
 

@@ -192,7 +192,7 @@ def test_the_reserve_is_kept_on_days_that_nobody_knew(realizations, planned):
     assert fixed.below_reserve.sum() > 20 * flown.below_reserve.sum()  # the same route with the charges of one course
 
 
-def test_what_is_promised_is_what_was_rehearsed(planned):
+def test_what_is_promised_is_what_was_simulated(planned):
     answer = planned.robust
     arrival = answer.out_of_sample.schedule[:, -1, TOUCH_DOWN]
     assert planned.outcome.mean_s == pytest.approx(np.average(arrival, weights=answer.out_of_sample.weight))
