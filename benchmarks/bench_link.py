@@ -26,7 +26,8 @@ from skyway.link.protocol.mission_words import MissionKind
 from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.protocol.verified import UploadJob, encode, upload_verified
 from skyway.missions.autopilots.registry import family_named
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.mission import Mission, MissionItem
 from skyway.sim_stub.autopilot.ardupilot.mission_server import RETRY_S as ARDUPILOT_RETRY_S
 from skyway.sim_stub.autopilot.px4.mission_server import RETRY_S as PX4_RETRY_S

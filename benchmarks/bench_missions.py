@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 from skyway.missions import check
 from skyway.missions.files import mission_file, plan_writer, waypoints_file
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.mission import Home, Mission, MissionItem

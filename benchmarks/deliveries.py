@@ -13,7 +13,7 @@ from skyway.calibration_flight import drag_of
 from skyway.link.protocol.connection import Connection
 from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
-from skyway.link.wire.frames import Signing
+from skyway.link.wire.signing import Signing
 from skyway.missions.examples import NEW_YORK
 from skyway.models.composition.composition import State
 from skyway.models.scenario.file import read_scenario

@@ -11,8 +11,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from skyway.missions.autopilots.comparison import Difference, diff
     from skyway.missions.autopilots.family import Dialect
+    from skyway.missions.autopilots.read_back import Difference, diff
     from skyway.missions.autopilots.registry import family_named
     from skyway.missions.autopilots.wire import WireItem
     from skyway.missions.builder.from_composition import Export, armed_mission, leg_mission, whole_mission
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from skyway.missions.checks.report import CheckReport, check
     from skyway.missions.checks.weather import ForecastWind, SteadyWind
     from skyway.missions.files.mission_file import read, write
-    from skyway.missions.items.commands import Command, Frame
+    from skyway.missions.items.altitude_frames import Frame
+    from skyway.missions.items.commands import Command
     from skyway.missions.items.coordinates import Point
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.finding import Finding
@@ -34,14 +35,14 @@ _HOMES = {
     "CheckReport": "checks.report",
     "Command": "items.commands",
     "Dialect": "autopilots.family",
-    "Difference": "autopilots.comparison",
+    "Difference": "autopilots.read_back",
     "Export": "builder.from_composition",
     "FenceCircle": "items.geofence",
     "FencePolygon": "items.geofence",
     "Finding": "items.finding",
     "FlightConditions": "checks.energy",
     "ForecastWind": "checks.weather",
-    "Frame": "items.commands",
+    "Frame": "items.altitude_frames",
     "Geofence": "items.geofence",
     "Home": "items.mission",
     "LegEnergy": "checks.energy",
@@ -57,7 +58,7 @@ _HOMES = {
     "WireItem": "autopilots.wire",
     "armed_mission": "builder.from_composition",
     "check": "checks.report",
-    "diff": "autopilots.comparison",
+    "diff": "autopilots.read_back",
     "family_named": "autopilots.registry",
     "leg_mission": "builder.from_composition",
     "read": "files.mission_file",

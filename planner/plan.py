@@ -13,12 +13,12 @@ from skyway.models.base.errors import AuditError, Fault, InfeasibleError, InputE
 from skyway.models.base.formatting import later_text, percent
 from skyway.models.base.units import S_PER_H
 from skyway.planner.baselines.ies import ExhaustiveSearch
+from skyway.planner.drone_choice import candidates
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.explain import alternatives
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H, Problem, check_apart
-from skyway.planner.problem.skyline import skyline
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, forecast_planner
 from skyway.planner.result import Comparison, PlanResult
 from skyway.planner.robust.charge_policy import realization_of, simulate_fixed, typical_fixed
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.drones.drone import Drone
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.parameters.planner import PlannerParameters
@@ -153,27 +152,6 @@ def compare(
         except InfeasibleError as error:
             answers.append(Comparison(name, None, error))
     return answers
-
-
-def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -> list[Drone]:
-    """Drones to compose for: the one named, or the skyline; says in `rejected` why not the others."""
-    if request.drone is not None:
-        drone = scenario.drone(request.drone)
-        skyline([drone], request.payload_kg)
-        return [drone]
-    speed = request.airspeed_mps or 0.0
-    able = [drone for drone in scenario.drones if drone.max_airspeed_mps >= speed - 1e-9]
-    able = able or [max(scenario.drones, key=lambda drone: drone.max_airspeed_mps)]  # `Problem` refuses
-    rejected |= {
-        drone.id: f"flies {drone.max_airspeed_mps:g} m/s at most" for drone in scenario.drones if drone not in able
-    }
-    chosen = skyline(able, request.payload_kg)
-    for drone in able:
-        if drone.max_payload_kg < request.payload_kg:
-            rejected[drone.id] = f"lifts {drone.max_payload_kg:g} kg at most"
-        elif drone not in chosen:
-            rejected[drone.id] = "another drone is at least as good in every respect (skyline)"
-    return chosen
 
 
 def _problems(

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from skyway.link.protocol.connection import Connection
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
 from skyway.link.wire.recorder import Recorder
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.mission import Mission, MissionItem
 from skyway.models.base.errors import LinkError
 from skyway.models.base.files import write_atomically

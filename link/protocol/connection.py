@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from skyway.link.protocol.exchange import RoundTrip, Target
-from skyway.link.wire.frames import FrameReader, FrameWriter, Message, Rejected, Signing
+from skyway.link.wire.frames import FrameReader, FrameWriter, Rejected
 from skyway.link.wire.transport import Routed
 from skyway.models.base.errors import StationConflictError
 
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from skyway.link.protocol.exchange import Exchange, Steps
+    from skyway.link.wire.messages import Message
     from skyway.link.wire.recorder import Recorder
+    from skyway.link.wire.signing import Signing
     from skyway.link.wire.transport import Transport
     from skyway.models.base.clock import Clock
 

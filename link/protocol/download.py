@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from skyway.link.protocol.exchange import RoundTrip, Target
-    from skyway.link.wire.frames import Message
+    from skyway.link.wire.messages import Message
 
 GIVE_UP_S = 10.0
 _AGAIN_S = 0.4

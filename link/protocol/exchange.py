@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from skyway.link.wire.frames import Message
+    from skyway.link.wire.messages import Message
 
 T = TypeVar("T")
 Steps = Generator["Exchange", None, T]

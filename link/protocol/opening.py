@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from skyway.link.protocol.connection import GROUND_SYSTEM, Connection
 from skyway.link.wire.address import parse_address
-from skyway.link.wire.frames import Signing
 from skyway.link.wire.recorder import Recorder
+from skyway.link.wire.signing import Signing
 from skyway.link.wire.transport import open_transport
 from skyway.models.base.clock import WallClock
 from skyway.models.base.errors import Fault, InputError

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     from skyway.link.protocol.exchange import RoundTrip, Target
-    from skyway.link.wire.frames import Message
+    from skyway.link.wire.messages import Message
     from skyway.missions.items.parameters import Parameter
 
 REAL32 = 9

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from skyway.link.protocol.exchange import RoundTrip, Target
-    from skyway.link.wire.frames import Message
+    from skyway.link.wire.messages import Message
     from skyway.missions.autopilots.wire import WireItem
 
 GIVE_UP_S = 10.0

@@ -14,7 +14,7 @@ from skyway.link.protocol.exchange import Exchange
 
 if TYPE_CHECKING:
     from skyway.link.protocol.exchange import RoundTrip, Target
-    from skyway.link.wire.frames import Message
+    from skyway.link.wire.messages import Message
 
 GIVE_UP_S = 2.0
 SETTLE_S = 0.2

@@ -13,7 +13,7 @@ from skyway.link.protocol.download import Download
 from skyway.link.protocol.mission_words import MissionKind, in_words
 from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.protocol.verdict import AskVerdict
-from skyway.missions.autopilots.comparison import Difference, diff
+from skyway.missions.autopilots.read_back import Difference, diff
 from skyway.missions.autopilots.wire import (
     WireItem,
     fence_from_wire,

@@ -17,7 +17,7 @@ from skyway.link.telemetry.timebase import VehicleClock
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from skyway.link.wire.frames import Message
+    from skyway.link.wire.messages import Message
     from skyway.models.drones.telemetry import TelemetrySample
 
 RATES_HZ: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 2.0, 1: 1.0, 147: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 1.0}

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.link.wire.frames import kinds
+from skyway.link.wire.messages import kinds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from skyway.models.drones.telemetry import TimeBase
 
 if TYPE_CHECKING:
-    from skyway.link.wire.frames import Message
+    from skyway.link.wire.messages import Message
 
 _PLAUSIBLE_S = (946_684_800.0, 4_102_444_800.0)
 """Years 2000 to 2100: a clock without satellites starts in 1970."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from skyway.link.protocol.connection import Connection, Peer
-    from skyway.link.wire.frames import Message
+    from skyway.link.wire.messages import Message
     from skyway.models.drones.telemetry import TelemetrySample
 
 FIND_S = 10.0

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from skyway.link.protocol.connection import Connection
     from skyway.link.protocol.exchange import Exchange, Steps
     from skyway.link.protocol.verified import Part
-    from skyway.missions.autopilots.comparison import Difference
+    from skyway.missions.autopilots.read_back import Difference
     from skyway.missions.autopilots.wire import WireItem
     from skyway.missions.items.mission import Mission
     from skyway.missions.items.parameters import Parameter

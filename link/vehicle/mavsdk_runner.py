@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from skyway.link.protocol.connection import Connection, Peer
     from skyway.link.protocol.exchange import Exchange, Steps
-    from skyway.link.wire.frames import Message
+    from skyway.link.wire.messages import Message
 
 T = TypeVar("T")
 FIND_S = 10.0

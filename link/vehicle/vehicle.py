@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from skyway.link.protocol.parameters import ParameterCheck, ParameterValue
     from skyway.link.protocol.verified import Part, UploadOutcome
     from skyway.link.telemetry.vehicle_monitor import Change, Home
-    from skyway.missions.autopilots.comparison import Difference
     from skyway.missions.autopilots.family import Family
+    from skyway.missions.autopilots.read_back import Difference
     from skyway.missions.items.mission import Mission
     from skyway.missions.items.parameters import Parameter
     from skyway.models.drones.telemetry import TelemetrySample

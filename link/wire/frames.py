@@ -1,17 +1,12 @@
 """MAVLink 1 and 2 frames: found in bytes, checked, decoded, built and signed.
 
-The tables of the messages are pymavlink's. Framing and signatures are our own: every frame is recorded as it came, and
-pymavlink's check of signatures takes over the time of a packet before it has checked who signed it, so that one
-forged packet from the future would shut out the genuine sender.
+Framing is our own: every frame is recorded as it came. The messages in them are in `link.wire.messages`, signatures in
+`link.wire.signing`.
 """
 
 from __future__ import annotations
 
-import hashlib
-import hmac
-import struct
 from dataclasses import dataclass, field
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from fastcrc.crc16 import mcrf4xx
@@ -28,206 +23,16 @@ from skyway.link.wire.layout import (
     SIGNATURE_BYTES,
     SIGNED,
 )
-from skyway.models.base.errors import Fault, InputError
+from skyway.link.wire.messages import Message, kinds, kinds_by_name, pack, unpack
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_SIGNING_EPOCH_S = 1_420_070_400.0
-"""1 January 2015 UTC: signing time counts from here, in units of 10 microseconds."""
-_NEW_SENDER_WINDOW = 6_000_000
-_MAX_SENDERS = 64
+    from skyway.link.wire.signing import Signing
+
 _MAX_REST_BYTES = 512
 _UNSIGNED_ALLOWED = frozenset({109, 166})
 """RADIO_STATUS and RADIO: radios cannot sign."""
-_TYPED = (
-    "MISSION_ACK",
-    "MISSION_CLEAR_ALL",
-    "MISSION_COUNT",
-    "MISSION_ITEM_INT",
-    "MISSION_REQUEST",
-    "MISSION_REQUEST_INT",
-    "MISSION_REQUEST_LIST",
-)
-_BASE_FIELDS = dict.fromkeys(_TYPED, "mission_type") | {"COMMAND_ACK": "progress", "TIMESYNC": "target_system"}
-"""First extension field of what we send: MAVLink 1 frames end before it."""
-
-
-@dataclass(frozen=True, slots=True)
-class MessageKind:
-    """One kind of message: how its payload lies on the wire."""
-
-    id: int
-    name: str
-    crc_extra: bytes
-    layout: struct.Struct
-    fields: tuple[tuple[str, int, int], ...]
-    """(name, first value, count): count 0 is a scalar, -1 text."""
-    plain: tuple[str, ...] | None
-    """The names where all fields are scalars."""
-    base_bytes: int
-
-
-@dataclass(frozen=True, slots=True)
-class Message:
-    """A message received.
-
-    Attributes
-    ----------
-    name : str
-        Such as ``HEARTBEAT``.
-    system, component : int
-        Who sent it.
-    fields : dict
-        By name, in the units of the wire.
-    payload : bytes
-        As it came.
-    version : int
-        MAVLink 1 or 2.
-    """
-
-    name: str
-    system: int
-    component: int
-    fields: dict[str, Any]
-    payload: bytes = b""
-    version: int = 2
-    sequence: int = 0
-
-    def __getitem__(self, name: str) -> Any:
-        return self.fields[name]
-
-
-@cache
-def kinds() -> dict[int, MessageKind]:
-    """Every kind of message of the dialect, by id."""
-    from pymavlink.dialects.v20 import ardupilotmega as dialect
-
-    return {number: _kind(number, found) for number, found in dialect.mavlink_map.items()}
-
-
-@cache
-def _by_name() -> dict[str, MessageKind]:
-    return {kind.name: kind for kind in kinds().values()}
-
-
-def _kind(number: int, found: Any) -> MessageKind:
-    fields, index, base = [], 0, found.unpacker.size
-    offset = 0
-    for name, array, length in zip(found.ordered_fieldnames, found.array_lengths, found.lengths, strict=True):
-        text = length == 1 and array > 0
-        if _BASE_FIELDS.get(found.msgname) == name:
-            base = offset
-        fields.append((name, index, -1 if text else (length if array else 0)))
-        index += 1 if text else length
-        offset = struct.calcsize(_first_values(found.unpacker.format, index))
-    plain = tuple(found.ordered_fieldnames) if all(count == 0 for _, _, count in fields) else None
-    extra = bytes([found.crc_extra])
-    return MessageKind(number, found.msgname, extra, found.unpacker, tuple(fields), plain, base)
-
-
-def _first_values(layout: str, values: int) -> str:
-    """The part of a layout that holds its first values."""
-    part, digits, left = "<", "", values
-    for code in layout[1:]:
-        if code.isdigit():
-            digits += code
-            continue
-        many = int(digits or 1)
-        if left <= 0:
-            break
-        if code == "s":
-            part += f"{many}s"
-            left -= 1
-        else:
-            taken = min(many, left)
-            part += f"{taken}{code}"
-            left -= taken
-        digits = ""
-    return part
-
-
-def unpack(kind: MessageKind, payload: bytes) -> dict[str, Any]:
-    """Fields of a payload; bytes that the sender cut off are zero, bytes that skyway does not know are ignored."""
-    size = kind.layout.size
-    if len(payload) < size:
-        payload += bytes(size - len(payload))
-    values = kind.layout.unpack_from(payload)
-    if kind.plain is not None:
-        return dict(zip(kind.plain, values, strict=True))
-    fields: dict[str, Any] = {}
-    for name, first, count in kind.fields:
-        if count == 0:
-            fields[name] = values[first]
-        elif count < 0:
-            fields[name] = values[first].split(b"\0", 1)[0].decode("ascii", "replace")
-        else:
-            fields[name] = values[first : first + count]
-    return fields
-
-
-def pack(kind: MessageKind, given: dict[str, Any]) -> bytes:
-    """Payload of the fields given; those not given are zero."""
-    flat: list[Any] = []
-    for name, _, count in kind.fields:
-        value = given.get(name)
-        if count == 0:
-            flat.append(0 if value is None else value)
-        elif count < 0:
-            flat.append(b"" if value is None else value.encode("ascii", "replace"))
-        else:
-            flat.extend((0,) * count if value is None else value)
-    return kind.layout.pack(*flat)
-
-
-@dataclass(slots=True)
-class Signing:
-    """The signing state of one connection.
-
-    Attributes
-    ----------
-    key : bytes
-        32 bytes; never shown.
-    timestamp : int
-        Newest signing time seen or used.
-    last : dict
-        Newest time by (system, component, link): what is not newer is a replay.
-    """
-
-    key: bytes = field(repr=False)
-    timestamp: int = 0
-    link_id: int = 0
-    last: dict[tuple[int, int, int], int] = field(default_factory=dict, repr=False)
-
-    def __post_init__(self) -> None:
-        if len(self.key) != 32:
-            raise InputError(Fault("a signing key is not 32 bytes", remedy="64 hexadecimal digits, or 32 bytes"))
-
-    def advance_to(self, posix_s: float) -> None:
-        """Bring the signing time up to an instant."""
-        self.timestamp = max(self.timestamp, int((posix_s - _SIGNING_EPOCH_S) * 1e5))
-
-    def sign(self, frame: bytes) -> bytes:
-        """Signature block of a frame that ends with its checksum."""
-        self.timestamp += 1
-        tail = struct.pack("<BQ", self.link_id, self.timestamp)[:7]
-        return tail + hashlib.sha256(self.key + frame + tail).digest()[:6]
-
-    def accepts(self, frame: bytes, signature: bytes) -> str | None:
-        """Return None for a good signature, else ``forged`` or ``replayed``; only a good one moves the time."""
-        wanted = hashlib.sha256(self.key + frame + signature[:7]).digest()[:6]
-        if not hmac.compare_digest(wanted, signature[7:]):
-            return "forged"
-        stamp = int.from_bytes(signature[1:7], "little")
-        sender = (frame[5], frame[6], signature[0])
-        last = self.last.get(sender)
-        if (stamp <= last) if last is not None else (stamp + _NEW_SENDER_WINDOW < self.timestamp):
-            return "replayed"
-        if last is None and len(self.last) >= _MAX_SENDERS:
-            return "forged"
-        self.last[sender] = stamp
-        self.timestamp = max(self.timestamp, stamp)
-        return None
 
 
 @dataclass(slots=True)
@@ -250,7 +55,7 @@ class FrameWriter:
 
     def frame(self, name: str, fields: dict[str, Any], version: int | None = None) -> bytes:
         """Return a whole frame."""
-        kind = _by_name()[name]
+        kind = kinds_by_name()[name]
         payload = pack(kind, fields)
         sequence = self.sequence
         self.sequence = (sequence + 1) & 0xFF

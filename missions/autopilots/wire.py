@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.missions.items.commands import LOCATED_COMMANDS, Command, command_of, frame_of, is_scaled
+from skyway.missions.items.altitude_frames import frame_of
+from skyway.missions.items.commands import LOCATED_COMMANDS, Command, command_of, is_scaled
 from skyway.missions.items.coordinates import E7
 from skyway.missions.items.fence_items import from_fence, from_rally, to_fence, to_rally
 from skyway.missions.items.mission import MissionItem

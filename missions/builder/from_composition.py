@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from skyway.missions.builder.leg_builder import LegBuilder
 from skyway.missions.builder.mission_options import MissionOptions
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.mission import MissionItem
 from skyway.models.base.errors import Fault, InputError

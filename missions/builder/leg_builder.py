@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 from skyway.missions.builder.corridor import corridor
 from skyway.missions.builder.mission_options import MAX_GROUND_SPEED_MPS
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.course import pieces
 from skyway.missions.items.document import MissionDocument

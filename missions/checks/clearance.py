@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.missions.checks.near_stations import NearStations
-from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Frame
+from skyway.missions.items.altitude_frames import TERRAIN_FRAMES
+from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
 from skyway.missions.items.finding import Finding
 from skyway.models.base import geodesy
 from skyway.models.base.formatting import height_text
@@ -33,7 +34,6 @@ STRAIGHT = 1.02
 """A way at most this much longer than the direct one counts as one segment."""
 SLACK_M = 1.0
 """Heights are rounded, and grounds known to about this."""
-_TERRAIN = (Frame.GLOBAL_TERRAIN_ALT, Frame.GLOBAL_TERRAIN_ALT_INT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ def _knots(
 
 def _height_m(mission: Mission, step: Step) -> float:
     """Height above home, NaN where it is above terrain: then it is clear by itself."""
-    return math.nan if mission.items[step.item].frame in _TERRAIN else step.height_m
+    return math.nan if mission.items[step.item].frame in TERRAIN_FRAMES else step.height_m
 
 
 def next_ground_m(mission: Mission, leg: RouteLeg) -> float:
@@ -120,7 +120,7 @@ def landing_ground_m(mission: Mission, leg: RouteLeg) -> float | None:
     if leg.landing != "land" or not leg.steps:
         return None
     last = leg.steps[-1]
-    if math.isnan(last.height_m) or mission.items[last.item].frame in _TERRAIN:
+    if math.isnan(last.height_m) or mission.items[last.item].frame in TERRAIN_FRAMES:
         return None
     if last.height_m <= 0.0:
         return last.height_m

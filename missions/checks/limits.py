@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.missions.checks.clearance import items_over_stations, next_ground_m
-from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from skyway.missions.items.altitude_frames import TERRAIN_FRAMES, Frame
+from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command
 from skyway.missions.items.finding import Finding
 from skyway.models.base import geodesy
 from skyway.models.base.formatting import distance_text, height_text
@@ -36,7 +37,6 @@ LOW_TAKEOFF_M = 3.0
 """PX4 wants a take-off height of its acceptance radius (2 m) and 1 m more."""
 _ABOVE_HERE = (Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT, Frame.GLOBAL_TERRAIN_ALT)
 _CANDIDATES = 8
-_TERRAIN = (Frame.GLOBAL_TERRAIN_ALT, Frame.GLOBAL_TERRAIN_ALT_INT)
 
 
 def check_speeds(mission: Mission, drone: Drone) -> Iterator[Finding]:
@@ -198,6 +198,6 @@ def _height(step: Step, item: MissionItem, leaves_m: float, lowest_m: float) -> 
             f"{item.name} at {step.height_m:g} m above home is not above the ground of either end of the flight",
             "right only where the ground is lower there",
         )
-    elif step.height_m > USUAL_CEILING_M and item.frame not in _TERRAIN:
+    elif step.height_m > USUAL_CEILING_M and item.frame not in TERRAIN_FRAMES:
         message = f"{height_text(step.height_m)} above home: most countries allow {height_text(USUAL_CEILING_M)}"
         yield Finding("info", step.item, "high", message, "needs a permit, unless the ground is higher there")

@@ -10,7 +10,8 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from skyway.missions.items.altitude_frames import RELATIVE_FRAMES, TERRAIN_FRAMES
+from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command
 
 if TYPE_CHECKING:
     from skyway.missions.autopilots.family import Dialect
@@ -21,8 +22,6 @@ MAX_REPEATED_STEPS = 20_000
 """Steps followed beyond the number of items, where jumps repeat some."""
 DEFAULT_SPEED_MPS = 5.0
 """Where neither the mission nor its file gives a speed: PX4's default; ArduPilot's is 10."""
-_RELATIVE = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
-_TERRAIN = frozenset({Frame.GLOBAL_TERRAIN_ALT, Frame.GLOBAL_TERRAIN_ALT_INT})
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,7 +266,7 @@ class _Walk:
         on_the_way = item.command not in TAKEOFF_COMMANDS and item.command not in LAND_COMMANDS
         if item.z == 0 and on_the_way and self.zero_means_as_it_is:
             return self.height_m
-        if item.frame in _RELATIVE or item.frame in _TERRAIN:
+        if item.frame in RELATIVE_FRAMES or item.frame in TERRAIN_FRAMES:
             return item.z
         if self.home is None or self.home.altitude_m is None:
             return math.nan

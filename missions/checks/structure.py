@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from skyway.missions.items.altitude_frames import GLOBAL_FRAMES, Frame
 from skyway.missions.items.commands import (
     FLOWN_COMMANDS,
-    GLOBAL_FRAMES,
     LOCATED_COMMANDS,
     PLAIN_PARAM5_COMMANDS,
     TAKEOFF_COMMANDS,
     Command,
-    Frame,
     is_scaled,
 )
 from skyway.missions.items.finding import Finding

@@ -12,14 +12,8 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from skyway.missions.items import fence_items
-from skyway.missions.items.commands import (
-    GLOBAL_FRAMES,
-    INDEX_COMMANDS,
-    LOCATED_COMMANDS,
-    Command,
-    command_of,
-    frame_of,
-)
+from skyway.missions.items.altitude_frames import GLOBAL_FRAMES, frame_of
+from skyway.missions.items.commands import INDEX_COMMANDS, LOCATED_COMMANDS, Command, command_of
 from skyway.missions.items.coordinates import to_e7
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.missions.autopilots.registry import default_family
 from skyway.missions.files.plan_reader import MISSION_VERSION, PLAN_VERSION, UNKNOWN_KEY, loads
-from skyway.missions.items.commands import GLOBAL_FRAMES, LOCATED_COMMANDS, Command, Frame
+from skyway.missions.items.altitude_frames import GLOBAL_FRAMES, Frame
+from skyway.missions.items.commands import LOCATED_COMMANDS, Command
 from skyway.missions.items.coordinates import from_e7
 from skyway.missions.items.mission import ABOVE_TERRAIN_MODE
 from skyway.models.base.errors import InputError

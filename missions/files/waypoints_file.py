@@ -13,15 +13,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from skyway.missions.items import fence_items
-from skyway.missions.items.commands import (
-    GLOBAL_FRAMES,
-    INDEX_COMMANDS,
-    LOCATED_COMMANDS,
-    Command,
-    Frame,
-    command_of,
-    frame_of,
-)
+from skyway.missions.items.altitude_frames import GLOBAL_FRAMES, Frame, frame_of
+from skyway.missions.items.commands import INDEX_COMMANDS, LOCATED_COMMANDS, Command, command_of
 from skyway.missions.items.coordinates import Point, to_e7
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.json_fields import MAX_FLOAT32, MAX_PARAM

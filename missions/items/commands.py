@@ -1,4 +1,4 @@
-"""MAVLink mission commands and frames by name: the subset of MAV_CMD and MAV_FRAME that missions use.
+"""MAVLink mission commands by name: the subset of MAV_CMD that missions use.
 
 Source: MAVLink common and ardupilotmega message definitions. A light table of our own, because importing a MAVLink
 library for the names alone would cost every command line a third of a second.
@@ -8,19 +8,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-
-class Frame(IntEnum):
-    """Coordinate frame of an item (MAV_FRAME)."""
-
-    GLOBAL = 0
-    LOCAL_NED = 1
-    MISSION = 2
-    GLOBAL_RELATIVE_ALT = 3
-    LOCAL_ENU = 4
-    GLOBAL_INT = 5
-    GLOBAL_RELATIVE_ALT_INT = 6
-    GLOBAL_TERRAIN_ALT = 10
-    GLOBAL_TERRAIN_ALT_INT = 11
+from skyway.missions.items.altitude_frames import GLOBAL_FRAMES
 
 
 class Command(IntEnum):
@@ -146,19 +134,6 @@ class Command(IntEnum):
 
 
 _COMMANDS = {int(command): command for command in Command}
-_FRAMES = {int(frame): frame for frame in Frame}
-
-_FRAME_NAMES: dict[int, str] = {
-    Frame.GLOBAL: "sea level",
-    Frame.LOCAL_NED: "local",
-    Frame.MISSION: "-",
-    Frame.GLOBAL_RELATIVE_ALT: "home",
-    Frame.LOCAL_ENU: "local",
-    Frame.GLOBAL_INT: "sea level",
-    Frame.GLOBAL_RELATIVE_ALT_INT: "home",
-    Frame.GLOBAL_TERRAIN_ALT: "terrain",
-    Frame.GLOBAL_TERRAIN_ALT_INT: "terrain",
-}
 
 LOCATED_COMMANDS = frozenset(
     {
@@ -258,17 +233,6 @@ FLOWN_COMMANDS = frozenset(
 INDEX_COMMANDS = frozenset({Command.DO_JUMP, Command.DO_SET_MISSION_CURRENT})
 """Commands whose parameter 1 is the number of another item."""
 
-GLOBAL_FRAMES = frozenset(
-    {
-        Frame.GLOBAL,
-        Frame.GLOBAL_RELATIVE_ALT,
-        Frame.GLOBAL_INT,
-        Frame.GLOBAL_RELATIVE_ALT_INT,
-        Frame.GLOBAL_TERRAIN_ALT,
-        Frame.GLOBAL_TERRAIN_ALT_INT,
-    }
-)
-
 
 def is_scaled(command: int, frame: int) -> bool:
     """Whether parameters 5 and 6 travel in units of 1e-7 degree.
@@ -283,17 +247,7 @@ def command_of(number: int) -> int:
     return _COMMANDS.get(number, number)
 
 
-def frame_of(number: int) -> int:
-    """Return the named frame of a number, or the number itself where we have no name."""
-    return _FRAMES.get(number, number)
-
-
 def command_name(number: int) -> str:
     """What people call a command: ``NAV_LAND``, or ``MAV_CMD 43003`` where we have no name."""
     command = _COMMANDS.get(number)
     return f"MAV_CMD {number}" if command is None else command.name
-
-
-def frame_name(number: int) -> str:
-    """Return what an altitude counts from, in a word or two."""
-    return _FRAME_NAMES.get(number, f"frame {number}")

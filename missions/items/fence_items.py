@@ -6,7 +6,8 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from skyway.missions.items.commands import FENCE_COMMANDS, Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import FENCE_COMMANDS, Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence
 from skyway.missions.items.mission import MissionItem

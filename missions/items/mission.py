@@ -9,14 +9,8 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from skyway.missions.items.commands import (
-    FLOWN_COMMANDS,
-    GLOBAL_FRAMES,
-    INDEX_COMMANDS,
-    LOCATED_COMMANDS,
-    Frame,
-    command_name,
-)
+from skyway.missions.items.altitude_frames import GLOBAL_FRAMES, Frame
+from skyway.missions.items.commands import FLOWN_COMMANDS, INDEX_COMMANDS, LOCATED_COMMANDS, command_name
 from skyway.missions.items.coordinates import E7, Point
 
 if TYPE_CHECKING:

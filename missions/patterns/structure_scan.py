@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.json_fields import fault, flag, mapping, quantity
 from skyway.missions.patterns.geometry import is_clockwise, offset, to_place, to_plane
 from skyway.missions.patterns.items import MAX_BUILT, corners, item, trigger, waypoint

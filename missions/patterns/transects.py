@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from skyway.missions.items.commands import Frame
+from skyway.missions.items.altitude_frames import Frame
 from skyway.missions.items.json_fields import fault, flag, mapping, quantity
 from skyway.missions.patterns.geometry import line_count, offset, sweep, to_place, to_plane
 from skyway.missions.patterns.items import MAX_BUILT, corners, one_photo, trigger, waypoint

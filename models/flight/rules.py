@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.wind.interpolation import idw_weights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -140,7 +141,7 @@ def air_between(
     airspeed_mps, max_ground_speed_mps : float
         Of the drone.
     """
-    weight = wind.idw_weights(*middle, wind.site_lat, wind.site_lon)
+    weight = idw_weights(*middle, wind.site_lat, wind.site_lon)
     return _air(wind, weight, bearing_deg, distance_m, airspeed_mps, max_ground_speed_mps)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from skyway.models.base import geodesy, views
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import place_text
-from skyway.models.wind.ensemble import WindEnsemble
+from skyway.models.wind.interpolation import idw_weights
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -187,12 +187,12 @@ class Network:
     def site_weights(self, site_lat: NDArray[np.float64], site_lon: NDArray[np.float64]) -> NDArray[np.float64]:
         """Weights of wind sites half-way along each segment, shape (segments, sites), worked out once for these sites.
 
-        See `models.wind.ensemble.WindEnsemble.idw_weights`.
+        See `models.wind.interpolation.idw_weights`.
         """
         sites = np.array((site_lat, site_lon), dtype=np.float64)
         found = self._site_weights.get(sites.tobytes())
         if found is None:
-            found = np.ascontiguousarray(WindEnsemble.idw_weights(*self.midpoints, *sites))
+            found = np.ascontiguousarray(idw_weights(*self.midpoints, *sites))
             self._site_weights[sites.tobytes()] = found
         return found
 

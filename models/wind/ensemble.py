@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.base import geodesy, views
+from skyway.models.base import views
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.units import iso
+from skyway.models.wind.interpolation import idw_weights
 from skyway.models.wind.triangle import height_factor
 
 if TYPE_CHECKING:
@@ -146,37 +147,9 @@ class WindEnsemble:
             labels=tuple(self.labels[number] for number in members),
         )
 
-    @staticmethod
-    def idw_weights(lat: ArrayLike, lon: ArrayLike, site_lat: ArrayLike, site_lon: ArrayLike) -> NDArray[np.float64]:
-        """Weights of the sites at points, by the inverse square of the distance.
-
-        Parameters
-        ----------
-        lat, lon : array_like, shape (points,)
-            Degrees.
-        site_lat, site_lon : array_like, shape (sites,)
-            Degrees.
-
-        Returns
-        -------
-        ndarray, shape (points, sites)
-            Rows sum to 1; within a millimetre of a site it alone counts.
-
-        Notes
-        -----
-        Source: D. Shepard, "A two-dimensional interpolation function for irregularly-spaced data", 1968.
-        """
-        points = (np.atleast_1d(np.asarray(values, dtype=np.float64))[:, None] for values in (lat, lon))
-        places = (np.asarray(values, dtype=np.float64)[None, :] for values in (site_lat, site_lon))
-        distance, _ = geodesy.inverse(*points, *places)
-        nearest = distance.min(axis=1, keepdims=True)
-        ratio = np.maximum(nearest, 1e-3) / np.maximum(distance, 1e-3)
-        weights = np.where(nearest <= 1e-3, distance == nearest, ratio**2)
-        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
-
     def wind_at(self, lat: float, lon: float, slot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Wind of every member at a place in a slot: (north, east), shape (members,) each."""
-        weights = self.idw_weights(lat, lon, self.site_lat, self.site_lon)[0]
+        weights = idw_weights(lat, lon, self.site_lat, self.site_lon)[0]
         return self.north[:, slot] @ weights, self.east[:, slot] @ weights
 
     def at_times(
@@ -186,7 +159,7 @@ class WindEnsemble:
 
         Places have shape (n,), times (n,) or (members, n), POSIX seconds; a time that never comes counts as the first slot.
         """
-        weight = self.idw_weights(lat, lon, self.site_lat, self.site_lon)
+        weight = idw_weights(lat, lon, self.site_lat, self.site_lon)
         slot = np.floor((np.broadcast_to(time_s, (len(self), len(lat))) - self.start_s) / self.slot_s)
         chosen = np.clip(np.where(np.isfinite(slot), slot, 0.0), 0, self.slots - 1).astype(np.int64)
         member = np.arange(len(self))[:, None]
@@ -196,5 +169,5 @@ class WindEnsemble:
 
     def at_points(self, lat: ArrayLike, lon: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Wind at many places: (north, east), shape (members, slots, points) each."""
-        weights = self.idw_weights(lat, lon, self.site_lat, self.site_lon).T
+        weights = idw_weights(lat, lon, self.site_lat, self.site_lon).T
         return self.north @ weights, self.east @ weights

@@ -15,6 +15,7 @@ import numpy as np
 
 from skyway.models.base.weighted import weighted_quantile
 from skyway.models.composition.composition import CALM_MPS, Wind
+from skyway.models.wind.interpolation import idw_weights
 from skyway.models.wind.triangle import height_factor, speed_from, vector
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def summarise_wind(
     """
     factor = height_factor(height_m, ensemble.height_m, profile_exponent)
     lat, lon = [one.lat_deg for one in passages], [one.lon_deg for one in passages]
-    places = ensemble.idw_weights(lat, lon, ensemble.site_lat, ensemble.site_lon)
+    places = idw_weights(lat, lon, ensemble.site_lat, ensemble.site_lon)
     total = sum(one.end_s - one.begin_s for one in passages)
     north, east, weight = [], [], []
     for one, place in zip(passages, places, strict=True):

@@ -17,6 +17,7 @@ from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets
 from skyway.models.queues.transient import forecast_waits
+from skyway.models.wind.interpolation import idw_weights
 from skyway.planner.parameters.planner import USUAL
 
 if TYPE_CHECKING:
@@ -215,7 +216,7 @@ class Problem:
         distance, bearing = geodesy.inverse(lat, lon, lat[d], lon[d])
         middle = geodesy.midpoint(lat, lon, bearing, distance)
         wind = self.ensemble
-        weight = wind.idw_weights(*middle, wind.site_lat, wind.site_lon)
+        weight = idw_weights(*middle, wind.site_lat, wind.site_lon)
         angle = np.radians(bearing)
         return self.air._replace(
             weight=np.ascontiguousarray(weight),

@@ -15,7 +15,7 @@ from skyway.models.queues.pad_service import PadServiceError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from skyway.link.wire.frames import Message
+    from skyway.link.wire.messages import Message
 
 DURATIONS_S = (1.0, 5.0, 10.0, 30.0, 120.0, 600.0, 1800.0)
 DIRECTIONS = ("both", "up", "down")

@@ -7,7 +7,8 @@ from skyway.link.protocol.connection import Connection
 from skyway.link.protocol.verified import UploadJob, upload_verified
 from skyway.link.wire.frames import FrameReader, FrameWriter
 from skyway.missions.autopilots.registry import family_named
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.geofence import FencePolygon, Geofence
 from skyway.missions.items.mission import Mission, MissionItem

@@ -13,7 +13,7 @@ from branches import Branches
 from benchmarks.deliveries import Scripted, Stage, Story
 from skyway.link.supervisor import read_journal
 from skyway.link.wire import frames
-from skyway.link.wire.frames import Message
+from skyway.link.wire.messages import Message
 from skyway.sim_stub.wire.messages import Mavlink
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from skyway.link.wire.frames import FrameReader, FrameWriter, Signing
+from skyway.link.wire.frames import FrameReader, FrameWriter
+from skyway.link.wire.signing import Signing
 from skyway.sim_stub.protocols.telemetry import BUILDERS
 from skyway.sim_stub.wire.messages import Mavlink, base_bytes, classes, message, message_name
 

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 from skyway.missions.autopilots.family import Dialect
 from skyway.missions.autopilots.px4.settings import SETTINGS
 from skyway.missions.autopilots.wire import from_wire, no_such_command, to_wire
-from skyway.missions.items.commands import FLOWN_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import FLOWN_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command
 from skyway.missions.items.finding import Finding
 from skyway.missions.items.mission import Mission, MissionItem
 

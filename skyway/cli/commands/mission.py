@@ -385,7 +385,7 @@ def _print_table(document: MissionDocument) -> None:
     import math
 
     from skyway.cli.views.sheet import Column, Sheet
-    from skyway.missions.items.commands import frame_name
+    from skyway.missions.items.altitude_frames import frame_name
 
     home = document.mission.home
     if home is not None:

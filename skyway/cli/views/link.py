@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from skyway.link.protocol.verified import Part, UploadOutcome
     from skyway.link.vehicle.vehicle import Identity
-    from skyway.missions.autopilots.comparison import Difference
+    from skyway.missions.autopilots.read_back import Difference
     from skyway.missions.items.mission import MissionItem
 
 _FEW = 10

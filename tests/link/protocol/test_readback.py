@@ -8,7 +8,8 @@ from wires import FAMILIES, Scene, a_mission, as_stored, changed_frame, waypoint
 
 from skyway.link.protocol.verified import UploadState, compare, encode
 from skyway.missions.autopilots.registry import family_named
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.mission import Mission, MissionItem
 
 OLD = a_mission(5, height=90.0)

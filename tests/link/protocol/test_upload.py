@@ -13,7 +13,8 @@ from skyway.link.protocol.mission_words import MissionKind
 from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.protocol.verified import UploadJob, UploadState, upload_verified
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
-from skyway.link.wire.frames import FrameWriter, kinds
+from skyway.link.wire.frames import FrameWriter
+from skyway.link.wire.messages import kinds
 from skyway.missions.autopilots.registry import family_named
 from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point

@@ -11,7 +11,7 @@ from speeded import Speeded
 from skyway.link.telemetry.timebase import VehicleClock
 from skyway.link.telemetry.vehicle_time import VehicleTime
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
-from skyway.link.wire.frames import Message
+from skyway.link.wire.messages import Message
 
 
 class Wall:

@@ -21,7 +21,8 @@ from skyway.link.protocol.opening import open_connection
 from skyway.link.protocol.verified import UploadState
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
 from skyway.link.vehicle.vehicle import Vehicle
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.mission import Mission, MissionItem
 from skyway.models.base.clock import WallClock
 from skyway.models.base.errors import CommandRefusedError, InputError, ParameterAbsentError
@@ -348,7 +349,7 @@ def test_both_drivers_have_every_verb_with_the_same_words(name):
 def test_the_mavsdk_driver_says_in_one_line_what_it_cannot_do(lone_connection):
     pytest.importorskip("mavsdk")
     from skyway.link.vehicle.mavsdk_vehicle import MavsdkVehicle
-    from skyway.link.wire.frames import Signing
+    from skyway.link.wire.signing import Signing
 
     signed = Connection(lone_connection.transport, WallClock(), signing=Signing(bytes(32)))
     with pytest.raises(InputError, match=r"cannot sign.*--driver pymavlink") as told:

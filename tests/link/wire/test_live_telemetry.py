@@ -13,7 +13,8 @@ from skyway.link.telemetry.data_quality import DataQuality
 from skyway.link.telemetry.live import LiveTelemetry
 from skyway.link.telemetry.timebase import VehicleClock
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
-from skyway.link.wire.frames import FrameWriter, Message
+from skyway.link.wire.frames import FrameWriter
+from skyway.link.wire.messages import Message
 
 BEGAN_S = 1_373_464_800.0
 

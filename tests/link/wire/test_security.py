@@ -10,7 +10,8 @@ from wires import Scene, a_mission
 from skyway.link.protocol.opening import KEY_FILE_VARIABLE, KEY_VARIABLE, open_connection, read_key
 from skyway.link.protocol.verified import UploadState
 from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
-from skyway.link.wire.frames import FrameReader, FrameWriter, Signing
+from skyway.link.wire.frames import FrameReader, FrameWriter
+from skyway.link.wire.signing import Signing
 from skyway.models.base.errors import InputError
 
 KEY = bytes(range(32))

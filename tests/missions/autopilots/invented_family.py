@@ -12,7 +12,8 @@ from skyway.missions.autopilots.family import Family
 from skyway.missions.autopilots.modes import Modes
 from skyway.missions.autopilots.settings import Name, Setting, Settings
 from skyway.missions.autopilots.wire import from_wire, to_wire
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.finding import Finding
 from skyway.missions.items.mission import Mission, MissionItem
 from skyway.sim_stub.autopilot.ardupilot.ardupilot import ArduPilot

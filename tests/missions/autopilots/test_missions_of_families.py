@@ -16,7 +16,8 @@ from skyway.missions.autopilots.wire import (
     rally_to_wire,
     to_wire,
 )
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence

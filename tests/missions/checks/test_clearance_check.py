@@ -15,7 +15,8 @@ from skyway.missions import (
     leg_mission,
     whole_mission,
 )
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.mission import Home, Mission, MissionItem
 from skyway.models.base.geodesy import along

@@ -10,7 +10,8 @@ from skyway.missions import FlightConditions, check, family_named
 from skyway.missions.checks.route import MAX_REPEATED_STEPS, fly
 from skyway.missions.files import plan_reader, plan_writer
 from skyway.missions.files.dropped import dropped
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence

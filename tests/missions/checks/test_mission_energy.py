@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from skyway.missions import FlightConditions, ForecastWind, SteadyWind, check
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.mission import Home, Mission, MissionItem
 from skyway.models.base import geodesy

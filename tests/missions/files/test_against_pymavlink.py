@@ -4,7 +4,8 @@ import pytest
 
 from skyway.missions import family_named, whole_mission
 from skyway.missions.files import mission_file
-from skyway.missions.items.commands import LOCATED_COMMANDS, Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import LOCATED_COMMANDS, Command
 
 mavutil = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
 mavwp = pytest.importorskip("pymavlink.mavwp")

@@ -9,7 +9,8 @@ from skyway.missions import diff
 from skyway.missions.autopilots.registry import FAMILIES
 from skyway.missions.files import mission_file, plan_writer, waypoints_file
 from skyway.missions.items import fence_items
-from skyway.missions.items.commands import INDEX_COMMANDS, LOCATED_COMMANDS, Command, Frame, command_of
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import INDEX_COMMANDS, LOCATED_COMMANDS, Command, command_of
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence

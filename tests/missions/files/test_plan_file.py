@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 
 from skyway.missions.files import plan_reader, plan_writer
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence

@@ -5,7 +5,8 @@ import math
 
 import pytest
 
-from skyway.missions.items.commands import Command, Frame, command_name, command_of
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command, command_name, command_of
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.mission import Home, Mission, MissionItem
 

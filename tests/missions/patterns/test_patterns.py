@@ -11,7 +11,8 @@ from shapely.geometry import LineString, Point, Polygon
 
 from skyway.missions import check
 from skyway.missions.files import mission_file, plan_reader, plan_writer
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 

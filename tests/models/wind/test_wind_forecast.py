@@ -18,6 +18,7 @@ from skyway.models.wind.forecast import (
     truth_series,
 )
 from skyway.models.wind.history import WindHistory, WindSite, read_history
+from skyway.models.wind.interpolation import idw_weights
 from skyway.models.wind.triangle import speed_from
 
 NEW_YORK = (
@@ -233,7 +234,7 @@ def test_a_constant_wind_that_cannot_be_is_refused(values, message):
 )
 def test_the_weights_of_the_sites_sum_to_1_and_the_nearest_weighs_most(lat, lon):
     places = np.array([40.69, 40.64, 40.78]), np.array([-74.17, -73.78, -73.87])
-    (weights,) = WindEnsemble.idw_weights(lat, lon, *places)
+    (weights,) = idw_weights(lat, lon, *places)
     assert weights.sum() == pytest.approx(1.0)
     assert np.all(weights >= 0.0)
 
@@ -246,7 +247,7 @@ def test_at_a_site_its_wind_alone_counts_exactly():
 
 
 def test_twice_as_near_counts_four_times():
-    (weights,) = WindEnsemble.idw_weights(0.0, 1.0, [0.0, 0.0], [0.0, 3.0])
+    (weights,) = idw_weights(0.0, 1.0, [0.0, 0.0], [0.0, 3.0])
     assert weights == pytest.approx([0.8, 0.2], rel=1e-9)
 
 

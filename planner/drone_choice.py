@@ -1,4 +1,7 @@
-"""Skyline of drones by block nested loop (Börzsönyi, Kossmann, Stocker: "The skyline operator", ICDE 2001)."""
+"""Choice of the drones to plan for: those that lift the package and are dominated by no other (the skyline).
+
+Block nested loop; source: Börzsönyi, Kossmann, Stocker, "The skyline operator", ICDE 2001.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.models.drones.drone import Drone
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.planner.problem.request import Request
 
 
 def qualities(drone: Drone, *, with_price: bool) -> tuple[float, ...]:
@@ -47,3 +52,24 @@ def skyline(drones: Sequence[Drone], payload_kg: float) -> list[Drone]:
         window = [other for other in window if not dominates(value, values[other])]
         window.append(number)
     return [able[number] for number in window]
+
+
+def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -> list[Drone]:
+    """Drones to compose for: the one named, or the skyline; says in `rejected` why not the others."""
+    if request.drone is not None:
+        drone = scenario.drone(request.drone)
+        skyline([drone], request.payload_kg)
+        return [drone]
+    speed = request.airspeed_mps or 0.0
+    able = [drone for drone in scenario.drones if drone.max_airspeed_mps >= speed - 1e-9]
+    able = able or [max(scenario.drones, key=lambda drone: drone.max_airspeed_mps)]  # `Problem` refuses
+    rejected |= {
+        drone.id: f"flies {drone.max_airspeed_mps:g} m/s at most" for drone in scenario.drones if drone not in able
+    }
+    chosen = skyline(able, request.payload_kg)
+    for drone in able:
+        if drone.max_payload_kg < request.payload_kg:
+            rejected[drone.id] = f"lifts {drone.max_payload_kg:g} kg at most"
+        elif drone not in chosen:
+            rejected[drone.id] = "another drone is at least as good in every respect (skyline)"
+    return chosen

@@ -7,7 +7,8 @@ import pytest
 
 from skyway.missions import diff, family_named
 from skyway.missions.autopilots.wire import fence_from_wire, fence_to_wire
-from skyway.missions.items.commands import Command, Frame
+from skyway.missions.items.altitude_frames import Frame
+from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence
 from skyway.missions.items.mission import Mission, MissionItem

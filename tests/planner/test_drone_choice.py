@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from skyway.models.base.errors import PayloadError
 from skyway.models.drones.drone import M200_V2
-from skyway.planner.problem.skyline import skyline
+from skyway.planner.drone_choice import skyline
 
 few = st.sampled_from([1.0, 2.0, 3.0])
 

@@ -1,0 +1,148 @@
+"""MAVLink messages: their kinds (tables of pymavlink), and their fields packed into payloads and unpacked."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+_TYPED = (
+    "MISSION_ACK",
+    "MISSION_CLEAR_ALL",
+    "MISSION_COUNT",
+    "MISSION_ITEM_INT",
+    "MISSION_REQUEST",
+    "MISSION_REQUEST_INT",
+    "MISSION_REQUEST_LIST",
+)
+_BASE_FIELDS = dict.fromkeys(_TYPED, "mission_type") | {"COMMAND_ACK": "progress", "TIMESYNC": "target_system"}
+"""First extension field of what we send: MAVLink 1 frames end before it."""
+
+
+@dataclass(frozen=True, slots=True)
+class MessageKind:
+    """One kind of message: how its payload lies on the wire."""
+
+    id: int
+    name: str
+    crc_extra: bytes
+    layout: struct.Struct
+    fields: tuple[tuple[str, int, int], ...]
+    """(name, first value, count): count 0 is a scalar, -1 text."""
+    plain: tuple[str, ...] | None
+    """The names where all fields are scalars."""
+    base_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A message received.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``HEARTBEAT``.
+    system, component : int
+        Who sent it.
+    fields : dict
+        By name, in the units of the wire.
+    payload : bytes
+        As it came.
+    version : int
+        MAVLink 1 or 2.
+    """
+
+    name: str
+    system: int
+    component: int
+    fields: dict[str, Any]
+    payload: bytes = b""
+    version: int = 2
+    sequence: int = 0
+
+    def __getitem__(self, name: str) -> Any:
+        return self.fields[name]
+
+
+@cache
+def kinds() -> dict[int, MessageKind]:
+    """Every kind of message of the dialect, by id."""
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    return {number: _kind(number, found) for number, found in dialect.mavlink_map.items()}
+
+
+@cache
+def kinds_by_name() -> dict[str, MessageKind]:
+    """Every kind of message of the dialect, by name."""
+    return {kind.name: kind for kind in kinds().values()}
+
+
+def _kind(number: int, found: Any) -> MessageKind:
+    fields, index, base = [], 0, found.unpacker.size
+    offset = 0
+    for name, array, length in zip(found.ordered_fieldnames, found.array_lengths, found.lengths, strict=True):
+        text = length == 1 and array > 0
+        if _BASE_FIELDS.get(found.msgname) == name:
+            base = offset
+        fields.append((name, index, -1 if text else (length if array else 0)))
+        index += 1 if text else length
+        offset = struct.calcsize(_first_values(found.unpacker.format, index))
+    plain = tuple(found.ordered_fieldnames) if all(count == 0 for _, _, count in fields) else None
+    extra = bytes([found.crc_extra])
+    return MessageKind(number, found.msgname, extra, found.unpacker, tuple(fields), plain, base)
+
+
+def _first_values(layout: str, values: int) -> str:
+    """The part of a layout that holds its first values."""
+    part, digits, left = "<", "", values
+    for code in layout[1:]:
+        if code.isdigit():
+            digits += code
+            continue
+        many = int(digits or 1)
+        if left <= 0:
+            break
+        if code == "s":
+            part += f"{many}s"
+            left -= 1
+        else:
+            taken = min(many, left)
+            part += f"{taken}{code}"
+            left -= taken
+        digits = ""
+    return part
+
+
+def unpack(kind: MessageKind, payload: bytes) -> dict[str, Any]:
+    """Fields of a payload; bytes that the sender cut off are zero, bytes that skyway does not know are ignored."""
+    size = kind.layout.size
+    if len(payload) < size:
+        payload += bytes(size - len(payload))
+    values = kind.layout.unpack_from(payload)
+    if kind.plain is not None:
+        return dict(zip(kind.plain, values, strict=True))
+    fields: dict[str, Any] = {}
+    for name, first, count in kind.fields:
+        if count == 0:
+            fields[name] = values[first]
+        elif count < 0:
+            fields[name] = values[first].split(b"\0", 1)[0].decode("ascii", "replace")
+        else:
+            fields[name] = values[first : first + count]
+    return fields
+
+
+def pack(kind: MessageKind, given: dict[str, Any]) -> bytes:
+    """Payload of the fields given; those not given are zero."""
+    flat: list[Any] = []
+    for name, _, count in kind.fields:
+        value = given.get(name)
+        if count == 0:
+            flat.append(0 if value is None else value)
+        elif count < 0:
+            flat.append(b"" if value is None else value.encode("ascii", "replace"))
+        else:
+            flat.extend((0,) * count if value is None else value)
+    return kind.layout.pack(*flat)

@@ -1,0 +1,40 @@
+"""Interpolation of wind between its sites, by the inverse square of the distance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base import geodesy
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+def idw_weights(lat: ArrayLike, lon: ArrayLike, site_lat: ArrayLike, site_lon: ArrayLike) -> NDArray[np.float64]:
+    """Weights of the sites at points, by the inverse square of the distance.
+
+    Parameters
+    ----------
+    lat, lon : array_like, shape (points,)
+        Degrees.
+    site_lat, site_lon : array_like, shape (sites,)
+        Degrees.
+
+    Returns
+    -------
+    ndarray, shape (points, sites)
+        Rows sum to 1; within a millimetre of a site it alone counts.
+
+    Notes
+    -----
+    Source: D. Shepard, "A two-dimensional interpolation function for irregularly-spaced data", 1968.
+    """
+    points = (np.atleast_1d(np.asarray(values, dtype=np.float64))[:, None] for values in (lat, lon))
+    places = (np.asarray(values, dtype=np.float64)[None, :] for values in (site_lat, site_lon))
+    distance, _ = geodesy.inverse(*points, *places)
+    nearest = distance.min(axis=1, keepdims=True)
+    ratio = np.maximum(nearest, 1e-3) / np.maximum(distance, 1e-3)
+    weights = np.where(nearest <= 1e-3, distance == nearest, ratio**2)
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
