@@ -1,6 +1,6 @@
 """Interface of an autopilot family: everything in which one autopilot differs from another.
 
-A family is a folder here and its name in `missions.autopilots.FOLDERS`. No other code compares names or MAV_AUTOPILOT numbers:
+A family is a folder here and its name in `missions.autopilots.NAMES`. No other code compares names or MAV_AUTOPILOT numbers:
 it asks the family.
 """
 

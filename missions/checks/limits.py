@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.missions.checks.clearance import items_over_stations, next_ground_m
-from skyway.missions.items.altitude_frames import TERRAIN_FRAMES, Frame
+from skyway.missions.items.altitude_frames import RELATIVE_FRAMES, TERRAIN_FRAMES, Frame
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command
 from skyway.missions.items.finding import Finding
 from skyway.models.base import geodesy
@@ -35,7 +35,7 @@ USUAL_CEILING_M = 120.0
 """Height above ground that most countries allow without a permit."""
 LOW_TAKEOFF_M = 3.0
 """PX4 wants a take-off height of its acceptance radius (2 m) and 1 m more."""
-_ABOVE_HERE = (Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT, Frame.GLOBAL_TERRAIN_ALT)
+_ABOVE_HERE = RELATIVE_FRAMES | {Frame.GLOBAL_TERRAIN_ALT}
 _CANDIDATES = 8
 
 

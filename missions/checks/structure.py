@@ -11,6 +11,7 @@ from skyway.missions.items.commands import (
     LOCATED_COMMANDS,
     PLAIN_PARAM5_COMMANDS,
     TAKEOFF_COMMANDS,
+    YAW_COMMANDS,
     Command,
     is_scaled,
 )
@@ -22,18 +23,10 @@ if TYPE_CHECKING:
     from skyway.missions.checks.route import Route
     from skyway.missions.items.mission import Mission, MissionItem
 
-_NAN_ALLOWED = {
-    Command.NAV_WAYPOINT: {4},
-    Command.NAV_LAND: {4},
-    Command.NAV_TAKEOFF: {4},
-    Command.NAV_VTOL_TAKEOFF: {4},
-    Command.NAV_VTOL_LAND: {3, 4},
-}
 ALTITUDE_TOLERANCE_M = 0.1
 MOUNT_MODE_GPS_POINT = 4
 _PLAIN_ALTITUDE_MODES = (0, 1, 2)
 """Altitude modes of QGroundControl in which its own altitude is the one of the parameters."""
-_NO_NAN: set[int] = set()
 
 
 def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
@@ -183,8 +176,8 @@ def _is_near(shown: float, z: float) -> bool:
 
 
 def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
-    allowed = _NAN_ALLOWED.get(Command(item.command), _NO_NAN) if item.command in _NAN_ALLOWED else _NO_NAN
-    wrong = [i for i, value in enumerate(item.params, start=1) if math.isnan(value) and i not in allowed]
+    free = ((3,) if item.command == Command.NAV_VTOL_LAND else ()) + ((4,) if item.command in YAW_COMMANDS else ())
+    wrong = [i for i, value in enumerate(item.params, start=1) if math.isnan(value) and i not in free]
     if wrong:
         names = ", ".join(f"param{i}" for i in wrong)
         yield Finding(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.missions.autopilots.registry import default_family
 from skyway.missions.files.plan_reader import MISSION_VERSION, PLAN_VERSION, UNKNOWN_KEY, loads
-from skyway.missions.items.altitude_frames import GLOBAL_FRAMES, Frame
+from skyway.missions.items.altitude_frames import GLOBAL_FRAMES, Frame, frame_name
 from skyway.missions.items.commands import LOCATED_COMMANDS, Command
 from skyway.missions.items.coordinates import from_e7
 from skyway.missions.items.mission import ABOVE_TERRAIN_MODE
@@ -22,14 +22,8 @@ if TYPE_CHECKING:
     from skyway.missions.items.mission import ComplexItem, Mission, MissionItem
 
 MAV_TYPE_QUADROTOR = 2
-_ALTITUDE_MODES: dict[int, int] = {
-    Frame.GLOBAL_RELATIVE_ALT: 1,
-    Frame.GLOBAL_RELATIVE_ALT_INT: 1,
-    Frame.GLOBAL: 2,
-    Frame.GLOBAL_INT: 2,
-    Frame.GLOBAL_TERRAIN_ALT: 4,
-    Frame.GLOBAL_TERRAIN_ALT_INT: 4,
-}
+_ALTITUDE_MODES = {"home": 1, "sea level": 2, "terrain": 4}
+"""QGroundControl's number of what an altitude counts from."""
 
 
 def dumps(document: MissionDocument) -> str:
@@ -61,7 +55,7 @@ def _mission(mission: Mission) -> dict[str, Any]:
     # QGroundControl refuses a plan without these keys: fill them in, and say which ones are only filled in.
     filled = {key: value for key, value in needed.items() if value is not None}
     raw = {
-        "globalPlanAltitudeMode": _ALTITUDE_MODES.get(first_frame, 1),
+        "globalPlanAltitudeMode": _ALTITUDE_MODES.get(frame_name(first_frame), 1),
         **mission.extra,
         "version": MISSION_VERSION,
         "items": _items(mission),
@@ -148,7 +142,7 @@ def _altitude(item: MissionItem) -> dict[str, Any]:
     if item.command not in LOCATED_COMMANDS or item.frame not in GLOBAL_FRAMES or math.isnan(item.z):
         return {}
     kept = item.extra
-    mode = _ALTITUDE_MODES[item.frame]
+    mode = _ALTITUDE_MODES[frame_name(item.frame)]
     above_terrain = kept.get("AMSLAltAboveTerrain")
     if item.was_planned_above_terrain and above_terrain == item.z:
         return {"AltitudeMode": ABOVE_TERRAIN_MODE}

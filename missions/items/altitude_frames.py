@@ -6,51 +6,43 @@ Source: MAVLink common message definitions. A light table of our own, as that of
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Self
 
 
 class Frame(IntEnum):
-    """Coordinate frame of an item (MAV_FRAME)."""
+    """Coordinate frame of an item (MAV_FRAME).
 
-    GLOBAL = 0
-    LOCAL_NED = 1
-    MISSION = 2
-    GLOBAL_RELATIVE_ALT = 3
-    LOCAL_ENU = 4
-    GLOBAL_INT = 5
-    GLOBAL_RELATIVE_ALT_INT = 6
-    GLOBAL_TERRAIN_ALT = 10
-    GLOBAL_TERRAIN_ALT_INT = 11
+    Attributes
+    ----------
+    reference : str
+        What an altitude counts from, in a word or two.
+    """
+
+    reference: str
+
+    def __new__(cls, number: int, reference: str = "") -> Self:
+        """Make a member of its number and what its altitudes count from."""
+        frame = int.__new__(cls, number)
+        frame._value_, frame.reference = number, reference
+        return frame
+
+    GLOBAL = 0, "sea level"
+    LOCAL_NED = 1, "local"
+    MISSION = 2, "-"
+    GLOBAL_RELATIVE_ALT = 3, "home"
+    LOCAL_ENU = 4, "local"
+    GLOBAL_INT = 5, "sea level"
+    GLOBAL_RELATIVE_ALT_INT = 6, "home"
+    GLOBAL_TERRAIN_ALT = 10, "terrain"
+    GLOBAL_TERRAIN_ALT_INT = 11, "terrain"
 
 
 _FRAMES = {int(frame): frame for frame in Frame}
 
-_FRAME_NAMES: dict[int, str] = {
-    Frame.GLOBAL: "sea level",
-    Frame.LOCAL_NED: "local",
-    Frame.MISSION: "-",
-    Frame.GLOBAL_RELATIVE_ALT: "home",
-    Frame.LOCAL_ENU: "local",
-    Frame.GLOBAL_INT: "sea level",
-    Frame.GLOBAL_RELATIVE_ALT_INT: "home",
-    Frame.GLOBAL_TERRAIN_ALT: "terrain",
-    Frame.GLOBAL_TERRAIN_ALT_INT: "terrain",
-}
-
-GLOBAL_FRAMES = frozenset(
-    {
-        Frame.GLOBAL,
-        Frame.GLOBAL_RELATIVE_ALT,
-        Frame.GLOBAL_INT,
-        Frame.GLOBAL_RELATIVE_ALT_INT,
-        Frame.GLOBAL_TERRAIN_ALT,
-        Frame.GLOBAL_TERRAIN_ALT_INT,
-    }
-)
-
-RELATIVE_FRAMES = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
+GLOBAL_FRAMES = frozenset(frame for frame in Frame if frame.name.startswith("GLOBAL"))
+RELATIVE_FRAMES = frozenset(frame for frame in Frame if frame.reference == "home")
 """Frames of altitudes above home."""
-
-TERRAIN_FRAMES = frozenset({Frame.GLOBAL_TERRAIN_ALT, Frame.GLOBAL_TERRAIN_ALT_INT})
+TERRAIN_FRAMES = frozenset(frame for frame in Frame if frame.reference == "terrain")
 """Frames of altitudes above the terrain under the item."""
 
 
@@ -61,4 +53,5 @@ def frame_of(number: int) -> int:
 
 def frame_name(number: int) -> str:
     """Return what an altitude counts from, in a word or two."""
-    return _FRAME_NAMES.get(number, f"frame {number}")
+    frame = _FRAMES.get(number)
+    return f"frame {number}" if frame is None else frame.reference

@@ -7,37 +7,56 @@ library for the names alone would cost every command line a third of a second.
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Self
 
 from skyway.missions.items.altitude_frames import GLOBAL_FRAMES
 
+_FLOWN, _PLACE, _NUMBERS = "flown to", "place", "numbers"
+
 
 class Command(IntEnum):
-    """What an item orders (MAV_CMD without its prefix)."""
+    """What an item orders (MAV_CMD without its prefix).
 
-    NAV_WAYPOINT = 16
-    NAV_LOITER_UNLIM = 17
-    NAV_LOITER_TURNS = 18
-    NAV_LOITER_TIME = 19
+    Attributes
+    ----------
+    last_params : str
+        What parameters 5, 6 and 7 are: ``flown to`` and ``place``, a latitude, a longitude and an altitude, the former of
+        a place that the vehicle goes to, the latter of one that it only points at; ``numbers``, parameter 5 or 6 is a
+        plain number; empty, they are unused.
+    """
+
+    last_params: str
+
+    def __new__(cls, number: int, last_params: str = "") -> Self:
+        """Make a member of its number and what its last parameters are."""
+        command = int.__new__(cls, number)
+        command._value_, command.last_params = number, last_params
+        return command
+
+    NAV_WAYPOINT = 16, _FLOWN
+    NAV_LOITER_UNLIM = 17, _FLOWN
+    NAV_LOITER_TURNS = 18, _FLOWN
+    NAV_LOITER_TIME = 19, _FLOWN
     NAV_RETURN_TO_LAUNCH = 20
-    NAV_LAND = 21
-    NAV_TAKEOFF = 22
+    NAV_LAND = 21, _FLOWN
+    NAV_TAKEOFF = 22, _FLOWN
     NAV_LAND_LOCAL = 23
     NAV_TAKEOFF_LOCAL = 24
-    NAV_FOLLOW = 25
+    NAV_FOLLOW = 25, _PLACE
     NAV_CONTINUE_AND_CHANGE_ALT = 30
-    NAV_LOITER_TO_ALT = 31
+    NAV_LOITER_TO_ALT = 31, _FLOWN
     DO_FOLLOW = 32
-    DO_ORBIT = 34
-    NAV_ARC_WAYPOINT = 36
-    NAV_ROI = 80
-    NAV_PATHPLANNING = 81
-    NAV_SPLINE_WAYPOINT = 82
+    DO_ORBIT = 34, _PLACE
+    NAV_ARC_WAYPOINT = 36, _FLOWN
+    NAV_ROI = 80, _PLACE
+    NAV_PATHPLANNING = 81, _PLACE
+    NAV_SPLINE_WAYPOINT = 82, _FLOWN
     NAV_ALTITUDE_WAIT = 83
-    NAV_VTOL_TAKEOFF = 84
-    NAV_VTOL_LAND = 85
+    NAV_VTOL_TAKEOFF = 84, _FLOWN
+    NAV_VTOL_LAND = 85, _FLOWN
     NAV_GUIDED_ENABLE = 92
     NAV_DELAY = 93
-    NAV_PAYLOAD_PLACE = 94
+    NAV_PAYLOAD_PLACE = 94, _FLOWN
     CONDITION_DELAY = 112
     CONDITION_CHANGE_ALT = 113
     CONDITION_DISTANCE = 114
@@ -45,30 +64,30 @@ class Command(IntEnum):
     DO_SET_MODE = 176
     DO_JUMP = 177
     DO_CHANGE_SPEED = 178
-    DO_SET_HOME = 179
+    DO_SET_HOME = 179, _PLACE
     DO_SET_RELAY = 181
     DO_REPEAT_RELAY = 182
     DO_SET_SERVO = 183
     DO_REPEAT_SERVO = 184
     DO_FLIGHTTERMINATION = 185
     DO_CHANGE_ALTITUDE = 186
-    DO_SET_ACTUATOR = 187
-    DO_RETURN_PATH_START = 188
-    DO_LAND_START = 189
+    DO_SET_ACTUATOR = 187, _NUMBERS
+    DO_RETURN_PATH_START = 188, _PLACE
+    DO_LAND_START = 189, _PLACE
     DO_RALLY_LAND = 190
     DO_GO_AROUND = 191
-    DO_REPOSITION = 192
+    DO_REPOSITION = 192, _PLACE
     DO_PAUSE_CONTINUE = 193
     DO_SET_REVERSE = 194
-    DO_SET_ROI_LOCATION = 195
-    DO_SET_ROI_WPNEXT_OFFSET = 196
+    DO_SET_ROI_LOCATION = 195, _PLACE
+    DO_SET_ROI_WPNEXT_OFFSET = 196, _NUMBERS
     DO_SET_ROI_NONE = 197
     DO_SET_ROI_SYSID = 198
     DO_CONTROL_VIDEO = 200
-    DO_SET_ROI = 201
-    DO_DIGICAM_CONFIGURE = 202
-    DO_DIGICAM_CONTROL = 203
-    DO_MOUNT_CONFIGURE = 204
+    DO_SET_ROI = 201, _PLACE
+    DO_DIGICAM_CONFIGURE = 202, _NUMBERS
+    DO_DIGICAM_CONTROL = 203, _NUMBERS
+    DO_MOUNT_CONFIGURE = 204, _NUMBERS
     DO_MOUNT_CONTROL = 205
     DO_SET_CAM_TRIGG_DIST = 206
     DO_FENCE_ENABLE = 207
@@ -87,7 +106,7 @@ class Command(IntEnum):
     DO_GUIDED_LIMITS = 222
     DO_ENGINE_CONTROL = 223
     DO_SET_MISSION_CURRENT = 224
-    OBLIQUE_SURVEY = 260
+    OBLIQUE_SURVEY = 260, _NUMBERS
     COMPONENT_ARM_DISARM = 400
     SET_CAMERA_MODE = 530
     SET_CAMERA_ZOOM = 531
@@ -95,34 +114,34 @@ class Command(IntEnum):
     SET_CAMERA_SOURCE = 534
     JUMP_TAG = 600
     DO_JUMP_TAG = 601
-    DO_GIMBAL_MANAGER_PITCHYAW = 1000
+    DO_GIMBAL_MANAGER_PITCHYAW = 1000, _NUMBERS
     DO_GIMBAL_MANAGER_CONFIGURE = 1001
     IMAGE_START_CAPTURE = 2000
     IMAGE_STOP_CAPTURE = 2001
     DO_TRIGGER_CONTROL = 2003
     VIDEO_START_CAPTURE = 2500
     VIDEO_STOP_CAPTURE = 2501
-    PANORAMA_CREATE = 2800
+    PANORAMA_CREATE = 2800, _NUMBERS
     DO_VTOL_TRANSITION = 3000
-    CONDITION_GATE = 4501
-    NAV_FENCE_RETURN_POINT = 5000
-    NAV_FENCE_POLYGON_VERTEX_INCLUSION = 5001
-    NAV_FENCE_POLYGON_VERTEX_EXCLUSION = 5002
-    NAV_FENCE_CIRCLE_INCLUSION = 5003
-    NAV_FENCE_CIRCLE_EXCLUSION = 5004
-    NAV_RALLY_POINT = 5100
-    PAYLOAD_PREPARE_DEPLOY = 30001
+    CONDITION_GATE = 4501, _PLACE
+    NAV_FENCE_RETURN_POINT = 5000, _PLACE
+    NAV_FENCE_POLYGON_VERTEX_INCLUSION = 5001, _PLACE
+    NAV_FENCE_POLYGON_VERTEX_EXCLUSION = 5002, _PLACE
+    NAV_FENCE_CIRCLE_INCLUSION = 5003, _PLACE
+    NAV_FENCE_CIRCLE_EXCLUSION = 5004, _PLACE
+    NAV_RALLY_POINT = 5100, _PLACE
+    PAYLOAD_PREPARE_DEPLOY = 30001, _PLACE
     PAYLOAD_CONTROL_DEPLOY = 30002
-    WAYPOINT_USER_1 = 31000
-    WAYPOINT_USER_2 = 31001
-    WAYPOINT_USER_3 = 31002
-    WAYPOINT_USER_4 = 31003
-    WAYPOINT_USER_5 = 31004
-    SPATIAL_USER_1 = 31005
-    SPATIAL_USER_2 = 31006
-    SPATIAL_USER_3 = 31007
-    SPATIAL_USER_4 = 31008
-    SPATIAL_USER_5 = 31009
+    WAYPOINT_USER_1 = 31000, _FLOWN
+    WAYPOINT_USER_2 = 31001, _FLOWN
+    WAYPOINT_USER_3 = 31002, _FLOWN
+    WAYPOINT_USER_4 = 31003, _FLOWN
+    WAYPOINT_USER_5 = 31004, _FLOWN
+    SPATIAL_USER_1 = 31005, _PLACE
+    SPATIAL_USER_2 = 31006, _PLACE
+    SPATIAL_USER_3 = 31007, _PLACE
+    SPATIAL_USER_4 = 31008, _PLACE
+    SPATIAL_USER_5 = 31009, _PLACE
     USER_1 = 31010
     USER_2 = 31011
     USER_3 = 31012
@@ -130,108 +149,26 @@ class Command(IntEnum):
     USER_5 = 31014
     DO_WINCH = 42600
     NAV_SCRIPT_TIME = 42702
-    NAV_ATTITUDE_TIME = 42703
+    NAV_ATTITUDE_TIME = 42703, _NUMBERS
 
 
 _COMMANDS = {int(command): command for command in Command}
 
-LOCATED_COMMANDS = frozenset(
-    {
-        Command.NAV_WAYPOINT,
-        Command.NAV_LOITER_UNLIM,
-        Command.NAV_LOITER_TURNS,
-        Command.NAV_LOITER_TIME,
-        Command.NAV_LAND,
-        Command.NAV_TAKEOFF,
-        Command.NAV_FOLLOW,
-        Command.NAV_LOITER_TO_ALT,
-        Command.DO_ORBIT,
-        Command.NAV_ARC_WAYPOINT,
-        Command.NAV_ROI,
-        Command.NAV_PATHPLANNING,
-        Command.NAV_SPLINE_WAYPOINT,
-        Command.NAV_VTOL_TAKEOFF,
-        Command.NAV_VTOL_LAND,
-        Command.NAV_PAYLOAD_PLACE,
-        Command.DO_SET_HOME,
-        Command.DO_RETURN_PATH_START,
-        Command.DO_LAND_START,
-        Command.DO_REPOSITION,
-        Command.DO_SET_ROI_LOCATION,
-        Command.DO_SET_ROI,
-        Command.CONDITION_GATE,
-        Command.NAV_FENCE_RETURN_POINT,
-        Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION,
-        Command.NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
-        Command.NAV_FENCE_CIRCLE_INCLUSION,
-        Command.NAV_FENCE_CIRCLE_EXCLUSION,
-        Command.NAV_RALLY_POINT,
-        Command.PAYLOAD_PREPARE_DEPLOY,
-        Command.WAYPOINT_USER_1,
-        Command.WAYPOINT_USER_2,
-        Command.WAYPOINT_USER_3,
-        Command.WAYPOINT_USER_4,
-        Command.WAYPOINT_USER_5,
-        Command.SPATIAL_USER_1,
-        Command.SPATIAL_USER_2,
-        Command.SPATIAL_USER_3,
-        Command.SPATIAL_USER_4,
-        Command.SPATIAL_USER_5,
-    }
-)
-"""Commands whose parameters 5, 6 and 7 are a latitude, a longitude and an altitude."""
-
-PLAIN_PARAM5_COMMANDS = frozenset(
-    {
-        Command.DO_SET_ACTUATOR,
-        Command.DO_SET_ROI_WPNEXT_OFFSET,
-        Command.DO_DIGICAM_CONFIGURE,
-        Command.DO_DIGICAM_CONTROL,
-        Command.DO_MOUNT_CONFIGURE,
-        Command.DO_GIMBAL_MANAGER_PITCHYAW,
-        Command.OBLIQUE_SURVEY,
-        Command.PANORAMA_CREATE,
-        Command.NAV_ATTITUDE_TIME,
-    }
-)
-"""Commands that use parameter 5 or 6 as a plain number; of the others only located ones use them."""
-
-FENCE_COMMANDS = frozenset(
-    {
-        Command.NAV_FENCE_RETURN_POINT,
-        Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION,
-        Command.NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
-        Command.NAV_FENCE_CIRCLE_INCLUSION,
-        Command.NAV_FENCE_CIRCLE_EXCLUSION,
-    }
-)
+FLOWN_COMMANDS = frozenset(command for command in Command if command.last_params == _FLOWN)
+LOCATED_COMMANDS = frozenset(command for command in Command if command.last_params in (_FLOWN, _PLACE))
+PLAIN_PARAM5_COMMANDS = frozenset(command for command in Command if command.last_params == _NUMBERS)
+FENCE_COMMANDS = frozenset(command for command in Command if command.name.startswith("NAV_FENCE_"))
 TAKEOFF_COMMANDS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
 LAND_COMMANDS = frozenset({Command.NAV_LAND, Command.NAV_VTOL_LAND})
-FLOWN_COMMANDS = frozenset(
-    {
-        Command.NAV_WAYPOINT,
-        Command.NAV_LOITER_UNLIM,
-        Command.NAV_LOITER_TURNS,
-        Command.NAV_LOITER_TIME,
-        Command.NAV_LAND,
-        Command.NAV_TAKEOFF,
-        Command.NAV_LOITER_TO_ALT,
-        Command.NAV_ARC_WAYPOINT,
-        Command.NAV_SPLINE_WAYPOINT,
-        Command.NAV_VTOL_TAKEOFF,
-        Command.NAV_VTOL_LAND,
-        Command.NAV_PAYLOAD_PLACE,
-        Command.WAYPOINT_USER_1,
-        Command.WAYPOINT_USER_2,
-        Command.WAYPOINT_USER_3,
-        Command.WAYPOINT_USER_4,
-        Command.WAYPOINT_USER_5,
-    }
-)
-"""Located commands that move the vehicle there; the others only point at a place."""
-
+YAW_COMMANDS = TAKEOFF_COMMANDS | LAND_COMMANDS | {Command.NAV_WAYPOINT}
+"""Commands whose fourth parameter may be NaN: a yaw that the vehicle chooses; elsewhere ArduPilot refuses that."""
 INDEX_COMMANDS = frozenset({Command.DO_JUMP, Command.DO_SET_MISSION_CURRENT})
 """Commands whose parameter 1 is the number of another item."""
+
+
+def kept_params(commands: dict[tuple[int, ...], str]) -> dict[int, tuple[int, ...]]:
+    """Return which of parameters 1 to 4 an autopilot keeps, by command, from the names of commands by what is kept."""
+    return {Command[name]: kept for kept, names in commands.items() for name in names.split()}
 
 
 def is_scaled(command: int, frame: int) -> bool:

@@ -12,8 +12,16 @@ from typing import TYPE_CHECKING
 from skyway.missions.autopilots.ardupilot.settings import SETTINGS
 from skyway.missions.autopilots.family import Dialect
 from skyway.missions.autopilots.wire import from_wire, no_such_command, to_wire
-from skyway.missions.items.altitude_frames import Frame
-from skyway.missions.items.commands import INDEX_COMMANDS, LAND_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command
+from skyway.missions.items.altitude_frames import Frame, frame_name
+from skyway.missions.items.commands import (
+    INDEX_COMMANDS,
+    LAND_COMMANDS,
+    LOCATED_COMMANDS,
+    TAKEOFF_COMMANDS,
+    YAW_COMMANDS,
+    Command,
+    kept_params,
+)
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.finding import Finding
 from skyway.missions.items.mission import Home, Mission, MissionItem
@@ -34,82 +42,35 @@ MAX_ITEMS = 700
 CONTINUE_AFTER_LAND = 4
 """Bit 2 of MIS_OPTIONS."""
 
-_YAW_COMMANDS = frozenset(
+_KEPT_PARAMS = kept_params(
     {
-        Command.NAV_WAYPOINT,
-        Command.NAV_LAND,
-        Command.NAV_TAKEOFF,
-        Command.NAV_VTOL_TAKEOFF,
-        Command.NAV_VTOL_LAND,
+        (): (
+            "NAV_RETURN_TO_LAUNCH DO_LAND_START DO_RETURN_PATH_START DO_GO_AROUND DO_SET_ROI_LOCATION DO_SET_ROI_NONE "
+            "NAV_VTOL_TAKEOFF NAV_VTOL_LAND"
+        ),
+        (1,): (
+            "NAV_WAYPOINT NAV_SPLINE_WAYPOINT NAV_LOITER_TIME NAV_LAND NAV_TAKEOFF NAV_CONTINUE_AND_CHANGE_ALT "
+            "NAV_GUIDED_ENABLE NAV_PAYLOAD_PLACE CONDITION_DELAY CONDITION_DISTANCE DO_SET_HOME DO_SET_ROI "
+            "DO_SET_CAM_TRIGG_DIST DO_FENCE_ENABLE DO_PARACHUTE DO_INVERTED_FLIGHT DO_AUTOTUNE_ENABLE "
+            "DO_VTOL_TRANSITION DO_SET_REVERSE DO_SET_RESUME_REPEAT_DIST DO_SPRAYER JUMP_TAG IMAGE_STOP_CAPTURE "
+            "VIDEO_START_CAPTURE VIDEO_STOP_CAPTURE"
+        ),
+        (2,): "NAV_LOITER_TO_ALT",
+        (3,): "NAV_LOITER_UNLIM",
+        (1, 2): (
+            "DO_JUMP DO_SET_RELAY DO_SET_SERVO DO_GRIPPER DO_AUX_FUNCTION DO_JUMP_TAG SET_CAMERA_ZOOM SET_CAMERA_FOCUS"
+        ),
+        (1, 3): "NAV_LOITER_TURNS",
+        (1, 2, 3): (
+            "DO_CHANGE_SPEED DO_REPEAT_RELAY DO_MOUNT_CONTROL NAV_ALTITUDE_WAIT DO_ENGINE_CONTROL NAV_SET_YAW_SPEED "
+            "SET_CAMERA_SOURCE"
+        ),
+        (1, 2, 3, 4): (
+            "NAV_DELAY CONDITION_YAW DO_REPEAT_SERVO DO_DIGICAM_CONFIGURE DO_DIGICAM_CONTROL DO_GUIDED_LIMITS DO_WINCH "
+            "DO_SEND_SCRIPT_MESSAGE DO_GIMBAL_MANAGER_PITCHYAW IMAGE_START_CAPTURE NAV_SCRIPT_TIME NAV_ATTITUDE_TIME"
+        ),
     }
 )
-"""Commands whose fourth parameter may be NaN; elsewhere ArduPilot refuses the item (MAV_MISSION_INVALID_PARAM)."""
-
-_KEPT_PARAMS: dict[int, tuple[int, ...]] = {
-    Command.NAV_WAYPOINT: (1,),
-    Command.NAV_SPLINE_WAYPOINT: (1,),
-    Command.NAV_LOITER_UNLIM: (3,),
-    Command.NAV_LOITER_TURNS: (1, 3),
-    Command.NAV_LOITER_TIME: (1,),
-    Command.NAV_LAND: (1,),
-    Command.NAV_TAKEOFF: (1,),
-    Command.NAV_RETURN_TO_LAUNCH: (),
-    Command.NAV_CONTINUE_AND_CHANGE_ALT: (1,),
-    Command.NAV_LOITER_TO_ALT: (2,),
-    Command.NAV_GUIDED_ENABLE: (1,),
-    Command.NAV_DELAY: (1, 2, 3, 4),
-    Command.NAV_PAYLOAD_PLACE: (1,),
-    Command.CONDITION_DELAY: (1,),
-    Command.CONDITION_DISTANCE: (1,),
-    Command.CONDITION_YAW: (1, 2, 3, 4),
-    Command.DO_JUMP: (1, 2),
-    Command.DO_CHANGE_SPEED: (1, 2, 3),
-    Command.DO_SET_HOME: (1,),
-    Command.DO_SET_RELAY: (1, 2),
-    Command.DO_REPEAT_RELAY: (1, 2, 3),
-    Command.DO_SET_SERVO: (1, 2),
-    Command.DO_REPEAT_SERVO: (1, 2, 3, 4),
-    Command.DO_LAND_START: (),
-    Command.DO_RETURN_PATH_START: (),
-    Command.DO_GO_AROUND: (),
-    Command.DO_SET_ROI: (1,),
-    Command.DO_SET_ROI_LOCATION: (),
-    Command.DO_SET_ROI_NONE: (),
-    Command.DO_DIGICAM_CONFIGURE: (1, 2, 3, 4),
-    Command.DO_DIGICAM_CONTROL: (1, 2, 3, 4),
-    Command.DO_MOUNT_CONTROL: (1, 2, 3),
-    Command.DO_SET_CAM_TRIGG_DIST: (1,),
-    Command.DO_FENCE_ENABLE: (1,),
-    Command.DO_PARACHUTE: (1,),
-    Command.DO_INVERTED_FLIGHT: (1,),
-    Command.DO_GRIPPER: (1, 2),
-    Command.DO_GUIDED_LIMITS: (1, 2, 3, 4),
-    Command.DO_AUTOTUNE_ENABLE: (1,),
-    Command.NAV_ALTITUDE_WAIT: (1, 2, 3),
-    Command.NAV_VTOL_TAKEOFF: (),
-    Command.NAV_VTOL_LAND: (),
-    Command.DO_VTOL_TRANSITION: (1,),
-    Command.DO_SET_REVERSE: (1,),
-    Command.DO_ENGINE_CONTROL: (1, 2, 3),
-    Command.NAV_SET_YAW_SPEED: (1, 2, 3),
-    Command.DO_WINCH: (1, 2, 3, 4),
-    Command.DO_SET_RESUME_REPEAT_DIST: (1,),
-    Command.DO_SPRAYER: (1,),
-    Command.DO_AUX_FUNCTION: (1, 2),
-    Command.DO_SEND_SCRIPT_MESSAGE: (1, 2, 3, 4),
-    Command.JUMP_TAG: (1,),
-    Command.DO_JUMP_TAG: (1, 2),
-    Command.DO_GIMBAL_MANAGER_PITCHYAW: (1, 2, 3, 4),
-    Command.IMAGE_START_CAPTURE: (1, 2, 3, 4),
-    Command.IMAGE_STOP_CAPTURE: (1,),
-    Command.VIDEO_START_CAPTURE: (1,),
-    Command.VIDEO_STOP_CAPTURE: (1,),
-    Command.SET_CAMERA_ZOOM: (1, 2),
-    Command.SET_CAMERA_FOCUS: (1, 2),
-    Command.SET_CAMERA_SOURCE: (1, 2, 3),
-    Command.NAV_SCRIPT_TIME: (1, 2, 3, 4),
-    Command.NAV_ATTITUDE_TIME: (1, 2, 3, 4),
-}
 """Commands that ArduPilot stores, and which of parameters 1 to 4 it keeps; anything else is refused at upload."""
 
 _NEWEST = frozenset({Command.NAV_ARC_WAYPOINT})
@@ -118,16 +79,6 @@ _NEWEST = frozenset({Command.NAV_ARC_WAYPOINT})
 _WHOLE_SECONDS = frozenset({Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_TIME})
 _WHOLE_PARAM1 = _WHOLE_SECONDS | {Command.NAV_LAND, Command.NAV_TAKEOFF}
 """Commands whose first parameter is stored as a whole number of 16 bits."""
-
-_ALTITUDE_REFERENCE: dict[int, str] = {
-    Frame.MISSION: "sea level",
-    Frame.GLOBAL: "sea level",
-    Frame.GLOBAL_INT: "sea level",
-    Frame.GLOBAL_RELATIVE_ALT: "home",
-    Frame.GLOBAL_RELATIVE_ALT_INT: "home",
-    Frame.GLOBAL_TERRAIN_ALT: "terrain",
-    Frame.GLOBAL_TERRAIN_ALT_INT: "terrain",
-}
 
 
 class ArduPilotMissions(Dialect):
@@ -168,7 +119,7 @@ class ArduPilotMissions(Dialect):
         if item.command == Command.NAV_LOITER_TIME:
             meaning["direction"] = "left" if item.param3 < 0 else "right"
         if item.command in LOCATED_COMMANDS:
-            meaning["altitude reference"] = _ALTITUDE_REFERENCE.get(item.frame, f"frame {item.frame:d}")
+            meaning["altitude reference"] = "sea level" if item.frame == Frame.MISSION else frame_name(item.frame)
             meaning["x"], meaning["y"] = item.x or 0, item.y or 0
             meaning["z"] = round(item.z, 2) if math.isfinite(item.z) else None
         elif item.command in (Command.DO_DIGICAM_CONFIGURE, Command.DO_DIGICAM_CONTROL):
@@ -246,7 +197,7 @@ def _home_item(home: Home | None) -> MissionItem:
 def _storable(item: MissionItem) -> MissionItem:
     """Return the item as ArduPilot accepts it: no NaN but a yaw, and numbers of items counted with home."""
     params = [
-        0.0 if math.isnan(value) and not (number == 4 and item.command in _YAW_COMMANDS) else value
+        0.0 if math.isnan(value) and not (number == 4 and item.command in YAW_COMMANDS) else value
         for number, value in enumerate(item.params, start=1)
     ]
     clean = replace(item, param1=params[0], param2=params[1], param3=params[2], param4=params[3])

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from skyway.missions.autopilots.family import Dialect
 from skyway.missions.autopilots.px4.settings import SETTINGS
 from skyway.missions.autopilots.wire import from_wire, no_such_command, to_wire
-from skyway.missions.items.altitude_frames import Frame
-from skyway.missions.items.commands import FLOWN_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command
+from skyway.missions.items.altitude_frames import TERRAIN_FRAMES, Frame, frame_name
+from skyway.missions.items.commands import FLOWN_COMMANDS, LOCATED_COMMANDS, TAKEOFF_COMMANDS, Command, kept_params
 from skyway.missions.items.finding import Finding
 from skyway.missions.items.mission import Mission, MissionItem
 
@@ -29,87 +29,38 @@ if TYPE_CHECKING:
 MAX_SPEED_MPS = 20.0
 """MPC_XY_VEL_MAX at most."""
 
-_KEPT_PARAMS: dict[int, tuple[int, ...]] = {
-    Command.NAV_WAYPOINT: (1, 2, 4),
-    Command.NAV_LOITER_UNLIM: (3, 4),
-    Command.NAV_LOITER_TIME: (1, 2, 3, 4),
-    Command.NAV_LOITER_TO_ALT: (1, 2, 4),
-    Command.NAV_LAND: (2, 4),
-    Command.NAV_TAKEOFF: (4,),
-    Command.NAV_VTOL_TAKEOFF: (4,),
-    Command.NAV_VTOL_LAND: (4,),
-    Command.NAV_RETURN_TO_LAUNCH: (),
-    Command.DO_JUMP: (1, 2),
-    Command.DO_GRIPPER: (1, 2),
-    Command.DO_WINCH: (1, 2),
-    Command.COMPONENT_ARM_DISARM: (1,),
-    Command.NAV_DELAY: (1, 2, 3, 4),
-    Command.DO_CHANGE_SPEED: (1, 2, 3),
-}
-"""Parameters of 1 to 4 that PX4 keeps; all four for commands not listed."""
-
-_ACCEPTED = frozenset(
+_KEPT_PARAMS = kept_params(
     {
-        Command.NAV_WAYPOINT,
-        Command.NAV_LOITER_UNLIM,
-        Command.NAV_LOITER_TIME,
-        Command.NAV_LOITER_TO_ALT,
-        Command.NAV_LAND,
-        Command.NAV_TAKEOFF,
-        Command.NAV_VTOL_TAKEOFF,
-        Command.NAV_VTOL_LAND,
-        Command.NAV_ROI,
-        Command.DO_SET_ROI,
-        Command.DO_SET_ROI_LOCATION,
-        Command.CONDITION_GATE,
-        Command.DO_SET_HOME,
-        Command.DO_LAND_START,
-        Command.NAV_RETURN_TO_LAUNCH,
-        Command.NAV_DELAY,
-        Command.DO_JUMP,
-        Command.DO_CHANGE_SPEED,
-        Command.DO_WINCH,
-        Command.DO_GRIPPER,
-        Command.DO_TRIGGER_CONTROL,
-        Command.DO_DIGICAM_CONTROL,
-        Command.DO_MOUNT_CONFIGURE,
-        Command.DO_MOUNT_CONTROL,
-        Command.DO_GIMBAL_MANAGER_PITCHYAW,
-        Command.DO_GIMBAL_MANAGER_CONFIGURE,
-        Command.IMAGE_START_CAPTURE,
-        Command.IMAGE_STOP_CAPTURE,
-        Command.VIDEO_START_CAPTURE,
-        Command.VIDEO_STOP_CAPTURE,
-        Command.DO_CONTROL_VIDEO,
-        Command.DO_SET_CAM_TRIGG_DIST,
-        Command.OBLIQUE_SURVEY,
-        Command.DO_SET_CAM_TRIGG_INTERVAL,
-        Command.SET_CAMERA_MODE,
-        Command.SET_CAMERA_SOURCE,
-        Command.SET_CAMERA_FOCUS,
-        Command.SET_CAMERA_ZOOM,
-        Command.DO_VTOL_TRANSITION,
-        Command.DO_SET_ROI_WPNEXT_OFFSET,
-        Command.DO_SET_ROI_NONE,
-        Command.CONDITION_DELAY,
-        Command.CONDITION_DISTANCE,
-        Command.DO_SET_ACTUATOR,
-        Command.DO_SET_SERVO,
-        Command.DO_AUTOTUNE_ENABLE,
-        Command.COMPONENT_ARM_DISARM,
+        (): "NAV_RETURN_TO_LAUNCH",
+        (1,): "COMPONENT_ARM_DISARM",
+        (4,): "NAV_TAKEOFF NAV_VTOL_TAKEOFF NAV_VTOL_LAND",
+        (1, 2): "DO_JUMP DO_GRIPPER DO_WINCH",
+        (2, 4): "NAV_LAND",
+        (3, 4): "NAV_LOITER_UNLIM",
+        (1, 2, 3): "DO_CHANGE_SPEED",
+        (1, 2, 4): "NAV_WAYPOINT NAV_LOITER_TO_ALT",
+        (1, 2, 3, 4): "NAV_LOITER_TIME NAV_DELAY",
     }
 )
-"""Commands that PX4 takes in missions."""
+"""Which of parameters 1 to 4 PX4 keeps of commands whose others are a place, or unused."""
+
+_KEPT_WHOLE = kept_params(
+    {
+        (1, 2, 3, 4): (
+            "NAV_ROI CONDITION_DELAY CONDITION_DISTANCE DO_SET_HOME DO_SET_SERVO DO_SET_ACTUATOR DO_LAND_START "
+            "DO_SET_ROI_LOCATION DO_SET_ROI_WPNEXT_OFFSET DO_SET_ROI_NONE DO_CONTROL_VIDEO DO_SET_ROI "
+            "DO_DIGICAM_CONTROL DO_MOUNT_CONFIGURE DO_MOUNT_CONTROL DO_SET_CAM_TRIGG_DIST DO_AUTOTUNE_ENABLE "
+            "DO_SET_CAM_TRIGG_INTERVAL OBLIQUE_SURVEY SET_CAMERA_MODE SET_CAMERA_ZOOM SET_CAMERA_FOCUS "
+            "SET_CAMERA_SOURCE DO_GIMBAL_MANAGER_PITCHYAW DO_GIMBAL_MANAGER_CONFIGURE IMAGE_START_CAPTURE "
+            "IMAGE_STOP_CAPTURE DO_TRIGGER_CONTROL VIDEO_START_CAPTURE VIDEO_STOP_CAPTURE DO_VTOL_TRANSITION "
+            "CONDITION_GATE"
+        )
+    }
+)
+"""The other commands that PX4 takes in missions: it keeps all their parameters."""
 
 _PLACELESS_FRAME = frozenset({Command.DO_SET_HOME, Command.DO_LAND_START, Command.DO_SET_ROI, Command.NAV_ROI})
 """Located commands that PX4 also takes without a place."""
-
-_ALTITUDE_REFERENCE: dict[int, str] = {
-    Frame.GLOBAL: "sea level",
-    Frame.GLOBAL_INT: "sea level",
-    Frame.GLOBAL_RELATIVE_ALT: "home",
-    Frame.GLOBAL_RELATIVE_ALT_INT: "home",
-}
 
 
 class Px4Missions(Dialect):
@@ -141,7 +92,7 @@ class Px4Missions(Dialect):
             value = item.params[number - 1]
             meaning[f"param{number}"] = None if math.isnan(value) else value
         if item.is_located:
-            meaning["altitude reference"] = _ALTITUDE_REFERENCE.get(item.frame, f"frame {item.frame:d}")
+            meaning["altitude reference"] = frame_name(item.frame)
             meaning["x"], meaning["y"], meaning["z"] = item.x, item.y, item.z
         elif item.command not in _KEPT_PARAMS:
             meaning["param5"], meaning["param6"] = round(item.param5_or_zero), round(item.param6_or_zero)
@@ -221,7 +172,7 @@ def _in_frame(item: MissionItem) -> MissionItem:
 
 
 def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
-    if item.command not in _ACCEPTED:
+    if item.command not in _KEPT_PARAMS and item.command not in _KEPT_WHOLE:
         yield Finding(
             "error",
             number,
@@ -229,7 +180,7 @@ def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
             f"PX4 refuses the upload: {no_such_command(item)} in missions",
             "remove it, or replace it by waypoints",
         )
-    elif item.is_located and item.frame not in _ALTITUDE_REFERENCE:
+    elif item.is_located and item.frame in TERRAIN_FRAMES:
         yield Finding(
             "error",
             number,
