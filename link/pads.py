@@ -75,7 +75,7 @@ class TcpPads:
             answer = self._exchange(encode(request))
         except OSError as error:
             self.close()
-            raise PadServiceError(f"the pad service at {self.address} fails: {error.strerror or error}") from None
+            raise PadServiceError(f"the pad service at {self.address} fails: {error.strerror or error}") from error
         if not answer.ok:
             raise PadServiceError(answer.error or "the pad service refuses, without a reason")
         return answer

@@ -6,7 +6,7 @@ from importlib import resources
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.files import write_atomically
+from skyway.models.base.files import file_error, write_atomically
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,7 +27,7 @@ def write_template(folder: Path) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(Fault(f"cannot be made: {error.strerror or error}", str(folder))) from None
+        raise file_error("made", folder, error) from error
     source = resources.files("skyway.missions.examples") / "template"
     written = []
     for name in FILES:

@@ -21,6 +21,7 @@ from skyway.link.logs.common.messages import euler
 from skyway.link.logs.common.vehicle_kind import KINDS, Vehicle
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.fields import Table, finite, read_toml
+from skyway.models.base.files import file_error
 from skyway.models.base.units import parse_instant
 from skyway.models.drones.telemetry import QUANTITIES, TelemetryTrack, TimeBase, believable
 
@@ -251,12 +252,11 @@ class CsvLog:
                 while rows := list(itertools.islice(reader, PIECE_ROWS)):
                     yield [row for row in rows if row]
         except csv.Error as error:
-            raise InputError(Fault(f"is not CSV: {error}", str(self._path))) from None
+            raise InputError(Fault(f"is not CSV: {error}", str(self._path))) from error
         except UnicodeDecodeError as error:
-            raise InputError(Fault(f"is not UTF-8 text (byte {error.start})", str(self._path))) from None
+            raise InputError(Fault(f"is not UTF-8 text (byte {error.start})", str(self._path))) from error
         except (OSError, EOFError, zlib.error) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise InputError(Fault(f"cannot be read: {reason}", str(self._path))) from None
+            raise file_error("read", self._path, error) from error
 
     def _learn(self, header: list[str]) -> None:
         self._place = {name: number for number, name in reversed(list(enumerate(header)))}

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.logs.formats import FORMATS, titles
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import file_error
 from skyway.models.base.lazy import load
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def format_of(path: Path) -> str:
         with path.open("rb") as stream:
             head = stream.read(_LOOK)
     except OSError as error:
-        raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
+        raise file_error("read", path, error) from error
     if not head:
         raise InputError(Fault("is empty", str(path)))
     whole = (name for name, one in FORMATS.items() if one.begins(head, path))

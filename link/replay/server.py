@@ -38,7 +38,7 @@ class Output:
         try:
             self._connection: Any = mavutil.mavlink_connection(url)
         except (OSError, ValueError, IndexError) as error:
-            raise LinkError(f"cannot open {url}: {error}") from None
+            raise LinkError(f"cannot open {url}: {error}") from error
         except SystemExit:  # pymavlink's answer to an address without a port
             remedy = "udpout:127.0.0.1:14550"
             raise InputError(Fault("is not an address", field="--connect", value=url, remedy=remedy)) from None
@@ -72,7 +72,7 @@ class ControlServer:
             self._listener.bind(("127.0.0.1", port))
         except (OSError, OverflowError) as error:
             self._listener.close()
-            raise LinkError(f"cannot listen on port {port}: {error}") from None
+            raise LinkError(f"cannot listen on port {port}: {error}") from error
         self._listener.listen()
         self._listener.settimeout(0.0)
         self.port: int = self._listener.getsockname()[1]

@@ -170,7 +170,7 @@ def _in_the_air(ctx: Context) -> After:
     except LinkError as error:
         raise Turn(
             State.HOLDING, f"whether the drone flies the mission of this delivery could not be checked: {error}"
-        ) from None
+        ) from error
     if differences:
         return State.HOLDING, f"the drone flies another mission than that of this delivery: {differences[0]}"
     return State.FLYING, f"on its way to {leg.destination}"

@@ -73,7 +73,7 @@ class Recorder:
                 return opened
         except OSError as error:
             problem = f"the recording cannot be written: {error.strerror or error}"
-            raise InputError(Fault(problem, str(self.folder), remedy="choose another folder with --record")) from None
+            raise InputError(Fault(problem, str(self.folder), remedy="choose another folder with --record")) from error
         raise InputError(Fault("too many recordings of the same second", str(self.folder)))
 
     def frame(self, data: bytes) -> None:

@@ -127,7 +127,7 @@ class UdpSocket:
             except OSError as error:
                 if error.errno in _NOBODY:
                     continue
-                raise LinkLostError(f"the connection failed: {error.strerror or error}") from None
+                raise LinkLostError(f"the connection failed: {error.strerror or error}") from error
             if self._target is None or self._sender[:2] == self._target[:2]:
                 return data
         return b""
@@ -165,7 +165,7 @@ class UdpSocket:
             return
         except OSError as error:
             if error.errno not in _NOBODY:
-                raise LinkLostError(f"the connection failed: {error.strerror or error}") from None
+                raise LinkLostError(f"the connection failed: {error.strerror or error}") from error
 
     def close(self) -> None:
         """Close."""
@@ -189,7 +189,7 @@ class TcpClient:
             made = socket.create_connection((address.host, address.port), timeout=_CONNECT_S)
         except OSError as error:
             problem = f"cannot connect to {address}: {error.strerror or error}; is the vehicle on?"
-            raise LinkLostError(problem) from None
+            raise LinkLostError(problem) from error
         self._family, self._there = made.family, made.getpeername()
         self._dialled_s = 0.0
         self._take(made)

@@ -11,6 +11,7 @@ from skyway.missions.checks.route import fly
 from skyway.missions.items.geofence import FencePolygon
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import file_error
 from skyway.models.base.geodesy import about, middle_longitude, wrapped
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def plot(document: MissionDocument, path: Path, *, title: str = "", force: bool 
     try:
         figure.savefig(path, dpi=120)
     except OSError as error:
-        raise InputError(Fault(f"cannot be written: {error.strerror or error}", str(path))) from None
+        raise file_error("written", path, error) from error
 
 
 def _middle(document: MissionDocument, route: Route) -> float:

@@ -54,7 +54,7 @@ def loads(data: bytes, file: str = "mission") -> MissionDocument:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(Fault(f"is not UTF-8 text (byte {error.start})", file, remedy=SAVE_AS_UTF_8)) from None
+        raise InputError(Fault(f"is not UTF-8 text (byte {error.start})", file, remedy=SAVE_AS_UTF_8)) from error
     if "\0" in text[:1000]:  # UTF-16 without its mark
         raise InputError(Fault("is not UTF-8 text: it has null characters", file, remedy=SAVE_AS_UTF_8))
     head = text.lstrip()[:200]

@@ -72,7 +72,7 @@ def loads(data: bytes | str, file: str = "plan") -> MissionDocument:
     try:
         raw = msgspec.json.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(Fault(f"is not JSON: {error}", file)) from None
+        raise InputError(Fault(f"is not JSON: {error}", file)) from error
     plan = mapping(raw, file, "the file")
     if "mission" not in plan and "items" in plan:
         mission, strays = _read_mission(plan, file, "")

@@ -55,7 +55,7 @@ def resolve(address: Address, kind: int) -> tuple[int, Any]:
         found = socket.getaddrinfo(address.host, address.port, type=kind)
     except OSError as error:
         problem = f"unknown host: {error.strerror or error}"
-        raise InputError(Fault(problem, field="--connect", value=address.host)) from None
+        raise InputError(Fault(problem, field="--connect", value=address.host)) from error
     return found[0][0], found[0][4]
 
 
@@ -75,4 +75,4 @@ def bind(listener: socket.socket, target: Any, address: Address) -> None:
             f"cannot listen: {error.strerror or error}",
             "another program listens there; choose another port",
         )
-        raise InputError(Fault(problem, field="--connect", value=str(address), remedy=remedy)) from None
+        raise InputError(Fault(problem, field="--connect", value=str(address), remedy=remedy)) from error

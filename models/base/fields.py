@@ -32,7 +32,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     except ValueError as error:  # TOMLDecodeError, or a number of thousands of digits
         where = re.search(r" \(at line (\d+), column \d+\)$", str(error))
         reason = str(error)[: where.start()] if where else str(error)
-        raise InputError(Fault(f"is not TOML: {reason}", str(path), int(where[1]) if where else None)) from None
+        raise InputError(Fault(f"is not TOML: {reason}", str(path), int(where[1]) if where else None)) from error
     except RecursionError:
         raise InputError(Fault("is nested too deeply", str(path))) from None
 

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+def file_error(action: str, path: Path, error: Exception) -> InputError:
+    """Return the error of a file that the system does not let be ``read``, ``written`` or ``made`` (`action`)."""
+    return InputError(Fault(f"cannot be {action}: {getattr(error, 'strerror', None) or error}", str(path)))
+
+
 def read_bytes(path: Path, *, max_bytes: int) -> bytes:
     """Read a file of at most `max_bytes` (counted after decompression for ``.gz``).
 
@@ -33,8 +38,7 @@ def read_bytes(path: Path, *, max_bytes: int) -> bytes:
     except IsADirectoryError:
         raise InputError(Fault("is a folder, not a file", str(path))) from None
     except (OSError, EOFError, zlib.error, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(Fault(f"cannot be read: {reason}", str(path))) from None
+        raise file_error("read", path, error) from error
     if len(data) > max_bytes:
         raise InputError(
             Fault(
@@ -56,7 +60,7 @@ def read_text(path: Path, *, max_bytes: int) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         problem = f"is not UTF-8 text (byte {error.start})"
-        raise InputError(Fault(problem, str(path), remedy="save it with the encoding UTF-8")) from None
+        raise InputError(Fault(problem, str(path), remedy="save it with the encoding UTF-8")) from error
 
 
 def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -> None:
@@ -98,4 +102,4 @@ def writing(path: Path, *, force: bool = False) -> Iterator[BinaryIO]:
             os.unlink(temporary)
             raise
     except OSError as error:
-        raise InputError(Fault(f"cannot be written: {error.strerror or error}", str(path))) from None
+        raise file_error("written", path, error) from error

@@ -189,7 +189,9 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
     try:
         raw = msgspec.json.decode(data, type=schema.Composition)
     except (msgspec.ValidationError, msgspec.DecodeError, RecursionError, UnicodeError) as error:
-        raise InputError(Fault(f"not a {SCHEMA} file: {error}", file, remedy="write one with skyway plan -o")) from None
+        raise InputError(
+            Fault(f"not a {SCHEMA} file: {error}", file, remedy="write one with skyway plan -o")
+        ) from error
     if raw.schema != SCHEMA:
         raise InputError(Fault("unknown schema", file, field="schema", value=raw.schema, remedy=f"expected {SCHEMA}"))
     _check_references(raw, file)

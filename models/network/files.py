@@ -184,7 +184,7 @@ def _csv_rows(path: Path, needed: Sequence[str], faults: list[Fault]) -> Iterato
             else:
                 faults.append(replace(here, problem=f"has {len(cells)} cells, the header has {len(header)}"))
     except csv.Error as error:
-        raise InputError(Fault(f"is not CSV: {error}", str(path), reader.line_num)) from None
+        raise InputError(Fault(f"is not CSV: {error}", str(path), reader.line_num)) from error
 
 
 def _geojson_rows(

@@ -149,7 +149,7 @@ def read_geojson(path: Path) -> dict[str, Any]:
     try:
         document = json.loads(read_text(path, max_bytes=MAX_BYTES))
     except (ValueError, RecursionError) as error:
-        raise InputError(Fault(f"is not JSON: {error}", str(path))) from None
+        raise InputError(Fault(f"is not JSON: {error}", str(path))) from error
     if not isinstance(document, dict) or "type" not in document:
         raise InputError(Fault("is not GeoJSON", str(path), remedy="expected a FeatureCollection"))
     return document

@@ -167,7 +167,7 @@ def decode_request(line: bytes) -> PadRequest:
     try:
         return _REQUEST.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise PadServiceError(f"not a request of the pad service: {error}") from None
+        raise PadServiceError(f"not a request of the pad service: {error}") from error
 
 
 def decode_answer(line: bytes) -> PadAnswer:
@@ -181,4 +181,4 @@ def decode_answer(line: bytes) -> PadAnswer:
     try:
         return _ANSWER.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise PadServiceError(f"not an answer of the pad service: {error}") from None
+        raise PadServiceError(f"not an answer of the pad service: {error}") from error

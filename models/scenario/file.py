@@ -62,7 +62,7 @@ def read_scenario(path: str | PathLike[str]) -> Scenario:
             problem = problem if path.exists() else "no such folder"
             raise InputError(Fault(problem, str(path), remedy=remedy))
     except OSError as error:
-        raise InputError(Fault(f"cannot be read: {error.strerror}", str(path), remedy=remedy)) from None
+        raise InputError(Fault(f"cannot be read: {error.strerror}", str(path), remedy=remedy)) from error
     return _Reader(file).read()
 
 

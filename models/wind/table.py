@@ -165,7 +165,7 @@ def read_table(
                 yield Chunk(lines, {name: columns[place] for name, place in places.items()})
             faults.raise_if_hopeless()
     except csv.Error as error:
-        raise InputError(Fault(f"is not CSV: {error}", faults.file, reader.line_num)) from None
+        raise InputError(Fault(f"is not CSV: {error}", faults.file, reader.line_num)) from error
     if not count:
         faults.raise_if_any()
         raise InputError(Fault("has a header but no rows", faults.file))

@@ -256,5 +256,5 @@ def connect(
     except OSError as error:
         remedy = "start the ground station first, or use udpout:"
         problem = f"cannot connect: {error.strerror or error}"
-        raise InputError(Fault(problem, field="--connect", value=where, remedy=remedy)) from None
+        raise InputError(Fault(problem, field="--connect", value=where, remedy=remedy)) from error
     return VehiclePeer(connection, selector, Lane(vehicle, impairment, seed, datagrams=False), where)

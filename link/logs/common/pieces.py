@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 import numpy as np
 
 from skyway.link.logs.common.assembly import Assembler, Stretch
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import file_error
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -79,7 +79,7 @@ def read_pieces(
                 buffer[: len(left)] = left
                 held, base = len(left), base + used
     except OSError as error:
-        raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
+        raise file_error("read", path, error) from error
 
 
 class InOrder:

@@ -13,7 +13,7 @@ import numpy as np
 from skyway.link.logs.tlog import tlog_kernels as kernels
 from skyway.link.logs.tlog.dialect import crc_extras
 from skyway.link.wire.layout import ID_AT_1, ID_AT_2, MAGIC_1, MAGIC_2, MAX_FRAME_BYTES
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import file_error
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -51,7 +51,7 @@ def beginning(path: Path, fresh: ScanState) -> ScanState:
                     break
                 place += at
     except OSError as error:
-        raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
+        raise file_error("read", path, error) from error
     state = fresh.state
     state[[kernels.POS, kernels.ENDED, kernels.BAD, kernels.BAD_BYTES, kernels.STAMP_BYTES]] = 0
     return fresh

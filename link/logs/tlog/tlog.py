@@ -19,7 +19,7 @@ from skyway.link.logs.tlog.beginning import beginning
 from skyway.link.logs.tlog.dialect import crc_extras, message_type, name_of
 from skyway.link.logs.tlog.stamps import StampCheck
 from skyway.link.wire import layout
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import file_error
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -140,7 +140,7 @@ def read_frames(
                 base += cut
                 memory.state[kernels.POS] -= cut
     except OSError as error:
-        raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
+        raise file_error("read", path, error) from error
 
 
 def _rows(most: int) -> tuple[NDArray[Any], ...]:

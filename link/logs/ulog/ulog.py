@@ -16,6 +16,7 @@ from skyway.link.logs.ulog.format import HEADER_BYTES, MAGIC, ULogContents, ULog
 from skyway.link.logs.ulog.messages import REPLACED, SPOKEN
 from skyway.link.logs.ulog.px4_events import EventWords
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import file_error
 from skyway.models.base.formatting import duration
 from skyway.models.drones.telemetry import TimeBase
 
@@ -57,7 +58,7 @@ class ULogFile:
                 head = stream.read(HEADER_BYTES)
             self._scan = ULogScan(last_sync(path))
         except OSError as error:
-            raise InputError(Fault(f"cannot be read: {error.strerror or error}", str(path))) from None
+            raise file_error("read", path, error) from error
         if len(head) < HEADER_BYTES or not head.startswith(MAGIC):
             raise InputError(Fault("is not a ULog: its header is damaged or truncated", str(path)))
         self._log = ULogContents()

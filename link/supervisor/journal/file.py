@@ -115,7 +115,7 @@ def read_journal(path: Path) -> ReadJournal:
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             if at + len(line) + 1 == len(data):
                 break  # torn in writing, with a line end that was on the disk before it
-            raise InputError(Fault(f"not a record of a journal: {error}", str(path), number)) from None
+            raise InputError(Fault(f"not a record of a journal: {error}", str(path), number)) from error
         records.append(record)
         at += len(line) + 1
     if not records or records[0].event != "start" or records[0].data.get("schema") != SCHEMA:
@@ -163,7 +163,7 @@ class Journal:
             remedy = "choose another name, or continue it with --resume"
             raise InputError(Fault("already exists", str(self.path), field="--journal", remedy=remedy)) from None
         except OSError as error:
-            raise self._failed(error) from None
+            raise self._failed(error) from error
 
     def _failed(self, error: OSError) -> InputError:
         return InputError(Fault(f"the journal cannot be written: {error.strerror or error}", str(self.path)))
@@ -188,7 +188,7 @@ class Journal:
             if entry.EVENT not in UNSYNCED:
                 os.fsync(self._file.fileno())
         except OSError as error:
-            raise self._failed(error) from None
+            raise self._failed(error) from error
         for listener in self.listeners:
             listener(record)
         return record

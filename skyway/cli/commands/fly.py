@@ -12,6 +12,7 @@ import typer
 from skyway.cli import options
 from skyway.cli.connection_options import AsJson, Link, linked
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import file_error
 from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
@@ -286,7 +287,7 @@ def _journal_path(folder: Path, name: str) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(Fault(f"cannot be made: {error.strerror or error}", str(folder))) from None
+        raise file_error("made", folder, error) from error
     return folder / name
 
 
