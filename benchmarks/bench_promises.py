@@ -19,6 +19,7 @@ import numpy as np
 
 from benchmarks.bench_gap import DRONE, requests
 from benchmarks.figure import Figure
+from benchmarks.loads import scaled_to
 from benchmarks.networks import new_york
 from skyway.models.base.errors import InfeasibleError
 from skyway.planner.evaluation.evaluate import (
@@ -166,7 +167,7 @@ def loaded(utilisation: float) -> Scenario:
     world = new_york()
     if utilisation <= 0.0:
         return world
-    return replace(world, load=world.load.scaled_to(utilisation, world.network.pads))
+    return replace(world, load=scaled_to(world.load, utilisation, world.network.pads))
 
 
 def measure(count: int = 60) -> list[Figure]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.loads import scaled_to
 from benchmarks.melbourne import melbourne
 from benchmarks.networks import geometric, new_york, random_pairs
 from skyway.models.base.errors import Fault, InputError
@@ -178,7 +179,7 @@ def region(network: str, seed: int, utilisation: float, holding_spots: int = HOL
     else:
         raise InputError(Fault("no such network", field="network", value=network, remedy=", ".join(NETWORKS)))
     stations = tuple(replace(station, holding_spots=holding_spots) for station in base.network.stations)
-    load = base.load.scaled_to(utilisation, base.network.pads)
+    load = scaled_to(base.load, utilisation, base.network.pads)
     return replace(base, network=replace(base.network, stations=stations), load=load)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.loads import scaled_to
 from skyway.missions.examples import NEW_YORK
 from skyway.models.base import geodesy
 from skyway.models.drones.drone import M200_V2
@@ -61,7 +62,7 @@ def geometric(stations: int, seed: int, *, pads: int = 5, utilisation: float = 0
         name=f"geometric-{stations}-{seed}",
         network=network,
         drones=(M200_V2,),
-        load=load.scaled_to(utilisation, network.pads),
+        load=scaled_to(load, utilisation, network.pads),
         path=None,
         sha256=None,
         warnings=(),

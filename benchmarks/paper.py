@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.loads import scaled_to
 from benchmarks.networks import CENTRE, new_york, random_pairs
 from skyway.models.base.errors import InfeasibleError, InputError
 from skyway.models.composition.composition import State
@@ -104,7 +105,7 @@ def paper_network(nodes: int, seed: int) -> Scenario:
     base = new_york()
     row = rng.integers(0, len(base.load), nodes)
     load = PadLoad(base.load.arrivals_per_s[row], base.load.mean_charging_s[row], base.load.timezone)
-    load = load.scaled_to(UTILISATION, network.pads)
+    load = scaled_to(load, UTILISATION, network.pads)
     return replace(
         base, name=f"paper-{nodes}", network=network, drones=(DRONE,), load=load, path=None, sha256=None, warnings=()
     )

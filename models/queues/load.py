@@ -7,7 +7,7 @@ the week; hour 0 begins on Monday at 00:00 local time. `models.queues.load_files
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -117,27 +117,6 @@ class PadLoad:
         """
         hour = hours_of_week(self.timezone, start_s, hours)
         return self.arrivals_per_s[station, hour], self.mean_charging_s[station, hour]
-
-    def scaled_to(self, utilisation: float, pads: ArrayLike) -> PadLoad:
-        """Scale the arrivals so that the mean utilisation of each station over the week is the given one.
-
-        A station where nobody arrives has no profile to scale and gets the same arrivals in every hour; a
-        station without pads stays without load.
-
-        Raises
-        ------
-        InputError
-            The utilisation is negative, or so high that the arrivals leave their range.
-        """
-        if not (math.isfinite(utilisation) and utilisation >= 0.0):
-            raise InputError(Fault("utilisation is a number from 0 up", field="utilisation", value=utilisation))
-        count = np.broadcast_to(np.asarray(pads, dtype=np.float64), (len(self),))[:, None]
-        offered = self.arrivals_per_s * self.mean_charging_s
-        idle = ~np.any(offered > 0.0, axis=1, keepdims=True)
-        shape = np.where(idle, 1.0 / self.mean_charging_s, self.arrivals_per_s)
-        mean_offered = np.mean(np.where(idle, 1.0, offered), axis=1, keepdims=True)
-        factor = np.where(count > 0.0, utilisation * count / mean_offered, 0.0)
-        return replace(self, arrivals_per_s=shape * factor)
 
     def extended(self, count: int) -> PadLoad:
         """Add that many stations without load at the end, such as delivery targets."""

@@ -166,8 +166,3 @@ class WindEnsemble:
         north = np.einsum("mns,ns->mn", self.north[member, chosen], weight)
         east = np.einsum("mns,ns->mn", self.east[member, chosen], weight)
         return north, east
-
-    def at_points(self, lat: ArrayLike, lon: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Wind at many places: (north, east), shape (members, slots, points) each."""
-        weights = idw_weights(lat, lon, self.site_lat, self.site_lon).T
-        return self.north @ weights, self.east @ weights

@@ -7,7 +7,6 @@ a tailwind), C = W sin(180 - delta) across it, B = sqrt(S^2 - C^2), ground speed
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -41,66 +40,6 @@ def speed_from(north_mps: ArrayLike, east_mps: ArrayLike) -> tuple[NDArray[np.fl
 def height_factor(height_m: float, measured_at_m: float, exponent: float) -> float:
     """Ratio of the wind at a height to the wind where it was measured: (h / h0) ** exponent."""
     return float((height_m / measured_at_m) ** exponent)
-
-
-@dataclass(frozen=True, slots=True)
-class WindTriangle:
-    """What the wind does to a flight on one course.
-
-    Attributes
-    ----------
-    tailwind_mps : float
-        A: along the course, negative is a headwind.
-    crosswind_mps : float
-        C: across the course, positive pushes to the right of it when the wind comes from its left.
-    ground_speed_mps : float
-        Speed over the ground, capped; 0 where the leg cannot be flown.
-    """
-
-    tailwind_mps: float
-    crosswind_mps: float
-    ground_speed_mps: float
-
-    @property
-    def flyable(self) -> bool:
-        """False where crosswind, headwind or the wind limit forbid the leg."""
-        return self.ground_speed_mps > 0.0
-
-
-def wind_triangle(
-    airspeed_mps: float,
-    wind_mps: float,
-    wind_from_deg: float,
-    bearing_deg: float,
-    *,
-    wind_limit_mps: float = math.inf,
-    max_ground_speed_mps: float = math.inf,
-) -> WindTriangle:
-    """Solve the wind triangle for one leg (equations 1-6).
-
-    Parameters
-    ----------
-    airspeed_mps : float
-        Speed through the air, S.
-    wind_mps, wind_from_deg : float
-        Wind, and where it blows FROM.
-    bearing_deg : float
-        Course over the ground.
-    wind_limit_mps : float
-        Above this wind nobody flies.
-    max_ground_speed_mps : float
-        The vehicle is not commanded faster than this.
-
-    Returns
-    -------
-    WindTriangle
-        With ground speed 0 where |C| >= S, A + B < 1 m/s or the wind is above the limit; never NaN.
-    """
-    angle = math.radians(180.0 - (bearing_deg - wind_from_deg))
-    along = wind_mps * math.cos(angle)
-    across = wind_mps * math.sin(angle)
-    speed = float(ground_speed(airspeed_mps, along, across, wind_limit_mps, max_ground_speed_mps))
-    return WindTriangle(along, across, speed)
 
 
 def along_across(north: Quantity, east: Quantity, cos_bearing: Quantity, sin_bearing: Quantity) -> tuple[Any, Any]:

@@ -10,10 +10,10 @@ from itertools import pairwise
 
 import pytest
 from cli_requests import HOP, ONE_WIND, TRIP
+from one_leg import wind_triangle
 
 from skyway.missions.examples import NEW_YORK
 from skyway.models.composition.file import load
-from skyway.models.wind.triangle import wind_triangle
 
 TOP = {
     "schema": str, "id": str, "scenario": dict, "planner": str, "drone": str, "drone_parameters": dict,

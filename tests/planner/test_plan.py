@@ -7,6 +7,7 @@ from datetime import UTC, date, datetime
 
 import numpy as np
 import pytest
+from one_leg import wind_triangle
 from worlds import DEPART, make_request, make_wind, make_world
 
 from skyway.models.base.errors import InputError, NoRouteError, PayloadError
@@ -14,7 +15,6 @@ from skyway.models.composition.composition import State
 from skyway.models.composition.file import from_json, to_json
 from skyway.models.drones.drone import M200_V2
 from skyway.models.wind.forecast import constant_wind
-from skyway.models.wind.triangle import wind_triangle
 from skyway.planner.plan import compare, plan
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request

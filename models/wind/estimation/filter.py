@@ -17,17 +17,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.parameters import Parameters, parameter
 from skyway.models.wind.estimation import systematic
 from skyway.models.wind.estimation.health import HEALTH_CORRELATION, HEALTH_WINDOW, ConsistencyMonitor
-from skyway.models.wind.estimation.systematic import Dependence
 from skyway.models.wind.triangle import speed_from
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import ArrayLike, NDArray
+
+    from skyway.models.wind.estimation.systematic import Dependence
 
 GATE_99 = 9.21034037197618
 """99 % quantile of chi-squared with 2 degrees of freedom: -2 ln 0.01."""
@@ -353,99 +353,3 @@ class FilteredWind:
     def sigma_mps(self) -> NDArray[np.float64]:
         """Standard deviation of one component, shape (n,)."""
         return np.asarray(np.sqrt(0.5 * (self.covariance[:, 0] + self.covariance[:, 2])))
-
-    def nees(self, truth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Normalised estimation error squared against the true wind, shape (n,): 2 on average where all is right."""
-        miss_n, miss_e = (self.wind - truth).T
-        nn, ne, ee = self.covariance.T
-        return np.asarray((ee * miss_n**2 - 2.0 * ne * miss_n * miss_e + nn * miss_e**2) / (nn * ee - ne * ne))
-
-
-def filter_log(
-    time_s: NDArray[np.float64],
-    wind: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    forecast: NDArray[np.float64],
-    settings: WindFilterSettings | None = None,
-    depends: Dependence | None = None,
-    systematic_sigma: NDArray[np.float64] | None = None,
-) -> FilteredWind:
-    """Run the filter over a whole log at once; the same answer as `WindFilter`, thousands of times faster.
-
-    Parameters
-    ----------
-    time_s : ndarray, shape (n,)
-        In order.
-    wind, noise : ndarray, shapes (n, 2), (n, 3)
-        Measurements (NaN: none) and their covariances (north-north, north-east, east-east).
-    forecast : ndarray, shape (2,) or (n, 2)
-        What the wind reverts to.
-    depends, systematic_sigma : Dependence, ndarray of shape (systematic.COUNT,), optional
-        How the measurements depend on systematic errors, and how large these may be; by default there are none.
-
-    Raises
-    ------
-    InputError
-        Arrays that do not fit each other, times that are not finite and in order, a forecast that is not finite.
-    """
-    from skyway.models.wind.estimation.filter_kernels import run_filter
-
-    given = settings or WindFilterSettings()
-    count = len(time_s)
-    _check_log(time_s, wind, noise, forecast)
-    result = FilteredWind.empty(count)
-    result.time_s[:] = time_s
-    result.forecast[:] = forecast
-    sigma = np.zeros(0) if systematic_sigma is None else np.asarray(systematic_sigma, dtype=np.float64)
-    if not (np.isfinite(sigma).all() and (sigma >= 0.0).all()):
-        raise InputError(Fault("must be finite and 0 or more", field="systematic_sigma", value=sigma))
-    depends = Dependence.none(count, len(sigma)) if depends is None or not len(sigma) else depends
-    if len(depends.sensitivity) != count or depends.sensitivity.shape[2] < len(sigma):
-        raise InputError(Fault("does not fit the log", field="depends", value=depends.sensitivity.shape))
-    run_filter(
-        result.time_s,
-        np.ascontiguousarray(wind, dtype=np.float64),
-        np.ascontiguousarray(noise, dtype=np.float64),
-        result.forecast,
-        np.ascontiguousarray(depends.sensitivity[:, :, : len(sigma)]),
-        depends.scale,
-        depends.turn,
-        sigma,
-        (
-            given.tau_s,
-            given.sigma_mps,
-            given.gust_tau_s,
-            given.gust_intensity,
-            given.gust_floor_mps,
-            given.gate,
-            given.patience_s,
-            given.patience_count,
-        ),
-        result.wind,
-        result.covariance,
-        result.nis,
-        result.accepted,
-    )
-    return result
-
-
-def _check_log(
-    time_s: NDArray[np.float64], wind: NDArray[np.float64], noise: NDArray[np.float64], forecast: NDArray[np.float64]
-) -> None:
-    """Refuse what the filter would read beyond, or could never come back from."""
-    count = len(time_s)
-    faults = [
-        Fault("has the wrong shape", field=name, value=np.shape(values), remedy=f"({count}, {width})")
-        for name, values, width in (("wind", wind, 2), ("noise", noise, 3))
-        if np.shape(values) != (count, width)
-    ]
-    if np.shape(forecast) not in ((2,), (count, 2)) or not np.isfinite(forecast).all():
-        faults.append(
-            Fault(
-                "is not a forecast", field="forecast", value=np.shape(forecast), remedy="finite, shape (2,) or (n, 2)"
-            )
-        )
-    if np.ndim(time_s) != 1 or not np.isfinite(time_s).all() or (np.diff(time_s) < 0.0).any():
-        faults.append(Fault("is not finite and in order", field="time_s"))
-    if faults:
-        raise InputError(faults)

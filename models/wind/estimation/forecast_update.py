@@ -20,7 +20,7 @@ from skyway.models.wind.estimation.field import ResidualModel, WindObservation, 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.models.wind.estimation.filter import WindEstimate
@@ -135,19 +135,3 @@ def _misses(ensemble: WindEnsemble, observations: Sequence[WindObservation]) -> 
         found[:, number, 0] = one.north_mps - north
         found[:, number, 1] = one.east_mps - east
     return found
-
-
-def crps(values: ArrayLike, probability: ArrayLike, truth: float) -> float:
-    """Continuous ranked probability score of a weighted ensemble of numbers; smaller is better, in their unit.
-
-    The mean distance to the truth minus half the mean distance between members: for one member it is the absolute error.
-
-    Source: T. Gneiting, A. Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007), eq. 21.
-    """
-    members = np.asarray(values, dtype=np.float64)
-    weight = np.asarray(probability, dtype=np.float64)
-    order = np.argsort(members)
-    members, weight = members[order], weight[order]
-    below = np.cumsum(weight) - weight
-    spread = 2.0 * float((weight * members * (2.0 * below + weight - 1.0)).sum())
-    return float((weight * np.abs(members - truth)).sum()) - 0.5 * spread

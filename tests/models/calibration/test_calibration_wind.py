@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from batch_filter import nees
 from drone_truth import fly
 
 from skyway.link.logs.reader import open_log
@@ -162,12 +163,12 @@ def test_beside_the_mast_the_filter_as_a_replay_uses_it_beats_a_5_second_tilt_fi
         miss = (course.wind - truth)[rest]
         vector = math.sqrt((miss**2).sum(axis=1).mean())
         speed = math.sqrt(((np.hypot(*course.wind[rest].T) - np.hypot(*truth[rest].T)) ** 2).mean())
-        nees = course.nees(truth)[rest]
-        inside = float((nees <= CHI2_95).mean())
+        squares = nees(course, truth)[rest]
+        inside = float((squares <= CHI2_95).mean())
         print(
-            f"from block {begin}: speed {speed:.3f}, vector {vector:.3f} m/s, NEES {nees.mean():.2f}, {inside:.1%} inside, {drag}"
+            f"from block {begin}: speed {speed:.3f}, vector {vector:.3f} m/s, NEES {squares.mean():.2f}, {inside:.1%} inside, {drag}"
         )
         assert speed <= 0.40
         assert vector <= 0.65
-        assert nees.mean() <= 2.7
+        assert squares.mean() <= 2.7
         assert inside >= 0.93

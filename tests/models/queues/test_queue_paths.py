@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.loads import scaled_to
 from skyway.models.base.errors import InputError
 from skyway.models.queues.load import PadLoad
 from skyway.models.queues.sampling import QueuePath, expected_paths, no_queue, pack, sample_path, sample_sets
@@ -24,7 +25,7 @@ def expected_path(start_s, step_s, wait_s):
 
 
 def steady_load(utilisation: float, stations: int = 1) -> PadLoad:
-    return PadLoad.none(stations, NEW_YORK).scaled_to(utilisation, 5)
+    return scaled_to(PadLoad.none(stations, NEW_YORK), utilisation, 5)
 
 
 def sampled(pads=3, spots=2, seed=1, utilisation=0.9, busy=None, remaining=None, hours=10.0) -> QueuePath:

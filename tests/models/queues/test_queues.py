@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from benchmarks.loads import scaled_to
 from skyway.models.base.errors import InputError
 from skyway.models.queues.load import PadLoad
 from skyway.models.queues.transient import (
@@ -39,7 +40,7 @@ def steady(utilisation: float, pads: int, charging_s: float = HOUR, hours: int =
 
 def steady_load(utilisation: float, pads: int = 5, stations: int = 1, charging_s: float = HOUR) -> PadLoad:
     load = PadLoad(np.zeros((stations, 168)), np.full((stations, 168), charging_s), NEW_YORK)
-    return load.scaled_to(utilisation, pads)
+    return scaled_to(load, utilisation, pads)
 
 
 def transient(pads, arrivals, charging, initial, step_s=600.0):

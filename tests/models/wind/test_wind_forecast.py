@@ -251,17 +251,6 @@ def test_twice_as_near_counts_four_times():
     assert weights == pytest.approx([0.8, 0.2], rel=1e-9)
 
 
-def test_many_places_at_once_are_the_same_as_one_by_one():
-    ensemble = small()
-    lat, lon = np.array([40.0, 40.03, 41.0]), np.array([-74.0, -74.2, -73.0])
-    north, east = ensemble.at_points(lat, lon)
-    assert north.shape == (5, 4, 3)
-    for place in range(3):
-        one = ensemble.wind_at(lat[place], lon[place], 1)
-        assert np.allclose(north[:, 1, place], one[0])
-        assert np.allclose(east[:, 1, place], one[1])
-
-
 def test_higher_up_every_member_blows_stronger_by_the_same_power_law():
     ensemble = small()
     higher = ensemble.at_height(60.0, 0.2)

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 import pytest
 
+from benchmarks.loads import scaled_to
 from skyway.models.composition.composition import State
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.exact.exact import ExactSearch
@@ -20,7 +21,7 @@ DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 @pytest.fixture(scope="module")
 def nobody(newyork):
     """New York without other drones, with room everywhere."""
-    return replace(newyork, load=newyork.load.scaled_to(1e-6, newyork.network.pads))
+    return replace(newyork, load=scaled_to(newyork.load, 1e-6, newyork.network.pads))
 
 
 def problem_of(world, soc=1.0, wind_mps=5.0):

@@ -11,7 +11,7 @@ from skyway.models.base.geodesy import direct
 from skyway.models.wind.ensemble import WindEnsemble
 from skyway.models.wind.estimation.field import ResidualModel, WindField, WindObservation
 from skyway.models.wind.estimation.filter import WindEstimate
-from skyway.models.wind.estimation.forecast_update import SlotAverages, crps, refined, update_forecast
+from skyway.models.wind.estimation.forecast_update import SlotAverages, refined, update_forecast
 from skyway.models.wind.forecast import analogue_ensemble, truth_series
 
 START_S = 1_700_000_000.0
@@ -82,6 +82,22 @@ def test_an_observation_that_is_no_number_is_refused():
         update_forecast(ensemble(), [seen(float("nan"), 0.0)])
     with pytest.raises(InputError, match="not a wind observation"):
         update_forecast(ensemble(), [seen(1.0, 0.0, variance=0.0)])
+
+
+def crps(values, probability, truth):
+    """Continuous ranked probability score of a weighted ensemble of numbers; smaller is better, in their unit.
+
+    The mean distance to the truth minus half the mean distance between members: for one member it is the absolute error.
+
+    Source: T. Gneiting, A. Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007), eq. 21.
+    """
+    members = np.asarray(values, dtype=np.float64)
+    weight = np.asarray(probability, dtype=np.float64)
+    order = np.argsort(members)
+    members, weight = members[order], weight[order]
+    below = np.cumsum(weight) - weight
+    spread = 2.0 * float((weight * members * (2.0 * below + weight - 1.0)).sum())
+    return float((weight * np.abs(members - truth)).sum()) - 0.5 * spread
 
 
 def test_crps_of_one_member_is_its_error_and_of_two_even_ones_half_their_distance():

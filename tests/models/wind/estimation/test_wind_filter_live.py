@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from batch_filter import filter_log
 from drone_truth import fly
 
 from skyway.models.drones.drag import DragModel
 from skyway.models.wind.ensemble import WindEnsemble
 from skyway.models.wind.estimation.blocks import blocks
-from skyway.models.wind.estimation.filter import filter_log
 from skyway.models.wind.estimation.forecast_update import update_forecast
 from skyway.models.wind.estimation.live import LiveWind, forecast_of, settings_for
 from skyway.models.wind.estimation.measurement import measurements
