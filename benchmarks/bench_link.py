@@ -125,9 +125,9 @@ def took(connection: Connection, *exchanges: Exchange) -> float:
 def ours_s(family: str, wire: tuple[WireItem, ...], loss: float, seed: int) -> float:
     """Upload and read-back."""
     connection = scene(family, loss, seed)
-    trip = connection.peers[1].round_trip
-    up = Upload(Target(1), wire, MissionKind.MISSION, round_trip=trip)
-    down = Download(Target(1), MissionKind.MISSION, round_trip=trip)
+    target = connection.peers[1].target
+    up = Upload(target, wire, MissionKind.MISSION)
+    down = Download(target, MissionKind.MISSION)
     passed = took(connection, up, down)
     if down.items is None or len(down.items) != len(wire):
         raise RuntimeError(f"{family}, {loss:.0%} loss, seed {seed}: {up.end.value}, {down.problem}")
@@ -138,9 +138,7 @@ def verified_s(family: str, items: int, loss: float, seed: int) -> float:
     """All of a verified upload: what is there is read first, and PX4 is asked for its verdict."""
     connection = scene(family, loss, seed)
     peer = connection.peers[1]
-    job = UploadJob(
-        peer.target, family_named(family), mission(items), round_trip=peer.round_trip, may_roll_back=lambda: True
-    )
+    job = UploadJob(peer.target, family_named(family), mission(items), may_roll_back=lambda: True)
     begun = connection.clock.now_s()
     outcome = connection.perform(upload_verified(job))
     if not outcome.verified:
@@ -153,7 +151,7 @@ def plain_s(family: str, wire: tuple[WireItem, ...], loss: float, seed: int) -> 
     connection = scene(family, loss, seed)
     other = Plain(Target(1), wire, MissionKind.MISSION)
     passed = took(connection, other)
-    down = Download(Target(1), MissionKind.MISSION, round_trip=connection.peers[1].round_trip)
+    down = Download(connection.peers[1].target, MissionKind.MISSION)
     return passed + took(connection, down), other.end is UploadEnd.ACCEPTED
 
 

@@ -79,16 +79,15 @@ def _wire(items: int) -> Any:
 def ours(port: int) -> Iterator[Callable[[int], bool]]:
     """Our verified upload."""
     from skyway.link.protocol.opening import open_connection
-    from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+    from skyway.link.vehicle.vehicle import Vehicle
 
     connection = open_connection(f"udpout:127.0.0.1:{port}", record=None)
-    craft = MavlinkVehicle(connection, autopilot=_FAMILY)
+    craft = Vehicle(connection, autopilot=_FAMILY)
     from skyway.link.protocol.download import Download
-    from skyway.link.protocol.exchange import Target
     from skyway.link.protocol.mission_words import MissionKind
     from skyway.link.protocol.upload import Upload
 
-    trip = craft.peer.round_trip
+    target = craft.peer.target
 
     def run(items: int) -> bool:
         wire = _wire(items)
@@ -96,8 +95,8 @@ def ours(port: int) -> Iterator[Callable[[int], bool]]:
 
         def steps() -> Any:
             for _ in range(6):
-                yield Upload(Target(1), wire, MissionKind.MISSION, round_trip=trip)
-                down = Download(Target(1), MissionKind.MISSION, round_trip=trip)
+                yield Upload(target, wire, MissionKind.MISSION)
+                down = Download(target, MissionKind.MISSION)
                 yield down
                 if down.items is not None and len(down.items) == len(wire):
                     found.append(down)

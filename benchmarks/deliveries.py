@@ -12,7 +12,7 @@ from zoneinfo import ZoneInfo
 from skyway.calibration_flight import drag_of
 from skyway.link.protocol.connection import Connection
 from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.signing import Signing
 from skyway.missions.examples import NEW_YORK
 from skyway.models.composition.composition import State
@@ -175,7 +175,7 @@ class Stage:
         link = self.lockstep.connect(self.craft, self.story.impairment, seed=self.story.seed)
         key = self.story.vehicle.get("signing_key")
         connection = Connection(link, self.lockstep.clock, signing=None if key is None else Signing(key))
-        vehicle = MavlinkVehicle(connection)
+        vehicle = Vehicle(connection)
         journal = Journal(self.journal_path, self.lockstep.clock.posix_s, resume=resume)
         self.supervisor = Supervisor(
             self.job(), vehicle, self.lockstep.clock, self.pads, self.operator, journal,

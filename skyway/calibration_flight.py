@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skyway.link.protocol.connection import Connection
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.recorder import Recorder
 from skyway.missions.items.altitude_frames import Frame
 from skyway.missions.items.commands import Command
@@ -89,7 +89,7 @@ def _flown(drone: Drone, payload_kg: float, folder: Path | None = None) -> list[
     lockstep = Lockstep(world)
     recorder = None if folder is None else Recorder(folder, lockstep.clock)
     connection = Connection(lockstep.connect(vehicle), lockstep.clock, recorder=recorder)
-    craft = MavlinkVehicle(connection)
+    craft = Vehicle(connection)
     craft.request_telemetry()
     if not craft.upload(_square()).verified:
         raise LinkError("the mission of the calibration flight could not be uploaded")

@@ -155,13 +155,13 @@ def _world(options: DemoOptions, scenario: Scenario, composition: Composition) -
 def _aboard(options: DemoOptions, lockstep: Any, world: World) -> tuple[Any, Callable[[], None]]:
     """Connect to the vehicle, recording everything; returns it and what closes the connection."""
     from skyway.link.protocol.connection import Connection
-    from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+    from skyway.link.vehicle.vehicle import Vehicle
     from skyway.link.wire.recorder import Recorder
 
     recorder = Recorder(options.folder, lockstep.clock, name="demo")
     craft = next(iter(world.vehicles.values()))
     connection = Connection(lockstep.connect(craft, seed=options.seed), lockstep.clock, recorder=recorder)
-    return MavlinkVehicle(connection), connection.close
+    return Vehicle(connection), connection.close
 
 
 def _truth_writer(world: World) -> Callable[[Context], None]:

@@ -1,16 +1,15 @@
-"""Commands with their acknowledgement: COMMAND_LONG and COMMAND_INT, and requests for single messages."""
+"""Commands with their acknowledgement, requests for single messages, and the choice of the current mission item."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from skyway.link.protocol.exchange import Exchange
+from skyway.link.protocol.exchange import Question
 
 if TYPE_CHECKING:
-    from skyway.link.protocol.exchange import RoundTrip, Target
+    from skyway.link.protocol.exchange import Target
     from skyway.link.wire.messages import Message
 
-GIVE_UP_S = 6.0
 _PROGRESS_S = 15.0
 ACCEPTED, IN_PROGRESS, UNSUPPORTED = 0, 5, 3
 RESULTS = {
@@ -47,7 +46,7 @@ class Place(NamedTuple):
     frame: int
 
 
-class Command(Exchange):
+class Command(Question):
     """Gives a command and waits for the answer to it.
 
     Parameters
@@ -70,27 +69,15 @@ class Command(Exchange):
     """
 
     def __init__(
-        self,
-        target: Target,
-        number: int,
-        *parameters: float,
-        place: Place | None = None,
-        round_trip: RoundTrip | None = None,
-        give_up_s: float = GIVE_UP_S,
+        self, target: Target, number: int, *parameters: float, place: Place | None = None, give_up_s: float = 6.0
     ) -> None:
-        super().__init__(target, round_trip)
+        super().__init__(target)
         self.number, self.parameters, self.place = number, parameters, place
         self.give_up_s = give_up_s
         self.result: int | None = None
-        self._tries = 0
-        self._sent_s = self._end_s = 0.0
 
-    def begin(self, now_s: float) -> None:
+    def ask(self) -> None:
         """Give it."""
-        self._end_s = now_s + self.give_up_s
-        self._give(now_s)
-
-    def _give(self, now_s: float) -> None:
         values = [*self.parameters, *[0.0] * 7]
         fields: dict[str, float] = {f"param{n + 1}": values[n] for n in range(4)}
         if self.place is not None:
@@ -98,32 +85,20 @@ class Command(Exchange):
         else:
             fields |= {f"param{n + 1}": values[n] for n in range(4, 7)}
             self.send("COMMAND_LONG", command=self.number, confirmation=min(self._tries, 255), **fields)
-        self._sent_s = now_s
-        self._tries += 1
-        self.next_s = now_s + max(self.round_trip.retry_s(self._tries), 0.1)
 
     def hear(self, message: Message, now_s: float) -> None:
         """End at the answer; progress lengthens the wait."""
         if message.name != "COMMAND_ACK" or message["command"] != self.number:
             return
         if message["result"] == IN_PROGRESS:
-            self._end_s = now_s + _PROGRESS_S
-            self.next_s = now_s + _PROGRESS_S
+            self._end_s = self.next_s = now_s + _PROGRESS_S
             return
-        if self._tries == 1:
-            self.round_trip.learn(now_s - self._sent_s)
+        self._learn(now_s)
         self.result = message["result"]
         self.finish()
 
-    def tick(self, now_s: float) -> None:
-        """Give it again."""
-        if now_s >= self._end_s:
-            self.finish()
-        else:
-            self._give(now_s)
 
-
-class AskFor(Exchange):
+class AskFor(Question):
     """Asks for one message (REQUEST_MESSAGE) until it comes; an answer to the command alone is not enough.
 
     Attributes
@@ -132,23 +107,16 @@ class AskFor(Exchange):
         What came; None for nothing.
     """
 
-    def __init__(self, target: Target, name: str, number: int, *, round_trip: RoundTrip | None = None) -> None:
-        super().__init__(target, round_trip)
+    give_up_s = 6.0
+
+    def __init__(self, target: Target, name: str, number: int) -> None:
+        super().__init__(target)
         self.name, self.number = name, number
         self.message: Message | None = None
-        self._tries = 0
-        self._end_s = 0.0
-        self._refused = False
 
-    def begin(self, now_s: float) -> None:
+    def ask(self) -> None:
         """Ask."""
-        self._end_s = now_s + GIVE_UP_S
-        self._ask(now_s)
-
-    def _ask(self, now_s: float) -> None:
         self.send("COMMAND_LONG", command=512, param1=float(self.number))
-        self._tries += 1
-        self.next_s = now_s + max(self.round_trip.retry_s(self._tries), 0.1)
 
     def hear(self, message: Message, now_s: float) -> None:
         """Take the message; a refusal may be overtaken by it for a moment."""
@@ -156,12 +124,34 @@ class AskFor(Exchange):
             self.message = message
             self.finish()
         elif message.name == "COMMAND_ACK" and message["command"] == 512 and message["result"] not in (0, IN_PROGRESS):
-            self._refused = True
-            self.next_s = now_s + 0.2
+            self._end_s = self.next_s = now_s + 0.2
 
-    def tick(self, now_s: float) -> None:
-        """Ask again."""
-        if self._refused or now_s >= self._end_s:
+
+class SetCurrent(Question):
+    """Makes an item the current one (MISSION_SET_CURRENT), confirmed by MISSION_CURRENT.
+
+    Parameters
+    ----------
+    number : int
+        In the autopilot's numbering; ArduPilot's 0 is the beginning.
+
+    Attributes
+    ----------
+    confirmed : bool
+        Whether the vehicle says so.
+    """
+
+    def __init__(self, target: Target, number: int) -> None:
+        super().__init__(target)
+        self.number = number
+        self.confirmed = False
+
+    def ask(self) -> None:
+        """Ask."""
+        self.send("MISSION_SET_CURRENT", seq=self.number)
+
+    def hear(self, message: Message, now_s: float) -> None:  # noqa: ARG002
+        """End when it is so."""
+        if message.name == "MISSION_CURRENT" and message["seq"] == self.number:
+            self.confirmed = True
             self.finish()
-        else:
-            self._ask(now_s)

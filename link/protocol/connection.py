@@ -13,7 +13,7 @@ from skyway.link.wire.transport import Routed
 from skyway.models.base.errors import StationConflictError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable
 
     from skyway.link.protocol.exchange import Exchange, Steps
     from skyway.link.wire.messages import Message
@@ -84,7 +84,7 @@ class Peer:
     @property
     def target(self) -> Target:
         """Whom to speak with."""
-        return Target(self.system, self.component)
+        return Target(self.system, self.component, self.round_trip)
 
     @property
     def loss(self) -> float:
@@ -176,7 +176,7 @@ class Connection:
         self._reader = FrameReader(signing, datagrams=self._routed is not None)
         self._beat_s = -math.inf
         self._own: deque[bytes] = deque(maxlen=16)
-        self._exchanges: list[Exchange] = []
+        self._exchange: Exchange | None = None
 
     @property
     def rejected(self) -> Rejected:
@@ -265,9 +265,9 @@ class Connection:
         peer.latest[name] = message
         for listener in self.listeners:
             listener(peer, message)
-        for exchange in self._exchanges:
-            if exchange.target.system == message.system and not exchange.done and self._for_us(message):
-                exchange.hear(message, now)
+        asked = self._exchange
+        if asked is not None and asked.target.system == message.system and not asked.done and self._for_us(message):
+            asked.hear(message, now)
 
     def _hear_namesake(self, message: Message) -> None:
         if message.name != "HEARTBEAT":
@@ -323,60 +323,30 @@ class Connection:
         StationConflictError
             Another station speaks with our system id.
         """
-        return self.perform_all([steps])[0]
-
-    def perform_all(self, procedures: Iterable[Steps[T]]) -> Sequence[T]:
-        """Carry procedures with several vehicles out side by side."""
-        running: dict[int, tuple[Steps[T], Exchange | None]] = {}
-        results: dict[int, T] = {}
-        for number, steps in enumerate(procedures):
-            running[number] = (steps, None)
         try:
             self.refuse_conflict()
-            while running:
-                for number, (steps, current) in list(running.items()):
-                    self._advance(number, steps, current, running, results)
-                if running:
-                    self._turn()
+            while True:
+                try:
+                    self._exchange = next(steps)
+                except StopIteration as end:
+                    result: T = end.value
+                    return result
+                self._exchange.begin(self.clock.now_s())
+                self._flush(self._exchange)
+                while not self._exchange.done:
+                    self._turn(self._exchange)
         finally:
-            self._exchanges = []
-            for steps, _ in running.values():
-                steps.close()
-        return [results[number] for number in sorted(results)]
+            self._exchange = None
+            steps.close()
 
-    def _advance(
-        self,
-        number: int,
-        steps: Steps[T],
-        current: Exchange | None,
-        running: dict[int, tuple[Steps[T], Exchange | None]],
-        results: dict[int, T],
-    ) -> None:
-        """Go on with one procedure as far as it goes without waiting."""
-        while current is None or current.done:
-            if current is not None:
-                self._flush(current)
-                self._exchanges.remove(current)
-            try:
-                current = next(steps)
-            except StopIteration as end:
-                results[number] = end.value
-                del running[number]
-                return
-            self._exchanges.append(current)
-            current.begin(self.clock.now_s())
-            self._flush(current)
-        running[number] = (steps, current)
-
-    def _turn(self) -> None:
-        due = min((exchange.next_s for exchange in self._exchanges), default=math.inf)
-        self.pump(min(due - self.clock.now_s(), HEARTBEAT_S))
+    def _turn(self, exchange: Exchange) -> None:
+        """Hear what comes for an exchange until its time comes, and say what it wants to say."""
+        self.pump(min(exchange.next_s - self.clock.now_s(), HEARTBEAT_S))
         self.refuse_conflict()
         now = self.clock.now_s()
-        for exchange in self._exchanges:
-            if not exchange.done and now >= exchange.next_s:
-                exchange.tick(now)
-            self._flush(exchange)
+        if not exchange.done and now >= exchange.next_s:
+            exchange.tick(now)
+        self._flush(exchange)
 
     def _flush(self, exchange: Exchange) -> None:
         for name, fields in exchange.outbox:

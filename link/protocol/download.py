@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.link.protocol.exchange import SPREADS, Exchange
+from skyway.link.protocol.exchange import SPREADS, Exchange, Question
 from skyway.link.protocol.mission_words import ACCEPTED, ERROR, ITEM_FIELDS, MissionKind
 from skyway.missions.autopilots.wire import WireItem
 from skyway.models.base.formatting import duration
@@ -12,7 +12,7 @@ from skyway.models.base.formatting import duration
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from skyway.link.protocol.exchange import RoundTrip, Target
+    from skyway.link.protocol.exchange import Target
     from skyway.link.wire.messages import Message
 
 GIVE_UP_S = 10.0
@@ -49,10 +49,9 @@ class Download(Exchange):
         target: Target,
         kind: MissionKind,
         *,
-        round_trip: RoundTrip | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> None:
-        super().__init__(target, round_trip)
+        super().__init__(target)
         self.kind = kind
         self.items: tuple[WireItem, ...] | None = None
         self.problem = ""
@@ -143,8 +142,8 @@ class Download(Exchange):
         self._ask(now_s)
 
 
-class Clear(Exchange):
-    """Clears what a vehicle holds of one kind.
+class Clear(Question):
+    """Clears what a vehicle holds of one kind; to ask twice does no harm.
 
     Attributes
     ----------
@@ -152,32 +151,19 @@ class Clear(Exchange):
         MAV_MISSION_RESULT; None for silence.
     """
 
-    def __init__(self, target: Target, kind: MissionKind, *, round_trip: RoundTrip | None = None) -> None:
-        super().__init__(target, round_trip)
+    give_up_s, soonest_s = GIVE_UP_S, 0.0
+
+    def __init__(self, target: Target, kind: MissionKind) -> None:
+        super().__init__(target)
         self.kind = kind
         self.answer: int | None = None
-        self._tries = 0
-        self._begun_s = 0.0
 
-    def begin(self, now_s: float) -> None:
+    def ask(self) -> None:
         """Ask."""
-        self._begun_s = now_s
-        self._ask(now_s)
-
-    def _ask(self, now_s: float) -> None:
         self.send("MISSION_CLEAR_ALL", mission_type=int(self.kind))
-        self._tries += 1
-        self.next_s = now_s + self.round_trip.retry_s(self._tries)
 
     def hear(self, message: Message, now_s: float) -> None:  # noqa: ARG002
         """End at the acknowledgement."""
         if message.name == "MISSION_ACK" and message["mission_type"] == self.kind:
             self.answer = message["type"]
             self.finish()
-
-    def tick(self, now_s: float) -> None:
-        """Ask again; clearing twice does no harm."""
-        if now_s >= self._begun_s + GIVE_UP_S:
-            self.finish()
-        else:
-            self._ask(now_s)

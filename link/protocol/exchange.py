@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
@@ -28,14 +28,6 @@ _UNCLEAR, _SLOWEST = 4, 16.0
 SPREADS = 2.0
 """For missions, `RoundTrip.retry_s` waits for no more than so many: what is sent too early there is ignored."""
 _LONGEST_RETRY_S = 3.0
-
-
-@dataclass(frozen=True, slots=True)
-class Target:
-    """System and component of an exchange; packets of others are ignored."""
-
-    system: int
-    component: int = 1
 
 
 @dataclass(slots=True)
@@ -87,6 +79,15 @@ class RoundTrip:
         return min(max(first, _MIN_RETRY_S) * self._slower * 1.4 ** max(0, attempt - _FEW_TRIES), _LONGEST_RETRY_S)
 
 
+@dataclass(frozen=True, slots=True)
+class Target:
+    """System and component of an exchange, and how long they take to answer; packets of others are ignored."""
+
+    system: int
+    component: int = 1
+    round_trip: RoundTrip = field(default_factory=RoundTrip, compare=False)
+
+
 class Exchange(ABC):
     """One question with its answers.
 
@@ -94,13 +95,10 @@ class Exchange(ABC):
     ----------
     target : Target
         Who is asked.
-    round_trip : RoundTrip
-        Shared by all exchanges with this vehicle.
     """
 
-    def __init__(self, target: Target, round_trip: RoundTrip | None = None) -> None:
-        self.target = target
-        self.round_trip = round_trip or RoundTrip()
+    def __init__(self, target: Target) -> None:
+        self.target, self.round_trip = target, target.round_trip
         self.outbox: list[tuple[str, dict[str, Any]]] = []
         self.next_s = math.inf
         self.done = False
@@ -126,3 +124,50 @@ class Exchange(ABC):
     @abstractmethod
     def tick(self, now_s: float) -> None:
         """Time has come: ask again, or give up."""
+
+
+class Question(Exchange):
+    """An exchange whose question is put again until it is answered or given up.
+
+    Attributes
+    ----------
+    give_up_s : float
+        Without an answer for so long, it ends.
+    soonest_s : float
+        The question is put again after no shorter time.
+    """
+
+    give_up_s = 5.0
+    soonest_s = 0.1
+
+    def __init__(self, target: Target) -> None:
+        super().__init__(target)
+        self._tries = 0
+        self._sent_s = self._end_s = 0.0
+
+    @abstractmethod
+    def ask(self) -> None:
+        """Send the question."""
+
+    def begin(self, now_s: float) -> None:
+        """Ask."""
+        self._end_s = now_s + self.give_up_s
+        self._put(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Ask again, or give up."""
+        if now_s >= self._end_s:
+            self.finish()
+        else:
+            self._put(now_s)
+
+    def _put(self, now_s: float) -> None:
+        self.ask()
+        self._sent_s = now_s
+        self._tries += 1
+        self.next_s = now_s + max(self.round_trip.retry_s(self._tries), self.soonest_s)
+
+    def _learn(self, now_s: float) -> None:
+        """Learn the round trip of an answer, where the question was put once."""
+        if self._tries == 1:
+            self.round_trip.learn(now_s - self._sent_s)

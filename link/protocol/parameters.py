@@ -7,13 +7,13 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.link.protocol.exchange import Exchange
+from skyway.link.protocol.exchange import Exchange, Question
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from skyway.link.protocol.exchange import RoundTrip, Target
+    from skyway.link.protocol.exchange import Target
     from skyway.link.wire.messages import Message
     from skyway.missions.items.parameters import Parameter
 
@@ -82,7 +82,7 @@ def same_value(wanted: float, actual: float, kind: int) -> bool:
     return math.isclose(wanted, actual, rel_tol=1e-6, abs_tol=1e-9)
 
 
-class SetParameter(Exchange):
+class SetParameter(Question):
     """Sets one parameter and waits for the value that it got.
 
     Attributes
@@ -101,46 +101,28 @@ class SetParameter(Exchange):
         kind: int,
         *,
         bytewise: bool,
-        round_trip: RoundTrip | None = None,
     ) -> None:
-        super().__init__(target, round_trip)
+        super().__init__(target)
         _check_name(name)
         self.name, self.value, self.kind, self.bytewise = name, value, kind, bytewise
         self.found: ParameterValue | None = None
         self.refused: int | None = None
-        self._tries = 0
-        self._begun_s = self._sent_s = 0.0
 
-    def begin(self, now_s: float) -> None:
+    def ask(self) -> None:
         """Set it."""
-        self._begun_s = now_s
-        self._ask(now_s)
-
-    def _ask(self, now_s: float) -> None:
         wire = wire_value(self.value, self.kind, bytewise=self.bytewise)
         self.send("PARAM_SET", param_id=self.name, param_value=wire, param_type=self.kind)
-        self._sent_s = now_s
-        self._tries += 1
-        self.next_s = now_s + max(self.round_trip.retry_s(self._tries), 0.1)
 
     def hear(self, message: Message, now_s: float) -> None:
         """Take the answer."""
         if message.name not in _ANSWERS or message["param_id"] != self.name:
             return
-        if self._tries == 1:
-            self.round_trip.learn(now_s - self._sent_s)
+        self._learn(now_s)
         if message.name == "PARAM_ERROR":
             self.refused = message["error"]
         else:
             self.found = read_value(message, bytewise=self.bytewise)
         self.finish()
-
-    def tick(self, now_s: float) -> None:
-        """Set it again."""
-        if now_s >= self._begun_s + GIVE_UP_S:
-            self.finish()
-        else:
-            self._ask(now_s)
 
 
 class ReadParameters(Exchange):
@@ -160,10 +142,8 @@ class ReadParameters(Exchange):
         Names of parameters that the vehicle does not have.
     """
 
-    def __init__(
-        self, target: Target, names: Sequence[str], *, bytewise: bool, round_trip: RoundTrip | None = None
-    ) -> None:
-        super().__init__(target, round_trip)
+    def __init__(self, target: Target, names: Sequence[str], *, bytewise: bool) -> None:
+        super().__init__(target)
         for name in names:
             _check_name(name)
         self.bytewise = bytewise
@@ -255,8 +235,8 @@ class ListParameters(Exchange):
         How many there are; None as long as nothing has come.
     """
 
-    def __init__(self, target: Target, *, bytewise: bool, round_trip: RoundTrip | None = None) -> None:
-        super().__init__(target, round_trip)
+    def __init__(self, target: Target, *, bytewise: bool) -> None:
+        super().__init__(target)
         self.bytewise = bytewise
         self.found: dict[int, ParameterValue] = {}
         self.total: int | None = None

@@ -18,7 +18,7 @@ from skyway.link.protocol.mission_words import ACCEPTED, CANCELLED, INVALID_SEQU
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from skyway.link.protocol.exchange import RoundTrip, Target
+    from skyway.link.protocol.exchange import Target
     from skyway.link.wire.messages import Message
     from skyway.missions.autopilots.wire import WireItem
 
@@ -81,10 +81,9 @@ class Upload(Exchange):
         items: Sequence[WireItem],
         kind: MissionKind,
         *,
-        round_trip: RoundTrip | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> None:
-        super().__init__(target, round_trip)
+        super().__init__(target)
         self.items = tuple(items)
         self.kind = kind
         self.end = UploadEnd.RUNNING

@@ -13,7 +13,7 @@ from skyway.link.protocol.command import ACCEPTED, IN_PROGRESS
 from skyway.link.protocol.exchange import Exchange
 
 if TYPE_CHECKING:
-    from skyway.link.protocol.exchange import RoundTrip, Target
+    from skyway.link.protocol.exchange import Target
     from skyway.link.wire.messages import Message
 
 GIVE_UP_S = 2.0
@@ -42,8 +42,8 @@ class AskVerdict(Exchange):
         What its state says; None where it does not tell.
     """
 
-    def __init__(self, target: Target, since_s: float, *, round_trip: RoundTrip | None = None) -> None:
-        super().__init__(target, round_trip)
+    def __init__(self, target: Target, since_s: float) -> None:
+        super().__init__(target)
         self.refused: bool | None = None
         self._since_s, self._end_s = since_s, 0.0
         self._tries = 0

@@ -29,7 +29,7 @@ from skyway.models.base.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from skyway.link.protocol.exchange import RoundTrip, Steps, Target
+    from skyway.link.protocol.exchange import Steps, Target
     from skyway.missions.autopilots.family import Family
 
 Part = Mission | Geofence | RallyPoints
@@ -123,7 +123,6 @@ class UploadJob:
     family: Family
     part: Part
     current: int = 0
-    round_trip: RoundTrip | None = None
     may_roll_back: Callable[[], bool] = field(default=lambda: False)
     texts: Callable[[], Sequence[str]] = field(default=tuple)
     progress: Callable[[str, int, int], None] | None = None
@@ -205,12 +204,12 @@ class _Run:
 
     def download(self, what: str) -> Download:
         job = self.job
-        return Download(job.target, job.kind, round_trip=job.round_trip, progress=self._progress(what))
+        return Download(job.target, job.kind, progress=self._progress(what))
 
     def _upload(self, items: Sequence[WireItem], what: str) -> Upload:
         self.attempts += 1
         job = self.job
-        return Upload(job.target, items, job.kind, round_trip=job.round_trip, progress=self._progress(what))
+        return Upload(job.target, items, job.kind, progress=self._progress(what))
 
     def _progress(self, what: str) -> Callable[[int, int], None] | None:
         told = self.job.progress
@@ -242,7 +241,7 @@ class _Run:
         job = self.job
         if job.kind is not MissionKind.MISSION or not job.family.judges_missions or not self.wire:
             return self.outcome(UploadState.VERIFIED, holds)
-        asked = AskVerdict(job.target, taken_s, round_trip=job.round_trip)
+        asked = AskVerdict(job.target, taken_s)
         yield asked
         words = job.family.refusals(job.texts()[said:])
         if asked.refused is False or (asked.refused is None and not words):

@@ -1,1 +1,1 @@
-"""Vehicles behind a link: one interface, two drivers."""
+"""Vehicles behind a link: one class, and MAVSDK as a second driver of it."""

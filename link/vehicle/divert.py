@@ -17,9 +17,7 @@ from skyway.models.base.geodesy import distance_m
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from skyway.link.protocol.verified import UploadOutcome
     from skyway.link.vehicle.vehicle import Vehicle
-    from skyway.missions.items.mission import Mission
     from skyway.models.drones.telemetry import TelemetrySample
 
 ARRIVED_M, ARRIVED_HEIGHT_M, ARRIVED_MPS = 4.0, 3.0, 1.5
@@ -209,37 +207,3 @@ def divert(vehicle: Vehicle, refuge: Refuge) -> Diversion:
         if diversion.hear(sample).over:
             return diversion
     raise VehicleTimeoutError(f"telemetry while it was {diversion.state} on its way to a refuge", 10.0)
-
-
-def change_or_divert(
-    vehicle: Vehicle, mission: Mission, current: int, refuge: Refuge | None = None
-) -> tuple[UploadOutcome, Diversion | None]:
-    """Change the mission in flight; where that is not verified, stay in hold, or divert to a refuge and land.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        In the air.
-    mission : Mission
-        To be flown from now on.
-    current : int
-        Our number of the item to be flown first.
-    refuge : Refuge or None
-        None stays in hold.
-
-    Returns
-    -------
-    outcome : UploadOutcome
-        Of the upload.
-    diversion : Diversion or None
-        None where the mission goes on, or the vehicle stays in hold.
-
-    Raises
-    ------
-    LinkError
-        It was not possible to hold, to go on, or to divert; what was being done is said.
-    """
-    outcome = vehicle.change_in_flight(mission, current)
-    if outcome.verified or refuge is None:
-        return outcome, None
-    return outcome, divert(vehicle, refuge)

@@ -19,10 +19,9 @@ import threading
 from dataclasses import astuple
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from skyway.link.protocol.command import AskFor, Command
+from skyway.link.protocol.command import AskFor, Command, SetCurrent
 from skyway.link.protocol.download import Download
 from skyway.link.protocol.parameters import REAL32, ListParameters, ParameterValue, SetParameter
-from skyway.link.protocol.set_current import SetCurrent
 from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.wire.frames import FrameWriter
 from skyway.link.wire.layout import MAGIC_2

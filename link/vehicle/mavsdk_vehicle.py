@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
 from skyway.link.vehicle.mavsdk_runner import MavsdkRunner
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.models.base.clock import WallClock
 from skyway.models.base.errors import Fault, InputError
 
@@ -13,27 +13,16 @@ if TYPE_CHECKING:
     from skyway.link.protocol.connection import Connection
 
 
-class MavsdkVehicle(MavlinkVehicle):
-    """One vehicle on a connection, spoken with by MAVSDK.
+class MavsdkVehicle(Vehicle):
+    """One vehicle on a connection, spoken with by MAVSDK; arguments and errors as of `VehicleMonitor`.
 
     Missions, parameters and commands are transferred by MAVSDK; what to command when, and what to believe of an upload,
     is the same as with the default driver. One such vehicle per connection, since MAVSDK speaks with our only id.
-
-    Parameters
-    ----------
-    connection : Connection
-        The link, unsigned and at wall time.
-    system : int or None
-        Which vehicle; None is the only one heard.
-    autopilot : str or None
-        Name of its family where its heartbeat shall not decide.
 
     Raises
     ------
     InputError
         A signing key (MAVSDK does not sign), a clock other than the wall's, or a second one on this connection.
-    VehicleTimeoutError
-        No such vehicle is heard.
     """
 
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:

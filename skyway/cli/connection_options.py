@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from skyway.link.protocol.connection import Connection
-    from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+    from skyway.link.vehicle.vehicle import Vehicle
     from skyway.missions.autopilots.family import Family
 
 
@@ -95,7 +95,7 @@ class Link(Line):
     ] = None
 
     @contextmanager
-    def aboard(self) -> Iterator[MavlinkVehicle]:
+    def aboard(self) -> Iterator[Vehicle]:
         """Open the connection and find the vehicle."""
         family = None if self.autopilot == _ASKED else self.autopilot
         with self.opened() as connection, closing(self._driver()(connection, self.system, family)) as vehicle:
@@ -106,14 +106,14 @@ class Link(Line):
             vehicle.own_names = own_names(self.parameter_name or (), vehicle.family)
             yield vehicle
 
-    def _driver(self) -> type[MavlinkVehicle]:
+    def _driver(self) -> type[Vehicle]:
         if self.driver is Driver.MAVSDK:
             from skyway.link.vehicle.mavsdk_vehicle import MavsdkVehicle
 
             return MavsdkVehicle
-        from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+        from skyway.link.vehicle.vehicle import Vehicle
 
-        return MavlinkVehicle
+        return Vehicle
 
 
 def own_names(given: Sequence[str], family: Family) -> dict[str, tuple[str, str]]:

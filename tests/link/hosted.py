@@ -4,7 +4,7 @@ import contextlib
 
 from benchmarks.relay import Relay
 from skyway.link.protocol.opening import open_connection
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.missions.autopilots.wire import WireItem
 from skyway.sim_stub.transports.channel import Impairment
 
@@ -70,6 +70,6 @@ def aboard(relay, family):
     """Our driver at the other end of the relay."""
     connection = open_connection(f"udpout:127.0.0.1:{relay.ground_port}", record=None)
     try:
-        yield MavlinkVehicle(connection, autopilot=family)
+        yield Vehicle(connection, autopilot=family)
     finally:
         connection.close()

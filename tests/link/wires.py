@@ -115,7 +115,7 @@ class Scene:
         peer = self.meet()
         more.setdefault("may_roll_back", lambda: True)
         texts = lambda: [text for _, text in peer.texts]  # noqa: E731
-        return UploadJob(peer.target, family_named(self.family), part, round_trip=peer.round_trip, texts=texts, **more)
+        return UploadJob(peer.target, family_named(self.family), part, texts=texts, **more)
 
     def upload(self, part, **more):
         return self.connection.perform(upload_verified(self.job(part, **more)))

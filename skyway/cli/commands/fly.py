@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from skyway.cli.views.flight import FlightView
     from skyway.link.pads import TcpPads
     from skyway.link.supervisor import DeliveryJob, Outcome
-    from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+    from skyway.link.vehicle.vehicle import Vehicle
     from skyway.models.base.clock import Clock
     from skyway.models.composition.composition import Composition
     from skyway.models.queues.pad_service import PadService
@@ -258,7 +258,7 @@ def _pad_service(pads: str) -> TcpPads | None:
     return None if pads == "manual" else TcpPads(pads)
 
 
-def _clock(vehicle: MavlinkVehicle, console: Console) -> Clock:
+def _clock(vehicle: Vehicle, console: Console) -> Clock:
     """Take the vehicle's clock: it may live at another time, and at another speed, also from some moment on only."""
     from skyway.flying import FAR_S
     from skyway.link.telemetry.vehicle_time import VehicleTime

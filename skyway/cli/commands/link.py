@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
     from skyway.link.protocol.parameters import ParameterCheck
     from skyway.link.protocol.verified import Part, UploadOutcome
-    from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
-    from skyway.link.vehicle.vehicle import Identity
+    from skyway.link.vehicle.vehicle import Identity, Vehicle
     from skyway.missions.autopilots.family import Family
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.parameters import Parameter
@@ -112,7 +111,7 @@ def _refuse_what_cannot_be_flown(document: MissionDocument, family: Family) -> N
 
 
 def _check_parameters(
-    vehicle: MavlinkVehicle, wanted: Sequence[Parameter], *, yes: bool, as_json: bool
+    vehicle: Vehicle, wanted: Sequence[Parameter], *, yes: bool, as_json: bool
 ) -> list[dict[str, Any]]:
     """Read the parameters that a mission needs; with consent set those that will not do, and read them back."""
     rows = []
@@ -125,7 +124,7 @@ def _check_parameters(
     return rows
 
 
-def _parameter_state(vehicle: MavlinkVehicle, check: ParameterCheck, *, yes: bool) -> tuple[str, float | None]:
+def _parameter_state(vehicle: Vehicle, check: ParameterCheck, *, yes: bool) -> tuple[str, float | None]:
     if check.ok:
         return "ok", check.actual
     if check.to_set is None:
@@ -137,7 +136,7 @@ def _parameter_state(vehicle: MavlinkVehicle, check: ParameterCheck, *, yes: boo
 
 
 def _show_dry_run(
-    vehicle: MavlinkVehicle, identity: Identity, parts: list[Part], checks: list[dict[str, Any]], *, as_json: bool
+    vehicle: Vehicle, identity: Identity, parts: list[Part], checks: list[dict[str, Any]], *, as_json: bool
 ) -> None:
     from skyway.cli.views.link import difference_row, print_json, show_plan
     from skyway.link.protocol.verified import kind_of
@@ -166,7 +165,7 @@ def _outcomes(outcomes: list[UploadOutcome]) -> list[dict[str, Any]]:
     return [outcome_row(outcome) for outcome in outcomes]
 
 
-def _send(vehicle: MavlinkVehicle, parts: list[Part]) -> list[UploadOutcome]:
+def _send(vehicle: Vehicle, parts: list[Part]) -> list[UploadOutcome]:
     """Upload part by part, up to the first that is not verified."""
     from skyway.cli.views.link import progress
 

@@ -12,7 +12,7 @@ from skyway.link.protocol.exchange import Target
 from skyway.link.protocol.mission_words import MissionKind
 from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.protocol.verified import UploadJob, UploadState, upload_verified
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.frames import FrameWriter
 from skyway.link.wire.messages import kinds
 from skyway.missions.autopilots.registry import family_named
@@ -305,7 +305,7 @@ class Stepped:
             except StopIteration as end:
                 self.result = end.value
                 return True
-            self.connection._exchanges = [self.current]
+            self.connection._exchange = self.current
             self.current.begin(now)
             self.connection._flush(self.current)
         if now >= self.current.next_s:
@@ -422,7 +422,7 @@ def test_words_about_something_else_refuse_nothing():
 
 def test_a_fence_that_is_verified_does_not_start_a_mission_that_is_unknown():
     scene = with_old("ardupilot")
-    craft = MavlinkVehicle(scene.connection)
+    craft = Vehicle(scene.connection)
     dead = []
 
     def spoil(_number, message, frame, up):

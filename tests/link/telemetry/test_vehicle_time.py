@@ -10,7 +10,7 @@ from speeded import Speeded
 
 from skyway.link.telemetry.timebase import VehicleClock
 from skyway.link.telemetry.vehicle_time import VehicleTime
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.messages import Message
 
 
@@ -71,7 +71,7 @@ def elapsed(scene, craft, clock, wall_s):
 
 def lives_at(family, speed, **how):
     scene = Speeded(family, speed, **how)
-    craft = MavlinkVehicle(scene.connection)
+    craft = Vehicle(scene.connection)
     craft.request_telemetry()
     scene.connection.run_for(8.0)
     return scene, craft, VehicleTime(craft, scene)

@@ -6,8 +6,8 @@ import pytest
 from wires import FAMILIES, LAT, LON, Scene, a_mission, bad_radio
 
 from skyway.link.protocol.verified import UploadState
-from skyway.link.vehicle.divert import DivertState, Refuge, change_or_divert, divert
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.divert import DivertState, Refuge, divert
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.frames import FrameWriter
 from skyway.missions.items.mission import Mission
 from skyway.models.base.errors import CommandRefusedError, InputError, UploadMismatchError
@@ -19,7 +19,7 @@ REFUGE = Refuge(LAT + 0.0012, LON - 0.0009, 35.0)
 
 def in_flight(family, **how):
     scene = Scene(family, **how)
-    scene.craft = MavlinkVehicle(scene.connection)
+    scene.craft = Vehicle(scene.connection)
     scene.craft.request_telemetry()
     assert scene.craft.upload(a_mission(6, height=30.0)).verified
     scene.craft.start(patience_s=60.0)
@@ -29,6 +29,12 @@ def in_flight(family, **how):
 
 def lose_item_four(_number, message, frame, up):
     return b"" if up and message and message.name == "MISSION_ITEM_INT" and message["seq"] == 4 else frame
+
+
+def change_or_divert(craft, mission, current, refuge=None):
+    """Change the mission in flight; where that is not verified, divert to a refuge, or stay in hold."""
+    outcome = craft.change_in_flight(mission, current)
+    return outcome, None if outcome.verified or refuge is None else divert(craft, refuge)
 
 
 def from_refuge_m(scene):
@@ -119,7 +125,7 @@ def test_ardupilot_refuses_a_refuge_beyond_its_fence():
     fence = (("FENCE_ENABLE", 1), ("FENCE_TYPE", 2), ("FENCE_RADIUS", 60))
     scene = Scene("ardupilot", parameters=fence)
     with pytest.raises(CommandRefusedError, match="go there"):
-        divert(MavlinkVehicle(scene.connection), REFUGE)
+        divert(Vehicle(scene.connection), REFUGE)
 
 
 def test_a_refuge_is_a_place_on_earth():

@@ -5,7 +5,7 @@ from wires import LAT, LON, Scene, bad_radio
 
 from benchmarks.deliveries import Stage, Story
 from skyway.link.protocol.parameter_file import read_required
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.missions.autopilots.registry import FAMILIES, family_named
 from skyway.missions.items.parameters import FlightNeeds, Parameter
 from skyway.models.base.errors import InputError, LinkError, ParameterAbsentError, VehicleTimeoutError
@@ -20,7 +20,7 @@ SOON_S = 5.0
 def aboard(family, firmware="", **how):
     scene = Scene(family, firmware=firmware, **how)
     scene.meet()
-    scene.craft = MavlinkVehicle(scene.connection, 1)
+    scene.craft = Vehicle(scene.connection, 1)
     return scene
 
 

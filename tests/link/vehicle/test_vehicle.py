@@ -9,7 +9,7 @@ from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, bad_radio, rate
 from skyway.link.protocol.connection import Connection
 from skyway.link.protocol.mission_words import MissionKind
 from skyway.link.protocol.verified import UploadState
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.frames import FrameWriter
 from skyway.missions.autopilots.registry import family_named
 from skyway.missions.items.mission import Mission
@@ -29,7 +29,7 @@ from skyway.sim_stub.plant.physics import offset_m
 
 def aboard(family, **how):
     scene = Scene(family, **how)
-    scene.craft = MavlinkVehicle(scene.connection)
+    scene.craft = Vehicle(scene.connection)
     if scene.craft.request_telemetry():
         raise AssertionError("telemetry refused")
     return scene
@@ -307,7 +307,7 @@ def test_a_reboot_begins_a_new_time_base(scene):
 def test_nobody_there_is_a_time_out():
     scene = Scene("px4", spoil=lambda _n, _m, _frame, _up: b"")
     with pytest.raises(VehicleTimeoutError, match="no heartbeat"):
-        MavlinkVehicle(Connection(scene.link, scene.lockstep.clock))
+        Vehicle(Connection(scene.link, scene.lockstep.clock))
 
 
 def test_commands_get_through_a_bad_radio():
@@ -341,7 +341,7 @@ def test_changes_tell_our_orders_from_those_of_others(scene):
 
 def test_an_upload_by_another_station_is_noticed(scene):
     scene.connection.run_for(3.0)
-    other = MavlinkVehicle(Connection(scene.lockstep.connect(scene.vehicle), scene.lockstep.clock, system=254))
+    other = Vehicle(Connection(scene.lockstep.connect(scene.vehicle), scene.lockstep.clock, system=254))
     assert other.upload(a_mission(5)).verified
     scene.connection.run_for(3.0)
     found = scene.craft.changes()
@@ -361,7 +361,7 @@ def test_an_upload_by_another_is_noticed_by_ardupilots_words_where_it_tells_no_i
     scene.connection.run_for(3.0)
     assert all(change.ours for change in scene.craft.changes())
     scene.connection.run_for(5.0)
-    other = MavlinkVehicle(Connection(scene.lockstep.connect(scene.vehicle), scene.lockstep.clock, system=254))
+    other = Vehicle(Connection(scene.lockstep.connect(scene.vehicle), scene.lockstep.clock, system=254))
     assert other.upload(a_mission(5, height=70.0)).verified
     scene.connection.run_for(3.0)
     assert ("mission", "accepted, as it reports", False) in told(scene.craft)
@@ -424,7 +424,7 @@ def test_newer_ardupilots_count_the_heartbeats_of_a_range_of_systems(low, high, 
 def test_a_vehicle_with_our_own_id_is_named():
     scene = Scene("px4", system=255)
     with pytest.raises(InputError, match=r"--gcs-system.*system id itself"):
-        MavlinkVehicle(scene.connection)
+        Vehicle(scene.connection)
 
 
 def test_once_another_station_is_heard_nothing_more_is_said_to_the_vehicle(scene):
@@ -452,8 +452,8 @@ def test_with_no_vehicle_named_it_is_made_sure_that_there_is_only_one(monkeypatc
 
     scene.link.spoil = spoil
     with pytest.raises(InputError, match="one of 1, 7"):
-        MavlinkVehicle(scene.connection)
-    assert MavlinkVehicle(scene.connection, 7).family.name == "px4"
+        Vehicle(scene.connection)
+    assert Vehicle(scene.connection, 7).family.name == "px4"
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -486,7 +486,7 @@ def test_a_peer_of_version_1_is_commanded_and_read_in_version_1(family):
 def test_a_peer_of_version_1_never_takes_a_fence_for_a_mission(family):
     version_1 = (("SERIAL0_PROTOCOL", 1.0),) if family == "ardupilot" else (("MAV_PROTO_VER", 1.0),)
     scene = Scene(family, parameters=version_1)
-    craft = MavlinkVehicle(scene.connection)
+    craft = Vehicle(scene.connection)
     craft.upload(a_mission(5))
     before = scene.stored()
     for order in (
@@ -509,4 +509,4 @@ def test_px4_that_waits_to_hear_version_2_gets_to_hear_it():
     begun.append(True)
     scene.connection.run_for(3.0)
     assert scene.connection.peers[1].version == 2
-    assert MavlinkVehicle(scene.connection).upload(a_fence()).verified
+    assert Vehicle(scene.connection).upload(a_fence()).verified

@@ -5,7 +5,6 @@ on a socket and runs twenty times as fast.
 """
 
 import contextlib
-import inspect
 import math
 import socket
 import struct
@@ -19,7 +18,6 @@ from skyway.link.protocol.connection import Connection
 from skyway.link.protocol.mission_words import MissionKind
 from skyway.link.protocol.opening import open_connection
 from skyway.link.protocol.verified import UploadState
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.missions.items.altitude_frames import Frame
 from skyway.missions.items.commands import Command
@@ -55,7 +53,7 @@ class Site:
 @contextlib.contextmanager
 def by_pymavlink(family, *, speedup=1.0, **how):
     scene = Scene(family, **how)
-    yield Site(MavlinkVehicle(scene.connection), scene.vehicle, 1.0)
+    yield Site(Vehicle(scene.connection), scene.vehicle, 1.0)
 
 
 @contextlib.contextmanager
@@ -331,19 +329,6 @@ def test_over_a_bad_radio_what_is_said_to_be_aboard_is_aboard(driver, family, lo
         site.craft.set_mode("guided")
         site.craft.arm(patience_s=20.0)
         assert site.simulated.autopilot.armed
-
-
-@pytest.mark.parametrize("name", [name for name in vars(Vehicle) if not name.startswith("_")])
-def test_both_drivers_have_every_verb_with_the_same_words(name):
-    pytest.importorskip("mavsdk")
-    from skyway.link.vehicle.mavsdk_vehicle import MavsdkVehicle
-
-    wanted = vars(Vehicle)[name]
-    for driver in (MavlinkVehicle, MavsdkVehicle):
-        if isinstance(wanted, property):
-            continue  # such as `family`, set when it is made; mypy checks them
-        given = inspect.signature(getattr(driver, name)).parameters
-        assert list(given) == list(inspect.signature(wanted).parameters)
 
 
 def test_the_mavsdk_driver_says_in_one_line_what_it_cannot_do(lone_connection):

@@ -15,7 +15,7 @@ from wires import a_mission
 from skyway.link.protocol.connection import Connection
 from skyway.link.protocol.exchange import RoundTrip
 from skyway.link.protocol.opening import open_connection
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire import transport
 from skyway.link.wire.address import parse_address
 from skyway.link.wire.frames import FrameReader, FrameWriter
@@ -64,13 +64,13 @@ def test_three_vehicles_on_one_udp_port_are_told_apart_by_their_ids():
     connection = open_connection(f"udpin:127.0.0.1:{port}", record=None)
     with served(vehicles=3, connect=(f"udpout:127.0.0.1:{port}",), autopilot="px4") as there:
         assert connection.wait(lambda: len(connection.peers) == 3, 10.0)
-        crafts = [MavlinkVehicle(connection, system) for system in (1, 2, 3)]
+        crafts = [Vehicle(connection, system) for system in (1, 2, 3)]
         assert [craft.identify().uid & 0xFF for craft in crafts] == [1, 2, 3]
         assert crafts[1].upload(a_mission(10)).verified
         sizes = [len(v.autopilot.stores[0]) for v in there.world.vehicles.values()]
         assert sizes == [0, 10, 0]
         with pytest.raises(InputError, match="one of 1, 2, 3"):
-            MavlinkVehicle(connection)
+            Vehicle(connection)
     connection.close()
 
 
@@ -119,7 +119,7 @@ def test_a_vehicle_may_connect_to_us_go_and_come_back():
     port = free_port(socket.SOCK_STREAM)
     connection = open_connection(f"tcpin:127.0.0.1:{port}", record=None)
     with served(connect=(f"tcp:127.0.0.1:{port}",), autopilot="ardupilot"):
-        craft = MavlinkVehicle(connection, 1)
+        craft = Vehicle(connection, 1)
         assert craft.upload(a_mission(5)).verified
     with served(connect=(f"tcp:127.0.0.1:{port}",), autopilot="ardupilot") as there:
         heard = craft.peer.received
@@ -243,7 +243,7 @@ def test_a_mission_goes_over_a_serial_line_that_is_unplugged_and_plugged_in_agai
         vehicle = there.world.vehicles[1]
         radio = Radio(device, there.where())
         connection = Connection(open_transport(Address("serial", str(device), 57600)), WallClock())
-        craft = MavlinkVehicle(connection, 1)
+        craft = Vehicle(connection, 1)
         assert craft.upload(a_mission(5)).verified
         radio.unplug()
         connection.run_for(0.3)

@@ -12,7 +12,7 @@ from skyway.link.protocol.opening import open_connection
 from skyway.link.telemetry.data_quality import DataQuality
 from skyway.link.telemetry.live import LiveTelemetry
 from skyway.link.telemetry.timebase import VehicleClock
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.frames import FrameWriter
 from skyway.link.wire.messages import Message
 
@@ -41,7 +41,7 @@ def answer(clock, asked_s, boot_s, took_s=0.04):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_vehicle_that_does_not_know_the_time_is_tied_to_ours_by_questions(family):
     scene = Scene(family, spoil=without_satellites, impairment=bad_radio(0.2, delay_s=0.3))
-    craft = MavlinkVehicle(scene.connection)
+    craft = Vehicle(scene.connection)
     craft.request_telemetry()
     scene.connection.run_for(15.0)
     truth = scene.lockstep.clock.posix_s() - scene.vehicle.boot_ms * 1e-3
@@ -128,7 +128,7 @@ def test_rates_are_measured_and_asked_for_anew_where_the_vehicle_took_them_other
 
     checking = False
     scene = Scene(family, spoil=spoil, impairment=bad_radio(loss))
-    craft = MavlinkVehicle(scene.connection)
+    craft = Vehicle(scene.connection)
     craft.request_telemetry({30: 10.0, 33: 5.0})
     checking = True
     scene.connection.run_for(43.0)
@@ -146,7 +146,7 @@ def test_a_rate_that_the_vehicle_does_not_keep_to_is_told_and_asked_for_a_few_ti
     scene = Scene(
         "px4", spoil=lambda _n, m, frame, up: (asked.append(m) if up and m.name == "COMMAND_LONG" else 0) or frame
     )
-    craft = MavlinkVehicle(scene.connection)
+    craft = Vehicle(scene.connection)
     craft.request_telemetry({30: 400.0})
     scene.connection.run_for(65.0)
     (check,) = craft.rates.checks
@@ -157,7 +157,7 @@ def test_a_rate_that_the_vehicle_does_not_keep_to_is_told_and_asked_for_a_few_ti
 
 def test_after_a_restart_telemetry_is_asked_for_again():
     scene = Scene("ardupilot")
-    craft = MavlinkVehicle(scene.connection)
+    craft = Vehicle(scene.connection)
     craft.request_telemetry({30: 10.0})
     scene.connection.run_for(12.0)
     scene.vehicle.reboot_soon()
@@ -167,7 +167,7 @@ def test_after_a_restart_telemetry_is_asked_for_again():
 
 def test_items_reached_and_lost_packets_are_in_the_samples():
     scene = Scene("px4", impairment=bad_radio(0.2))
-    craft = MavlinkVehicle(scene.connection)
+    craft = Vehicle(scene.connection)
     craft.request_telemetry()
     scene.connection.run_for(30.0)
     assert craft.live.sample.link_loss == pytest.approx(0.2, abs=0.12)
@@ -249,7 +249,7 @@ def test_a_simulator_that_runs_eight_times_as_fast_keeps_its_own_seconds_over_so
     port = free_port(socket.SOCK_STREAM)
     with served(tcp_port=port, speedup=8.0) as there:
         connection = open_connection(f"tcp:127.0.0.1:{port}", record=None)
-        craft = MavlinkVehicle(connection)
+        craft = Vehicle(connection)
         craft.request_telemetry()
         list(craft.samples(0.1))
         before_s, begun_s = there.world.sim_s, time.monotonic()

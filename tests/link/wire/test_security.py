@@ -9,7 +9,7 @@ from wires import Scene, a_mission
 
 from skyway.link.protocol.opening import KEY_FILE_VARIABLE, KEY_VARIABLE, open_connection, read_key
 from skyway.link.protocol.verified import UploadState
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.frames import FrameReader, FrameWriter
 from skyway.link.wire.signing import Signing
 from skyway.models.base.errors import InputError
@@ -78,7 +78,7 @@ def test_another_component_or_system_cannot_answer_for_the_vehicle(who):
 
     scene.link.spoil = spoil
     scene.meet()
-    assert MavlinkVehicle(scene.connection, 1).parameter("MPC_XY_CRUISE").value != 99.0
+    assert Vehicle(scene.connection, 1).parameter("MPC_XY_CRUISE").value != 99.0
 
 
 def test_a_companion_computer_that_is_heard_first_is_not_taken_for_the_autopilot():

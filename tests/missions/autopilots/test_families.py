@@ -9,7 +9,7 @@ from invented_family import FIRMWARE, NAME, Invented, SimulatedInvented
 from wires import Scene, a_mission, waypoint
 
 from skyway.cli import options
-from skyway.link.vehicle.mavlink_vehicle import MavlinkVehicle
+from skyway.link.vehicle.vehicle import Vehicle
 from skyway.missions import check, family_named, leg_mission, whole_mission
 from skyway.missions.autopilots import NAMES
 from skyway.missions.autopilots.registry import FAMILIES, family_of
@@ -65,7 +65,7 @@ def test_a_third_family_exports_and_checks_missions(invented, two_legs):
 
 def test_a_third_family_is_met_takes_a_mission_and_flies_it(invented):
     scene = Scene(NAME)
-    craft = MavlinkVehicle(scene.connection)
+    craft = Vehicle(scene.connection)
     assert craft.family is invented
     mission = a_mission(8)
     outcome = craft.upload(mission)

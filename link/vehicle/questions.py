@@ -1,0 +1,224 @@
+"""What a vehicle is asked: commands with their answers, telemetry, parameters and settings."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+from skyway.link.protocol.command import ACCEPTED, RESULTS, Command, Place
+from skyway.link.protocol.parameters import (
+    GIVE_UP_S,
+    PARAMETER_ERRORS,
+    ListParameters,
+    ParameterCheck,
+    ParameterValue,
+    ReadParameters,
+    SetParameter,
+    check_parameters,
+    same_value,
+)
+from skyway.link.telemetry.live import RATES_HZ
+from skyway.link.telemetry.vehicle_monitor import INTERVAL, VehicleMonitor
+from skyway.missions.items.parameters import UNITS
+from skyway.models.base.errors import (
+    CommandRefusedError,
+    Fault,
+    InputError,
+    ParameterAbsentError,
+    VehicleTimeoutError,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from skyway.link.protocol.connection import Connection
+    from skyway.link.protocol.exchange import Exchange, Steps
+    from skyway.missions.items.parameters import Parameter
+
+E_ = TypeVar("E_", bound="Exchange")
+T = TypeVar("T")
+_REQUEST_MESSAGE, _VERSION, _ANSWERS_S = 512, 148.0, 3.0
+SETS = 4
+"""Tries to set a parameter before the value it keeps is its answer."""
+
+
+class ExchangeRunner(Protocol):
+    """Who carries exchanges with a vehicle out: the connection itself, or another library on it."""
+
+    def perform(self, steps: Steps[T]) -> T:
+        """Carry a procedure out."""
+        ...
+
+
+class AskedVehicle(VehicleMonitor):
+    """One vehicle on a connection that is asked; arguments and errors as of `VehicleMonitor`.
+
+    Attributes
+    ----------
+    own_names : dict
+        Name and unit of settings, by their key, for firmware that calls them by a name that skyway does not know.
+    """
+
+    def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
+        super().__init__(connection, system, autopilot)
+        self._runner: ExchangeRunner = connection
+        self.own_names: dict[str, tuple[str, str]] = {}
+
+    def _do(self, exchange: E_) -> E_:
+        def steps() -> Steps[None]:
+            yield exchange
+
+        self._runner.perform(steps())
+        return exchange
+
+    def answers(self) -> bool:
+        """Ask whether it hears us: any answer to a request that changes nothing will do."""
+        asked = Command(self.peer.target, _REQUEST_MESSAGE, _VERSION, give_up_s=_ANSWERS_S)
+        return self._do(asked).result is not None
+
+    def request_telemetry(self, rates_hz: Mapping[int, float] = RATES_HZ) -> tuple[int, ...]:
+        """Ask for the messages that telemetry is made of; returns the ids of those refused.
+
+        Raises
+        ------
+        VehicleTimeoutError
+            No answer; what was not asked for yet is asked for again as long as it does not come.
+        """
+        wanted, refused = self.its_messages(rates_hz), []
+        for number, rate in wanted.items():
+            asked = Command(self.peer.target, INTERVAL, float(number), 1e6 / rate)
+            result = self._do(asked).result
+            if result is None:
+                self.rates.want(wanted, self.connection.clock.now_s())
+                raise VehicleTimeoutError("its telemetry", asked.give_up_s)
+            if result != ACCEPTED:
+                refused.append(number)
+        taken = {number: rate for number, rate in wanted.items() if number not in refused}
+        self.rates.want(taken, self.connection.clock.now_s())
+        return tuple(refused)
+
+    def command(self, what: str, number: int, *parameters: float, place: Place | None = None) -> None:
+        """Give a command.
+
+        Raises
+        ------
+        CommandRefusedError
+            With the vehicle's answer and what it said.
+        VehicleTimeoutError
+            No answer.
+        """
+        said = self.peer.said
+        given = Command(self.peer.target, number, *parameters, place=place)
+        result = self._do(given).result
+        if result is None:
+            raise VehicleTimeoutError(what, 6.0)
+        if result != ACCEPTED:
+            self.connection.run_for(0.2)  # its reasons may come after the answer
+            raise CommandRefusedError(what, RESULTS.get(result, f"answer {result}"), self.peer.texts_since(said)[-3:])
+
+    def read_parameters(self, names: Sequence[str]) -> ReadParameters:
+        """Read parameters by name, and tell which of them the vehicle does not have."""
+        return self._do(ReadParameters(self.peer.target, names, bytewise=self.family.bytewise_parameters))
+
+    def parameter(self, name: str) -> ParameterValue:
+        """Read a parameter.
+
+        Raises
+        ------
+        ParameterAbsentError
+            The vehicle answers, and has none of that name.
+        VehicleTimeoutError
+            It does not answer.
+        """
+        read = self.read_parameters((name,))
+        if name in read.found:
+            return read.found[name]
+        if name in read.absent:
+            raise ParameterAbsentError((name,))
+        raise VehicleTimeoutError(f"parameter {name}", GIVE_UP_S)
+
+    def set_parameter(self, name: str, value: float) -> ParameterValue:
+        """Set a parameter, and read it back.
+
+        A late answer to an earlier question tells the old value as a refusal does: only one that is told after each of
+        `SETS` tries is a refusal.
+        """
+        if not math.isfinite(value):
+            raise InputError(Fault("not a finite number", field=name, value=value))
+        kind = self.parameter(name).kind
+        bytewise = self.family.bytewise_parameters
+        for _ in range(SETS):
+            given = SetParameter(self.peer.target, name, value, kind, bytewise=bytewise)
+            refused = self._do(given).refused
+            after = self.parameter(name)
+            if same_value(value, after.value, kind):
+                return after
+            if refused is not None:
+                break
+        reason = "" if refused is None else f" ({PARAMETER_ERRORS.get(refused, f'error {refused}')})"
+        raise CommandRefusedError(f"set {name} to {value:g}", f"it is {after.value:g}{reason}", self.texts()[-1:])
+
+    def parameters(self) -> dict[str, ParameterValue]:
+        """Read all parameters, by name."""
+        found = self._do(ListParameters(self.peer.target, bytewise=self.family.bytewise_parameters))
+        if not found.complete:
+            raise VehicleTimeoutError(f"all parameters: {len(found.found)} of {found.total or 'unknown'} came", 8.0)
+        return {value.name: value for value in found.found.values()}
+
+    def check_required(self, wanted: Sequence[Parameter]) -> tuple[ParameterCheck, ...]:
+        """Read the parameters that a mission relies on, under whichever of their names this firmware has.
+
+        Raises
+        ------
+        VehicleTimeoutError
+            The link is away: what did not come is not known to be absent.
+        """
+        wanted = [p.called(*self.own_names[p.key]) if p.key in self.own_names else p for p in wanted]
+        read = self.read_parameters(tuple(dict.fromkeys(name for parameter in wanted for name in parameter.names)))
+        checks = check_parameters(wanted, {name: found.value for name, found in read.found.items()}, read.absent)
+        silent = [check.wanted.name for check in checks if check.actual is None and not check.absent]
+        if silent and not self.answers():
+            raise VehicleTimeoutError(f"parameter {', '.join(silent)}", GIVE_UP_S)
+        return checks
+
+    def read_settings(self, keys: Sequence[str]) -> dict[str, float]:
+        """Read settings by their keys (`missions.autopilots.settings`), in our units; what this firmware has not is left out.
+
+        Raises
+        ------
+        VehicleTimeoutError
+            It did not tell one, and may have it.
+        """
+        settings = self.family.settings
+        checks = self.check_required([settings[key].need("read", None, "") for key in keys])
+        silent = [check.wanted.name for check in checks if check.actual is None and not check.absent]
+        if silent:
+            raise VehicleTimeoutError(f"parameters {', '.join(silent)}", GIVE_UP_S)
+        return {c.wanted.key: c.actual / UNITS[c.wanted.unit] for c in checks if c.actual is not None and c.ok}
+
+    def check_ground_station(self) -> None:
+        """Make sure that the vehicle's failsafe counts our heartbeat: some count only that of one system.
+
+        In newer versions it may be a range of systems. A vehicle that has no such parameter is taken as it is.
+
+        Raises
+        ------
+        StationConflictError, CommandRefusedError
+            Another station has our id, or the vehicle minds another one's heartbeat.
+        VehicleTimeoutError
+            It does not tell whose it minds.
+        """
+        self.connection.refuse_conflict()
+        if not self.family.ground_station_settings:
+            return
+        needs = [self.family.settings[key].need("read", None, "") for key in self.family.ground_station_settings]
+        first, last = self.check_required(needs)
+        if first.absent:
+            return
+        if first.actual is None:
+            raise VehicleTimeoutError(f"parameter {' or '.join(first.wanted.names)}", GIVE_UP_S)
+        ours = self.connection.system
+        highest = first.actual if last.actual is None else max(first.actual, last.actual)
+        if not first.actual <= ours <= highest:
+            mine = f"its failsafe counts only the heartbeat of system {first.actual:g} ({first.wanted.name}), ours is {ours}"
+            raise CommandRefusedError("be watched by us", f"{mine}: use --gcs-system {first.actual:g}")
