@@ -5,12 +5,13 @@ typer has no such options; so the value is put in before the command line is rea
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
-
-from typer.core import TyperCommand
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+BARE: Mapping[str, Mapping[str, str]] = {"sim": {"--jitter": "0.01", "--duplicate": "0.02", "--reorder": "0.02"}}
+"""What an option of a command means where it stands bare."""
 
 
 def fill(arguments: Sequence[str], bare: Mapping[str, str]) -> list[str]:
@@ -38,19 +39,3 @@ def _number(word: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-class BareValueCommand(TyperCommand):
-    """A command of which some options may stand bare.
-
-    Attributes
-    ----------
-    BARE : mapping
-        Those options, with the value of the bare option.
-    """
-
-    BARE: ClassVar[Mapping[str, str]] = {}
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # typer's own Context, or click's in older releases
-        """Read the command line with the values put in."""
-        return super().parse_args(ctx, fill(args, self.BARE))

@@ -1,9 +1,11 @@
-"""The list of commands in ``skyway --help``, in groups."""
+"""The commands of skyway, and the groups that ``skyway --help`` lists them in."""
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+import typer
 from typer.core import TyperGroup
 
 if TYPE_CHECKING:
@@ -24,30 +26,40 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "download": "link",
         "verify": "link",
         "clear": "link",
-        "watch": "link",
-        "params": "link",
+        "watch": "watch",
+        "params": "parameters",
     },
     "Fly": {"fly": "fly", "demo": "demo", "report": "report", "sim": "sim"},
     "Logs and measurements": {"replay": "replay", "calibrate": "calibrate", "bench": "bench", "settings": "settings"},
 }
 """Headings; under each its commands in order, with the module of `skyway.cli.commands` that holds them."""
-MODULES = tuple(dict.fromkeys(module for commands in GROUPS.values() for module in commands.values()))
-"""Modules of commands, each once."""
+_HEAD, _SHOWN_HEAD = "Examples\n    --------\n", "\b\n    Examples:\n"
+"""Head of the examples in a docstring, and in a help text; ``\\b`` keeps their lines."""
+
+
+def add_command(app: typer.Typer, name: str) -> None:
+    """Add a command to a command line: a function, or a group of commands, of its name in its module."""
+    module = next(commands[name] for commands in GROUPS.values() if name in commands)
+    home = import_module(f"skyway.cli.commands.{module}")
+    command = getattr(home, name)
+    if isinstance(command, typer.Typer):
+        app.add_typer(command, name=name)
+        added = command.registered_commands
+    else:
+        app.command(name)(command)
+        added = app.registered_commands[-1:]
+    for one in added:
+        one.help = getattr(home, "FLY_HELP", None) or (one.callback.__doc__ or "").replace(_HEAD, _SHOWN_HEAD)
 
 
 class GroupedCommands(TyperGroup):
-    """The commands of skyway under headings; a command that no group names comes last."""
+    """The commands of skyway under headings."""
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:  # typer's own Context, or click's in older releases
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002  typer's Context, or click's in older releases
         """Write one section for each group."""
-        shown = {name: command for name in self.list_commands(ctx) if not (command := self.commands[name]).hidden}
-        grouped = {name for names in GROUPS.values() for name in names}
-        others = {"Other": tuple(name for name in shown if name not in grouped)}
-        for heading, names in {**GROUPS, **others}.items():
-            rows = [(name, _sentence(shown[name].help or "")) for name in names if name in shown]
-            if rows:
-                with formatter.section(heading):
-                    formatter.write_dl(rows, col_max=12)
+        for heading, names in GROUPS.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name, _sentence(self.commands[name].help or "")) for name in names], col_max=12)
 
 
 def _sentence(help_text: str) -> str:

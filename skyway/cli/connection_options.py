@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
 import re
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skyway.cli.options import FamilyNameOrAuto
+from skyway.cli import options
+from skyway.cli.option_groups import with_groups
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from skyway.link.protocol.connection import Connection
     from skyway.link.vehicle.vehicle import Vehicle
@@ -37,7 +36,6 @@ class Driver(StrEnum):
 
 CONNECT_HELP = "udpin:, udpout:, tcp: or tcpin:HOST:PORT, or DEVICE,BAUD."
 Yes = Annotated[bool, typer.Option("--yes", help="Carry it out; without --yes nothing is changed.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,9 +47,7 @@ class Line:
     key_file: Annotated[
         Path | None,
         typer.Option(
-            "--key-file",
-            help="File with the MAVLink signing key; or set SKYWAY_SIGNING_KEY in the environment.",
-            show_default=False,
+            "--key-file", help="File with the MAVLink signing key; or set SKYWAY_SIGNING_KEY in the environment."
         ),
     ] = None
     record: Annotated[Path, typer.Option("--record", help="Folder for recordings (.tlog).")] = Path("recordings")
@@ -74,12 +70,11 @@ class Line:
 class Link(Line):
     """The way to one vehicle."""
 
-    system: Annotated[
-        int | None,
-        typer.Option("--system", help="System id of the vehicle, if there are several.", show_default=False),
-    ] = None
+    system: Annotated[int | None, typer.Option("--system", help="System id of the vehicle, if there are several.")] = (
+        None
+    )
     autopilot: Annotated[
-        FamilyNameOrAuto, typer.Option("--autopilot", help="Autopilot of the vehicle; auto asks the vehicle.")
+        options.FamilyNameOrAuto, typer.Option("--autopilot", help="Autopilot of the vehicle; auto asks the vehicle.")
     ] = _ASKED
     driver: Annotated[
         Driver, typer.Option("--driver", help="Implementation of the protocols; mavsdk has no signed links.")
@@ -88,9 +83,7 @@ class Link(Line):
     parameter_name: Annotated[
         list[str] | None,
         typer.Option(
-            "--parameter-name",
-            help="SETTING=NAME:UNIT, for a parameter name that skyway does not know; repeatable.",
-            show_default=False,
+            "--parameter-name", help="SETTING=NAME:UNIT, for a parameter name that skyway does not know; repeatable."
         ),
     ] = None
 
@@ -136,32 +129,5 @@ def own_names(given: Sequence[str], family: Family) -> dict[str, tuple[str, str]
     return found
 
 
-def linked(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of the link that its parameter `link` asks for: a `Line` or a `Link`."""
-    own = inspect.signature(command, eval_str=True).parameters
-    kind = own["link"].annotation
-    hints = inspect.get_annotations(Line, eval_str=True) | inspect.get_annotations(kind, eval_str=True)
-    options = [
-        inspect.Parameter(
-            field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]
-        )
-        for field in fields(kind)
-    ]
-
-    @functools.wraps(command)
-    def run(**given: Any) -> None:
-        link = kind(**{option.name: given.pop(option.name) for option in options})
-        command(link=link, **given)
-
-    rest = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for name, parameter in own.items() if name != "link"]
-    rest.sort(key=lambda parameter: not _is_argument(parameter))
-    first = sum(map(_is_argument, rest))
-    run.__signature__ = inspect.Signature([*rest[:first], *options, *rest[first:]])  # type: ignore[attr-defined]
-    run.__annotations__ = {}
-    return run
-
-
-def _is_argument(parameter: inspect.Parameter) -> bool:
-    return any(
-        isinstance(mark, typer.models.ArgumentInfo) for mark in getattr(parameter.annotation, "__metadata__", ())
-    )
+linked = with_groups
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]

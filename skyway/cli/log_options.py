@@ -10,7 +10,7 @@ from zoneinfo import ZoneInfo
 import typer
 
 from skyway.cli import options
-from skyway.link.logs.formats import FORMATS, suffixes, titles
+from skyway.link.logs.formats import FORMATS, titles
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import distance_text
 from skyway.scenarios import load_scenario
@@ -24,69 +24,34 @@ if TYPE_CHECKING:
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.models.wind.estimation.filter import WindFilterSettings
 
-LogFile = Annotated[Path, typer.Argument(help=f"Flight log: {suffixes()}.", show_default=False)]
-Columns = Annotated[
-    Path | None,
-    typer.Option("--columns", help="For a CSV log: TOML file that maps its columns.", show_default=False),
-]
-System = Annotated[
-    int | None, typer.Option("--system", help="MAVLink system id. Without it: the first.", show_default=False)
-]
+LogFile = Annotated[Path, typer.Argument(help=f"Flight log: {titles()}.")]
+Columns = Annotated[Path | None, typer.Option("--columns", help="For a CSV log: TOML file that maps its columns.")]
+System = Annotated[int | None, typer.Option("--system", help="MAVLink system id. Without it: the first.")]
 VehicleKind = Annotated[
     str | None,
-    typer.Option(
-        "--vehicle",
-        help="Kind of vehicle, if the log does not state it: multirotor, 'fixed wing', VTOL, ….",
-        show_default=False,
-    ),
+    typer.Option("--vehicle", help="Kind of vehicle, if the log does not state it: multirotor, 'fixed wing', VTOL, …."),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
 
 Speed = Annotated[str, typer.Option("--speed", help="Speed as a multiple of real time: 1, 10, max.")]
-Begin = Annotated[str | None, typer.Option("--from", help="Start time in the log, H:MM:SS.", show_default=False)]
-End = Annotated[str | None, typer.Option("--to", help="End time in the log, H:MM:SS.", show_default=False)]
-Follow = Annotated[
-    str | None, typer.Option("--follow", help="Print events as they happen: wind,battery,mission.", show_default=False)
-]
-Expected = Annotated[
-    str | None, typer.Option("--wind", help="Forecast wind, m/s@degrees FROM: 8@270.", show_default=False)
-]
-ForecastFile = Annotated[
-    Path | None,
-    typer.Option("--forecast", help="Forecast file, as for skyway plan.", show_default=False),
-]
+Begin = Annotated[str | None, typer.Option("--from", help="Start time in the log, H:MM:SS.")]
+End = Annotated[str | None, typer.Option("--to", help="End time in the log, H:MM:SS.")]
+Follow = Annotated[str | None, typer.Option("--follow", help="Print events as they happen: wind,battery,mission.")]
+Expected = Annotated[str | None, typer.Option("--wind", help="Forecast wind, m/s@degrees FROM: 8@270.")]
+ForecastFile = Annotated[Path | None, typer.Option("--forecast", help="Forecast file, as for skyway plan.")]
 ScenarioName = Annotated[
     str | None,
-    typer.Option(
-        "--scenario",
-        help="Scenario folder (newyork: built in) whose wind record gives the forecast.",
-        show_default=False,
-    ),
+    typer.Option("--scenario", help="Scenario folder (newyork: built in) whose wind record gives the forecast."),
 ]
-Drag = Annotated[
-    Path | None, typer.Option("--drag", help="Drag of the drone, from skyway calibrate wind.", show_default=False)
-]
+Drag = Annotated[Path | None, typer.Option("--drag", help="Drag of the drone, from skyway calibrate wind.")]
 DroneFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--drone", help="Predict the flight's energy with this drone: fleet file or drone id.", show_default=False
-    ),
+    Path | None, typer.Option("--drone", help="Predict the flight's energy with this drone: fleet file or drone id.")
 ]
 Carried = Annotated[float, typer.Option("--payload", help="Mass of the package carried, kg, for --drone.")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Draw the flight: FILE.png or FILE.svg.", show_default=False)]
-TableFile = Annotated[
-    Path | None, typer.Option("--csv", help="Write a table with one row per second: FILE.csv.", show_default=False)
-]
-Connect = Annotated[
-    str | None,
-    typer.Option("--connect", help="Send the log as MAVLink: udpout:127.0.0.1:14550.", show_default=False),
-]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw the flight: FILE.png or FILE.svg.")]
+TableFile = Annotated[Path | None, typer.Option("--csv", help="Write a table with one row per second: FILE.csv.")]
+Connect = Annotated[str | None, typer.Option("--connect", help="Send the log as MAVLink: udpout:127.0.0.1:14550.")]
 Control = Annotated[
-    int | None,
-    typer.Option(
-        "--control", help="With --connect: accept commands as JSON lines on this TCP port.", show_default=False
-    ),
+    int | None, typer.Option("--control", help="With --connect: accept commands as JSON lines on this TCP port.")
 ]
 FAR_M = 300_000.0
 """A forecast for sites further away than this says little about a flight."""
@@ -201,10 +166,3 @@ def towards(text: str) -> tuple[float, float]:
 
     north, east = vector(*options.parse_wind(text))
     return float(north), float(east)
-
-
-def write(path: Path, text: str, *, force: bool) -> None:
-    """Write a text file whole or not at all."""
-    from skyway.models.base.files import write_atomically
-
-    write_atomically(path, text, force=force)

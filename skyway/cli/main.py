@@ -9,14 +9,14 @@ import gc
 import io
 import os
 import sys
-from importlib import import_module
 from typing import Annotated
 
 import typer
 
 from skyway import __version__
 from skyway.cli import extras
-from skyway.cli.command_groups import MODULES, GroupedCommands
+from skyway.cli.bare_values import BARE, fill
+from skyway.cli.command_groups import GROUPS, GroupedCommands, add_command
 from skyway.cli.compiling import show_compiling
 from skyway.cli.renamed_options import with_new_names
 from skyway.models.base.errors import SkywayError
@@ -53,15 +53,16 @@ def _main(
     """Plan, upload, fly and replay drone deliveries that must recharge on the way."""
 
 
-for module in MODULES:
-    import_module(f"skyway.cli.commands.{module}").register(app)
+for names in GROUPS.values():
+    for name in names:
+        add_command(app, name)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line and return its exit code; every error is one line per fault on stderr."""
     try:
-        typed = sys.argv[1:] if arguments is None else arguments
-        code = app(with_new_names(typed), standalone_mode=False)
+        typed = with_new_names(sys.argv[1:] if arguments is None else arguments)
+        code = app(fill(typed, BARE.get(typed[0], {}) if typed else {}), standalone_mode=False)
     except SkywayError as error:
         for line in str(error).splitlines():
             typer.echo(f"skyway: {line}", err=True)

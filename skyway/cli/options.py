@@ -20,13 +20,13 @@ from skyway.models.base.ranges import percent_faults
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from skyway import settings as settings_tree
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.estimation.filter import WindFilterSettings
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.models.wind.history import WindSite
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.objective import Objective
-    from skyway.settings import Settings as AllSettings
 
 if TYPE_CHECKING:
     FamilyName = str
@@ -36,12 +36,15 @@ else:  # choices for typer
     FamilyNameOrAuto = Literal[("auto", *NAMES)]
 """Name of an autopilot family; ``auto`` asks the vehicle."""
 
+ScenarioArgument = Annotated[Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite files.")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: FILE.png or FILE.svg.")]
 Settings = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", help="A tuned number: planner.robust.members=50; may be repeated. `skyway settings` lists them.",
-        show_default=False,
-    ),
+        "--set", help="A tuned number: planner.robust.members=50; may be repeated. `skyway settings` lists them."
+    )
 ]  # fmt: skip
 
 WIND = re.compile(r"^\s*([0-9]+(?:\.[0-9]*)?)\s*@\s*([0-9]+(?:\.[0-9]*)?)\s*$")
@@ -85,14 +88,13 @@ def planner_parameters(settings: list[str] | None) -> PlannerParameters:
     return settings_of(settings).planner
 
 
-def settings_of(settings: list[str] | None, wind_filter: WindFilterSettings | None = None) -> AllSettings:
+def settings_of(settings: list[str] | None, wind_filter: WindFilterSettings | None = None) -> settings_tree.Settings:
     """Return all parameters with what ``--set`` changes; those of the wind filter may begin elsewhere than at its defaults."""
+    from skyway import settings as tree
     from skyway.models.base.parameters import with_settings
-    from skyway.models.wind.estimation.filter import WindFilterSettings
-    from skyway.settings import Settings as AllSettings
-    from skyway.settings import WindParameters
 
-    return with_settings(AllSettings(wind=WindParameters(wind_filter or WindFilterSettings())), settings or [])
+    usual = tree.WindParameters() if wind_filter is None else tree.WindParameters(wind_filter)
+    return with_settings(tree.Settings(wind=usual), settings or [])
 
 
 def percent(value: float, option: str, *, high: float = 100.0) -> float:

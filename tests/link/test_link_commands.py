@@ -12,7 +12,7 @@ import typer
 from sim_serving import free_port, served
 from wires import a_fence, a_mission, some_rally_points
 
-from skyway.cli.commands import link as link_commands
+from skyway.cli.command_groups import GROUPS, add_command
 from skyway.link.protocol.parameter_file import read_required
 from skyway.link.wire.frames import FrameWriter
 from skyway.missions import write
@@ -23,7 +23,8 @@ from skyway.missions.items.parameters import Parameter, dumps
 from skyway.models.base.errors import InputError, SkywayError
 
 app = typer.Typer()
-link_commands.register(app)
+for name in GROUPS["Vehicles"]:
+    add_command(app, name)
 
 
 @pytest.fixture

@@ -7,13 +7,14 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from skyway.cli.commands.mission import register
+from skyway.cli.command_groups import GROUPS, add_command
 from skyway.missions.files import mission_file
 from skyway.models.base.errors import InputError
 from skyway.models.composition import file as composition_file
 
 app = typer.Typer()
-register(app)
+for name in GROUPS["Missions"]:
+    add_command(app, name)
 
 
 @pytest.fixture

@@ -6,8 +6,7 @@ import socket
 
 import pytest
 
-from skyway.cli.bare_values import fill
-from skyway.cli.commands.sim import BARE
+from skyway.cli.bare_values import BARE, fill
 from skyway.cli.main import main
 
 SHORT = ["--tcp", "0", "--speedup", "20", "--duration", "0.5"]
@@ -55,7 +54,7 @@ def run(capsys, *arguments):
     ],
 )
 def test_options_of_a_bad_link_stand_bare_or_with_a_number(typed, read):
-    assert fill(typed, BARE) == read
+    assert fill(typed, BARE["sim"]) == read
 
 
 @pytest.mark.parametrize(

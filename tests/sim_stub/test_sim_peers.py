@@ -179,8 +179,8 @@ def test_pads_over_tcp():
 
 def test_the_command_runs_prints_events_and_stops_cleanly_on_ctrl_c():
     script = (
-        "import typer, sys; from skyway.cli.commands import sim as sim_commands; app = typer.Typer();"
-        "sim_commands.register(app); app.callback()(lambda: None); app(sys.argv[1:])"
+        "import typer, sys; from skyway.cli.command_groups import add_command; app = typer.Typer();"
+        "add_command(app, 'sim'); app.callback()(lambda: None); app(sys.argv[1:])"
     )
     arguments = ["sim", "--at", "bellevue", "--tcp", "0", "--speedup", "20", "--fault", "gps@1s+1s"]
     process = subprocess.Popen(

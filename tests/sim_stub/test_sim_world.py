@@ -288,8 +288,8 @@ def test_speed_ups_have_their_limits_and_a_taken_port_is_named():
 
 def test_the_command_ends_after_its_time_and_prints_json_lines():
     script = (
-        "import typer, sys; from skyway.cli.commands import sim as sim_commands; app = typer.Typer();"
-        "sim_commands.register(app); app.callback()(lambda: None); app(sys.argv[1:])"
+        "import typer, sys; from skyway.cli.command_groups import add_command; app = typer.Typer();"
+        "add_command(app, 'sim'); app.callback()(lambda: None); app(sys.argv[1:])"
     )
     arguments = [
         "sim",

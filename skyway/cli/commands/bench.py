@@ -13,30 +13,11 @@ import skyway
 from skyway.cli import options
 from skyway.models.base.errors import Fault, InputError
 
-PLANNERS_HELP = """Measure all planners, in the paper's experiment and on held-out days of wind.
-
-Writes a table (planners.md), all figures (planners.json) and pictures (SVG) into a folder. It takes about
-45 minutes; with --quick, half a minute. What is measured: docs/explanation/evaluation.md.
-
-\b
-Examples:
-  skyway bench planners --quick
-  skyway bench planners --output results --resume
-"""
+bench = typer.Typer(help="Measure planners.", no_args_is_help=True, rich_markup_mode=None)
+bench.callback()(lambda: None)
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands to the command line."""
-    bench_app = typer.Typer(help="Measure planners.", no_args_is_help=True, rich_markup_mode=None)
-    bench_app.callback()(_group)
-    bench_app.command("planners", help=PLANNERS_HELP)(planners)
-    app.add_typer(bench_app, name="bench")
-
-
-def _group() -> None:
-    """Measure planners."""
-
-
+@bench.command("planners")
 def planners(
     quick: Annotated[bool, typer.Option("--quick", help="Run a small part: half a minute.")] = False,
     out: Annotated[Path, typer.Option("--output", "-o", help="Folder for the table, figures and pictures.")] = Path(
@@ -45,7 +26,16 @@ def planners(
     settings: options.Settings = None,
     keep: Annotated[bool, typer.Option("--resume", help="Continue: keep the results that the folder holds.")] = False,
 ) -> None:
-    """Run the benchmark of planners."""
+    """Measure all planners, in the paper's experiment and on held-out days of wind.
+
+    Writes a table (planners.md), all figures (planners.json) and pictures (SVG) into a folder. It takes about
+    45 minutes; with --quick, half a minute. What is measured: docs/explanation/evaluation.md.
+
+    Examples
+    --------
+      skyway bench planners --quick
+      skyway bench planners --output results --resume
+    """
     parameters = options.planner_parameters(settings)
     module = _benchmark()
     for path in module.run(module.QUICK if quick else module.FULL, out, keep=keep, parameters=parameters):

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 import typer
 
 from skyway.cli import options
-from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, VehicleKind, open_any, towards, write
+from skyway.cli.log_options import Columns, LogFile, System, VehicleKind, open_any, towards
 from skyway.cli.views.sheet import Column, Sheet
 from skyway.models.base.errors import Fault, InputError, one_line
+from skyway.models.base.files import write_atomically
 from skyway.models.base.formatting import duration, percent, watt_hours, wind_text
 
 if TYPE_CHECKING:
@@ -24,53 +25,34 @@ if TYPE_CHECKING:
     from skyway.models.drones.drone import Drone
     from skyway.models.wind.estimation.blocks import Blocks
 
-WIND_HELP = """Estimate the drag of a drone from a log of its flight, so that its tilt measures the wind; for a fixed wing, the scale
-factor of its airspeed sensor and the offset of its heading.
-
-The flight must cover two courses (out and back, or a circle), unless --wind gives the true wind. The command reports it
-when a flight does not determine the drag.
-
-Examples:
-
-  skyway calibrate wind flight.tlog -o drag.toml
-
-  skyway calibrate wind hover.ulg --wind 4@230
-"""
-ENERGY_HELP = """Fit the energy models to flight logs and write a drone file for skyway plan.
-
-Each flight is predicted by a fit to the others. The error is printed next to that of the published coefficients.
-
-Examples:
-
-  skyway calibrate energy flight1.tlog flight2.tlog --mass 4.69 --payload 0 --payload 0.8 -o drones.toml
-
-  skyway calibrate energy m100_*.csv --mass 3.68 --id m100 --name "DJI Matrice 100" --battery 130 -o m100.toml
-"""
 MAX_SAMPLES = 300_000
 """Of a longer log every second, fourth, … sample is taken."""
-calibrate = typer.Typer(
-    name="calibrate",
-    help="Fit the models to recorded flights.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+calibrate = typer.Typer(help="Fit the models to recorded flights.", no_args_is_help=True, rich_markup_mode=None)
 
 
-def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
+@calibrate.command("wind")
+def calibrate_wind(
     log: LogFile,
     wind: Annotated[
-        str | None,
-        typer.Option("--wind", help="True wind during the flight, m/s@degrees FROM: 4@230.", show_default=False),
+        str | None, typer.Option("--wind", help="True wind during the flight, m/s@degrees FROM: 4@230.")
     ] = None,
     system: System = None,
     vehicle: VehicleKind = None,
     columns: Columns = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Output file for the drag: FILE.toml.", show_default=False)
-    ] = None,
-    as_json: AsJson = False,
-    force: Force = False,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Output file for the drag: FILE.toml.")] = None,
+    as_json: options.AsJson = False,
+    force: options.Force = False,
 ) -> None:
+    """Estimate the drag of a drone from a log of its flight, so that its tilt measures the wind.
+
+    Of a fixed wing: the scale factor of its airspeed sensor and the offset of its heading. The flight must cover two courses (out and back, or a circle), unless --wind gives the true wind. The command reports it
+    when a flight does not determine the drag.
+
+    Examples
+    --------
+      skyway calibrate wind flight.tlog -o drag.toml
+      skyway calibrate wind hover.ulg --wind 4@230
+    """
     from skyway.link.replay.replay import choose_system, flight_blocks
     from skyway.link.replay.vehicle import no_wind, vehicle_of
 
@@ -85,7 +67,7 @@ def calibrate_wind(  # noqa: D103  the help text is WIND_HELP
         from skyway.models.drones.drag_file import drag_file
 
         notes = [f"found in {one_line(log.name)}", found.reason]
-        write(output, drag_file(found.drag, notes, found.airspeed), force=force)
+        write_atomically(output, drag_file(found.drag, notes, found.airspeed), force=force)
         options.say_written(output)
     if as_json:
         typer.echo(json.dumps(_air_json(found), allow_nan=False))
@@ -135,40 +117,38 @@ def _air_of(air: Blocks, wind: str | None) -> _Air:
     return _Air(fit.drag, None, fit.reason, fit.relative_sigma, mean, fit.course_spread_deg)
 
 
-def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
-    logs: Annotated[list[Path], typer.Argument(help="Flight logs with battery power.", show_default=False)],
-    mass: Annotated[
-        float | None, typer.Option("--mass", help="Mass of the drone with batteries, kg.", show_default=False)
-    ] = None,
+@calibrate.command("energy")
+def calibrate_energy(
+    logs: Annotated[list[Path], typer.Argument(help="Flight logs with battery power.")],
+    mass: Annotated[float | None, typer.Option("--mass", help="Mass of the drone with batteries, kg.")] = None,
     payload: Annotated[
         list[float] | None,
-        typer.Option(
-            "--payload",
-            help="Mass of the package, kg: one value for all logs, or one per log in order.",
-            show_default=False,
-        ),
+        typer.Option("--payload", help="Mass of the package, kg: one value for all logs, or one per log in order."),
     ] = None,
-    drones: Annotated[
-        Path | None, typer.Option("--drones", help="Fleet file that holds --drone.", show_default=False)
-    ] = None,
+    drones: Annotated[Path | None, typer.Option("--drones", help="Fleet file that holds --drone.")] = None,
     drone: Annotated[str, typer.Option("--drone", help="Drone whose other properties are kept.")] = "m200-v2",
-    identity: Annotated[str | None, typer.Option("--id", help="Id of the new drone.", show_default=False)] = None,
-    name: Annotated[str | None, typer.Option("--name", help="Name of the new drone.", show_default=False)] = None,
-    battery: Annotated[
-        float | None, typer.Option("--battery", help="Nameplate energy of its batteries, Wh.", show_default=False)
-    ] = None,
+    identity: Annotated[str | None, typer.Option("--id", help="Id of the new drone.")] = None,
+    name: Annotated[str | None, typer.Option("--name", help="Name of the new drone.")] = None,
+    battery: Annotated[float | None, typer.Option("--battery", help="Nameplate energy of its batteries, Wh.")] = None,
     model: Annotated[
         Literal["best", "endurance", "momentum"], typer.Option("--model", help="Energy model to write.")
     ] = "best",
     density: Annotated[float, typer.Option("--air-density", help="Air density during the flights, kg/m3.")] = 1.225,
     system: System = None,
     columns: Columns = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Output file for the drone: FILE.toml.", show_default=False)
-    ] = None,
-    as_json: AsJson = False,
-    force: Force = False,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Output file for the drone: FILE.toml.")] = None,
+    as_json: options.AsJson = False,
+    force: options.Force = False,
 ) -> None:
+    """Fit the energy models to flight logs and write a drone file for skyway plan.
+
+    Each flight is predicted by a fit to the others. The error is printed next to that of the published coefficients.
+
+    Examples
+    --------
+      skyway calibrate energy flight1.tlog flight2.tlog --mass 4.69 --payload 0 --payload 0.8 -o drones.toml
+      skyway calibrate energy m100_*.csv --mass 3.68 --id m100 --name "DJI Matrice 100" --battery 130 -o m100.toml
+    """
     from skyway.models.calibration.energy import MODELS, calibrated, drone_file, fit_energy, published_errors
 
     options.refuse_overwriting(output, force=force)
@@ -195,7 +175,7 @@ def calibrate_energy(  # noqa: D103  the help text is ENERGY_HELP
             )
         if written.id != start.id:
             notes.append(f"not measured, taken from {start.id}: maximum payload, airspeeds, wind limit, recharge time")
-        write(output, drone_file(written, notes), force=force)
+        write_atomically(output, drone_file(written, notes), force=force)
         options.say_written(output)
     published = published_errors(records, density)
     if as_json:
@@ -388,10 +368,3 @@ def _tell_energy(
     typer.echo(
         f"{chosen} model" + (" (use -o FILE to write a drone file)" if output is None else f" written to {output}")
     )
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    calibrate.command("wind", help=WIND_HELP)(calibrate_wind)
-    calibrate.command("energy", help=ENERGY_HELP)(calibrate_energy)
-    app.add_typer(calibrate)

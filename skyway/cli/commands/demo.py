@@ -13,22 +13,9 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.ranges import range_faults
 from skyway.scenarios import load_scenario
 
-DEMO_HELP = """Run a whole delivery: planned, flown by a simulated vehicle in a wind that was not forecast, replanned, delivered.
-
-It needs no vehicle and no network, and runs in virtual time. Other days and seeds give other deliveries.
-
-\b
-Examples:
-  skyway demo
-  skyway demo --day 2013-05-20 --seed 3 --autopilot ardupilot -o out/other
-  skyway demo --calibration-flight flight.tlog --payload 0.7
-"""
-
 
 def demo(
-    day: Annotated[
-        str | None, typer.Option("--day", help="Day of 2013 whose wind is simulated.", show_default=False)
-    ] = None,
+    day: Annotated[str | None, typer.Option("--day", help="Day of 2013 whose wind is simulated.")] = None,
     seed: Annotated[int, typer.Option("--seed", help="Random seed of gusts, other drones and errors.")] = 1,
     autopilot: Annotated[FamilyName, typer.Option("--autopilot", help="Whose behaviour.")] = NAMES[0],
     planner: Annotated[str, typer.Option("--planner", help="Planner. Without it: the default planner.")] = "",
@@ -39,20 +26,25 @@ def demo(
     calibration_flight: Annotated[
         Path | None,
         typer.Option(
-            "--calibration-flight",
-            help="Fly a square twice, to calibrate the drone with, and record it: FILE.tlog.",
-            show_default=False,
+            "--calibration-flight", help="Fly a square twice, to calibrate the drone with, and record it: FILE.tlog."
         ),
     ] = None,
     payload: Annotated[
         float | None,
-        typer.Option(
-            "--payload", help="Mass of the package on the calibration flight, kg. Without it: 0.8.", show_default=False
-        ),
+        typer.Option("--payload", help="Mass of the package on the calibration flight, kg. Without it: 0.8."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the recording of a calibration flight.")] = False,
 ) -> None:
-    """Show a whole delivery (the help text is `DEMO_HELP`)."""
+    """Run a whole delivery: planned, flown by a simulated vehicle in a wind that was not forecast, replanned, delivered.
+
+    It needs no vehicle and no network, and runs in virtual time. Other days and seeds give other deliveries.
+
+    Examples
+    --------
+      skyway demo
+      skyway demo --day 2013-05-20 --seed 3 --autopilot ardupilot -o out/other
+      skyway demo --calibration-flight flight.tlog --payload 0.7
+    """
     if calibration_flight is not None:
         _prove(calibration_flight, payload, force=force)
         return
@@ -87,8 +79,3 @@ def _prove(path: Path, payload: float | None, *, force: bool) -> None:
         raise InputError(faults)
     record_square(drone, carried, path, force=force)
     typer.echo(f"wrote {path}: a square flown twice with {carried:g} kg by a simulated {drone.name}")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("demo", help=DEMO_HELP)(demo)

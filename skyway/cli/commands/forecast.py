@@ -12,8 +12,9 @@ from zoneinfo import ZoneInfo
 import typer
 
 from skyway.cli import log_options, options
-from skyway.cli.log_options import AsJson, Columns, Force, open_any, write
+from skyway.cli.log_options import Columns, open_any
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import write_atomically
 from skyway.models.base.formatting import distance_text, wind_text
 
 if TYPE_CHECKING:
@@ -23,20 +24,6 @@ if TYPE_CHECKING:
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.models.wind.estimation.field import WindObservation
 
-FORECAST_HELP = """Update the wind forecast with winds measured by drones, and write it for skyway plan.
-
-The winds of all logs are combined: a forecast error is similar at nearby places and times. Members close to the
-measurements gain weight, and each member is corrected by its own error; the correction fades with the lead time.
-Without logs the forecast is written unchanged.
-
-Examples:
-
-  skyway forecast flight1.tlog flight2.tlog -o forecast.csv
-
-  skyway forecast today/*.tlog --scenario my-scenario --drag drag.toml --depart 2025-06-15T12:00Z -o forecast.csv
-
-  skyway plan my-scenario --forecast forecast.csv --from depot --to clinic --payload 1.2
-"""
 OLDEST_H = 24.0
 """Older measurements than this say nothing about the departure."""
 SHOWN_H = (0, 1, 2, 3, 6, 12)
@@ -63,18 +50,14 @@ class Update:
     seen: tuple[WindObservation, ...]
 
 
-def forecast(  # noqa: D103  the help text is FORECAST_HELP
-    logs: Annotated[list[Path] | None, typer.Argument(help="Flight logs, of any drone.", show_default=False)] = None,
+def forecast(
+    logs: Annotated[list[Path] | None, typer.Argument(help="Flight logs, of any drone.")] = None,
     scenario: log_options.ScenarioName = None,
     base: Annotated[
-        Path | None,
-        typer.Option(
-            "--forecast", help="Forecast to update. Without it: made from the wind record.", show_default=False
-        ),
+        Path | None, typer.Option("--forecast", help="Forecast to update. Without it: made from the wind record.")
     ] = None,
     depart: Annotated[
-        str | None,
-        typer.Option("--depart", help="Departure to plan for. Without it: the last measurement.", show_default=False),
+        str | None, typer.Option("--depart", help="Departure to plan for. Without it: the last measurement.")
     ] = None,
     hours: Annotated[int, typer.Option("--hours", help="Hours after the departure.", min=1, max=48)] = 12,
     slot: Annotated[float, typer.Option("--slot", help="Longest time slot of the file, minutes.")] = 60.0,
@@ -82,11 +65,23 @@ def forecast(  # noqa: D103  the help text is FORECAST_HELP
     vehicle: log_options.VehicleKind = None,
     columns: Columns = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Output file for the forecast: FILE.csv.", show_default=False)
+        Path | None, typer.Option("--output", "-o", help="Output file for the forecast: FILE.csv.")
     ] = None,
-    as_json: AsJson = False,
-    force: Force = False,
+    as_json: options.AsJson = False,
+    force: options.Force = False,
 ) -> None:
+    """Update the wind forecast with winds measured by drones, and write it for skyway plan.
+
+    The winds of all logs are combined: a forecast error is similar at nearby places and times. Members close to the
+    measurements gain weight, and each member is corrected by its own error; the correction fades with the lead time.
+    Without logs the forecast is written unchanged.
+
+    Examples
+    --------
+      skyway forecast flight1.tlog flight2.tlog -o forecast.csv
+      skyway forecast today/*.tlog --scenario my-scenario --drag drag.toml --depart 2025-06-15T12:00Z -o forecast.csv
+      skyway plan my-scenario --forecast forecast.csv --from depot --to clinic --payload 1.2
+    """
     from skyway.models.wind.estimation.forecast_update import SLOT_S
 
     if not 1.0 <= slot <= 360.0:
@@ -102,7 +97,7 @@ def forecast(  # noqa: D103  the help text is FORECAST_HELP
     if output is not None:
         from skyway.models.wind.forecast_file import forecast_table
 
-        write(output, forecast_table(update.after, [site.id for site in world.wind_sites]), force=force)
+        write_atomically(output, forecast_table(update.after, [site.id for site in world.wind_sites]), force=force)
     if as_json:
         typer.echo(json.dumps(_as_json(update), allow_nan=False))
     else:
@@ -263,8 +258,3 @@ def _tell(update: Update, output: Path | None) -> None:
         )
         typer.echo(f"  +{row['hours']:2d} h: {before}  →  {after}")
     typer.echo("use -o FILE to write it" if output is None else f"written to {output}: skyway plan --forecast {output}")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("forecast", help=FORECAST_HELP)(forecast)

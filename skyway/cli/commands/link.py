@@ -8,7 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skyway.cli.connection_options import AsJson, Link, Yes, linked
+from skyway.cli import options
+from skyway.cli.connection_options import Link, Yes
+from skyway.cli.option_groups import with_groups
+from skyway.cli.views.link import (
+    count_of,
+    difference_row,
+    on_board,
+    outcome_row,
+    print_json,
+    progress,
+    show_outcome,
+    show_plan,
+    size_of,
+    vehicle_row,
+)
+from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,10 +47,7 @@ class Kind(StrEnum):
 
 MissionFile = Annotated[Path, typer.Argument(help="Mission file: .plan or .waypoints.")]
 Required = Annotated[
-    Path | None,
-    typer.Option(
-        "--parameters", help="Parameter file for the mission, as written by skyway mission.", show_default=False
-    ),
+    Path | None, typer.Option("--parameters", help="Parameter file for the mission, as written by skyway mission.")
 ]
 
 
@@ -51,7 +63,6 @@ def _parts(document: MissionDocument) -> list[Part]:
 
 def _read_parts(file: Path) -> tuple[MissionDocument, list[Part]]:
     from skyway.missions import read
-    from skyway.models.base.errors import Fault, InputError
 
     document = read(file)
     parts = _parts(document)
@@ -61,21 +72,20 @@ def _read_parts(file: Path) -> tuple[MissionDocument, list[Part]]:
     return document, parts
 
 
-@linked
+@with_groups
 def upload(
-    link: Link, file: MissionFile, parameters: Required = None, yes: Yes = False, as_json: AsJson = False
+    link: Link, file: MissionFile, parameters: Required = None, yes: Yes = False, as_json: options.AsJson = False
 ) -> None:
     """Upload a mission with its fence and rally points, and read it back: it is done when both are equal.
 
     Without --yes nothing is sent; the mission is shown with the differences from what the vehicle holds.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway upload delivery.plan --connect udpin:127.0.0.1:14540
       skyway upload delivery.plan --connect /dev/ttyUSB0,57600 --yes
       skyway upload delivery.waypoints --connect tcp:127.0.0.1:5760 --system 2 --parameters delivery.param --yes
-    """  # noqa: D301  \b keeps the lines of the examples
-    from skyway.cli.views.link import print_json, show_outcome
+    """
     from skyway.link.protocol.parameter_file import read_required
 
     document, parts = _read_parts(file)
@@ -102,7 +112,6 @@ def upload(
 
 
 def _refuse_what_cannot_be_flown(document: MissionDocument, family: Family) -> None:
-    from skyway.models.base.errors import Fault, InputError
 
     found = [finding for finding in family.cannot_fly(document) if finding.severity == "error"]
     faults = [Fault(f.message, field=None if f.item is None else f"item {f.item}", remedy=f.remedy) for f in found]
@@ -138,7 +147,6 @@ def _parameter_state(vehicle: Vehicle, check: ParameterCheck, *, yes: bool) -> t
 def _show_dry_run(
     vehicle: Vehicle, identity: Identity, parts: list[Part], checks: list[dict[str, Any]], *, as_json: bool
 ) -> None:
-    from skyway.cli.views.link import difference_row, print_json, show_plan
     from skyway.link.protocol.verified import kind_of
 
     rows = []
@@ -154,21 +162,15 @@ def _show_dry_run(
 
 
 def _told(identity: Identity, checks: list[dict[str, Any]]) -> dict[str, Any]:
-    from skyway.cli.views.link import vehicle_row
-
     return {"vehicle": vehicle_row(identity), "parameters": checks}
 
 
 def _outcomes(outcomes: list[UploadOutcome]) -> list[dict[str, Any]]:
-    from skyway.cli.views.link import outcome_row
-
     return [outcome_row(outcome) for outcome in outcomes]
 
 
 def _send(vehicle: Vehicle, parts: list[Part]) -> list[UploadOutcome]:
     """Upload part by part, up to the first that is not verified."""
-    from skyway.cli.views.link import progress
-
     outcomes: list[UploadOutcome] = []
     try:
         for part in parts:
@@ -182,21 +184,19 @@ def _send(vehicle: Vehicle, parts: list[Part]) -> list[UploadOutcome]:
     return outcomes
 
 
-@linked
+@with_groups
 def download(
     link: Link,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .plan or .waypoints.")],
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files.")] = False,
-    as_json: AsJson = False,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Read mission, fence and rally points of a vehicle into a file.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway download -o vehicle.plan --connect udpin:127.0.0.1:14540
-    """  # noqa: D301
-    from skyway.cli import options
-    from skyway.cli.views.link import print_json
+    """
     from skyway.link.protocol.mission_words import MissionKind
     from skyway.missions import write
     from skyway.missions.items.document import MissionDocument
@@ -219,20 +219,19 @@ def download(
         typer.echo(f"wrote {path}")
 
 
-@linked
+@with_groups
 def clear(
     link: Link,
     kind: Annotated[Kind, typer.Option("--kind", help="What to clear.")] = Kind.MISSION,
     yes: Yes = False,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Clear what a vehicle holds, and verify that it is gone.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway clear --kind all --yes --connect udpin:127.0.0.1:14540
-    """  # noqa: D301
-    from skyway.cli.views.link import count_of, print_json, size_of, vehicle_row
+    """
     from skyway.link.protocol.mission_words import MissionKind
 
     kinds = list(MissionKind) if kind is Kind.ALL else [MissionKind[kind.name]]
@@ -252,15 +251,14 @@ def clear(
         print_json("clear/1", ok=True, cleared=yes, vehicle=vehicle_row(identity), held=held)
 
 
-@linked
-def verify(link: Link, file: MissionFile, as_json: AsJson = False) -> None:
+@with_groups
+def verify(link: Link, file: MissionFile, as_json: options.AsJson = False) -> None:
     """Compare what a vehicle holds with a file; exit code 1 if they differ in meaning.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway verify delivery.plan --connect udpin:127.0.0.1:14540
-    """  # noqa: D301
-    from skyway.cli.views.link import difference_row, on_board, print_json
+    """
     from skyway.link.protocol.verified import kind_of
 
     _, parts = _read_parts(file)
@@ -275,13 +273,3 @@ def verify(link: Link, file: MissionFile, as_json: AsJson = False) -> None:
         typer.echo("the vehicle holds the mission of the file" if not found else f"{len(found)} differences")
     if found:
         raise typer.Exit(1)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands to the command line."""
-    from skyway.cli.commands.parameters import params
-    from skyway.cli.views.watch import watch
-
-    for command in (upload, download, clear, verify, watch):
-        app.command(command.__name__)(command)
-    app.add_typer(params, name="params")

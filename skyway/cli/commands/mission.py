@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import json
+import math
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skyway.cli import options
 from skyway.cli.options import FamilyName
+from skyway.cli.views.sheet import Column, Sheet
 from skyway.missions.autopilots import NAMES
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.files import write_atomically
 from skyway.models.base.formatting import distance_text, duration, energy_text, percent, probability, stored_degrees
+from skyway.models.base.units import parse_instant
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -32,14 +39,6 @@ class Release(StrEnum):
     OPERATOR = "operator"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands to the command line."""
-    app.command("mission")(mission)
-    app.command("convert")(convert)
-    app.command("check")(check)
-    app.command("show")(show)
-
-
 def mission(
     plan: Annotated[Path, typer.Argument(help="Plan, as written by skyway plan -o.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .plan or .waypoints.")],
@@ -49,8 +48,7 @@ def mission(
     firmware: Annotated[
         str,
         typer.Option(
-            help="Firmware version, such as 4.6, 1.16 or main; parameter names depend on it. Without it: the newest release.",
-            show_default=False,
+            help="Firmware version, such as 4.6, 1.16 or main; parameter names depend on it. Without it: the newest release."
         ),
     ] = "",
     armed_hold: Annotated[
@@ -67,20 +65,19 @@ def mission(
     elevation: Annotated[
         list[str] | None, typer.Option(help="Ground height of a station that lacks it: ID=METRES; repeatable.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files.")] = False,
+    force: options.Force = False,
 ) -> None:
     """Turn a composition into missions for a ground station, with fence, rally points and parameters.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway mission plan.json -o delivery.plan
       skyway mission plan.json -o delivery.waypoints --autopilot ardupilot
       skyway mission plan.json -o leg1.plan --leg 1 --width 600
-    """  # noqa: D301  \b keeps the lines of the examples
+    """
     from skyway.missions import family_named
     from skyway.missions.builder.from_composition import armed_mission, leg_mission, whole_mission
     from skyway.missions.builder.mission_options import MissionOptions
-    from skyway.models.base.errors import Fault, InputError
     from skyway.models.composition.file import load
 
     if leg is not None and (whole or armed_hold):
@@ -108,8 +105,6 @@ def mission(
 
 def _leg_index(number: int, legs: int) -> int:
     """Index of a leg that a person has typed: they count from 1."""
-    from skyway.models.base.errors import Fault, InputError
-
     if not 1 <= number <= legs:
         known = "the plan has one leg: 1" if legs == 1 else f"legs are numbered from 1: the plan has legs 1 to {legs}"
         raise InputError(Fault("no such leg", field="--leg", value=number, remedy=known))
@@ -117,7 +112,6 @@ def _leg_index(number: int, legs: int) -> int:
 
 
 def _elevations(given: Sequence[str]) -> dict[str, float]:
-    from skyway.models.base.errors import Fault, InputError
 
     heights: dict[str, float] = {}
     for text in given:
@@ -135,8 +129,6 @@ def _write_export(export: Export, parameters: str, output: Path, *, force: bool)
     """Write every mission of an export and its parameters, or nothing."""
     from skyway.missions import write
     from skyway.missions.files.mission_file import files_of
-    from skyway.models.base.errors import Fault, InputError
-    from skyway.models.base.files import write_atomically
 
     count = len(export.documents)
     targets = [
@@ -176,18 +168,18 @@ def _echo_written(document: MissionDocument, files: Sequence[Path]) -> None:
 def convert(
     source: Annotated[Path, typer.Argument(help="Mission, fence or rally file in any known format.")],
     target: Annotated[Path, typer.Argument(help="File to write: .plan or .waypoints.")],
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files.")] = False,
+    force: options.Force = False,
 ) -> None:
     """Convert a mission file between QGroundControl and Mission Planner formats.
 
     A .waypoints file holds the mission alone; fence and rally points go to separate files. What the new
     format cannot hold is reported.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway convert survey.plan survey.waypoints
       skyway convert old-fence.txt fence.plan
-    """  # noqa: D301
+    """
     from skyway.missions import read, write
     from skyway.missions.files.dropped import dropped
 
@@ -211,18 +203,18 @@ def check(
     payload: Annotated[float, typer.Option(help="Mass of the package, kg.")] = 0.0,
     soc: Annotated[float, typer.Option(help="Charge at the first take-off, percent.")] = 100.0,
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Check any mission file: structure, flyability, fence, wind and battery.
 
     Exit code 0: no errors; 1: errors, or a battery that does not last; 2: the file cannot be read.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway check survey.plan
       skyway check delivery.plan --drone m200-v2 --wind 8@270 --payload 1
       skyway check delivery.plan --scenario newyork --depart 2013-07-10T14:00-04:00 --json
-    """  # noqa: D301
+    """
     from skyway.missions import check as check_mission
     from skyway.missions import family_named, read
 
@@ -235,10 +227,8 @@ def check(
         conditions=conditions,
         zones=region.network.zones if region else None,
     )
-    if json:
-        import json as json_text
-
-        typer.echo(json_text.dumps(report.to_json(), indent=1, allow_nan=False))
+    if as_json:
+        typer.echo(json.dumps(report.to_json(), indent=1, allow_nan=False))
     else:
         typer.echo(_circumstances(conditions, wind, depart))
         _print_report(report)
@@ -251,15 +241,12 @@ def _scenario(path: Path | None) -> Scenario | None:
 
 
 def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> Weather | None:
-    from skyway.cli.options import parse_wind
     from skyway.missions import ForecastWind, SteadyWind
-    from skyway.models.base.errors import Fault, InputError
-    from skyway.models.base.units import parse_instant
 
     if wind is not None:
         if depart is not None:
             raise InputError(Fault("a steady wind and a forecast exclude each other", field="--wind, --depart"))
-        return SteadyWind(*parse_wind(wind))
+        return SteadyWind(*options.parse_wind(wind))
     if depart is None:
         return None
     if region is None:
@@ -279,9 +266,7 @@ def _conditions(
     soc_percent: float,
     reserve_percent: float,
 ) -> FlightConditions:
-    from skyway.cli.options import percent
     from skyway.missions import FlightConditions, SteadyWind
-    from skyway.models.base.errors import Fault, InputError
 
     if not 0.0 <= payload_kg <= 1000.0:
         raise InputError(Fault("is not between 0 and 1000", field="--payload", value=payload_kg))
@@ -290,8 +275,8 @@ def _conditions(
     return FlightConditions(
         vehicle,
         payload_kg,
-        percent(soc_percent, "--soc"),
-        percent(reserve_percent, "--reserve"),
+        options.percent(soc_percent, "--soc"),
+        options.percent(reserve_percent, "--reserve"),
         rules.climb_rate_mps if rules else 5.0,
         rules.descent_rate_mps if rules else 3.0,
         weather or SteadyWind(),
@@ -302,7 +287,6 @@ def _conditions(
 
 def _vehicle(region: Scenario | None, identity: str | None) -> tuple[Drone, bool]:
     """Return the vehicle, and whether nobody named it."""
-    from skyway.models.base.errors import Fault, InputError
     from skyway.models.drones.drone import BUILT_IN
 
     if identity is None:
@@ -361,15 +345,15 @@ def _verdict(report: CheckReport) -> str:
 def show(
     file: Annotated[Path, typer.Argument(help="Mission file in any known format.")],
     plot: Annotated[Path | None, typer.Option(help="Draw map and height profile: FILE.png or FILE.svg.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the picture.")] = False,
+    force: options.Force = False,
 ) -> None:
     """Show a mission file as a table, and draw it.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway show survey.plan
       skyway show delivery.waypoints --plot delivery.png
-    """  # noqa: D301
+    """
     from skyway.missions import read
 
     document = read(file)
@@ -382,9 +366,6 @@ def show(
 
 
 def _print_table(document: MissionDocument) -> None:
-    import math
-
-    from skyway.cli.views.sheet import Column, Sheet
     from skyway.missions.items.altitude_frames import frame_name
 
     home = document.mission.home

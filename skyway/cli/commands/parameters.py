@@ -8,29 +8,29 @@ from typing import Annotated
 
 import typer
 
-from skyway.cli.connection_options import AsJson, Link, Yes, linked
+from skyway.cli import options
+from skyway.cli.connection_options import Link, Yes
+from skyway.cli.option_groups import with_groups
+from skyway.cli.views.link import print_json
+from skyway.models.base.errors import CommandRefusedError, LinkError
 
 params = typer.Typer(help="Read, set, compare and restore parameters.", no_args_is_help=True)
 
 
 @params.command("get")
-@linked
+@with_groups
 def params_get(
     link: Link,
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Names of parameters. Without them: all.", show_default=False)
-    ] = None,
-    as_json: AsJson = False,
+    names: Annotated[list[str] | None, typer.Argument(help="Names of parameters. Without them: all.")] = None,
+    as_json: options.AsJson = False,
 ) -> None:
     """Print parameters as NAME,VALUE lines, which ground stations read.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway params get > all.param
       skyway params get RTL_ALT FS_OPTIONS --connect tcp:127.0.0.1:5760
-    """  # noqa: D301
-    from skyway.cli.views.link import print_json
-
+    """
     with link.aboard() as vehicle:
         found = [vehicle.parameter(name) for name in names] if names else list(vehicle.parameters().values())
     if as_json:
@@ -41,22 +41,20 @@ def params_get(
 
 
 @params.command("set", context_settings={"ignore_unknown_options": True})  # negative values
-@linked
+@with_groups
 def params_set(
     link: Link,
     name: Annotated[str, typer.Argument(help="Name of the parameter.")],
     value: Annotated[float, typer.Argument(help="New value.")],
     yes: Yes = False,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Set a parameter and read it back.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway params set RTL_ALT 6000 --yes --connect tcp:127.0.0.1:5760
-    """  # noqa: D301
-    from skyway.cli.views.link import print_json
-
+    """
     with link.aboard() as vehicle:
         before = vehicle.parameter(name).value
         after = vehicle.set_parameter(name, value).value if yes else value
@@ -67,19 +65,18 @@ def params_set(
 
 
 @params.command("diff")
-@linked
+@with_groups
 def params_diff(
     link: Link,
     file: Annotated[Path, typer.Argument(help="Parameter file with NAME,VALUE lines.")],
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Compare the vehicle with a parameter file; exit code 1 where it differs.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway params diff delivery.param --connect tcp:127.0.0.1:5760
-    """  # noqa: D301
-    from skyway.cli.views.link import print_json
+    """
     from skyway.link.protocol.parameter_file import read_parameters
     from skyway.link.protocol.parameters import same_value
 
@@ -103,28 +100,26 @@ def params_diff(
 
 
 @params.command("restore")
-@linked
+@with_groups
 def params_restore(
     link: Link,
     journal: Annotated[Path, typer.Argument(help="Journal of a flight: recordings/….jsonl.")],
     yes: Yes = False,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Restore the parameters of a vehicle that a flight changed and did not restore; each is read back.
 
     A value that was changed since is left as it is.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway params restore recordings/delivery.jsonl --yes --connect tcp:127.0.0.1:5760
-    """  # noqa: D301
+    """
     from datetime import UTC, datetime
 
-    from skyway.cli.views.link import print_json
     from skyway.link.supervisor import Journal, read_journal
     from skyway.link.supervisor.departure.parameter_changes import changes_of, restore_all
     from skyway.link.supervisor.journal.entries import ParameterNote
-    from skyway.models.base.errors import CommandRefusedError, LinkError
 
     records = read_journal(journal).records
     changes = changes_of(records)

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, cast
 import typer
 
 from skyway.cli import log_options, options
-from skyway.cli.log_options import AsJson, Columns, Force, LogFile, System, open_any
-from skyway.link.logs.formats import titles
+from skyway.cli.log_options import Columns, LogFile, System, open_any
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import (
     counter,
@@ -36,27 +35,11 @@ if TYPE_CHECKING:
     from skyway.link.replay.prediction import Prediction
     from skyway.link.replay.replay import Replay, ReplayOptions
 
-REPLAY_HELP = f"""Replay a flight log as if it were live: legs, battery, wind, events.
-
-Reads {titles()}. Times are H:MM:SS from the start of the log.
-
-Examples:
-
-  skyway replay flight.tlog
-
-  skyway replay flight.tlog --from 00:05:00 --to 00:10:00 --wind 6@270 --plot flight.png
-
-  skyway replay flight.tlog --speed 10 --follow wind,battery --drag drag.toml
-
-  skyway replay flight.tlog --drone drones.toml --payload 0.8
-
-  skyway replay flight.tlog --connect udpout:127.0.0.1:14550 --control 5790
-"""
 _CLOCK = re.compile(r"^(?:(\d{1,4}):)?(\d{1,2}):(\d{1,2}(?:\.\d+)?)$|^(\d+(?:\.\d+)?)$")
 FOLLOWED = ("wind", "battery", "mission")
 
 
-def replay(  # noqa: D103  the help text is REPLAY_HELP
+def replay(
     log: LogFile,
     speed: log_options.Speed = "max",
     begin: log_options.Begin = None,
@@ -76,9 +59,21 @@ def replay(  # noqa: D103  the help text is REPLAY_HELP
     connect: log_options.Connect = None,
     control: log_options.Control = None,
     settings: options.Settings = None,
-    as_json: AsJson = False,
-    force: Force = False,
+    as_json: options.AsJson = False,
+    force: options.Force = False,
 ) -> None:
+    """Replay a flight log as if it were live: legs, battery, wind, events.
+
+    Times are H:MM:SS from the start of the log.
+
+    Examples
+    --------
+      skyway replay flight.tlog
+      skyway replay flight.tlog --from 00:05:00 --to 00:10:00 --wind 6@270 --plot flight.png
+      skyway replay flight.tlog --speed 10 --follow wind,battery --drag drag.toml
+      skyway replay flight.tlog --drone drones.toml --payload 0.8
+      skyway replay flight.tlog --connect udpout:127.0.0.1:14550 --control 5790
+    """
     factor = _speed(speed, connect)
     followed = _followed(follow)
     options.check_picture(plot)
@@ -332,8 +327,3 @@ def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
             f"  forecast: {forecast['speed_mps']} m/s from {forecast['from_deg']}°; on average "
             f"{forecast['vector_difference_mps']} m/s apart, {forecast['vector_rms_mps']} m/s RMS"
         )
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("replay", help=REPLAY_HELP)(replay)

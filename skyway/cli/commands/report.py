@@ -9,43 +9,20 @@ from typing import Annotated
 import typer
 
 from skyway.cli import options
-from skyway.cli.log_options import AsJson, Force
 from skyway.models.base.errors import Fault, InputError
 from skyway.scenarios import load_scenario
 
-REPORT_HELP = """Write a report of a flight from its journal: what was planned, what happened, and why.
-
-The report is one HTML page that needs no network and no other file. Interrupted flights are reported, too. With --json
-the figures are printed, and no page is written unless -o names one.
-
-\b
-Examples:
-  skyway report recordings/delivery.jsonl
-  skyway report out/demo/journal.jsonl --log out/demo/flight.tlog -o flight.html
-  skyway report out/demo/journal.jsonl --json
-"""
-
-JournalFile = Annotated[Path, typer.Argument(help="Journal, as written by skyway fly.", show_default=False)]
+JournalFile = Annotated[Path, typer.Argument(help="Journal, as written by skyway fly.")]
 Recording = Annotated[
-    list[Path] | None,
-    typer.Option("--log", help="Recording of the flight (.tlog), for finer telemetry; repeatable.", show_default=False),
+    list[Path] | None, typer.Option("--log", help="Recording of the flight (.tlog), for finer telemetry; repeatable.")
 ]
-PlanFile = Annotated[
-    Path | None, typer.Option("--plan", help="Plan to compare with. Without it: the journal's.", show_default=False)
-]
+PlanFile = Annotated[Path | None, typer.Option("--plan", help="Plan to compare with. Without it: the journal's.")]
 ScenarioFolder = Annotated[
-    Path | None,
-    typer.Option("--scenario", help="Scenario folder of the flight, for its no-fly zones.", show_default=False),
+    Path | None, typer.Option("--scenario", help="Scenario folder of the flight, for its no-fly zones.")
 ]
-Output = Annotated[
-    Path | None,
-    typer.Option("--output", "-o", help="Output page. Without it: report.html.", show_default=False),
-]
+Output = Annotated[Path | None, typer.Option("--output", "-o", help="Output page. Without it: report.html.")]
 
-Plot = Annotated[
-    Path | None,
-    typer.Option("--plot", help="Picture of map, charge and wind: FILE.svg.", show_default=False),
-]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Picture of map, charge and wind: FILE.svg.")]
 
 
 def report(
@@ -55,10 +32,20 @@ def report(
     scenario: ScenarioFolder = None,
     output: Output = None,
     plot: Plot = None,
-    as_json: AsJson = False,
-    force: Force = False,
+    as_json: options.AsJson = False,
+    force: options.Force = False,
 ) -> None:
-    """Make a page of a flight (the help text is `REPORT_HELP`)."""
+    """Write a report of a flight from its journal: what was planned, what happened, and why.
+
+    The report is one HTML page that needs no network and no other file. Interrupted flights are reported, too. With --json
+    the figures are printed, and no page is written unless -o names one.
+
+    Examples
+    --------
+      skyway report recordings/delivery.jsonl
+      skyway report out/demo/journal.jsonl --log out/demo/flight.tlog -o flight.html
+      skyway report out/demo/journal.jsonl --json
+    """
     from skyway.report.report import flight, write_report
 
     page = output or (None if as_json and plot is None else Path("report.html"))
@@ -78,8 +65,3 @@ def report(
     typer.echo(f"{ended}: {outcome.reason or 'no reason recorded'}")
     typer.echo(str(page))
     options.say_written(plot)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("report", help=REPORT_HELP)(report)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skyway.cli import options
-from skyway.cli.commands.plan import Depart, Force, Forecast, ScenarioArgument, Truth, WindOption
+from skyway.cli.option_groups import with_groups
+from skyway.cli.request_options import ConditionOptions
 from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import distance_text, duration, kilometres, place_text
@@ -19,73 +20,32 @@ from skyway.scenarios import load_scenario
 if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
 
-Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: FILE.png or FILE.svg.", show_default=False)]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-
-NETWORK_HELP = """Show the stations and segments that were read.
-
-\b
-Examples:
-  skyway network
-  skyway network my-scenario --plot network.svg --geojson network.geojson
-"""
-WIND_HELP = """Show the wind forecast for a departure: speed and direction by hour.
-
-\b
-Examples:
-  skyway wind --depart 2013-07-10T14:00-04:00
-  skyway wind my-scenario --depart 2026-07-10T14:00-04:00 --plot wind.svg
-"""
-INIT_HELP = """Write a commented example scenario.
-
-\b
-Example:
-  skyway scenario init my-scenario
-"""
-CHECK_HELP = """Check a scenario and report all its faults at once.
-
-\b
-Example:
-  skyway scenario check my-scenario
-"""
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands to the command line."""
-    app.command("network", help=NETWORK_HELP)(network)
-    app.command("wind", help=WIND_HELP)(wind)
-    group = typer.Typer(
-        name="scenario", help="Create and check scenarios.", no_args_is_help=True, rich_markup_mode=None
-    )
-    group.command("init", help=INIT_HELP)(init)
-    group.command("check", help=CHECK_HELP)(check)
-    app.add_typer(group)
-
 
 def network(
-    scenario: ScenarioArgument = None,
-    plot: Plot = None,
+    scenario: options.ScenarioArgument = None,
+    plot: options.Plot = None,
     geojson: Annotated[
-        Path | None, typer.Option("--geojson", help="Write stations and segments: FILE.geojson.", show_default=False)
+        Path | None, typer.Option("--geojson", help="Write stations and segments: FILE.geojson.")
     ] = None,
     graphml: Annotated[
-        Path | None,
-        typer.Option(
-            "--graphml", help="Write stations and segments for Gephi, yEd, igraph, networkx.", show_default=False
-        ),
+        Path | None, typer.Option("--graphml", help="Write stations and segments for Gephi, yEd, igraph, networkx.")
     ] = None,
     csv: Annotated[
         Path | None,
         typer.Option(
-            "--csv",
-            help="Write stations.csv and segments.csv into this folder, to edit and to make a scenario of.",
-            show_default=False,
+            "--csv", help="Write stations.csv and segments.csv into this folder, to edit and to make a scenario of."
         ),
     ] = None,
-    as_json: AsJson = False,
-    force: Force = False,
+    as_json: options.AsJson = False,
+    force: options.Force = False,
 ) -> None:
-    """Show the network."""
+    """Show the stations and segments that were read.
+
+    Examples
+    --------
+      skyway network
+      skyway network my-scenario --plot network.svg --geojson network.geojson
+    """
     from skyway.models.network.files import (
         to_geojson,
         write_geojson,
@@ -162,26 +122,27 @@ def _print_network(world: Scenario) -> None:
         )
 
 
+@with_groups
 def wind(
-    scenario: ScenarioArgument = None,
-    depart: Depart = None,
-    constant: WindOption = None,
-    forecast: Forecast = None,
-    truth: Truth = None,
+    conditions: ConditionOptions,
     hours: Annotated[int, typer.Option("--hours", help="Hours ahead.", min=1, max=48)] = 12,
-    plot: Plot = None,
-    as_json: AsJson = False,
-    force: Force = False,
+    plot: options.Plot = None,
+    as_json: options.AsJson = False,
+    force: options.Force = False,
 ) -> None:
-    """Show the wind forecast."""
+    """Show the wind forecast for a departure: speed and direction by hour.
+
+    Examples
+    --------
+      skyway wind --depart 2013-07-10T14:00-04:00
+      skyway wind my-scenario --depart 2026-07-10T14:00-04:00 --plot wind.svg
+    """
     options.refuse_overwriting(plot, force=force)
     options.check_picture(plot)
-    world = load_scenario(scenario)
-    instant = options.parse_depart(depart)
+    world = conditions.loaded()
     with options.as_typed():
-        true, day = options.true_wind(world, instant, truth)
-        ensemble = options.wind_forecast(world, instant, constant, forecast, true, day)
-    options.hint_at_warnings(world, scenario)
+        ensemble, true = conditions.winds(world, conditions.instant, conditions.truth)
+    options.hint_at_warnings(world, conditions.scenario)
     from skyway.cli.views.wind import print_wind
     from skyway.plots.wind_summary import hourly
 
@@ -197,10 +158,19 @@ def wind(
     print_wind(rows, ensemble, world)
 
 
+scenario = typer.Typer(help="Create and check scenarios.", no_args_is_help=True, rich_markup_mode=None)
+
+
+@scenario.command("init")
 def init(
-    folder: Annotated[Path, typer.Argument(help="Folder to write; it must not exist or be empty.", show_default=False)],
+    folder: Annotated[Path, typer.Argument(help="Folder to write; it must not exist or be empty.")],
 ) -> None:
-    """Write a scenario to start from."""
+    """Write a commented example scenario.
+
+    Examples
+    --------
+      skyway scenario init my-scenario
+    """
     from skyway.scenario_template import write_template
 
     for path in write_template(folder):
@@ -208,11 +178,17 @@ def init(
     typer.echo(f"next: edit {folder / 'scenario.toml'}, then: skyway scenario check {folder}")
 
 
+@scenario.command("check")
 def check(
-    folder: ScenarioArgument = None,
-    as_json: AsJson = False,
+    folder: options.ScenarioArgument = None,
+    as_json: options.AsJson = False,
 ) -> None:
-    """Check a scenario."""
+    """Check a scenario and report all its faults at once.
+
+    Examples
+    --------
+      skyway scenario check my-scenario
+    """
     if as_json:
         _check_json(folder)
         return

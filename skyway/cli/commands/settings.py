@@ -9,27 +9,20 @@ import typer
 from skyway.cli.views.sheet import Column, Sheet
 from skyway.models.base.errors import Fault, InputError
 
-HELP = """List the tuned numbers of planners and filters, with default, unit, range and what set them.
-
-They are set for one command by --set name=value.
-
-\b
-Examples:
-  skyway settings
-  skyway settings planner.robust --json
-"""
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to the command line."""
-    app.command("settings", help=HELP)(settings)
-
 
 def settings(
-    name: Annotated[str, typer.Argument(help="Only those whose name begins so.", show_default=False)] = "",
+    name: Annotated[str, typer.Argument(help="Only those whose name begins so.")] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print them as JSON.")] = False,
 ) -> None:
-    """List settings."""
+    """List the tuned numbers of planners and filters, with default, unit, range and what set them.
+
+    They are set for one command by --set name=value.
+
+    Examples
+    --------
+      skyway settings
+      skyway settings planner.robust --json
+    """
     from dataclasses import asdict
 
     from skyway.models.base.json_text import json_text

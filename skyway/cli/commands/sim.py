@@ -5,20 +5,17 @@ from __future__ import annotations
 import json
 import signal
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skyway.cli import options
-from skyway.cli.bare_values import BareValueCommand
+from skyway.cli import bare_values, options
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.json_text import json_text
 from skyway.scenarios import load_scenario
 from skyway.sim_stub.autopilot import NAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from datetime import datetime
 
     from skyway.models.network.network import Station
@@ -28,79 +25,38 @@ if TYPE_CHECKING:
     from skyway.sim_stub.transports.loop import SocketLoop
     from skyway.sim_stub.world import Event, World
 
-BARE = {"--jitter": "0.01", "--duplicate": "0.02", "--reorder": "0.02"}
-"""What a bare option of a bad link means."""
+BARE = bare_values.BARE["sim"]
 DEFAULT_CONNECT = "udpout:127.0.0.1:14540"
-SIM_HELP = """Simulate vehicles, pads and wind. On the wire the vehicles behave as real ones do.
-
-Every vehicle has its own system id. Each printed line is one event. Ctrl-C ends the simulation.
-
-Examples:
-
-  skyway sim --vehicles 5 --at bellevue
-
-  skyway sim --autopilot ardupilot --tcp 5760 --wind 8@270
-
-  skyway sim --at bellevue --wind 2013-07-10 --depart 2013-07-10T14:00-04:00 --pads tcp:127.0.0.1:5790
-
-  skyway sim --loss 0.1 --delay 0.02 --jitter --duplicate --reorder
-
-  skyway sim --fault gust@T+120s --fault battery-sag --fault link-loss@T+60s+20s --fault gps@5m+10s#2
-"""
-
-
-class SimCommand(BareValueCommand):
-    """`skyway sim`: options of a bad link may stand bare."""
-
-    BARE: ClassVar[Mapping[str, str]] = BARE
-
-
-ScenarioArgument = Annotated[
-    Path | None, typer.Argument(help="Scenario folder. Without it: New York, built in.", show_default=False)
-]
 Vehicles = Annotated[int, typer.Option("--vehicles", help="Number of vehicles.")]
 At = Annotated[
     list[str] | None,
-    typer.Option(
-        "--at", help="Where the vehicles stand: station or lat,lon; repeatable, used in turn.", show_default=False
-    ),
+    typer.Option("--at", help="Where the vehicles stand: station or lat,lon; repeatable, used in turn."),
 ]
 Family = Annotated[options.FamilyName, typer.Option("--autopilot", help="Autopilot to simulate.")]
 Firmware = Annotated[
-    str,
-    typer.Option(
-        "--firmware",
-        help="Firmware version, such as 1.16, main or 4.7. Without it: a common release.",
-        show_default=False,
-    ),
+    str, typer.Option("--firmware", help="Firmware version, such as 1.16, main or 4.7. Without it: a common release.")
 ]
 CONNECT_HELP = (
     f"udpout:, udpin:, tcp: or tcpin:HOST:PORT; repeatable. Without it, and without --tcp: {DEFAULT_CONNECT}."
 )
-Connect = Annotated[list[str] | None, typer.Option("--connect", help=CONNECT_HELP, show_default=False)]
+Connect = Annotated[list[str] | None, typer.Option("--connect", help=CONNECT_HELP)]
 Tcp = Annotated[
-    int | None,
-    typer.Option(
-        "--tcp", help="Listen on this TCP port; each further vehicle uses the port 10 higher.", show_default=False
-    ),
+    int | None, typer.Option("--tcp", help="Listen on this TCP port; each further vehicle uses the port 10 higher.")
 ]
-PadAddress = Annotated[str | None, typer.Option("--pads", help="Serve the pads: tcp:HOST:PORT.", show_default=False)]
+PadAddress = Annotated[str | None, typer.Option("--pads", help="Serve the pads: tcp:HOST:PORT.")]
 Speedup = Annotated[float, typer.Option("--speedup", help="Simulated seconds per second, up to 20.")]
 PadSpeedup = Annotated[
     float | None,
     typer.Option(
-        "--pad-speedup",
-        help="Simulated seconds per second while all vehicles are on the ground, up to 2000.",
-        show_default=False,
+        "--pad-speedup", help="Simulated seconds per second while all vehicles are on the ground, up to 2000."
     ),
 ]
 Seed = Annotated[int, typer.Option("--seed", help="Random seed of gusts, errors, queues and packet loss.")]
 FirstSystem = Annotated[int, typer.Option("--system", help="System id of the first vehicle.")]
 WIND_HELP = "The wind: 8@270 (m/s@degrees FROM), a day of the record, or a forecast file. Without it: calm."
-Wind = Annotated[str | None, typer.Option("--wind", help=WIND_HELP, show_default=False)]
+Wind = Annotated[str | None, typer.Option("--wind", help=WIND_HELP)]
 Depart = Annotated[
-    str | None,
-    typer.Option("--depart", help="When simulated time begins, with UTC offset. Without it: now.", show_default=False),
+    str | None, typer.Option("--depart", help="When simulated time begins, with UTC offset. Without it: now.")
 ]
 Soc = Annotated[float, typer.Option("--soc", help="Charge at the start, percent.")]
 Payload = Annotated[float, typer.Option("--payload", help="Mass of the package on board, kg.")]
@@ -122,19 +78,15 @@ FAULT_HELP = (
     "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s, or link-loss@T+60s+20s: 60 s after "
     "take-off; repeatable. See docs/reference/sim.md."
 )
-Faults = Annotated[list[str] | None, typer.Option("--fault", help=FAULT_HELP, show_default=False)]
+Faults = Annotated[list[str] | None, typer.Option("--fault", help=FAULT_HELP)]
 Parameters = Annotated[
-    list[str] | None,
-    typer.Option("--parameter", help="NAME=VALUE set on every vehicle; repeatable.", show_default=False),
+    list[str] | None, typer.Option("--parameter", help="NAME=VALUE set on every vehicle; repeatable.")
 ]
-Lasting = Annotated[
-    float | None, typer.Option("--duration", help="End after this simulated time, s.", show_default=False)
-]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, one object per line.")]
+Lasting = Annotated[float | None, typer.Option("--duration", help="End after this simulated time, s.")]
 
 
 def sim(
-    scenario: ScenarioArgument = None,
+    scenario: options.ScenarioArgument = None,
     vehicles: Vehicles = 1,
     at: At = None,
     autopilot: Family = NAMES[0],
@@ -160,9 +112,20 @@ def sim(
     fault: Faults = None,
     parameter: Parameters = None,
     lasting: Lasting = None,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
-    """Simulate vehicles, pads and wind (the help text is `SIM_HELP`)."""
+    """Simulate vehicles, pads and wind. On the wire the vehicles behave as real ones do.
+
+    Every vehicle has its own system id. Each printed line is one event. Ctrl-C ends the simulation.
+
+    Examples
+    --------
+      skyway sim --vehicles 5 --at bellevue
+      skyway sim --autopilot ardupilot --tcp 5760 --wind 8@270
+      skyway sim --at bellevue --wind 2013-07-10 --depart 2013-07-10T14:00-04:00 --pads tcp:127.0.0.1:5790
+      skyway sim --loss 0.1 --delay 0.02 --jitter --duplicate --reorder
+      skyway sim --fault gust@T+120s --fault battery-sag --fault link-loss@T+60s+20s --fault gps@5m+10s#2
+    """
     from skyway.sim_stub.faults import parse_fault
     from skyway.sim_stub.fleet import FleetOptions, build_world, serve
     from skyway.sim_stub.transports.urls import parse_address
@@ -271,8 +234,3 @@ def _wind(scenario: Scenario, begins: datetime, text: str | None) -> WindTruth |
         return constant
     series, _ = options.true_wind(scenario, begins, text, "--wind")
     return None if series is None else RecordedWind(series)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("sim", cls=SimCommand, help=SIM_HELP)(sim)

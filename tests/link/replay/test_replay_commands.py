@@ -9,18 +9,12 @@ import pytest
 from drone_truth import fly
 from test_log_readers import record
 
-from skyway.cli.commands import replay as replay_commands
-from skyway.cli.main import app, main
+from skyway.cli.commands import replay
+from skyway.cli.main import main
 from skyway.models.drones.drag_file import read_drag
 from skyway.models.drones.fleet import read_fleet
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _registered():
-    if not any(command.name == "replay" for command in app.registered_commands):
-        replay_commands.register(app)
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +77,8 @@ def test_replay_at_a_finite_speed_takes_its_time(skyway, flight, monkeypatch):
         slept.append(seconds)
         wall[0] += seconds
 
-    monkeypatch.setattr(replay_commands.time, "sleep", sleep)
-    monkeypatch.setattr(replay_commands.time, "monotonic", lambda: wall[0])
+    monkeypatch.setattr(replay.time, "sleep", sleep)
+    monkeypatch.setattr(replay.time, "monotonic", lambda: wall[0])
     skyway("replay", flight, "--speed", "10", "--follow", "wind", "--to", "60")
     assert sum(slept) == pytest.approx(6.0, abs=0.2)
 

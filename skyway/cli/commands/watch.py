@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skyway.cli.connection_options import AsJson, Line, linked
+from skyway.cli import options
+from skyway.cli.connection_options import Line
+from skyway.cli.option_groups import with_groups
 from skyway.cli.views.sheet import width
+from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
 from skyway.models.base.formatting import duration, height_text, percent, place_text, speed_text, wind_text
 from skyway.models.base.json_text import json_text
 
@@ -25,26 +28,23 @@ WIDE = 110
 """Columns from which on the table has a row for each vehicle."""
 
 
-@linked
+@with_groups
 def watch(
     link: Line,
     lasting: Annotated[
-        float | None,
-        typer.Option("--duration", help="End after this time, s. Without it: at Ctrl-C.", show_default=False),
+        float | None, typer.Option("--duration", help="End after this time, s. Without it: at Ctrl-C.")
     ] = None,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Watch all vehicles on a connection: position, charge, wind, mode, link. Ctrl-C ends it.
 
     Where the output is not a terminal, one line per second and vehicle is printed.
 
-    \b
-    Examples:
+    Examples
+    --------
       skyway watch --connect udpin:127.0.0.1:14540
       skyway watch --connect tcp:127.0.0.1:5760 --duration 10 --json
-    """  # noqa: D301
-    from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
-
+    """
     if lasting is not None and not 0.0 < lasting < math.inf:
         raise InputError(Fault("out of range", field="--duration", value=lasting, remedy="seconds, above 0"))
     with link.opened() as connection:
