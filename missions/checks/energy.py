@@ -16,6 +16,8 @@ from skyway.missions.checks.near_stations import NearStations
 from skyway.missions.checks.weather import SteadyWind, Weather
 from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
 from skyway.models.base import geodesy
+from skyway.models.base.json_text import HIDDEN
+from skyway.models.base.units import J_PER_WH
 from skyway.models.flight.energy import ENERGY_ERROR, FlightPower
 from skyway.models.wind.triangle import along_across, ground_speed
 
@@ -73,7 +75,7 @@ class LegEnergy:
         First and last item.
     distance_m : float
         Along the route.
-    time_s, energy_j, soc_end : float or None
+    time_s, energy_wh, soc_end : float or None
         Mean over the winds that let it fly; None where none does, or the flight has no end.
     p_reserve : float or None
         Probability that the landing keeps the reserve.
@@ -93,14 +95,19 @@ class LegEnergy:
     item_to: int
     distance_m: float
     time_s: float | None
-    energy_j: float | None
+    energy_wh: float | None
     soc_end: float | None
     p_reserve: float | None
-    soc_start: float
-    p_flyable: float
-    least_airspeed_margin_mps: float
-    worst_item: int
-    pad: str | None = None
+    soc_start: float = field(metadata=HIDDEN)
+    p_flyable: float = field(metadata=HIDDEN)
+    least_airspeed_margin_mps: float = field(metadata=HIDDEN)
+    worst_item: int = field(metadata=HIDDEN)
+    pad: str | None = field(default=None, metadata=HIDDEN)
+
+    @property
+    def energy_j(self) -> float | None:
+        """The energy in joules."""
+        return None if self.energy_wh is None else self.energy_wh * J_PER_WH
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,11 +189,11 @@ def _leg_energy(
 ) -> LegEnergy:
     weight = np.where(flown.flyable, conditions.weather.probability, 0.0)
     p_flyable = float(weight.sum())
-    time_s = energy_j = soc_end = p_reserve = None
+    time_s = energy_wh = soc_end = p_reserve = None
     if p_flyable > 0.0 and np.isfinite(flown.time_s[flown.flyable]).all():
         weight = weight / p_flyable
         time_s = float(weight @ np.where(flown.flyable, flown.time_s, 0.0))
-        energy_j = float(weight @ np.where(flown.flyable, flown.energy_j, 0.0))
+        energy_wh = float(weight @ np.where(flown.flyable, flown.energy_j, 0.0)) / J_PER_WH
         soc_end = soc - float(weight @ spent_j) / conditions.drone.battery_j
         p_reserve = float(weight @ _p_within(spent_j, (soc - conditions.reserve_soc) * conditions.drone.battery_j))
     return LegEnergy(
@@ -194,7 +201,7 @@ def _leg_energy(
         leg.item_to,
         flown.distance_m,
         time_s,
-        energy_j,
+        energy_wh,
         soc_end,
         None if p_reserve is None else min(p_reserve, 1.0),
         soc,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from skyway.missions.autopilots.registry import family_of
 from skyway.missions.checks.areas import check_fence, check_zones
@@ -23,7 +23,7 @@ from skyway.missions.checks.structure import check_structure
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.finding import Finding
 from skyway.missions.items.mission import Mission
-from skyway.models.base.units import J_PER_WH
+from skyway.models.base.json_text import HIDDEN
 from skyway.models.drones.drone import M200_V2
 
 if TYPE_CHECKING:
@@ -38,12 +38,14 @@ MAX_PER_KIND = 20
 _ORDER = {"error": 0, "warning": 1, "info": 2}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
-    """What a check found.
+    """What a check found: ``skyway.check/1``.
 
     Attributes
     ----------
+    ok : bool
+        No finding is an error, and no battery is empty before a landing, not even that of a vehicle only assumed.
     findings : tuple of Finding
         Errors first, then warnings, then information; each in the order of items.
     legs : tuple of LegEnergy
@@ -52,43 +54,11 @@ class CheckReport:
         False where nobody named the vehicle and it is no multirotor: speeds, range and battery are unknown.
     """
 
+    schema: str = SCHEMA
+    ok: bool
     findings: tuple[Finding, ...]
     legs: tuple[LegEnergy, ...]
-    vehicle_judged: bool = True
-
-    @property
-    def ok(self) -> bool:
-        """No finding is an error, and no battery is empty before a landing, not even that of a vehicle only assumed."""
-        return not any(finding.severity == "error" or finding.code == BATTERY_EMPTY for finding in self.findings)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the report as plain JSON values (``skyway.check/1``); unknown is null."""
-        return {
-            "schema": SCHEMA,
-            "ok": self.ok,
-            "findings": [
-                {
-                    "severity": finding.severity,
-                    "item": finding.item,
-                    "code": finding.code,
-                    "message": finding.message,
-                    "remedy": finding.remedy,
-                }
-                for finding in self.findings
-            ],
-            "legs": [
-                {
-                    "item_from": leg.item_from,
-                    "item_to": leg.item_to,
-                    "distance_m": leg.distance_m,
-                    "time_s": leg.time_s,
-                    "energy_wh": None if leg.energy_j is None else leg.energy_j / J_PER_WH,
-                    "soc_end": leg.soc_end,
-                    "p_reserve": leg.p_reserve,
-                }
-                for leg in self.legs
-            ],
-        }
+    vehicle_judged: bool = field(metadata=HIDDEN)
 
 
 def check(
@@ -145,8 +115,9 @@ def check(
         findings += check_zones(document, route, zones)
     findings.sort(key=lambda f: (_ORDER[f.severity], -1 if f.item is None else f.item))
     if not judged:
-        legs = tuple(replace(leg, time_s=None, energy_j=None, soc_end=None, p_reserve=None) for leg in legs)
-    return CheckReport(tuple(_without_floods(findings)), legs, judged)
+        legs = tuple(replace(leg, time_s=None, energy_wh=None, soc_end=None, p_reserve=None) for leg in legs)
+    ok = not any(finding.severity == "error" or finding.code == BATTERY_EMPTY for finding in findings)
+    return CheckReport(ok=ok, findings=tuple(_without_floods(findings)), legs=legs, vehicle_judged=judged)
 
 
 def _of_the_vehicle(

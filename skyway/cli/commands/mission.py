@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from enum import StrEnum
 from pathlib import Path
@@ -17,6 +16,7 @@ from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import write_atomically
 from skyway.models.base.formatting import distance_text, duration, energy_text, percent, probability, stored_degrees
+from skyway.models.base.json_text import json_text
 from skyway.models.base.units import parse_instant
 from skyway.scenarios import load_scenario
 
@@ -228,7 +228,7 @@ def check(
         zones=region.network.zones if region else None,
     )
     if as_json:
-        typer.echo(json.dumps(report.to_json(), indent=1, allow_nan=False))
+        typer.echo(json_text(report, indent=1))
     else:
         typer.echo(_circumstances(conditions, wind, depart))
         _print_report(report)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +13,7 @@ from skyway.cli import options
 from skyway.cli.option_groups import with_groups
 from skyway.cli.request_options import ConditionOptions
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.errors import InputError
+from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import distance_text, duration, kilometres, place_text
 from skyway.models.base.json_text import json_text
 from skyway.scenarios import load_scenario
@@ -144,18 +145,18 @@ def wind(
         ensemble, true = conditions.winds(world, conditions.instant, conditions.truth)
     options.hint_at_warnings(world, conditions.scenario)
     from skyway.cli.views.wind import print_wind
-    from skyway.plots.wind_summary import hourly
+    from skyway.plots.wind_summary import wind_report
 
-    rows = hourly(ensemble, world, hours, true)
+    report = wind_report(ensemble, world, hours, true)
     if plot is not None:
         from skyway.plots.wind import plot_wind
 
         plot_wind(ensemble, world, hours, plot, true)
         options.say_written(plot)
     if as_json:
-        typer.echo(json_text({"schema": "skyway.wind/1", "members": list(ensemble.labels), "hours": rows}, indent=1))
+        typer.echo(json_text(report, indent=1))
         return
-    print_wind(rows, ensemble, world)
+    print_wind(report, world)
 
 
 scenario = typer.Typer(help="Create and check scenarios.", no_args_is_help=True, rich_markup_mode=None)
@@ -200,28 +201,23 @@ def check(
     say(f"{world.path}: {world.name}: {len(world.network)} stations, {drones}, {record}: ready to plan")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScenarioCheck:
+    """What a check of a scenario found."""
+
+    schema: str = "skyway.scenario-check/1"
+    ok: bool
+    faults: tuple[Fault, ...]
+    warnings: tuple[str, ...]
+
+
 def _check_json(folder: Path | None) -> None:
-    faults: list[dict[str, object]] = []
+    faults: tuple[Fault, ...] = ()
     warnings: tuple[str, ...] = ()
     try:
         warnings = load_scenario(folder).warnings
     except InputError as error:
-        faults = [
-            {
-                "file": f.file,
-                "line": f.line,
-                "field": f.field,
-                "value": None if f.value is None else str(f.value),
-                "problem": f.problem,
-                "remedy": f.remedy,
-            }
-            for f in error.faults
-        ]
-    typer.echo(
-        json_text(
-            {"schema": "skyway.scenario-check/1", "ok": not faults, "faults": faults, "warnings": list(warnings)},
-            indent=1,
-        )
-    )
+        faults = tuple(replace(one, value=None if one.value is None else str(one.value)) for one in error.faults)
+    typer.echo(json_text(ScenarioCheck(ok=not faults, faults=faults, warnings=warnings), indent=1))
     if faults:
         raise typer.Exit(2)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
 from skyway.cli.views.sheet import Column, Sheet, say
@@ -12,14 +12,14 @@ from skyway.models.composition.composition import Wind
 
 if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
-    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.plots.wind_summary import WindReport
 
 
-def print_wind(rows: list[dict[str, Any]], ensemble: WindEnsemble, scenario: Scenario) -> None:
-    """Print the rows of `skyway.plots.wind_summary.hourly` as a table."""
-    zone = ZoneInfo(scenario.timezone)
-    days = f"{ensemble.labels[0]} … {ensemble.labels[-1]}" if len(ensemble.labels) > 1 else ensemble.labels[0]
-    count = "one wind" if len(ensemble.labels) == 1 else f"{len(ensemble.labels)} possible winds"
+def print_wind(report: WindReport, scenario: Scenario) -> None:
+    """Print the hours as a table."""
+    zone, members = ZoneInfo(scenario.timezone), report.members
+    days = f"{members[0]} … {members[-1]}" if len(members) > 1 else members[0]
+    count = "one wind" if len(members) == 1 else f"{len(members)} possible winds"
     say(f"{count} ({days}), at {scenario.rules.cruise_height_m:g} m at the centre of the network")
     columns = [Column("hour", justify="left"), Column("wind", "m/s"), Column("from"), Column("within 45°")]
     columns += [
@@ -30,19 +30,19 @@ def print_wind(rows: list[dict[str, Any]], ensemble: WindEnsemble, scenario: Sce
         )
         for drone in scenario.drones
     ]
-    truth = "truth_mps" in rows[0]
+    truth = isinstance(report.hours[0].truth_mps, float)
     sheet = Sheet([*columns, *([Column("truth", justify="left")] if truth else [])])
-    for row in rows:
-        wind = Wind(row["mean_mps"], row["from_deg"], row["p10_mps"], row["p90_mps"])
+    for row in report.hours:
+        wind = Wind(row.mean_mps, row.from_deg, row.p10_mps, row.p90_mps)
         cells = [
-            weekday_clock(datetime.fromisoformat(row["start"]), zone),
+            weekday_clock(datetime.fromisoformat(row.start), zone),
             wind.range_text,
             wind.direction_text,
-            percent(row["sector_share"]),
+            percent(row.sector_share),
         ]
-        cells += [percent(value) for value in row["p_hold"].values()]
-        if truth:
-            cells.append(str(Wind(row["truth_mps"], row["truth_from_deg"])))
+        cells += [percent(value) for value in row.p_hold.values()]
+        if isinstance(row.truth_mps, float) and isinstance(row.truth_from_deg, float):
+            cells.append(str(Wind(row.truth_mps, row.truth_from_deg)))
         sheet.add(*cells)
     sheet.show()
     say("")

@@ -18,6 +18,7 @@ from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence
 from skyway.missions.items.mission import Home, Mission, MissionItem
 from skyway.missions.items.rally import RallyPoint, RallyPoints
 from skyway.models.base import geodesy
+from skyway.models.base.json_text import json_text, plain
 from skyway.models.drones.drone import M200_V2
 
 NAMED = FlightConditions(M200_V2)
@@ -138,7 +139,7 @@ def test_an_aeroplane_that_nobody_named_is_not_judged_as_the_multirotor_that_is_
     report = check(mission)
     assert {(f.severity, f.code) for f in report.findings} == {("warning", "not-a-multirotor")}
     assert not report.vehicle_judged
-    assert all(leg["energy_wh"] is None and leg["distance_m"] > 0 for leg in report.to_json()["legs"])
+    assert all(leg["energy_wh"] is None and leg["distance_m"] > 0 for leg in plain(report)["legs"])
     named = check(mission, conditions=NAMED)
     assert {"speed-limit", "battery-empty"} <= {f.code for f in named.findings}
 
@@ -394,7 +395,7 @@ def test_errors_come_first_and_a_report_is_plain_json():
     report = check(Mission((AWAY, TAKEOFF, speed(25.0)), HOME))
     order = [finding.severity for finding in report.findings]
     assert order == sorted(order, key=["error", "warning", "info"].index)
-    raw = json.loads(json.dumps(report.to_json(), allow_nan=False))
+    raw = json.loads(json_text(report))
     assert raw["schema"] == "skyway.check/1"
     assert raw["ok"] is False
     assert set(raw["findings"][0]) == {"severity", "item", "code", "message", "remedy"}

@@ -12,6 +12,7 @@ from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.mission import Home, Mission, MissionItem
 from skyway.models.base import geodesy
+from skyway.models.base.json_text import plain
 from skyway.models.drones.drone import M200_V2
 from skyway.models.network.network import Station
 from skyway.models.wind.forecast import WindEnsemble
@@ -103,7 +104,7 @@ def test_a_speed_beyond_the_vehicle_is_blamed_on_the_wind_only_where_it_blows():
 def test_wind_above_the_limit_lets_nobody_fly():
     report = run(*out(), weather=SteadyWind(13.0, 90.0))
     assert codes(report) == {"wind-too-strong": "error"}
-    leg = report.to_json()["legs"][0]
+    leg = plain(report)["legs"][0]
     assert (leg["time_s"], leg["energy_wh"], leg["soc_end"], leg["p_reserve"]) == (None,) * 4
 
 
@@ -187,7 +188,7 @@ def test_a_return_to_launch_goes_home_and_lands():
 
 
 def test_a_loiter_without_end_has_no_end():
-    forever = run(*out()[:3], at(Command.NAV_LOITER_UNLIM, NORTH_5_KM)).to_json()["legs"][0]
+    forever = plain(run(*out()[:3], at(Command.NAV_LOITER_UNLIM, NORTH_5_KM)))["legs"][0]
     assert forever["time_s"] is None
     assert forever["soc_end"] is None
 
