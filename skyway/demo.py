@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from skyway.missions.autopilots import NAMES
-from skyway.models.base.formatting import distance_text, duration, utc_clock
+from skyway.models.base.formatting import distance_text, duration, zone_clock
+from skyway.models.base.units import from_posix
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -93,7 +94,8 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
         planner=planner,
         asking="never",
     )
-    operator = NobodyThere(show=lambda line: say(f"{utc_clock(lockstep.clock.posix_s())}  {line}"))
+    zone = ZoneInfo(scenario.timezone)
+    operator = NobodyThere(show=lambda line: say(f"{zone_clock(from_posix(lockstep.clock.posix_s()), zone)}  {line}"))
     pads = world.pads or Pads(world, scenario.load, seed=options.seed)
     supervisor = Supervisor(job, vehicle, lockstep.clock, pads, operator, journal, on_tick=_truth_writer(world))
     try:
