@@ -6,60 +6,39 @@ The names below are what a program needs to fly in lockstep; they are loaded whe
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from skyway.models.base.lazy import exports
 
 if TYPE_CHECKING:
-    from skyway.sim_stub.config import VehicleConfig
-    from skyway.sim_stub.faults import Fault, parse_fault
-    from skyway.sim_stub.fleet import FleetOptions, build_world, serve
-    from skyway.sim_stub.pads import Pads
-    from skyway.sim_stub.plant.wind_truth import ConstantWind, RecordedWind
-    from skyway.sim_stub.transports.channel import Impairment
-    from skyway.sim_stub.transports.lockstep import Lockstep, LockstepTransport, VirtualClock
-    from skyway.sim_stub.vehicle import Vehicle
-    from skyway.sim_stub.world import Event, World
+    from skyway.sim_stub.config import VehicleConfig as VehicleConfig
+    from skyway.sim_stub.faults import Fault as Fault
+    from skyway.sim_stub.faults import parse_fault as parse_fault
+    from skyway.sim_stub.fleet import FleetOptions as FleetOptions
+    from skyway.sim_stub.fleet import build_world as build_world
+    from skyway.sim_stub.fleet import serve as serve
+    from skyway.sim_stub.pads import Pads as Pads
+    from skyway.sim_stub.plant.wind_truth import ConstantWind as ConstantWind
+    from skyway.sim_stub.plant.wind_truth import RecordedWind as RecordedWind
+    from skyway.sim_stub.transports.channel import Impairment as Impairment
+    from skyway.sim_stub.transports.lockstep import Lockstep as Lockstep
+    from skyway.sim_stub.transports.lockstep import LockstepTransport as LockstepTransport
+    from skyway.sim_stub.transports.lockstep import VirtualClock as VirtualClock
+    from skyway.sim_stub.vehicle import Vehicle as Vehicle
+    from skyway.sim_stub.world import Event as Event
+    from skyway.sim_stub.world import World as World
 
-_HOMES = {
-    "VehicleConfig": "config",
-    "Fault": "faults",
-    "parse_fault": "faults",
-    "FleetOptions": "fleet",
-    "build_world": "fleet",
-    "serve": "fleet",
-    "Pads": "pads",
-    "Impairment": "transports.channel",
-    "Lockstep": "transports.lockstep",
-    "LockstepTransport": "transports.lockstep",
-    "VirtualClock": "transports.lockstep",
-    "Vehicle": "vehicle",
-    "ConstantWind": "plant.wind_truth",
-    "RecordedWind": "plant.wind_truth",
-    "Event": "world",
-    "World": "world",
-}
-
-__all__ = [
-    "ConstantWind",
-    "Event",
-    "Fault",
-    "FleetOptions",
-    "Impairment",
-    "Lockstep",
-    "LockstepTransport",
-    "Pads",
-    "RecordedWind",
-    "Vehicle",
-    "VehicleConfig",
-    "VirtualClock",
-    "World",
-    "build_world",
-    "parse_fault",
-    "serve",
-]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'sim_stub' has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+__all__, __getattr__ = exports(
+    __name__,
+    {
+        "config": "VehicleConfig",
+        "faults": "Fault parse_fault",
+        "fleet": "FleetOptions build_world serve",
+        "pads": "Pads",
+        "transports.channel": "Impairment",
+        "transports.lockstep": "Lockstep LockstepTransport VirtualClock",
+        "vehicle": "Vehicle",
+        "plant.wind_truth": "ConstantWind RecordedWind",
+        "world": "Event World",
+    },
+)

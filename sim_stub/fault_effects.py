@@ -20,9 +20,9 @@ def change(vehicle: Vehicle, now_s: float) -> None:
         _begin(vehicle, fault)
     for kind in sorted(before - set(faults.active)):
         vehicle.event(f"fault {kind} ends")
-    vehicle.battery.resistance_ohm = vehicle.battery.nominal_ohm * faults.resistance_factor()
-    vehicle.battery.capacity_j = vehicle.airframe.drone.battery_j * faults.capacity_factor()
-    vehicle.radio.mute(muted=not faults.link)
+    vehicle.battery.resistance_ohm = vehicle.battery.nominal_ohm * faults.value("battery-sag", 1.0)
+    vehicle.battery.capacity_j = vehicle.airframe.drone.battery_j * faults.value("battery-weak", 1.0)
+    vehicle.radio.mute(muted="link-loss" in faults.active)
     locate(vehicle)
 
 
@@ -47,7 +47,7 @@ def locate(vehicle: Vehicle) -> None:
     """Let fix and estimate agree or not, and say so as the family does."""
     position, texts = vehicle.position, vehicle.autopilot.GLITCH_TEXTS
     was = position.glitching
-    if position.update(vehicle.faults.glitch_m(), vehicle.sim_s):
+    if position.update(vehicle.faults.value("gps-glitch"), vehicle.sim_s):
         off = f"is {position.fix_m:g} m off" if position.fix_m else "is true again"
         vehicle.event(f"the position estimate {off}")
     if texts is not None and was != position.glitching:

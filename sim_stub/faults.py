@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
@@ -13,42 +13,47 @@ from skyway.models.base.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+
+class Kind(NamedTuple):
+    """What a fault does, the default, least and greatest value, its usual duration, and the word where it takes one."""
+
+    says: str
+    values: tuple[float, float, float] | None = None
+    lasts_s: float = math.inf
+    word: str | None = None
+
+
 KINDS = {
-    "gust": "extra wind of VALUE m/s (8), for 15 s unless a duration is given",
-    "wind-shift": "extra wind of VALUE m/s (5), for good",
-    "battery-sag": "internal resistance times VALUE (4)",
-    "battery-drop": "state of charge lower by VALUE (0.2) at once",
-    "battery-weak": "the battery holds VALUE (0.9) of its nameplate energy",
-    "battery-swap": "another battery with VALUE (1) of charge, and a restart; on the ground, disarmed",
-    "soc-unknown": "battery percentage reported as -1",
-    "soc-stuck": "battery percentage stays where it is",
-    "soc-jump": "battery percentage reported as VALUE (0.5)",
-    "link-loss": "no packet passes in either direction",
-    "gps": "no position",
-    "gps-glitch": "the receiver is off by VALUE m (40), for 20 s unless a duration is given",
-    "rc-loss": "remote control lost",
-    "prearm": "a pre-arm check fails",
-    "reboot": "the autopilot restarts by itself",
-    "pilot": "a pilot switches the mode to VALUE (position)",
-    "pads-taken": "other drones take every pad of station VALUE (all of them), for an hour unless a duration is given",
+    "gust": Kind("extra wind of VALUE m/s (8), for 15 s unless a duration is given", (8.0, 0.0, 60.0), 15.0),
+    "wind-shift": Kind("extra wind of VALUE m/s (5), for good", (5.0, 0.0, 60.0)),
+    "battery-sag": Kind("internal resistance times VALUE (4)", (4.0, 0.0, 100.0)),
+    "battery-drop": Kind("state of charge lower by VALUE (0.2) at once", (0.2, 0.0, 1.0)),
+    "battery-weak": Kind("the battery holds VALUE (0.9) of its nameplate energy", (0.9, 0.01, 2.0)),
+    "battery-swap": Kind(
+        "another battery with VALUE (1) of charge, and a restart; on the ground, disarmed", (1.0, 0.0, 1.0)
+    ),
+    "soc-unknown": Kind("battery percentage reported as -1"),
+    "soc-stuck": Kind("battery percentage stays where it is"),
+    "soc-jump": Kind("battery percentage reported as VALUE (0.5)", (0.5, 0.0, 1.0)),
+    "link-loss": Kind("no packet passes in either direction"),
+    "gps": Kind("no position"),
+    "gps-glitch": Kind(
+        "the receiver is off by VALUE m (40), for 20 s unless a duration is given", (40.0, 0.0, 100_000.0), 20.0
+    ),
+    "rc-loss": Kind("remote control lost"),
+    "prearm": Kind("a pre-arm check fails"),
+    "reboot": Kind("the autopilot restarts by itself"),
+    "pilot": Kind("a pilot switches the mode to VALUE (position)", word="position"),
+    "pads-taken": Kind(
+        "other drones take every pad of station VALUE (all of them), for an hour unless a duration is given",
+        lasts_s=3600.0,
+        word="",
+    ),
 }
-"""Every fault with what it does and its default value."""
+"""Every fault by name."""
 AT_STATIONS = "pads-taken"
 """The fault that befalls stations, not vehicles."""
-_WORDS = {"pilot": "position", "pads-taken": ""}
-_RANGES = {
-    # kind: default, least, most
-    "gust": (8.0, 0.0, 60.0),
-    "wind-shift": (5.0, 0.0, 60.0),
-    "battery-sag": (4.0, 0.0, 100.0),
-    "battery-drop": (0.2, 0.0, 1.0),
-    "battery-weak": (0.9, 0.01, 2.0),
-    "battery-swap": (1.0, 0.0, 1.0),
-    "soc-jump": (0.5, 0.0, 1.0),
-    "gps-glitch": (40.0, 0.0, 100_000.0),
-}
 _PILOT_MODES = ("position", "stabilize", "altitude", "hold", "land", "return")
-_LASTS_S = {"gust": 15.0, "gps-glitch": 20.0, "pads-taken": 3600.0}
 _SCALE_S = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 _TIME = r"(\d+(?:\.\d+)?)(s|min|m|h)?"
 _FORM = re.compile(rf"([a-z-]+)(?:=([\w.-]+))?(?:@(T\+)?{_TIME})?(?:\+{_TIME})?(?:#(\d+))?")
@@ -104,12 +109,13 @@ def parse_fault(text: str) -> Fault:
         remedy = "one of " + ", ".join(KINDS)
         raise InputError(Wrong("no such fault", field="--fault", value=kind, remedy=remedy))
     start_s = float(start) * _SCALE_S[start_unit or ""] if start else 0.0
-    lasts_s = float(length) * _SCALE_S[length_unit or ""] if length else _LASTS_S.get(kind, math.inf)
+    lasts_s = float(length) * _SCALE_S[length_unit or ""] if length else KINDS[kind].lasts_s
     befalls = int(system) if system else None
     if take_off and kind == AT_STATIONS:
         remedy = f"{kind}@60s: from the beginning of the simulation"
         raise InputError(Wrong("concerns stations, which do not take off", field="--fault", value=text, remedy=remedy))
-    told, value = (_word(kind, word, text), 0.0) if kind in _WORDS else ("", _value(kind, word, text))
+    takes_word = KINDS[kind].word is not None
+    told, value = (_word(kind, word, text), 0.0) if takes_word else ("", _value(kind, word, text))
     return Fault(kind, start_s, start_s + lasts_s, value, told, befalls, after_take_off=bool(take_off))
 
 
@@ -118,12 +124,12 @@ def _word(kind: str, word: str | None, text: str) -> str:
     if kind == "pilot" and word is not None and word not in _PILOT_MODES:
         remedy = "pilot=MODE with MODE one of " + ", ".join(_PILOT_MODES)
         raise InputError(Wrong("no such mode", field="--fault", value=text, remedy=remedy))
-    return _WORDS[kind] if word is None else word
+    return (KINDS[kind].word or "") if word is None else word
 
 
 def _value(kind: str, word: str | None, text: str) -> float:
     """Value of a fault that takes a number, or none."""
-    limits = _RANGES.get(kind)
+    limits = KINDS[kind].values
     if limits is None:
         if word is not None:
             raise InputError(Wrong("this fault takes no value", field="--fault", value=text, remedy=kind))
@@ -215,31 +221,9 @@ class FaultState:
         """Whether there is a position."""
         return "gps" not in self.active
 
-    @property
-    def remote_control(self) -> bool:
-        """Whether the remote control is heard."""
-        return "rc-loss" not in self.active
-
-    @property
-    def link(self) -> bool:
-        """Whether packets pass."""
-        return "link-loss" not in self.active
-
-    def extra_wind_mps(self) -> float:
-        """Strength of gusts and shifts in force."""
-        return sum(self.active[kind].value for kind in ("gust", "wind-shift") if kind in self.active)
-
-    def resistance_factor(self) -> float:
-        """How much the battery's resistance has grown."""
-        return self.active["battery-sag"].value if "battery-sag" in self.active else 1.0
-
-    def capacity_factor(self) -> float:
-        """Share of its nameplate energy that the battery holds."""
-        return self.active["battery-weak"].value if "battery-weak" in self.active else 1.0
-
-    def glitch_m(self) -> float:
-        """How far the receiver's position is off."""
-        return self.active["gps-glitch"].value if "gps-glitch" in self.active else 0.0
+    def value(self, kind: str, otherwise: float = 0.0) -> float:
+        """Strength of a fault in force."""
+        return self.active[kind].value if kind in self.active else otherwise
 
     def soc_override(self, soc: float) -> int | None:
         """Battery percentage to report instead of the estimate, or None."""

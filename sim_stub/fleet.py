@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from skyway.models.queues.load import PadLoad
     from skyway.sim_stub.faults import Fault
     from skyway.sim_stub.plant.wind_truth import WindTruth
-    from skyway.sim_stub.transports.endpoint import Endpoint
+    from skyway.sim_stub.transports.loop import Endpoint
     from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.world import Event
 

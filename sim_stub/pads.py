@@ -43,13 +43,13 @@ class _Customer:
         How long another drone charges.
     end_s : float
         When it leaves the pad, or when ours is charged; infinite while it waits.
-    drone : str
-        Name of ours; empty for another drone.
+    vehicle : Vehicle or None
+        Ours; None for another drone.
     """
 
     stay_s: float = 0.0
     end_s: float = math.inf
-    drone: str = ""
+    vehicle: Vehicle | None = None
     to_soc: float = 1.0
 
 
@@ -184,9 +184,9 @@ class Pads:
                 site.line.append(_Customer(site.generator.expovariate(1.0 / mean_s)))
             site.next_arrival_s = self._arrival_after(site, self._now)
         for customer in [customer for customer in site.on_pads if customer.end_s <= self._now]:
-            if customer.drone:
+            if customer.vehicle is not None:
                 customer.end_s = math.inf
-                self._charged(site, customer)
+                self._charged(site, customer, customer.vehicle)
             else:
                 site.on_pads.remove(customer)
         self._fill(site)
@@ -196,27 +196,24 @@ class Pads:
         while site.line and len(site.on_pads) < site.station.pads:
             customer = site.line.popleft()
             site.on_pads.append(customer)
-            if customer.drone:
-                self._begin(site, customer)
+            if customer.vehicle is not None:
+                self._begin(site, customer, customer.vehicle)
             else:
                 customer.end_s = self._now + customer.stay_s
 
     def _see_off(self, site: _Site) -> None:
         """Take those of ours off the books who have left or started their motors."""
-        ours = [customer for customer in (*site.on_pads, *site.line) if customer.drone]
+        ours = [(c, c.vehicle) for c in (*site.on_pads, *site.line) if c.vehicle is not None]
         if not ours:
             self._hosts.remove(site)
-        for customer in ours:
-            vehicle = self._vehicle(customer.drone)
-            if vehicle is None or vehicle.active:
-                self._remove(site, customer)
+        for customer, vehicle in ours:
+            if vehicle.active:
+                self._remove(site, customer, vehicle)
 
-    def _remove(self, site: _Site, customer: _Customer) -> None:
-        vehicle = self._vehicle(customer.drone)
-        if vehicle is not None:
-            vehicle.tend()
-            vehicle.charging = None
-            vehicle.event(f"leaves the pads of {site.station.id}")
+    def _remove(self, site: _Site, customer: _Customer, vehicle: Vehicle) -> None:
+        vehicle.tend()
+        vehicle.charging = None
+        vehicle.event(f"leaves the pads of {site.station.id}")
         if customer in site.on_pads:
             site.on_pads.remove(customer)
         else:
@@ -226,10 +223,7 @@ class Pads:
 
     # Charging
 
-    def _begin(self, site: _Site, customer: _Customer) -> None:
-        vehicle = self._vehicle(customer.drone)
-        if vehicle is None:
-            return
+    def _begin(self, site: _Site, customer: _Customer, vehicle: Vehicle) -> None:
         vehicle.tend()
         power = site.station.recharge_power_w
         customer.end_s = self._now + vehicle.battery.time_to_soc_s(customer.to_soc, power)
@@ -237,12 +231,9 @@ class Pads:
         vehicle.event(f"charges at {site.station.id}: {percent(vehicle.battery.soc)} to {percent(customer.to_soc)}")
         if customer.end_s <= self._now:
             customer.end_s = math.inf
-            self._charged(site, customer)
+            self._charged(site, customer, vehicle)
 
-    def _charged(self, site: _Site, customer: _Customer) -> None:
-        vehicle = self._vehicle(customer.drone)
-        if vehicle is None:
-            return
+    def _charged(self, site: _Site, customer: _Customer, vehicle: Vehicle) -> None:
         vehicle.tend()
         vehicle.battery.soc = max(vehicle.battery.soc, min(customer.to_soc, 1.0))  # and the pad keeps it there
         vehicle.event(f"is charged to {percent(vehicle.battery.soc)} at {site.station.id}")
@@ -288,7 +279,7 @@ class Pads:
             waiting=len(site.line),
             holding_spots=site.station.holding_spots,
             holding_free=max(0, site.station.holding_spots - len(site.line)),
-            drones=tuple(self._tell(site, g) for g in (*site.on_pads, *site.line) if g.drone),
+            drones=tuple(self._tell(site, g, g.vehicle) for g in (*site.on_pads, *site.line) if g.vehicle is not None),
         )
 
     def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
@@ -303,14 +294,14 @@ class Pads:
             raise PadServiceError(
                 f"drone {drone} is not disarmed on the ground at {station}: land there and disarm first"
             )
-        customer = self._find(site, drone)
+        customer = self._find(site, vehicle)
         if customer is None:
             free = len(site.on_pads) < site.station.pads
             if not free and len(site.line) >= site.station.holding_spots:
                 raise PadServiceError(f"no pad and no holding spot is free at {station}: divert")
             if site.station.pads == 0:
                 raise PadServiceError(f"{station} has no pads")
-            customer = _Customer(drone=drone, to_soc=to_soc)
+            customer = _Customer(vehicle=vehicle, to_soc=to_soc)
             site.line.append(customer)
             if site not in self._hosts:
                 self._hosts.append(site)
@@ -320,29 +311,27 @@ class Pads:
         elif customer.to_soc != to_soc:
             customer.to_soc = to_soc
             if customer in site.on_pads:
-                self._begin(site, customer)
+                self._begin(site, customer, vehicle)
         self._reschedule()
-        return self._tell(site, customer)
+        return self._tell(site, customer, vehicle)
 
     def release(self, station: str, drone: str) -> DroneOnPad:
         """Give the pad, or the place in the line, back."""
         site = self._site(station)
-        customer = self._find(site, drone)
-        if customer is not None:
-            self._remove(site, customer)
+        vehicle = self._vehicle(drone)
+        customer = None if vehicle is None else self._find(site, vehicle)
+        if vehicle is not None and customer is not None:
+            self._remove(site, customer, vehicle)
         return DroneOnPad(drone=drone, state="absent")
 
-    def _tell(self, site: _Site, customer: _Customer) -> DroneOnPad:
-        vehicle = self._vehicle(customer.drone)
-        if vehicle is not None:
-            vehicle.tend()
-        soc = vehicle.battery.soc if vehicle is not None else None
-        epoch = self.world.epoch_s
+    def _tell(self, site: _Site, customer: _Customer, vehicle: Vehicle) -> DroneOnPad:
+        vehicle.tend()
+        drone, epoch = str(vehicle.config.system), self.world.epoch_s
         if customer in site.line:
             place = site.line.index(customer)
             free_s = self._pad_free_s(site, place)
             return DroneOnPad(
-                drone=customer.drone,
+                drone=drone,
                 state="waiting",
                 to_soc=customer.to_soc,
                 place_in_line=place,
@@ -350,9 +339,9 @@ class Pads:
             )
         charging = math.isfinite(customer.end_s)
         return DroneOnPad(
-            drone=customer.drone,
+            drone=drone,
             state="charging" if charging else "done",
-            soc=soc,
+            soc=vehicle.battery.soc,
             to_soc=customer.to_soc,
             done_s=epoch + customer.end_s if charging else None,
         )
@@ -362,7 +351,7 @@ class Pads:
         """When the one at a place in the line gets a pad, where every stay before it is known."""
         ends = sorted(customer.end_s for customer in site.on_pads)
         for customer in list(site.line)[:place]:
-            if customer.drone or not ends or not math.isfinite(ends[0]):
+            if customer.vehicle is not None or not ends or not math.isfinite(ends[0]):
                 return None
             ends = sorted([*ends[1:], ends[0] + customer.stay_s])
         return ends[0] if ends and math.isfinite(ends[0]) else None
@@ -377,5 +366,5 @@ class Pads:
         return self.world.vehicles.get(int(drone)) if drone.isascii() and drone.isdigit() and len(drone) < 4 else None
 
     @staticmethod
-    def _find(site: _Site, drone: str) -> _Customer | None:
-        return next((g for g in (*site.on_pads, *site.line) if g.drone == drone), None)
+    def _find(site: _Site, vehicle: Vehicle) -> _Customer | None:
+        return next((g for g in (*site.on_pads, *site.line) if g.vehicle is vehicle), None)

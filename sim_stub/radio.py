@@ -6,13 +6,13 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.sim_stub.protocols.services import text_frames
 from skyway.sim_stub.protocols.telemetry import (
     BUILDERS,
+    HOME,
     STREAM_GROUPS,
     mission_current,
 )
-from skyway.sim_stub.wire.messages import Mavlink, is_version_2, message, message_id, message_name
+from skyway.sim_stub.wire.messages import Mavlink, is_version_2, message, message_name
 from skyway.sim_stub.wire.ports import Port
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Radio:
         if len(self.ports) >= _MAX_PORTS:
             raise InputError(Fault("too many connections to one vehicle", value=len(self.ports)))
         port = Port(send, Mavlink(self.vehicle.config.system), datagrams)
-        port.muted = not self.vehicle.faults.link
+        port.muted = "link-loss" in self.vehicle.faults.active
         self._choose_version(port)
         self.ports.append(port)
         if self._signing_key is not None:
@@ -149,11 +149,15 @@ class Radio:
     # Speaking
 
     def say(self, severity: int, text: str) -> None:
-        """Send a STATUSTEXT to every ground station."""
+        """Send a STATUSTEXT to every ground station, in numbered chunks where it is longer than one."""
         self._texts = self._texts % 65535 + 1
+        chunks = [text[i : i + 50] for i in range(0, len(text), 50)]
+        if len(chunks) > 1 and len(chunks[-1]) == 50:
+            chunks.append("")  # a full last chunk does not end the text
         for port in self.ports:
-            for fields in text_frames(severity, text, self._texts):
-                port.reply("STATUSTEXT", **fields)
+            for index, chunk in enumerate(chunks or [""]):
+                numbered = {"id": self._texts, "chunk_seq": index} if len(chunks) > 1 else {}
+                port.reply("STATUSTEXT", severity=severity, text=chunk, **numbered)
 
     def broadcast(self, sent: Any) -> None:
         """Send a message on every port."""
@@ -202,7 +206,7 @@ class Radio:
 
     def home_changed(self) -> None:
         """Tell all ground stations where home is."""
-        sent = BUILDERS[message_id("HOME_POSITION")](self.vehicle)
+        sent = BUILDERS[HOME](self.vehicle)
         if sent is not None:
             self.broadcast(sent)
 

@@ -219,7 +219,7 @@ class Vehicle:
         self.step_s = FINE_STEP_S if self.radio.shortest_s < STEP_S else STEP_S
         body = self.body
         north, east = self.world.wind.at(self.posix_s, body.lat, body.lon, body.alt_m - self.ground_m)
-        extra = self.faults.extra_wind_mps()
+        extra = self.faults.value("gust") + self.faults.value("wind-shift")
         self._wind_mean = (
             north + extra * math.cos(self._mishap_rad),
             east + extra * math.sin(self._mishap_rad),
@@ -307,7 +307,7 @@ class Vehicle:
 
     def receive(self, port: Port, data: bytes) -> None:
         """Take bytes that came in on a port."""
-        if self._was_booting or not self.faults.link:
+        if self._was_booting or "link-loss" in self.faults.active:
             return
         self.radio.receive(port, data)
         if self.active and self.stepped_s < self.sim_s - STEP_S:

@@ -5,43 +5,28 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from skyway.models.base.lazy import exports
+
 if TYPE_CHECKING:
-    from skyway.link.supervisor.job import DeliveryJob, Outcome
-    from skyway.link.supervisor.journal.file import Journal, Record, read_journal
-    from skyway.link.supervisor.machine import Supervisor
-    from skyway.link.supervisor.operators import NobodyThere, Operator
-    from skyway.link.supervisor.states import State
+    from skyway.link.supervisor.job import DeliveryJob as DeliveryJob
+    from skyway.link.supervisor.job import Outcome as Outcome
+    from skyway.link.supervisor.journal.file import Journal as Journal
+    from skyway.link.supervisor.journal.file import Record as Record
+    from skyway.link.supervisor.journal.file import read_journal as read_journal
+    from skyway.link.supervisor.machine import Supervisor as Supervisor
+    from skyway.link.supervisor.operators import NobodyThere as NobodyThere
+    from skyway.link.supervisor.operators import Operator as Operator
+    from skyway.link.supervisor.states import State as State
 
-_HOMES = {
-    "Journal": "journal.file",
-    "DeliveryJob": "job",
-    "NobodyThere": "operators",
-    "Operator": "operators",
-    "Outcome": "job",
-    "Record": "journal.file",
-    "State": "states",
-    "Supervisor": "machine",
-    "read_journal": "journal.file",
-}
-
-__all__ = [
-    "DeliveryJob",
-    "Journal",
-    "NobodyThere",
-    "Operator",
-    "Outcome",
-    "Record",
-    "State",
-    "Supervisor",
-    "read_journal",
-]
-
-
-def __getattr__(name: str) -> object:
-    """Import what is asked for, and no sooner."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'skyway.link.supervisor' has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+__all__, __getattr__ = exports(
+    __name__,
+    {
+        "journal.file": "Journal Record read_journal",
+        "job": "DeliveryJob Outcome",
+        "operators": "NobodyThere Operator",
+        "states": "State",
+        "machine": "Supervisor",
+    },
+)

@@ -69,6 +69,7 @@ class Autopilot(Family):
         self.commanded_down_mps: float | None = None
         self.yaw_override_deg: float | None = None
         self.home: Home | None = None
+        self.infeasible: str | None = None
         self.speeds = self.read_speeds()
         self._look_s = -math.inf
 
@@ -107,6 +108,15 @@ class Autopilot(Family):
     def position_known(self) -> bool:
         """Whether there is a position to hold."""
         return self.vehicle.faults.positioning
+
+    @property
+    def ready(self) -> bool:
+        """Whether the estimator has converged and gives a position."""
+        return self.vehicle.since_boot_s >= self.READY_AFTER_S and self.position_known
+
+    def wind_estimate(self) -> tuple[float, float] | None:
+        """(north, east) towards as its own estimator has it; None where that is off."""
+        return self.vehicle.felt_wind() if self.estimates_wind and not self.landed else None
 
     @property
     def cruise_mps(self) -> float:
@@ -214,6 +224,10 @@ class Autopilot(Family):
         return 4 if isinstance(behaviour, Land) and behaviour.arrived else 2
 
     # Modes
+
+    def custom_mode(self) -> int:
+        """custom_mode of HEARTBEAT."""
+        return self.MODES.get(self.mode, self.MODES[Mode.HOLD])
 
     def request_mode(self, mode: Mode, by: str) -> Result:
         """Switch the mode if it can be entered."""

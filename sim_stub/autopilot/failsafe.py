@@ -58,7 +58,7 @@ class Failsafes:
         heard = pilot.ground_heard_s()
         if heard is None:
             return
-        lost = pilot.sim_s - heard > pilot.link_timeout_s()
+        lost = pilot.sim_s - heard > pilot.parameters.clamped(*pilot.LINK_TIMEOUT)
         if lost and "link" not in self.active:
             self.active["link"] = Action.NONE
             pilot.link_warning(lost=True)
@@ -68,7 +68,7 @@ class Failsafes:
             pilot.link_warning(lost=False)
 
     def _remote_control(self, pilot: Autopilot) -> None:
-        lost = not pilot.vehicle.faults.remote_control
+        lost = "rc-loss" in pilot.vehicle.faults.active
         if lost and "remote control" not in self.active:
             self.active["remote control"] = Action.NONE
             pilot.say(4, pilot.REMOTE_CONTROL_LOST)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 from skyway.sim_stub.autopilot.items import Result
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from skyway.sim_stub.autopilot.behaviours import ReturnHome, Speeds
     from skyway.sim_stub.autopilot.items import Item
     from skyway.sim_stub.autopilot.mission_server import MissionServer
@@ -27,6 +29,10 @@ class Family(ABC):
     """Versions that say of themselves that they are no release."""
     PARAMETER_ERRORS_SINCE: ClassVar[tuple[int, int]]
     """Version that answers PARAM_ERROR where it has no such parameter; older ones are silent."""
+    MODES: ClassVar[Mapping[Mode, int]]
+    """custom_mode of HEARTBEAT in each mode; what is not in it tells that of holding."""
+    MODE_NUMBERS: ClassVar[Mapping[int, Mode]]
+    """Mode of each number that it takes."""
     CAPABILITIES: ClassVar[int]
     """MAV_PROTOCOL_CAPABILITY."""
     SYSTEM_PARAMETERS: ClassVar[tuple[str, ...]]
@@ -47,6 +53,12 @@ class Family(ABC):
     """How often it tells again that an item is reached, a second apart."""
     HOME_ITEMS: ClassVar[int] = 0
     """Items of its missions that are home, not flown."""
+    KEEPS_HEADINGS: ClassVar[bool]
+    """Waypoints, and orders to reposition, keep the heading that they ask for."""
+    TELLS_AIRSPEED: ClassVar[bool]
+    """It tells its ground speed as airspeed, without a sensor."""
+    LINK_TIMEOUT: ClassVar[tuple[str, float, float]]
+    """Parameter with the silence after which the link counts as lost, and its range."""
     ALWAYS_MANUAL_INPUT: ClassVar[bool] = False
     """Its base_mode has the bit of manual input in every mode."""
     MISSION_SERVER: ClassVar[type[MissionServer]]
@@ -67,7 +79,7 @@ class Family(ABC):
     HEEDS_FRAMES: ClassVar[bool]
     """PX4 up to 1.17 takes the height of every COMMAND_INT as above mean sea level (its issues 10246 and 28257)."""
     FORCES_ARMING: ClassVar[float | None]
-    FORCES_DISARMING: ClassVar[float]
+    FORCES_DISARMING: ClassVar[float] = 21196.0
     NO_LAND_START: ClassVar[Result]
     NO_REBOOT: ClassVar[Result]
     REBOOT_REFUSED: ClassVar[Result]
@@ -84,10 +96,6 @@ class Family(ABC):
     def mavlink_version(self, *, heard_2: bool) -> int:
         """MAVLink 1 or 2 by its parameters, on a port on which MAVLink 2 was heard or not."""
 
-    @abstractmethod
-    def reported_airspeed_mps(self) -> float:
-        """Airspeed that it tells without a sensor."""
-
     def count_charge(self, soc: float) -> None:  # noqa: B027  not all count
         """Set the counter of its battery to a state of charge, where it has one."""
 
@@ -99,17 +107,9 @@ class Family(ABC):
     def max_lean_deg(self) -> float:
         """Greatest lean that it asks of the airframe."""
 
-    @abstractmethod
     def default_takeoff_m(self) -> float:
         """Height of a take-off that names none."""
-
-    @abstractmethod
-    def custom_mode(self) -> int:
-        """custom_mode of HEARTBEAT."""
-
-    @abstractmethod
-    def mode_of(self, custom_mode: int) -> Mode | None:
-        """Mode of a number, None where there is none such."""
+        return 10.0
 
     @abstractmethod
     def set_mode(self, base: int, main: int, sub: int, by: str) -> Result:
@@ -124,9 +124,9 @@ class Family(ABC):
     def has_gripper(self) -> bool:
         """Whether one is enabled."""
 
-    @abstractmethod
     def gripper_s(self) -> float:
         """How long a gripper takes until its command is done."""
+        return 0.0
 
     @abstractmethod
     def take_off(self, height_m: float, by: str) -> Result:
@@ -143,14 +143,6 @@ class Family(ABC):
     @abstractmethod
     def outside_fence(self, lat: float, lon: float, alt_m: float) -> Result | None:
         """Answer to a DO_REPOSITION beyond the fence, which is not flown; None within it."""
-
-    @abstractmethod
-    def reposition_yaw(self, degrees: float) -> float | None:
-        """Heading that DO_REPOSITION asks for, or None."""
-
-    @abstractmethod
-    def mission_refused(self) -> bool:
-        """Whether the stored mission is known to be not flyable."""
 
     @abstractmethod
     def mode_refusal(self, mode: Mode) -> str | None:
@@ -193,10 +185,6 @@ class Family(ABC):
         """Radius within which a waypoint counts as reached."""
 
     @abstractmethod
-    def heading(self, item: Item) -> float:
-        """Heading that a waypoint asks for, degrees, or NaN."""
-
-    @abstractmethod
     def circling(self, radius_m: float) -> tuple[float, float]:
         """Radius and speed of a circle for which a radius is asked; 0 is the default one."""
 
@@ -225,10 +213,6 @@ class Family(ABC):
         """When a ground station that counts was last heard; None is never."""
 
     @abstractmethod
-    def link_timeout_s(self) -> float:
-        """Silence after which the link counts as lost."""
-
-    @abstractmethod
     def link_action(self) -> Action:
         """What to do when the link is lost, in the present mode."""
 
@@ -240,9 +224,9 @@ class Family(ABC):
     def remote_control_action(self) -> Action:
         """What to do when the remote control is lost, in the present mode."""
 
-    @abstractmethod
     def position_delay_s(self) -> float:
         """Time without position after which the vehicle acts."""
+        return 1.0
 
     @abstractmethod
     def fenced_off(self, lat: float, lon: float, alt_m: float) -> bool:
@@ -252,13 +236,13 @@ class Family(ABC):
     def fence_action(self) -> Action:
         """What to do at a breach."""
 
-    @abstractmethod
-    def failsafe_on_ground(self, name: str) -> None:
+    def failsafe_on_ground(self, name: str) -> None:  # noqa: B027  not all do anything
         """React to a failsafe while armed on the ground."""
 
+    @property
     @abstractmethod
-    def wind_estimate(self) -> tuple[float, float] | None:
-        """(north, east) towards as its own estimator has it; None where that is off."""
+    def estimates_wind(self) -> bool:
+        """Whether its estimator of the wind is on."""
 
     @abstractmethod
     def missions_stored(self, *, replaced: bool, current: int | None) -> None:

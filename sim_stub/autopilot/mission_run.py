@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from skyway.sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Land, Wait
-from skyway.sim_stub.autopilot.circle import Circle
+from skyway.sim_stub.autopilot.behaviours import Behaviour, Circle, Climb, Fly, Land, Wait
 from skyway.sim_stub.autopilot.items import NAV_COMMANDS, RELATIVE_FRAMES, Command, Item
 from skyway.sim_stub.plant.physics import Demand, offset_m
 
@@ -66,7 +65,7 @@ class MissionRun:
         self.condition_s = None
         self.state = MissionState.NOT_STARTED if self.items else MissionState.NO_MISSION
 
-    def begin_anew(self) -> None:
+    def begin_again(self) -> None:
         """Forget how often jumps were taken, and that the mission is complete; the current item stays."""
         self.repeats.clear()
         if self.state == MissionState.COMPLETE:
@@ -212,7 +211,9 @@ class MissionRun:
             case _:
                 stay = min(max(item.p1, 0.0), 1e7) if math.isfinite(item.p1) else 0.0
                 through = 0.0 if stay > 0.0 else self._pass_mps(pilot, lat, lon, index)
-                return Fly(lat, lon, altitude, radius, stay, _yaw(pilot.heading(item)), through)
+                return Fly(
+                    lat, lon, altitude, radius, stay, _yaw(item.p4 if pilot.KEEPS_HEADINGS else math.nan), through
+                )
 
     @staticmethod
     def _altitude_m(pilot: Autopilot, item: Item) -> float:

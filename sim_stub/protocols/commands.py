@@ -70,30 +70,22 @@ class CommandServer:
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
         self.tasks: dict[int, Task] = {}
-        flight, system = FlightCommands(vehicle, self), SystemCommands(vehicle, self)
-        self.table: dict[int, Callable[[Order], Result]] = {**flight.table, **system.table}
+        self.table = FlightCommands(vehicle, self).table() | SystemCommands(vehicle, self).table()
 
     def handlers(self) -> dict[str, object]:
         """Message names with what handles them."""
         return {
-            "COMMAND_LONG": self.command_long,
-            "COMMAND_INT": self.command_int,
+            "COMMAND_LONG": self.command,
+            "COMMAND_INT": self.command,
             "COMMAND_CANCEL": self.cancel,
         }
 
-    def command_long(self, port: Port, message: Any) -> None:
-        """Execute a command whose place is in floats."""
-        self._run(Order.of_long(port, message, relative=self.vehicle.autopilot.LONG_HEIGHTS_RELATIVE))
-
-    def command_int(self, port: Port, message: Any) -> None:
-        """Execute a command whose place is in integers."""
-        order = Order.of_int(port, message, heeds_frame=self.vehicle.autopilot.HEEDS_FRAMES)
+    def command(self, port: Port, message: Any) -> None:
+        """Execute a command."""
+        order = Order.of(port, message, self.vehicle.autopilot)
         if order is None:
             _answer_to(port, message.get_srcSystem(), message.get_srcComponent(), message.command, Result.DENIED)
             return
-        self._run(order)
-
-    def _run(self, order: Order) -> None:
         unsupported = order.number in self.vehicle.autopilot.UNSUPPORTED
         handler = None if unsupported else self.table.get(order.number)
         self._answer(order, Result.UNSUPPORTED if handler is None else handler(order))
@@ -119,8 +111,6 @@ class CommandServer:
 
     def next_wall_s(self) -> float:
         """When there is progress to tell."""
-        if not self.tasks:
-            return math.inf
         return min((task.next_s for task in self.tasks.values()), default=math.inf)
 
     def tick(self) -> None:

@@ -10,33 +10,23 @@ from skyway.sim_stub.autopilot.base import Home
 from skyway.sim_stub.autopilot.items import Command, Result
 from skyway.sim_stub.autopilot.mission_run import MissionState
 from skyway.sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.protocols.orders import CommandGroup
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from skyway.sim_stub.autopilot.base import Autopilot
-    from skyway.sim_stub.protocols.commands import CommandServer
     from skyway.sim_stub.protocols.orders import Order
-    from skyway.sim_stub.vehicle import Vehicle
 
 _RELEASE, _GRAB = 0.0, 1.0
 
 
-class FlightCommands:
-    """Those commands, by number.
+class FlightCommands(CommandGroup):
+    """Those commands."""
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Which obeys.
-    server : CommandServer
-        Keeps what takes a while.
-    """
-
-    def __init__(self, vehicle: Vehicle, server: CommandServer) -> None:
-        self.vehicle, self.server = vehicle, server
+    def table(self) -> dict[int, Callable[[Order], Result]]:
+        """What obeys each command."""
         c = Command
-        self.table: dict[int, Callable[[Order], Result]] = {
+        return {
             c.COMPONENT_ARM_DISARM: self._arm_disarm,
             c.TAKEOFF: lambda o: self._pilot.take_off(o.z, o.by),
             c.LAND: lambda o: self._pilot.request_mode(Mode.LAND, o.by),
@@ -56,10 +46,6 @@ class FlightCommands:
             c.CONDITION_YAW: self._yaw,
         }
 
-    @property
-    def _pilot(self) -> Autopilot:
-        return self.vehicle.autopilot
-
     def _arm_disarm(self, order: Order) -> Result:
         pilot = self._pilot
         if order.p[0] == 1.0:
@@ -76,16 +62,16 @@ class FlightCommands:
 
     def _set_current(self, order: Order) -> Result:
         """Make an item the current one (-1: leave it), and with p2 forget how often jumps were taken."""
-        number, anew = order.p[0], order.p[1]
-        if not math.isfinite(number) or number < -1.0 or anew not in (0.0, 1.0):
+        number, again = order.p[0], order.p[1]
+        if not math.isfinite(number) or number < -1.0 or again not in (0.0, 1.0):
             return Result.DENIED
         run = self._pilot.run
         if not run.items:
             return Result.FAILED
         if number >= 0.0 and not self.vehicle.set_mission_current(int(number)):
             return Result.FAILED
-        if anew == 1.0:
-            run.begin_anew()
+        if again == 1.0:
+            run.begin_again()
         self.vehicle.radio.tell_mission_current()
         return Result.ACCEPTED
 
@@ -125,7 +111,8 @@ class FlightCommands:
         if result == Result.ACCEPTED and barred is None and pilot.armed and not pilot.landed:
             if order.p[0] > 0.0:
                 pilot.change_speed(order.p[0])
-            pilot.fly_to(lat, lon, height, pilot.reposition_yaw(order.p[3]))
+            yaw = order.p[3] if pilot.KEEPS_HEADINGS and math.isfinite(order.p[3]) else None
+            pilot.fly_to(lat, lon, height, yaw)
         return result
 
     def _change_speed(self, order: Order) -> Result:

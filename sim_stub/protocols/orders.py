@@ -1,14 +1,22 @@
-"""A command from COMMAND_LONG or COMMAND_INT in one form."""
+"""A command from COMMAND_LONG or COMMAND_INT in one form, and groups of those that are obeyed."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.items import Frame, Item
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from skyway.sim_stub.autopilot.base import Autopilot
+    from skyway.sim_stub.autopilot.family import Family
+    from skyway.sim_stub.autopilot.items import Result
+    from skyway.sim_stub.protocols.commands import CommandServer
+    from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.wire.ports import Port
 
 _FRAMES = (0, 2, 3, 5, 6)
@@ -51,41 +59,18 @@ class Order:
     as_int: bool
 
     @classmethod
-    def of_long(cls, port: Port, message: Any, *, relative: bool) -> Order:
-        """Read a COMMAND_LONG; the family says what its heights count from."""
+    def of(cls, port: Port, message: Any, family: Family) -> Order | None:
+        """Read a COMMAND_LONG or COMMAND_INT as a family does; None where its frame is none for a command."""
         p = (message.param1, message.param2, message.param3, message.param4)
-        place = (message.param5, message.param6, message.param7)
-        return cls(
-            message.command,
-            p,
-            *place,
-            relative,
-            port,
-            message.get_srcSystem(),
-            message.get_srcComponent(),
-            as_int=False,
-        )
-
-    @classmethod
-    def of_int(cls, port: Port, message: Any, *, heeds_frame: bool) -> Order | None:
-        """Read a COMMAND_INT; None where its frame is none for a command."""
+        sender = message.get_srcSystem(), message.get_srcComponent()
+        if message.get_type() == "COMMAND_LONG":
+            place = (message.param5, message.param6, message.param7)
+            return cls(message.command, p, *place, family.LONG_HEIGHTS_RELATIVE, port, *sender, as_int=False)
         if message.frame not in _FRAMES:
             return None
-        p = (message.param1, message.param2, message.param3, message.param4)
         lat, lon = (math.nan if v == _NO_PLACE else v * 1e-7 for v in (message.x, message.y))
-        relative = heeds_frame and message.frame in (Frame.RELATIVE, Frame.RELATIVE_INT)
-        return cls(
-            message.command,
-            p,
-            lat,
-            lon,
-            message.z,
-            relative,
-            port,
-            message.get_srcSystem(),
-            message.get_srcComponent(),
-            as_int=True,
-        )
+        relative = family.HEEDS_FRAMES and message.frame in (Frame.RELATIVE, Frame.RELATIVE_INT)
+        return cls(message.command, p, lat, lon, message.z, relative, port, *sender, as_int=True)
 
     @property
     def by(self) -> str:
@@ -101,3 +86,26 @@ class Order:
         """The same as a mission item."""
         x, y = (round(self.lat * 1e7), round(self.lon * 1e7)) if self.placed else (0, 0)
         return Item(self.number, Frame.GLOBAL, *self.p, x, y, self.z)
+
+
+class CommandGroup(ABC):
+    """Commands that a vehicle obeys, by number.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Which obeys.
+    server : CommandServer
+        Keeps what takes a while.
+    """
+
+    def __init__(self, vehicle: Vehicle, server: CommandServer) -> None:
+        self.vehicle, self.server = vehicle, server
+
+    @abstractmethod
+    def table(self) -> dict[int, Callable[[Order], Result]]:
+        """What obeys each command."""
+
+    @property
+    def _pilot(self) -> Autopilot:
+        return self.vehicle.autopilot

@@ -1,10 +1,11 @@
-"""Small services: heartbeats, time, autopilot version, signing."""
+"""Small services: heartbeats, time, signing, streams, and the old requests."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.modes import Mode
+from skyway.sim_stub.protocols.telemetry import ON_REQUEST, VERSION
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
@@ -34,7 +35,7 @@ class LinkServices:
             "PING": self.ping,
             "SETUP_SIGNING": self.setup_signing,
             "REQUEST_DATA_STREAM": self.request_data_stream,
-            "AUTOPILOT_VERSION_REQUEST": self.version_request,
+            "AUTOPILOT_VERSION_REQUEST": lambda port, _: port.write(ON_REQUEST[VERSION](self.vehicle)),
             "SET_MODE": self.set_mode,
             "SET_POSITION_TARGET_GLOBAL_INT": self.set_position_target,
         }
@@ -78,33 +79,10 @@ class LinkServices:
             port, message.req_stream_id, message.req_message_rate if message.start_stop else 0
         )
 
-    def version_request(self, port: Port, message: Any) -> None:  # noqa: ARG002
-        """Answer the old request for the version."""
-        self.send_version(port)
-
-    def send_version(self, port: Port) -> None:
-        """Send AUTOPILOT_VERSION."""
-        uid = 0x5A17_0000_0000_0000 | self.vehicle.config.system
-        port.reply(
-            "AUTOPILOT_VERSION",
-            capabilities=self.vehicle.autopilot.CAPABILITIES,
-            uid=uid,
-            uid2=tuple(uid.to_bytes(8, "little")) + (0,) * 10,
-            flight_sw_version=self.vehicle.config.version_number,
-            middleware_sw_version=self.vehicle.config.version_number,
-            board_version=1,
-            vendor_id=0x1209,
-            product_id=0x5741,
-        )
-
-    def send_protocol_version(self, port: Port) -> None:
-        """Send PROTOCOL_VERSION."""
-        port.reply("PROTOCOL_VERSION", version=200, min_version=100, max_version=200)
-
     def set_mode(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Obey the old SET_MODE; it is not acknowledged."""
         pilot = self.vehicle.autopilot
-        mode = pilot.mode_of(message.custom_mode) if message.base_mode & 1 else None
+        mode = pilot.MODE_NUMBERS.get(message.custom_mode) if message.base_mode & 1 else None
         if mode is not None:
             pilot.request_mode(mode, f"station {message.get_srcSystem()}")
 
@@ -120,15 +98,3 @@ class LinkServices:
         height = message.alt + (pilot.home_alt_m if relative else 0.0)
         if -1000.0 < height < 20_000.0 and pilot.outside_fence(lat, lon, height) is None:
             pilot.fly_to(lat, lon, height, None)
-
-
-def text_frames(severity: int, text: str, number: int) -> list[dict[str, Any]]:
-    """STATUSTEXT messages of a text: one, or numbered chunks of 50 characters where it is longer."""
-    if len(text) <= 50:
-        return [{"severity": severity, "text": text}]
-    chunks = [text[i : i + 50] for i in range(0, len(text), 50)]
-    if len(chunks[-1]) == 50:
-        chunks.append("")  # a full last chunk does not end the text
-    return [
-        {"severity": severity, "text": chunk, "id": number, "chunk_seq": index} for index, chunk in enumerate(chunks)
-    ]

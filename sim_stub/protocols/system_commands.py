@@ -6,53 +6,38 @@ import math
 from typing import TYPE_CHECKING
 
 from skyway.sim_stub.autopilot.items import Command, Result
-from skyway.sim_stub.protocols.telemetry import BUILDERS
+from skyway.sim_stub.protocols.orders import CommandGroup
+from skyway.sim_stub.protocols.telemetry import BUILDERS, HOME, ON_REQUEST, PROTOCOL_VERSION, VERSION
 from skyway.sim_stub.wire.messages import message_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from skyway.sim_stub.autopilot.base import Autopilot
-    from skyway.sim_stub.protocols.commands import CommandServer
     from skyway.sim_stub.protocols.orders import Order
-    from skyway.sim_stub.vehicle import Vehicle
 
 _CALIBRATION_S = 2.0
 _NO_INTERVAL = -1.0
-_VERSION, _PROTOCOL_VERSION, _HOME = 148, 300, 242
 
 
-class SystemCommands:
-    """Those commands, by number.
+class SystemCommands(CommandGroup):
+    """Those commands."""
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Which obeys.
-    server : CommandServer
-        Keeps what takes a while.
-    """
-
-    def __init__(self, vehicle: Vehicle, server: CommandServer) -> None:
-        self.vehicle, self.server = vehicle, server
+    def table(self) -> dict[int, Callable[[Order], Result]]:
+        """What obeys each command."""
         c = Command
-        self.table: dict[int, Callable[[Order], Result]] = {
+        return {
             c.BATTERY_RESET: self._battery_reset,
             c.PREFLIGHT_CALIBRATION: self._calibrate,
             c.PREFLIGHT_STORAGE: self._store,
             c.PREFLIGHT_REBOOT_SHUTDOWN: self._reboot,
             c.RUN_PREARM_CHECKS: self._check,
-            c.GET_HOME_POSITION: lambda o: self._send(o, _HOME),
+            c.GET_HOME_POSITION: lambda o: self._send(o, HOME),
             c.GET_MESSAGE_INTERVAL: self._get_interval,
             c.SET_MESSAGE_INTERVAL: self._set_interval,
             c.REQUEST_MESSAGE: lambda o: self._send(o, o.p[0]),
-            c.REQUEST_PROTOCOL_VERSION: lambda o: self._send(o, _PROTOCOL_VERSION),
-            c.REQUEST_AUTOPILOT_CAPABILITIES: lambda o: self._send(o, _VERSION),
+            c.REQUEST_PROTOCOL_VERSION: lambda o: self._send(o, PROTOCOL_VERSION),
+            c.REQUEST_AUTOPILOT_CAPABILITIES: lambda o: self._send(o, VERSION),
         }
-
-    @property
-    def _pilot(self) -> Autopilot:
-        return self.vehicle.autopilot
 
     def _calibrate(self, order: Order) -> Result:
         """Take two seconds and tell the progress."""
@@ -115,16 +100,10 @@ class SystemCommands:
         return Result.ACCEPTED
 
     def _send(self, order: Order, number: float) -> Result:
-        if number == _VERSION:
-            self.vehicle.services.send_version(order.port)
-            return Result.ACCEPTED
-        if number == _PROTOCOL_VERSION:
-            self.vehicle.services.send_protocol_version(order.port)
-            return Result.ACCEPTED
-        known = self._known(number)
+        known = int(number) if number in (VERSION, PROTOCOL_VERSION) else self._known(number)
         if known is None:
             return self._pilot.UNKNOWN_MESSAGE
-        sent = BUILDERS[known](self.vehicle)
+        sent = ON_REQUEST[known](self.vehicle)
         if sent is None:
             return Result.FAILED
         order.port.write(sent)

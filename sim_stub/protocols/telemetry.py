@@ -97,7 +97,7 @@ def _local_position(v: Vehicle) -> Any:
 
 def _vfr_hud(v: Vehicle) -> Any:
     b, pilot = v.body, v.autopilot
-    airspeed = pilot.reported_airspeed_mps()
+    airspeed = b.ground_speed_mps if pilot.TELLS_AIRSPEED else _NAN
     throttle = min(100, int(50.0 * b.thrust_n / v.airframe.weight_n)) if pilot.armed else 0
     heading = int(math.degrees(b.yaw) % 360.0)
     return _VFR_HUD(airspeed, b.ground_speed_mps, heading, throttle, b.alt_m, b.up_mps)
@@ -134,7 +134,7 @@ def _sys_status(v: Vehicle) -> Any:
         health &= ~_FENCE
     if not v.faults.positioning or v.since_boot_s < 2.0:
         health &= ~_GPS
-    if not v.faults.remote_control:
+    if "rc-loss" in v.faults.active:
         health &= ~_RC
     if pilot.failsafes.battery_level:
         health &= ~_BATTERY
@@ -174,15 +174,11 @@ def _battery_status(v: Vehicle) -> Any:
     )
 
 
-def _extended_sys_state(v: Vehicle) -> Any:
-    return message("EXTENDED_SYS_STATE", landed_state=v.autopilot.landed_state)
-
-
 def mission_current(v: Vehicle) -> Any:
     """Make MISSION_CURRENT; its total does not count home."""
     pilot = v.autopilot
     run = pilot.run
-    state = int(MissionState.NO_MISSION if pilot.mission_refused() else run.state)
+    state = int(MissionState.NO_MISSION if pilot.infeasible else run.state)
     in_mission = 2 if pilot.mode != Mode.MISSION else 1
     return message(
         "MISSION_CURRENT",
@@ -218,10 +214,6 @@ def _altitude(v: Vehicle) -> Any:
     b = v.body
     relative = b.alt_m - v.autopilot.home_alt_m
     return _ALTITUDE(v.boot_us, b.alt_m, b.alt_m, relative, relative, _NAN, _NAN)
-
-
-def _system_time(v: Vehicle) -> Any:
-    return message("SYSTEM_TIME", time_unix_usec=int(v.autopilot.clock_of_day_s() * 1e6), time_boot_ms=v.boot_ms)
 
 
 def _wind(v: Vehicle) -> Any:
@@ -261,7 +253,7 @@ def _nav_controller(v: Vehicle) -> Any:
 
 
 def _rc_channels(v: Vehicle) -> Any:
-    raw = 1500 if v.faults.remote_control else 65535
+    raw = 65535 if "rc-loss" in v.faults.active else 1500
     values = {f"chan{n}_raw": raw if n <= 8 else 65535 for n in range(1, 19)}
     return message("RC_CHANNELS", time_boot_ms=v.boot_ms, chancount=8, rssi=200 if raw == 1500 else 0, **values)
 
@@ -289,10 +281,6 @@ def _fence_status(v: Vehicle) -> Any:
     )
 
 
-def _raw_imu(v: Vehicle) -> Any:
-    return message("RAW_IMU", time_usec=v.boot_us, zacc=-1000, xmag=220, zmag=420)
-
-
 def _scaled_pressure(v: Vehicle) -> Any:
     pressure = 1013.25 * (1.0 - 2.25577e-5 * max(-500.0, min(v.body.alt_m, 11_000.0))) ** 5.25588
     return message("SCALED_PRESSURE", time_boot_ms=v.boot_ms, press_abs=pressure, temperature=2200)
@@ -307,10 +295,6 @@ def _gps_origin(v: Vehicle) -> Any:
         altitude=round(alt * 1e3),
         time_usec=v.boot_us,
     )
-
-
-def _power_status(v: Vehicle) -> Any:
-    return message("POWER_STATUS", Vcc=5050 if v.battery.soc > 0 else 4600, Vservo=0, flags=1)
 
 
 _HEARTBEAT, _ATTITUDE, _QUATERNION, _GLOBAL_POSITION, _LOCAL_POSITION, _VFR_HUD, _ALTITUDE = (
@@ -333,11 +317,13 @@ BUILDERS: dict[int, Callable[[Vehicle], Any]] = {
         "GPS_RAW_INT": _gps_raw,
         "SYS_STATUS": _sys_status,
         "BATTERY_STATUS": _battery_status,
-        "EXTENDED_SYS_STATE": _extended_sys_state,
+        "EXTENDED_SYS_STATE": lambda v: message("EXTENDED_SYS_STATE", landed_state=v.autopilot.landed_state),
         "MISSION_CURRENT": mission_current,
         "HOME_POSITION": _home_position,
         "ALTITUDE": _altitude,
-        "SYSTEM_TIME": _system_time,
+        "SYSTEM_TIME": lambda v: message(
+            "SYSTEM_TIME", time_unix_usec=int(v.autopilot.clock_of_day_s() * 1e6), time_boot_ms=v.boot_ms
+        ),
         "WIND": _wind,
         "WIND_COV": _wind_cov,
         "NAV_CONTROLLER_OUTPUT": _nav_controller,
@@ -345,10 +331,34 @@ BUILDERS: dict[int, Callable[[Vehicle], Any]] = {
         "EKF_STATUS_REPORT": _ekf_status,
         "ESTIMATOR_STATUS": _estimator_status,
         "FENCE_STATUS": _fence_status,
-        "RAW_IMU": _raw_imu,
+        "RAW_IMU": lambda v: message("RAW_IMU", time_usec=v.boot_us, zacc=-1000, xmag=220, zmag=420),
         "SCALED_PRESSURE": _scaled_pressure,
         "GPS_GLOBAL_ORIGIN": _gps_origin,
-        "POWER_STATUS": _power_status,
+        "POWER_STATUS": lambda v: message("POWER_STATUS", Vcc=5050 if v.battery.soc > 0 else 4600, Vservo=0, flags=1),
     }.items()
 }
 """Each message that can be streamed or asked for, as it is now; None where there is nothing to say."""
+
+
+def _version(v: Vehicle) -> Any:
+    uid = 0x5A17_0000_0000_0000 | v.config.system
+    return message(
+        "AUTOPILOT_VERSION",
+        capabilities=v.autopilot.CAPABILITIES,
+        uid=uid,
+        uid2=tuple(uid.to_bytes(8, "little")) + (0,) * 10,
+        flight_sw_version=v.config.version_number,
+        middleware_sw_version=v.config.version_number,
+        board_version=1,
+        vendor_id=0x1209,
+        product_id=0x5741,
+    )
+
+
+VERSION, PROTOCOL_VERSION, HOME = map(message_id, ("AUTOPILOT_VERSION", "PROTOCOL_VERSION", "HOME_POSITION"))
+ON_REQUEST: dict[int, Callable[[Vehicle], Any]] = {
+    **BUILDERS,
+    VERSION: _version,
+    PROTOCOL_VERSION: lambda _: message("PROTOCOL_VERSION", version=200, min_version=100, max_version=200),
+}
+"""The same, with those that are only asked for."""

@@ -37,13 +37,13 @@ class Lane:
         self.perfect = impairment.perfect
         self.up = Channel(impairment, random.Random(f"up/{seed}"))  # noqa: S311
         self.down = Channel(impairment, random.Random(f"down/{seed}"))  # noqa: S311
-        self.out: list[bytes] = []
+        self.inbox: list[bytes] = []
         self.heard_s = vehicle.wall_s
         self.port: Port = vehicle.connect(self._from_vehicle, datagrams=datagrams)
 
     def _from_vehicle(self, frame: bytes) -> None:
         if self.perfect:
-            self.out.append(frame)
+            self.inbox.append(frame)
         else:
             self.down.put(self.vehicle.wall_s, frame)
 
@@ -57,12 +57,15 @@ class Lane:
 
     def turn(self, now_s: float) -> list[bytes]:
         """Hand on what has been delayed long enough; returns frames for the peer."""
-        if not self.perfect:
-            for packet in self.up.take(now_s):
-                self.vehicle.receive(self.port, packet)
-            self.out.extend(self.down.take(now_s))
-        frames, self.out = self.out, []
+        self.deliver(now_s)
+        frames, self.inbox = self.inbox, []
         return frames
+
+    def deliver(self, now_s: float) -> None:
+        """Hand over what has arrived at either end."""
+        for packet in self.up.take(now_s):
+            self.vehicle.receive(self.port, packet)
+        self.inbox.extend(self.down.take(now_s))
 
     def next_s(self) -> float:
         """When a delayed packet is due."""

@@ -6,11 +6,10 @@ to the next thing that happens, so a run is as fast as the machine and the same,
 
 from __future__ import annotations
 
-import random
-from collections import deque
 from typing import TYPE_CHECKING
 
-from skyway.sim_stub.transports.channel import Channel, Impairment
+from skyway.sim_stub.transports.channel import Impairment
+from skyway.sim_stub.transports.lane import Lane
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,7 +43,7 @@ class VirtualClock:
         self._lockstep.run_until(instant_s)
 
 
-class LockstepTransport:
+class LockstepTransport(Lane):
     """The ground side's end of an in-process link to one vehicle.
 
     Parameters
@@ -60,49 +59,25 @@ class LockstepTransport:
     """
 
     def __init__(self, lockstep: Lockstep, vehicle: Vehicle, impairment: Impairment, seed: int) -> None:
+        super().__init__(vehicle, impairment, str(seed), datagrams=True)
         self._lockstep = lockstep
-        self.vehicle = vehicle
-        self._up = Channel(impairment, random.Random(f"up/{seed}"))  # noqa: S311
-        self._down = Channel(impairment, random.Random(f"down/{seed}"))  # noqa: S311
-        self._perfect = impairment.perfect
-        self.inbox: deque[bytes] = deque()
-        self._port = vehicle.connect(self._from_vehicle)
-
-    def _from_vehicle(self, frame: bytes) -> None:
-        if self._perfect:
-            self.inbox.append(frame)
-        else:
-            self._down.put(self.vehicle.sim_s, frame)
 
     def write(self, data: bytes) -> None:
         """Send bytes to the vehicle."""
-        self._up.put(self._lockstep.now_s, data)
+        self.up.put(self._lockstep.now_s, data)
 
     def read(self, timeout_s: float = 0.0) -> bytes:
         """Bytes from the vehicle; lets time pass until there are some or the time-out is over (then empty)."""
         if not self.inbox:
             self._lockstep.run_until(self._lockstep.now_s + timeout_s, lambda: bool(self.inbox))
-        if not self.inbox:
-            return b""
         data = b"".join(self.inbox)
         self.inbox.clear()
         return data
 
     def close(self) -> None:
         """Cut the link."""
-        self.vehicle.disconnect(self._port)
+        super().close()
         self._lockstep.drop(self)
-
-    def next_s(self) -> float:
-        """When the next packet arrives at either end."""
-        up, down = self._up.next_s(), self._down.next_s()
-        return min(down, up)
-
-    def deliver(self, now_s: float) -> None:
-        """Hand over what has arrived at either end."""
-        for packet in self._up.take(now_s):
-            self.vehicle.receive(self._port, packet)
-        self.inbox.extend(self._down.take(now_s))
 
 
 class Lockstep:

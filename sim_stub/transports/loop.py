@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import selectors
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from skyway.sim_stub.transports.endpoint import Endpoint
     from skyway.sim_stub.world import World
 
 MAX_SPEEDUP = 20.0
@@ -19,6 +18,34 @@ MAX_SPEEDUP = 20.0
 MAX_PAD_SPEEDUP = 2000.0
 _TICK_S = 0.01
 _MAX_CATCH_UP_S = 0.25
+
+
+class Endpoint(Protocol):
+    """Something with a socket in the loop; never blocking, closed on any error.
+
+    Attributes
+    ----------
+    where : str
+        How it can be reached.
+    """
+
+    where: str
+
+    def readable(self) -> None:
+        """Read what is there."""
+        ...
+
+    def flush(self, now_s: float) -> None:
+        """Send what is waiting."""
+        ...
+
+    def next_s(self) -> float:
+        """Wall instant at which a delayed packet is due."""
+        ...
+
+    def close(self) -> None:
+        """Close for good."""
+        ...
 
 
 class SocketLoop:

@@ -16,6 +16,8 @@ from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.plant.physics import offset_m
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from skyway.sim_stub.autopilot.mission_server import MissionServer
     from skyway.sim_stub.autopilot.parameters import ParameterStore
     from skyway.sim_stub.vehicle import Vehicle
@@ -28,9 +30,9 @@ _MODES = {
     Mode.POSITION: 5,
     Mode.RTL: 6,
     Mode.LAND: 9,
+    Mode.HOLD: 17,
     Mode.BRAKE: 17,
 }
-_BY_NUMBER = {number: mode for mode, number in _MODES.items()} | {16: Mode.POSITION, 21: Mode.RTL}
 _NAMES = {
     Mode.STABILIZE: "STABILIZE",
     Mode.ALTITUDE: "ALT_HOLD",
@@ -52,6 +54,14 @@ class ArduPilot(ArduPilotFailsafes):
     USUAL_FIRMWARE: ClassVar[str] = "4.6"
     UNRELEASED: ClassVar[frozenset[str]] = frozenset({"4.8"})
     PARAMETER_ERRORS_SINCE: ClassVar[tuple[int, int]] = (4, 7)
+    MODES: ClassVar[Mapping[Mode, int]] = _MODES
+    MODE_NUMBERS: ClassVar[Mapping[int, Mode]] = {n: mode for mode, n in _MODES.items()} | {
+        16: Mode.POSITION,
+        21: Mode.RTL,
+    }
+    KEEPS_HEADINGS: ClassVar[bool] = False
+    TELLS_AIRSPEED: ClassVar[bool] = True
+    LINK_TIMEOUT: ClassVar[tuple[str, float, float]] = ("FS_GCS_TIMEOUT", 2.0, 120.0)
     # As PX4's, with whole numbers of parameters as numbers (131072; 2 is its old name) and SET_POSITION_TARGET_GLOBAL_INT (256).
     CAPABILITIES: ClassVar[int] = 1 | 2 | 4 | 8 | 256 | 2048 | 8192 | 16384 | 32768 | 131072
     SYSTEM_PARAMETERS: ClassVar[tuple[str, ...]] = ("SYSID_THISMAV", "MAV_SYSID")
@@ -78,7 +88,6 @@ class ArduPilot(ArduPilotFailsafes):
     LONG_HEIGHTS_RELATIVE: ClassVar[bool] = True
     HEEDS_FRAMES: ClassVar[bool] = True
     FORCES_ARMING: ClassVar[float | None] = 2989.0
-    FORCES_DISARMING: ClassVar[float] = 21196.0
     NO_LAND_START: ClassVar[Result] = Result.FAILED
     NO_REBOOT: ClassVar[Result] = Result.UNSUPPORTED
     REBOOT_REFUSED: ClassVar[Result] = Result.FAILED
@@ -95,10 +104,6 @@ class ArduPilot(ArduPilotFailsafes):
     def mavlink_version(self, *, heard_2: bool) -> int:  # noqa: ARG002  its parameter alone decides
         """SERIAL0_PROTOCOL."""
         return 1 if self.parameters["SERIAL0_PROTOCOL"] == 1.0 else 2
-
-    def reported_airspeed_mps(self) -> float:
-        """A synthetic one: the ground speed."""
-        return self.body.ground_speed_mps
 
     def count_charge(self, soc: float) -> None:
         """Of BATT_CAPACITY."""
@@ -123,24 +128,7 @@ class ArduPilot(ArduPilotFailsafes):
         own = self.parameters["PSC_ANGLE_MAX"]
         return min(most, own) if own > 0.0 else most
 
-    def default_takeoff_m(self) -> float:
-        """Height for a take-off that names none."""
-        return 10.0
-
     # Modes
-
-    def custom_mode(self) -> int:
-        """Number of the mode; holding is BRAKE."""
-        return _MODES[Mode.BRAKE if self.mode == Mode.HOLD else self.mode]
-
-    def mode_of(self, custom_mode: int) -> Mode | None:
-        """Mode of a number."""
-        return _BY_NUMBER.get(custom_mode)
-
-    @property
-    def ready(self) -> bool:
-        """Whether the estimator gives a position."""
-        return self.vehicle.since_boot_s >= self.READY_AFTER_S and self.position_known
 
     def mode_refusal(self, mode: Mode) -> str | None:
         """Refuse what the state does not allow."""
@@ -177,7 +165,7 @@ class ArduPilot(ArduPilotFailsafes):
         """The number is in p2 alone."""
         if not base & 1:
             return Result.DENIED
-        mode = self.mode_of(main)
+        mode = self.MODE_NUMBERS.get(main)
         return self.BAD_VALUE if mode is None else self.request_mode(mode, by)
 
     def speed_command(self, kind: float, speed_mps: float) -> Result:
@@ -196,10 +184,6 @@ class ArduPilot(ArduPilotFailsafes):
     def has_gripper(self) -> bool:
         """GRIP_ENABLE."""
         return self.parameters["GRIP_ENABLE"] == 1.0
-
-    def gripper_s(self) -> float:
-        """Its command is done at once."""
-        return 0.0
 
     def take_off(self, height_m: float, by: str) -> Result:
         """Only armed, on the ground, in GUIDED; the height is above home."""
@@ -221,14 +205,6 @@ class ArduPilot(ArduPilotFailsafes):
     def outside_fence(self, lat: float, lon: float, alt_m: float) -> Result | None:
         """FAILED: a destination beyond the fence is not taken."""
         return Result.FAILED if self.fenced_off(lat, lon, alt_m) else None
-
-    def reposition_yaw(self, degrees: float) -> float | None:  # noqa: ARG002
-        """Not taken over."""
-        return None
-
-    def mission_refused(self) -> bool:
-        """Nothing is judged before it is flown."""
-        return False
 
     def start_mission(self, first: float, last: float, by: str) -> Result:  # noqa: ARG002
         """Do MISSION_START, from where the mission is."""
@@ -347,10 +323,6 @@ class ArduPilot(ArduPilotFailsafes):
         """WPNAV_RADIUS: the radius of an item is not kept."""
         return self.parameters.clamped("WPNAV_RADIUS", 5.0, 1000.0) / 100.0
 
-    def heading(self, item: Item) -> float:  # noqa: ARG002
-        """Always along the way (WP_YAW_BEHAVIOR); the heading of an item is not kept."""
-        return math.nan
-
     def circling(self, radius_m: float) -> tuple[float, float]:
         """CIRCLE_RADIUS, CIRCLE_RATE; no more than half of WPNAV_ACCEL goes into the turn."""
         p = self.parameters
@@ -368,9 +340,7 @@ class ArduPilot(ArduPilotFailsafes):
 
     # Estimates
 
-    def wind_estimate(self) -> tuple[float, float] | None:
-        """Alive with the drag coefficients of EK3 set; zero otherwise."""
-        p = self.parameters
-        if max(p["EK3_DRAG_BCOEF_X"], p["EK3_DRAG_BCOEF_Y"], p["EK3_DRAG_MCOEF"]) <= 0.0:
-            return None
-        return self.vehicle.felt_wind() if not self.landed else None
+    @property
+    def estimates_wind(self) -> bool:
+        """With the drag coefficients of EK3 set."""
+        return any(self.parameters[f"EK3_DRAG_{name}"] > 0.0 for name in ("BCOEF_X", "BCOEF_Y", "MCOEF"))

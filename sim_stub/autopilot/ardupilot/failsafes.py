@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 _BATTERY_ACTIONS = {1: Action.LAND, 2: Action.RTL, 3: Action.RTL, 4: Action.LAND, 5: Action.TERMINATE}
 _GCS_ACTIONS = {1: Action.RTL, 3: Action.RTL, 4: Action.LAND, 5: Action.LAND, 6: Action.RTL, 7: Action.LAND}
 _FENCE_ACTIONS = {0: Action.WARN, 1: Action.RTL, 2: Action.LAND, 3: Action.RTL, 4: Action.LAND, 5: Action.LAND}
-_EKF_FAILSAFE_S = 1.0
 
 
 class ArduPilotFailsafes(Autopilot):
@@ -76,10 +75,6 @@ class ArduPilotFailsafes(Autopilot):
         """Only the ground station with the id of SYSID_MYGCS counts."""
         return self.vehicle.ground_heard.get(int(self.parameters["SYSID_MYGCS"]))
 
-    def link_timeout_s(self) -> float:
-        """FS_GCS_TIMEOUT."""
-        return self.parameters.clamped("FS_GCS_TIMEOUT", 2.0, 120.0)
-
     def link_action(self) -> Action:
         """FS_GCS_ENABLE, with the exceptions of FS_OPTIONS."""
         options = self.parameters
@@ -108,10 +103,6 @@ class ArduPilotFailsafes(Autopilot):
         if enabled == 0 or excepted:
             return Action.NONE
         return self._unless_landing(Action.LAND if enabled in (3, 5) else Action.RTL)
-
-    def position_delay_s(self) -> float:
-        """The estimator's failsafe acts after a second."""
-        return _EKF_FAILSAFE_S
 
     def fenced_off(self, lat: float, lon: float, alt_m: float) -> bool:
         """By FENCE_ENABLE and FENCE_TYPE: height 1, circle about home 2, areas 4, least height 8."""

@@ -57,10 +57,6 @@ class Px4Failsafes(Autopilot):
         """Any ground station counts."""
         return max(self.vehicle.ground_heard.values(), default=None)
 
-    def link_timeout_s(self) -> float:
-        """COM_DL_LOSS_T."""
-        return self.parameters.clamped("COM_DL_LOSS_T", 1.0, 300.0)
-
     def link_action(self) -> Action:
         """NAV_DLL_ACT, unless COM_DLL_EXCEPT excepts the present mode."""
         if self._excepted("COM_DLL_EXCEPT"):
@@ -100,6 +96,3 @@ class Px4Failsafes(Autopilot):
     def fence_action(self) -> Action:
         """GF_ACTION."""
         return _FENCE_ACTIONS.get(int(self.parameters["GF_ACTION"]), Action.NONE)
-
-    def failsafe_on_ground(self, name: str) -> None:
-        """Nothing."""

@@ -17,6 +17,8 @@ from skyway.sim_stub.autopilot.px4.mission_server import Px4MissionServer
 from skyway.sim_stub.plant.physics import offset_m
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from skyway.sim_stub.autopilot.mission_server import MissionServer
     from skyway.sim_stub.autopilot.parameters import ParameterStore
     from skyway.sim_stub.vehicle import Vehicle
@@ -52,7 +54,6 @@ _DEFAULT_HZ = {
     "ESTIMATOR_STATUS": 0.5,
     "RC_CHANNELS": 1.0,
 }
-_BY_NUMBER = {number: mode for mode, number in _MODES.items()} | {1 << 16: Mode.STABILIZE}
 _CUSTOM_MODE, _AUTO_MODE, _GUIDED_MODE, _MANUAL_MODE = 1, 4, 8, 64
 """Bits of MAV_MODE_FLAG."""
 _NOT_TO_ARM_IN = frozenset({Mode.LAND, Mode.RTL})
@@ -79,6 +80,15 @@ class Px4(Px4Failsafes):
     PARAMETER_ERRORS_SINCE: ClassVar[tuple[int, int]] = (1, 18)
     # Mission float 1, mission int 4, command int 8, parameters bytewise 16, termination 2048, MAVLink 2 8192, fence 16384, rally 32768.
     CAPABILITIES: ClassVar[int] = 1 | 4 | 8 | 16 | 2048 | 8192 | 16384 | 32768
+    MODES: ClassVar[Mapping[Mode, int]] = _MODES
+    MODE_NUMBERS: ClassVar[Mapping[int, Mode]] = {
+        **{number: mode for mode, number in _MODES.items()},
+        1 << 16: Mode.STABILIZE,
+        _AUTO: Mode.MISSION,
+    }
+    KEEPS_HEADINGS: ClassVar[bool] = True
+    TELLS_AIRSPEED: ClassVar[bool] = False
+    LINK_TIMEOUT: ClassVar[tuple[str, float, float]] = ("COM_DL_LOSS_T", 1.0, 300.0)
     SYSTEM_PARAMETERS: ClassVar[tuple[str, ...]] = ("MAV_SYS_ID",)
     BYTEWISE: ClassVar[bool] = True
     STRICT_PARAMETERS: ClassVar[bool] = True
@@ -114,14 +124,13 @@ class Px4(Px4Failsafes):
     LONG_HEIGHTS_RELATIVE: ClassVar[bool] = False
     HEEDS_FRAMES: ClassVar[bool] = False
     FORCES_ARMING: ClassVar[float | None] = None  # checks are run for every command from outside
-    FORCES_DISARMING: ClassVar[float] = 21196.0
     NO_LAND_START: ClassVar[Result] = Result.CANCELLED
     NO_REBOOT: ClassVar[Result] = Result.ACCEPTED
     REBOOT_REFUSED: ClassVar[Result] = Result.DENIED
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle)
-        self.infeasible: str | None = "No valid mission available"
+        self.infeasible = "No valid mission available"
         self.mode_after_disarming = Mode.HOLD
 
     def clock_of_day_s(self) -> float:
@@ -136,10 +145,6 @@ class Px4(Px4Failsafes):
         """MAV_PROTO_VER; 0 speaks MAVLink 1 until MAVLink 2 is heard."""
         wanted = int(self.parameters["MAV_PROTO_VER"])
         return 1 if wanted == 1 or (wanted == 0 and not heard_2) else 2
-
-    def reported_airspeed_mps(self) -> float:
-        """NaN."""
-        return math.nan
 
     def read_speeds(self) -> Speeds:
         """MPC_* parameters; nothing above 20 m/s."""
@@ -163,23 +168,15 @@ class Px4(Px4Failsafes):
 
     # Modes
 
-    def custom_mode(self) -> int:
-        """Main mode in byte 2, sub mode in byte 3."""
-        return _MODES.get(self.mode, _MODES[Mode.HOLD])
-
-    def mode_of(self, custom_mode: int) -> Mode | None:
-        """Mode of a number; main mode AUTO alone is the mission."""
-        return Mode.MISSION if custom_mode == _AUTO else _BY_NUMBER.get(custom_mode)
-
     def set_mode(self, base: int, main: int, sub: int, by: str) -> Result:
         """Main and sub mode come in parameters of their own; what names no mode is accepted and does nothing."""
         if not base & _CUSTOM_MODE:
             mode = _mode_of_base(base)
-        elif main << 16 == _AUTO and sub and main << 16 | sub << 24 not in _BY_NUMBER:
+        elif main << 16 == _AUTO and sub and main << 16 | sub << 24 not in self.MODE_NUMBERS:
             self.say(2, "Unsupported auto mode")
             return self.MODE_REFUSED
         else:
-            mode = self.mode_of(main << 16 | (sub << 24 if main << 16 == _AUTO else 0))
+            mode = self.MODE_NUMBERS.get(main << 16 | (sub << 24 if main << 16 == _AUTO else 0))
         return Result.ACCEPTED if mode is None else self.request_mode(mode, by)
 
     def speed_command(self, kind: float, speed_mps: float) -> Result:  # noqa: ARG002
@@ -231,14 +228,6 @@ class Px4(Px4Failsafes):
         self.say(2, "Reposition is outside geofence")
         return Result.ACCEPTED
 
-    def reposition_yaw(self, degrees: float) -> float | None:
-        """Taken over."""
-        return degrees if math.isfinite(degrees) else None
-
-    def mission_refused(self) -> bool:
-        """Whether it was found infeasible."""
-        return self.infeasible is not None
-
     def mode_refusal(self, mode: Mode) -> str | None:
         """Refuse what cannot be flown now; disarmed, every mode can be entered, and arming is refused instead."""
         if not self.armed:
@@ -251,11 +240,6 @@ class Px4(Px4Failsafes):
         if needs_position and not self.ready:
             return f"Switching to mode '{mode.value}' is currently not possible: no global position"
         return None
-
-    @property
-    def ready(self) -> bool:
-        """Whether the estimator has converged and there is a position."""
-        return self.vehicle.since_boot_s >= self.READY_AFTER_S and self.position_known
 
     def entered_mission(self) -> None:
         """Resume; a mission that was completed lands again at once where it ends in a LAND."""
@@ -382,10 +366,6 @@ class Px4(Px4Failsafes):
             return max(0.5, min(item.p2, 200.0))
         return self.parameters.clamped("NAV_ACC_RAD", 0.5, 200.0)
 
-    def heading(self, item: Item) -> float:
-        """p4; NaN looks along the way."""
-        return item.p4
-
     def circling(self, radius_m: float) -> tuple[float, float]:
         """NAV_LOITER_RAD; a multirotor is never given turns, for their items are refused."""
         return radius_m or self.parameters.clamped("NAV_LOITER_RAD", 5.0, 1000.0), self.cruise_mps
@@ -396,10 +376,9 @@ class Px4(Px4Failsafes):
 
     # Estimates
 
-    def wind_estimate(self) -> tuple[float, float] | None:
-        """Alive with EKF2_DRAG_CTRL = 1 and drag coefficients set."""
+    @property
+    def estimates_wind(self) -> bool:
+        """With EKF2_DRAG_CTRL = 1 and drag coefficients set."""
         p = self.parameters
-        fused = int(p["EKF2_DRAG_CTRL"]) == 1
-        if not fused or (p["EKF2_MCOEF"] <= 0.0 and min(p["EKF2_BCOEF_X"], p["EKF2_BCOEF_Y"]) <= 0.0):
-            return None
-        return self.vehicle.felt_wind() if not self.landed else None
+        given = p["EKF2_MCOEF"] > 0.0 or min(p["EKF2_BCOEF_X"], p["EKF2_BCOEF_Y"]) > 0.0
+        return int(p["EKF2_DRAG_CTRL"]) == 1 and given

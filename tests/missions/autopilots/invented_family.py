@@ -25,6 +25,7 @@ FIRMWARE = 200
 NUMBERS = {"hold": 11, "mission": 12, "return": 13, "land": 14, "position": 15, "guided": 17}
 SIMULATED = {
     Mode.STABILIZE: 10,
+    Mode.HOLD: 11,
     Mode.BRAKE: 11,
     Mode.MISSION: 12,
     Mode.RTL: 13,
@@ -32,6 +33,7 @@ SIMULATED = {
     Mode.POSITION: 15,
     Mode.GUIDED: 17,
 }
+SIMULATED_NUMBERS = {number: mode for mode, number in SIMULATED.items()}
 HOME = MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, x=0, y=0)
 
 
@@ -108,9 +110,5 @@ class SimulatedInvented(ArduPilot):
     FIRMWARES = ("1.0",)
     USUAL_FIRMWARE = "1.0"
     BYTEWISE = True
-
-    def custom_mode(self):
-        return SIMULATED[self.mode]
-
-    def mode_of(self, custom_mode):
-        return next((mode for mode, number in SIMULATED.items() if number == custom_mode), None)
+    MODES = SIMULATED
+    MODE_NUMBERS = SIMULATED_NUMBERS
