@@ -77,7 +77,9 @@ class AskedVehicle(VehicleMonitor):
         return self._do(asked).result is not None
 
     def request_telemetry(self, rates_hz: Mapping[int, float] = RATES_HZ) -> tuple[int, ...]:
-        """Ask for the messages that telemetry is made of; returns the ids of those refused.
+        """Ask for messages by their ids, or for those that telemetry is made of; returns the ids of those refused.
+
+        A rate of 0 is the autopilot's own.
 
         Raises
         ------
@@ -86,14 +88,14 @@ class AskedVehicle(VehicleMonitor):
         """
         wanted, refused = self.its_messages(rates_hz), []
         for number, rate in wanted.items():
-            asked = Command(self.peer.target, INTERVAL, float(number), 1e6 / rate)
+            asked = Command(self.peer.target, INTERVAL, float(number), 1e6 / rate if rate > 0.0 else 0.0)
             result = self._do(asked).result
             if result is None:
-                self.rates.want(wanted, self.connection.clock.now_s())
+                self.rates.want({one: hz for one, hz in wanted.items() if hz > 0.0}, self.connection.clock.now_s())
                 raise VehicleTimeoutError("its telemetry", asked.give_up_s)
             if result != ACCEPTED:
                 refused.append(number)
-        taken = {number: rate for number, rate in wanted.items() if number not in refused}
+        taken = {number: rate for number, rate in wanted.items() if number not in refused and rate > 0.0}
         self.rates.want(taken, self.connection.clock.now_s())
         return tuple(refused)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from skyway.link.pads import ManualPads
 from skyway.link.supervisor.journal.entries import CounterSet, PadAnswered
-from skyway.link.supervisor.observed.link_watch import ask
+from skyway.link.supervisor.observed.link_watch import ask, rest, wake
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import CommandRefusedError
 from skyway.models.base.formatting import duration, percent
@@ -29,6 +29,7 @@ def waiting(ctx: Context) -> After:
     """Ask for a pad until there is one."""
     begun_s = ctx.now_s
     said = ""
+    rest(ctx)
     while True:
         try:
             told = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, ctx.delivery.charge_to or 1.0)
@@ -56,6 +57,7 @@ def charging(ctx: Context) -> After:
     target = ctx.delivery.charge_to or 1.0
     compared = ctx.delivery.charged
     begun_s, soc = ctx.now_s, ctx.battery.soc
+    rest(ctx)
     while True:
         _hear_charged(ctx)
         if isinstance(ctx.pads, ManualPads) and not ctx.conversation.attended:
@@ -86,6 +88,7 @@ def charging(ctx: Context) -> After:
         if told.soc is not None:
             ctx.battery.measured(told.soc)
     _note_pad(ctx, told)
+    wake(ctx)
     _reset_counter(ctx, told.soc)
     ctx.delivery.charge_done()
     ctx.tell(f"charged to {percent(ctx.battery.soc)} at {ctx.delivery.station}")

@@ -16,7 +16,7 @@ from skyway.link.supervisor.journal.entries import LegBegun, ListDone, OperatorN
 from skyway.link.supervisor.journal.parts import Checked, winds
 from skyway.link.supervisor.journal.standing import standing
 from skyway.link.supervisor.legs import Leg, plan_leg, with_places
-from skyway.link.supervisor.observed.link_watch import must_answer, unanswered
+from skyway.link.supervisor.observed.link_watch import must_answer, unanswered, wake
 from skyway.link.supervisor.soc.modelled_use import ModelledUse
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base.errors import CommandRefusedError, LinkError, VehicleTimeoutError
@@ -75,6 +75,7 @@ def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService
 
 def preflight(ctx: Context) -> After:
     """Go through the list until all is in order; what cannot come right stops, with the reason."""
+    wake(ctx)
     service, leg = make_leg(ctx)
     begun_s, shown = ctx.clock.now_s(), Checklist(ctx)
     while True:

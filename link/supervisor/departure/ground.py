@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.journal.entries import Decided
 from skyway.link.supervisor.legs import with_places
-from skyway.link.supervisor.observed.link_watch import ASK_AGAIN_S, ASK_FOR_S, request_telemetry, unanswered
+from skyway.link.supervisor.observed.link_watch import ASK_AGAIN_S, ASK_FOR_S, request_telemetry, rest, unanswered
 from skyway.link.supervisor.progress import UNUSABLE_S
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base.errors import InputError, LinkError
@@ -41,6 +41,7 @@ def replanning(ctx: Context) -> After:
         return _stopped(ctx, decision)
     ctx.note_plan(decision.reason)
     if decision.action == "wait":
+        rest(ctx)
         ctx.wait_until(max(decision.until_s or 0.0, ctx.now_s + POLL_S))
         return State.REPLANNING, "the wait is over: decide again"
     if decision.charge_to is not None:
@@ -52,6 +53,7 @@ def _stopped(ctx: Context, decision: Decision) -> After:
     """Give stations that could not be used another chance before giving up."""
     if not ctx.delivery.unusable:
         return State.STOPPED, decision.reason
+    rest(ctx)
     ctx.wait_until(POLL_S + min(ctx.delivery.unusable.values(), default=ctx.now_s) + UNUSABLE_S)
     return State.REPLANNING, "stations that could not be used are tried again"
 

@@ -22,13 +22,24 @@ ASK_AGAIN_S, ASK_FOR_S = 2.0, 900.0
 """A question without an answer is asked again after so long, for so long."""
 FLYING_RATES: Mapping[int, float] = {30: 10.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 1.0, 2: 1.0, 168: 1.0}
 GROUND_RATES: Mapping[int, float] = {30: 1.0, 33: 2.0, 74: 0.5, 1: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 0.2, 24: 0.5}
-"""Messages a second on the ground, where nothing moves for hours."""
+"""Messages a second on the ground, before a take-off and after a landing."""
+RESTING_RATES: Mapping[int, float] = dict.fromkeys((*GROUND_RATES, 31, 32, 65, 141, 147, 230, 242), 0.2)
+"""The same while it charges or waits, perhaps for hours. What some autopilots send unasked is slowed down too."""
+AWAKE_S = 2.0
+"""So long we listen after a rest, so that what is known is of now."""
 
 
 @dataclass(slots=True)
 class LinkWatch:
-    """What the operator has been told of missing answers."""
+    """What the operator has been told of missing answers, and whether few messages are asked for.
 
+    Attributes
+    ----------
+    resting : bool
+        The vehicle sends `RESTING_RATES`.
+    """
+
+    resting: bool = False
     _told: str = ""
 
     def is_new(self, missing: str) -> bool:
@@ -101,7 +112,28 @@ def must_be_heard(ctx: Context) -> None:
 
 def request_telemetry(ctx: Context) -> None:
     """Ask for the messages of the state we are in."""
+    wanted = FLYING_RATES if ctx.state in IN_AIR or ctx.in_air else GROUND_RATES
+    usual = dict.fromkeys(RESTING_RATES.keys() - wanted.keys(), 0.0) if ctx.link.resting else {}
+    ctx.link.resting = False
+    _request(ctx, {**wanted, **usual})
+
+
+def rest(ctx: Context) -> None:
+    """Ask for few messages, before a long time on the ground."""
+    if not ctx.link.resting:
+        ctx.link.resting = True
+        _request(ctx, RESTING_RATES)
+
+
+def wake(ctx: Context) -> None:
+    """Ask for the usual messages again, and listen until they have come."""
+    if ctx.link.resting:
+        request_telemetry(ctx)
+        ctx.wait(AWAKE_S)
+
+
+def _request(ctx: Context, rates_hz: Mapping[int, float]) -> None:
     try:
-        ctx.vehicle.request_telemetry(FLYING_RATES if ctx.state in IN_AIR or ctx.in_air else GROUND_RATES)
+        ctx.vehicle.request_telemetry(rates_hz)
     except LinkError as error:
         ctx.note(LinkNote(), f"telemetry could not be requested: {error}")

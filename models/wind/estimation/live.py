@@ -126,6 +126,8 @@ class LiveWind:
     ----------
     filter : WindFilter or None
         None before the first average.
+    estimate : WindEstimate or None
+        The filter's latest; None before the first.
     expected : (float, float)
         The newest forecast it was told, (north, east), m/s.
     measured : Counter of str
@@ -149,6 +151,7 @@ class LiveWind:
         self.airspeed = airspeed
         self.settings = settings or (NO_FORECAST if forecast is None else WindFilterSettings())
         self.filter: WindFilter | None = None
+        self.estimate: WindEstimate | None = None
         self.expected = (math.nan, math.nan)
         self.measured: Counter[str] = Counter()
         self.rejected = 0
@@ -164,11 +167,6 @@ class LiveWind:
         self._slots = SlotAverages()
         self._pending: deque[tuple[WindEstimate, tuple[float, ...]]] = deque()
         self.autopilot_doubt = np.zeros((2, 2))
-
-    @property
-    def estimate(self) -> WindEstimate | None:
-        """Latest estimate; None before the first."""
-        return None if self.filter is None else self.filter.estimate
 
     def hear(self, sample: TelemetrySample) -> WindEstimate | None:
         """Take a sample; returns an estimate when it completes a period. Older samples are ignored."""
@@ -213,8 +211,9 @@ class LiveWind:
         used = self.filter.update(wind, noise)
         self.measured["limit"] += 1
         self.rejected += not used
+        self.estimate = self.filter.estimate
         if used:
-            self._pending.append((self.filter.estimate, place))
+            self._pending.append((self.estimate, place))
         return used
 
     def feed(self, track: TelemetryTrack) -> FilteredWind:
@@ -279,7 +278,7 @@ class LiveWind:
                 self.rejected += not used
                 course.accepted[row] |= used
                 course.nis[row] = self.filter.last_nis
-            now = self.filter.estimate
+            now = self.estimate = self.filter.estimate
             course.put(row, now, self.expected)
             self._keep(now, place, accepted=bool(course.accepted[row]))
         return course

@@ -41,8 +41,15 @@ SLOW_ARDUPILOT = ["px4", pytest.param("ardupilot", marks=pytest.mark.slow)]
 @pytest.mark.parametrize("autopilot", SLOW_ARDUPILOT)
 def test_a_package_is_delivered_with_a_recharge_on_the_way(autopilot, tmp_path):
     stage = Stage(Story(autopilot=autopilot, start="bellevue", to="yankee-stadium", soc=0.42, traffic=False), tmp_path)
-    outcome = stage.fly()
+    least_hz = {}
+
+    def watch(ctx):
+        sent_hz = sum(1.0 / stream.interval_s for stream in stage.craft.radio.ports[0].streams.values())
+        least_hz[str(ctx.state)] = min(sent_hz, least_hz.get(str(ctx.state), sent_hz))
+
+    outcome = stage.fly(on_tick=watch)
     assert outcome.delivered, outcome
+    assert least_hz["charging"] < 6.0 < min(least_hz["preflight"], least_hz["flying"])
     assert outcome.exit_code == 0
     assert stage.craft.station() == "yankee-stadium"
     assert not stage.craft.autopilot.armed
