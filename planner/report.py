@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.planner.explain import charge_ranges, stop_reasons, wait_and_see
+from skyway.planner.explain import charge_ranges, robust_gain, stop_reasons, wait_and_see
 from skyway.planner.plan import alternative_plans
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.planner.departure import Departure
-    from skyway.planner.explain import ChargeRange, StopReason, WaitAndSee
-    from skyway.planner.result import PlanResult
+    from skyway.planner.explain import ChargeRange, RobustGain, StopReason, WaitAndSee
+    from skyway.planner.result import Comparison, PlanResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,3 +58,32 @@ def plan_report(
         alternatives=tuple(alternative_plans(result, alternatives)) if alternatives > 1 else None,
         reasons=tuple(stop_reasons(result)) if explain else None,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class ComparisonReport:
+    """Answers of several planners to one request.
+
+    Attributes
+    ----------
+    answers : tuple of Comparison
+        In the order asked.
+    gains : tuple of RobustGain
+        What the robust plan gains against each other that has no perfect information; empty without a robust plan.
+    """
+
+    answers: tuple[Comparison, ...]
+    gains: tuple[RobustGain, ...]
+
+
+def comparison_report(answers: Sequence[Comparison]) -> ComparisonReport:
+    """Work out what is told of a comparison."""
+    results = [one.result for one in answers if one.result is not None]
+    robust = next((one for one in results if one.robust is not None), None)
+    others = [
+        one.result
+        for one in answers
+        if one.result is not None and one.result is not robust and one.planner not in CLAIRVOYANT_PLANNERS
+    ]
+    gains = () if robust is None else tuple(robust_gain(robust, other) for other in others)
+    return ComparisonReport(tuple(answers), gains)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 from zoneinfo import ZoneInfo
 
 import typer
@@ -16,13 +16,14 @@ from skyway.models.base.formatting import distance_text
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from skyway.link.logs.common.log import Log
+    from skyway.models.drones.airspeed import AirspeedModel
+    from skyway.models.drones.drag import DragModel
     from skyway.models.drones.drone import Drone
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.models.wind.estimation.filter import WindFilterSettings
+    from skyway.models.wind.estimation.live import Forecast
 
 LogFile = Annotated[Path, typer.Argument(help=f"Flight log: {titles()}.")]
 Columns = Annotated[Path | None, typer.Option("--columns", help="For a CSV log: TOML file that maps its columns.")]
@@ -57,14 +58,14 @@ FAR_M = 300_000.0
 """A forecast for sites further away than this says little about a flight."""
 
 
-def air_of(path: Path | None) -> dict[str, Any]:
-    """Drag and airspeed of a file of ``calibrate wind``, as `link.replay.replay.ReplayOptions` takes them."""
+def air_of(path: Path | None) -> tuple[DragModel | None, AirspeedModel | None]:
+    """Return drag and airspeed of a file of ``calibrate wind``; None where none is given."""
     from skyway.models.drones.drag_file import read_air
 
     if path is None:
-        return {}
+        return None, None
     found = read_air(path)
-    return {"drag": found.drag, "airspeed": found.airspeed}
+    return found.drag, found.airspeed
 
 
 def drone_of(named: Path) -> Drone:
@@ -89,15 +90,17 @@ def load_named(name: str | None) -> Scenario:
     return load_scenario(None if name is None else Path(str(name)))
 
 
-def log_forecast(log: Log, wind: str | None, file: Path | None, scenario: str | None) -> dict[str, Any]:
-    """What was forecast for a log, as `link.replay.replay.ReplayOptions` takes it; empty where nothing was."""
+def log_forecast(
+    log: Log, wind: str | None, file: Path | None, scenario: str | None
+) -> tuple[Forecast | None, WindFilterSettings | None]:
+    """What was forecast for a log, and how the wind strays from that; None where nothing was, or that is not known."""
     if wind is not None:
         if file is not None or scenario is not None:
             raise InputError(Fault("--wind excludes --forecast and --scenario", remedy="give one of them"))
         north, east = towards(wind)
-        return {"forecast": lambda *_: (north, east)}
+        return (lambda *_: (north, east)), None
     if file is None and scenario is None:
-        return {}
+        return None, None
     from skyway.models.base.units import from_posix
     from skyway.models.wind.estimation.live import forecast_of, settings_for
 
@@ -107,16 +110,7 @@ def log_forecast(log: Log, wind: str | None, file: Path | None, scenario: str | 
     warn_if_far(log, ensemble)
     rules = world.rules
     aloft = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
-    return {"forecast": forecast_of(ensemble, rules.wind_profile_exponent), "settings": settings_for(aloft)}
-
-
-def filter_settings(settings: list[str], air: Mapping[str, Any]) -> WindFilterSettings:
-    """Settings of the wind filter for what was forecast (`log_forecast`), with what ``--set`` changes."""
-    from skyway.models.wind.estimation.filter import WindFilterSettings
-    from skyway.models.wind.estimation.live import NO_FORECAST
-
-    usual = air.get("settings") or (WindFilterSettings() if "forecast" in air else NO_FORECAST)
-    return options.settings_of(settings, usual).wind.filter
+    return forecast_of(ensemble, rules.wind_profile_exponent), settings_for(aloft)
 
 
 def dated(log: Log) -> float:

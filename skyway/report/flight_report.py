@@ -1,8 +1,8 @@
-"""The struct of a flight report: what was planned and what happened; `to_json` makes ``skyway.flight/1`` of it."""
+"""The struct of a flight report: what was planned and what happened; ``skyway.flight/1`` as JSON."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -215,8 +215,3 @@ class FlightReport(msgspec.Struct, frozen=True, kw_only=True):
     events: list[Event]
     series: Series
     sources: Sources | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """Return it as ``skyway.flight/1``."""
-        found: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
-        return found

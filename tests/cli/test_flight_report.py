@@ -20,6 +20,7 @@ from skyway.flying import line_of
 from skyway.link.supervisor import read_journal
 from skyway.link.supervisor.journal.entries import Truth
 from skyway.models.base.formatting import duration
+from skyway.models.base.json_text import plain
 from skyway.report.report import flight, write_report
 from skyway.report.svg import Band, Chart, Course, time_ticks
 
@@ -106,7 +107,7 @@ def changed(flown, folder, change):
 
 
 def test_the_document_has_the_figures_of_the_journal(flown, records):
-    document = flight(flown).to_json()
+    document = plain(flight(flown))
     assert document["schema"] == "skyway.flight/1"
     assert document["outcome"]["delivered"]
     assert document["outcome"]["reason"] == records[-1].reason
@@ -133,7 +134,7 @@ def test_waits_and_charges_are_the_times_in_those_states(flown, records):
     for (begin_s, state), (end_s, _) in itertools.pairwise(changes):
         spent[state] = spent.get(state, 0.0) + end_s - begin_s
     assert spent["charging"] > 60.0
-    document = flight(flown).to_json()
+    document = plain(flight(flown))
     assert document["totals"]["actual"]["charge_s"] == pytest.approx(spent["charging"], abs=1e-3)
     assert document["totals"]["actual"]["wait_s"] == pytest.approx(spent["waiting-for-pad"], abs=1e-3)
     stop = next(stop for stop in document["stops"] if stop["charge_s"] > 0.0)
@@ -142,7 +143,7 @@ def test_waits_and_charges_are_the_times_in_those_states(flown, records):
 
 
 def test_errors_of_the_wind_are_those_one_computes_by_hand(flown, records):
-    leg = flight(flown).to_json()["legs"][0]
+    leg = plain(flight(flown))["legs"][0]
     inside = [r for r in records if leg["depart_s"] <= r.time_s <= leg["land_s"]]
     realizations = [(r.time_s, r.data["wind_north_mps"], r.data["wind_east_mps"]) for r in inside if r.event == "truth"]
     squares = []
@@ -176,7 +177,7 @@ def test_the_page_shows_outcome_decisions_checks_and_zones_and_needs_no_network(
 
 def test_a_flight_without_a_truth_claims_none(flown, tmp_path):
     path = changed(flown, tmp_path, lambda line: None if line["event"] == "truth" else line)
-    document = write_report(path, tmp_path / "report.html").to_json()
+    document = plain(write_report(path, tmp_path / "report.html"))
     assert document["legs"][0]["wind"]["truth"] is None
     assert document["legs"][0]["wind"]["estimate_rms_mps"] is None
     assert "unknown" in seen(tmp_path / "report.html").words
@@ -188,7 +189,7 @@ def test_a_journal_that_breaks_off_anywhere_makes_a_report_that_says_so(flown, t
     for number, end in enumerate((start, *sorted(random.Random(9).sample(range(start, len(data) - 2), 12)))):
         path = tmp_path / f"{number}.jsonl"
         path.write_bytes(data[:end])
-        document = write_report(path, tmp_path / f"{number}.html").to_json()
+        document = plain(write_report(path, tmp_path / f"{number}.html"))
         assert not document["outcome"]["ended"]
         assert not document["outcome"]["delivered"]
         assert any("breaks off" in words for words in seen(tmp_path / f"{number}.html").words)
@@ -261,7 +262,7 @@ def test_a_journal_of_nonsense_is_told_as_unknown_and_never_breaks(flown, tmp_pa
             return line | {"data": spoil(line["data"]), "time": time}
 
         path = changed(flown, tmp_path, change)
-        document = write_report(path, tmp_path / "report.html", force=True).to_json()
+        document = plain(write_report(path, tmp_path / "report.html", force=True))
         json.dumps(document, allow_nan=False)
         assert Page((tmp_path / "report.html").read_text()).sound
         for record in read_journal(path).records[:200]:
@@ -390,7 +391,7 @@ def test_a_terminal_gets_the_table_and_a_pipe_gets_lines(records, capsys):
 
 
 def test_the_page_begins_with_what_was_expected_and_what_came(flown, tmp_path):
-    document = write_report(flown, tmp_path / "report.html").to_json()
+    document = plain(write_report(flown, tmp_path / "report.html"))
     text = html.unescape((tmp_path / "report.html").read_text())
     arrival = json.loads(flown.read_text().splitlines()[0])["data"]["composition"]
     begun = datetime.fromisoformat(arrival["depart"])
@@ -418,10 +419,10 @@ def test_winds_of_the_page_are_told_as_everywhere_and_not_measured_is_no_wind(fl
         data = line["data"] | {"wind_source": "forecast"}
         return line | {"data": data} if line["event"] == "track" else line
 
-    not_measured = flight(changed(flown, tmp_path, expected_only)).to_json()
+    not_measured = plain(flight(changed(flown, tmp_path, expected_only)))
     assert not_measured["legs"][0]["wind"]["estimate"] is None
     assert set(not_measured["series"]["track"]["wind_north_mps"]) == {None}
-    leg = flight(flown).to_json()["legs"][0]
+    leg = plain(flight(flown))["legs"][0]
     words = r"\d+ \(\d+ to \d+\) m/s(, variable direction| from \d{3}°)|\d+\.\d m/s from \d{3}°"
     assert re.fullmatch(words, leg["wind"]["forecast"]["words"])
     assert re.fullmatch(words, leg["wind"]["estimate"]["words"])

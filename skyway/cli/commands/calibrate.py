@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, cast
 
@@ -12,16 +10,15 @@ import typer
 
 from skyway.cli import options
 from skyway.cli.log_options import Columns, LogFile, System, VehicleKind, open_any, towards
-from skyway.cli.views.sheet import Column, Sheet
+from skyway.cli.views.calibration import Air, air_report, energy_report, tell_air, tell_energy
 from skyway.models.base.errors import Fault, InputError, one_line
 from skyway.models.base.files import write_atomically
-from skyway.models.base.formatting import duration, percent, watt_hours, wind_text
+from skyway.models.base.formatting import percent
+from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
     from skyway.link.logs.common.vehicle_kind import Kind
     from skyway.models.calibration.energy import EnergyFit, ModelName, PowerRecord
-    from skyway.models.drones.airspeed import AirspeedModel
-    from skyway.models.drones.drag import DragModel
     from skyway.models.drones.drone import Drone
     from skyway.models.wind.estimation.blocks import Blocks
 
@@ -62,7 +59,7 @@ def calibrate_wind(
     what = vehicle_of(opened.summary, chosen, cast("Kind | None", vehicle))
     nothing = no_wind(what)
     air = flight_blocks(opened, chosen, vehicle=what)
-    found = _Air(None, None, nothing) if nothing else _air_of(air, wind)
+    found = Air(None, None, nothing) if nothing else _air_of(air, wind)
     if output is not None and found.known:
         from skyway.models.drones.drag_file import drag_file
 
@@ -70,30 +67,14 @@ def calibrate_wind(
         write_atomically(output, drag_file(found.drag, notes, found.airspeed), force=force)
         options.say_written(output)
     if as_json:
-        typer.echo(json.dumps(_air_json(found), allow_nan=False))
+        typer.echo(json_text(air_report(found)))
     else:
-        _tell_air(found)
+        tell_air(found)
     if not found.known:
         raise typer.Exit(1)
 
 
-@dataclass(frozen=True, slots=True)
-class _Air:
-    """What a flight tells about how the drone feels the air."""
-
-    drag: DragModel | None
-    airspeed: AirspeedModel | None
-    reason: str
-    sigma: float = math.inf
-    wind: tuple[float, float] = (math.nan, math.nan)
-    course_spread_deg: float = 0.0
-
-    @property
-    def known(self) -> bool:
-        return self.drag is not None or self.airspeed is not None
-
-
-def _air_of(air: Blocks, wind: str | None) -> _Air:
+def _air_of(air: Blocks, wind: str | None) -> Air:
     """Find the drag in what was flown on rotors, the airspeed sensor in what was flown on wings."""
     import numpy as np
 
@@ -106,15 +87,15 @@ def _air_of(air: Blocks, wind: str | None) -> _Air:
     if wind is not None:
         known = towards(wind)
         drag = fit_known_wind(air, np.broadcast_to(np.array(known), (len(air), 2)), PERIOD_S)
-        return _Air(drag, None, f"found with the given wind, {wind}", wind=known, course_spread_deg=spread)
+        return Air(drag, None, f"found with the given wind, {wind}", wind=known, course_spread_deg=spread)
     sensor = identify_airspeed(air) if (air.flying & air.winged).any() else None
     if sensor is not None and (sensor.model is not None or air.winged[air.flying].mean() > 0.5):
         rotors = identify_drag(air.part(~air.winged), PERIOD_S)
         mean = (sensor.wind_north_mps, sensor.wind_east_mps)
-        return _Air(rotors.drag, sensor.model, sensor.reason, sensor.factor_sigma, mean, spread)
+        return Air(rotors.drag, sensor.model, sensor.reason, sensor.factor_sigma, mean, spread)
     fit = identify_drag(air, PERIOD_S)
     mean = (fit.wind_north_mps, fit.wind_east_mps)
-    return _Air(fit.drag, None, fit.reason, fit.relative_sigma, mean, fit.course_spread_deg)
+    return Air(fit.drag, None, fit.reason, fit.relative_sigma, mean, fit.course_spread_deg)
 
 
 @calibrate.command("energy")
@@ -179,58 +160,9 @@ def calibrate_energy(
         options.say_written(output)
     published = published_errors(records, density)
     if as_json:
-        typer.echo(json.dumps(_energy_json(records, fits, published, chosen, written), allow_nan=False))
+        typer.echo(json_text(energy_report(records, fits, published, chosen, written)))
     else:
-        _tell_energy(records, fits, published, chosen, output)
-
-
-def _air_json(found: _Air) -> dict[str, object]:
-    sensor = found.airspeed
-    return {
-        "schema": "skyway.calibrate-wind/1",
-        "identified": found.known,
-        "reason": found.reason,
-        "relative_sigma": found.sigma if math.isfinite(found.sigma) else None,
-        "course_spread_deg": round(found.course_spread_deg, 1),
-        "wind": None
-        if not math.isfinite(found.wind[0])
-        else {"north_mps": round(found.wind[0], 3), "east_mps": round(found.wind[1], 3)},
-        "drag": None if found.drag is None else asdict(found.drag),
-        "airspeed": None
-        if sensor is None
-        else {
-            "factor": round(sensor.factor, 5),
-            "heading_offset_deg": round(math.degrees(sensor.heading_offset_rad), 3),
-            "sigma_mps": round(sensor.sigma_mps, 3),
-            "slip_sigma_deg": round(math.degrees(sensor.slip_sigma_rad), 3),
-        },
-    }
-
-
-def _tell_air(found: _Air) -> None:
-    if not found.known:
-        typer.echo(f"drag and airspeed cannot be identified: {found.reason}")
-        return
-    typer.echo(found.reason)
-    if found.drag is not None:
-        drag = found.drag
-        typer.echo(f"  drag: linear {drag.linear_per_s:.4f} 1/s, quadratic {drag.quadratic_per_m:.5f} 1/m")
-        typer.echo(f"  level bias forward {drag.bias_forward_mps2:+.3f}, right {drag.bias_right_mps2:+.3f} m/s²")
-        later = drag.another_flight()
-        typer.echo(
-            f"  on another flight of this aircraft the drag may differ by ± {percent(later.relative_sigma)}, the level by "
-            f"± {later.bias_sigma_mps2:.2f} m/s² (written with the drag)"
-        )
-    if found.airspeed is not None:
-        offset = math.degrees(found.airspeed.heading_offset_rad)
-        typer.echo(
-            f"  airspeed: the sensor times {found.airspeed.factor:.3f}; through the air {offset:+.1f}° off the nose"
-        )
-    if math.isfinite(found.sigma):
-        from skyway.models.wind.triangle import speed_from
-
-        speed, direction = (float(value) for value in speed_from(*found.wind))
-        typer.echo(f"  in this flight sure to ± {percent(found.sigma, 1)}; mean wind {wind_text(speed, direction)}")
+        tell_energy(records, fits, published, chosen, output)
 
 
 def _base_drone(path: Path | None, name: str) -> Drone:
@@ -308,63 +240,3 @@ def _record(
 
 def _rank(fit: EnergyFit) -> float:
     return fit.worst if not math.isnan(fit.worst) else math.inf
-
-
-def _energy_json(
-    records: list[PowerRecord],
-    fits: dict[ModelName, EnergyFit],
-    published: tuple[float, ...],
-    chosen: str,
-    drone: Drone,
-) -> dict[str, object]:
-    def known(value: float) -> float | None:
-        return round(value, 5) if math.isfinite(value) else None
-
-    return {
-        "schema": "skyway.calibrate-energy/1",
-        "flights": [
-            {
-                "log": record.name,
-                "mass_kg": round(record.mass_kg, 4),
-                "time_s": round(record.total_s, 1),
-                "idle_s": round(record.idle_s, 1),
-                "energy_wh": round(record.total_j / 3600.0, 3),
-                "left_out_error": {name: known(fit.left_out_error[number]) for name, fit in fits.items()},
-                "published_error": known(published[number]),
-            }
-            for number, record in enumerate(records)
-        ],
-        "models": {name: {"worst": known(fit.worst), "median": known(fit.median)} for name, fit in fits.items()},
-        "published": {"worst": known(max(abs(error) for error in published))},
-        "written": chosen,
-        "endurance_empty_min": known(drone.endurance_empty_s / 60.0),
-        "endurance_full_min": known(drone.endurance_full_s / 60.0),
-    }
-
-
-def _tell_energy(
-    records: list[PowerRecord],
-    fits: dict[ModelName, EnergyFit],
-    published: tuple[float, ...],
-    chosen: str,
-    output: Path | None,
-) -> None:
-    typer.echo("energy error of each flight, predicted by a fit to the others:")
-    columns = [Column("flight", justify="left"), Column("mass", "kg"), Column("time", "s"), Column("energy", "Wh")]
-    sheet = Sheet([*columns, Column("endurance"), Column("momentum"), Column("published")])
-    for number, record in enumerate(records):
-        errors = [fits[name].left_out_error[number] for name in fits] + [published[number]]
-        cells = ["-" if math.isnan(error) else percent(error, 1, signed=True) for error in errors]
-        figures = f"{record.mass_kg:.2f}", f"{record.total_s:.0f}", watt_hours(record.total_j)
-        sheet.add(Path(record.name).name, *figures, *cells)
-        if record.idle_s > 5.0:
-            sheet.note(f"  {duration(record.idle_s)} with the motors off are left out")
-    sheet.show()
-    if len(records) > 1:
-        for name, fit in fits.items():
-            typer.echo(f"  {name}: worst {percent(fit.worst, 1)}, median {percent(fit.median, 1)}")
-    else:
-        typer.echo("  with one flight there is no other to check against: the error on unseen flights is unknown")
-    typer.echo(
-        f"{chosen} model" + (" (use -o FILE to write a drone file)" if output is None else f" written to {output}")
-    )

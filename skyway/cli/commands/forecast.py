@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 from zoneinfo import ZoneInfo
 
 import typer
@@ -16,10 +15,15 @@ from skyway.cli.log_options import Columns, open_any
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import write_atomically
 from skyway.models.base.formatting import distance_text, wind_text
+from skyway.models.base.json_text import json_text
+from skyway.models.base.units import from_posix, iso, parse_instant
+from skyway.models.composition.composition import Wind
 
 if TYPE_CHECKING:
     from datetime import datetime
 
+    from skyway.link.logs.common.vehicle_kind import Kind
+    from skyway.link.replay.replay import ReplayOptions
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.models.wind.estimation.field import WindObservation
@@ -48,6 +52,66 @@ class Update:
     before: WindEnsemble
     after: WindEnsemble
     seen: tuple[WindObservation, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """A wind that was measured, at the height of the sites."""
+
+    t: str
+    lat: float
+    lon: float
+    north_mps: float
+    east_mps: float
+    sigma_mps: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiteWind:
+    """Wind at a site at the departure."""
+
+    site: str
+    speed_mps: float
+    from_deg: float
+    sigma_mps: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotWind:
+    """Wind of an hour (`models.wind.summary`), and the spread of the members about their mean vector."""
+
+    speed_mps: float
+    p10_mps: float
+    p90_mps: float
+    from_deg: float | None
+    sigma_mps: float
+
+    @property
+    def wind(self) -> Wind:
+        """The same without the spread of the vectors."""
+        return Wind(self.speed_mps, self.from_deg, self.p10_mps, self.p90_mps)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HourWind:
+    """Wind at the centre of the network, at cruise height, so many hours after the departure."""
+
+    hours: int
+    before: SlotWind
+    after: SlotWind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForecastReport:
+    """What an update did: measured winds, wind at each site, hours before and after, probability of each member."""
+
+    schema: str = "skyway.forecast-update/1"
+    depart: str
+    height_m: float
+    observations: list[Measured]
+    field: list[SiteWind]
+    hours: list[HourWind]
+    members: dict[str, float]
 
 
 def forecast(
@@ -82,6 +146,7 @@ def forecast(
       skyway forecast today/*.tlog --scenario my-scenario --drag drag.toml --depart 2025-06-15T12:00Z -o forecast.csv
       skyway plan my-scenario --forecast forecast.csv --from depot --to clinic --payload 1.2
     """
+    from skyway.link.replay.replay import ReplayOptions
     from skyway.models.wind.estimation.forecast_update import SLOT_S
 
     if not 1.0 <= slot <= 360.0:
@@ -91,28 +156,30 @@ def forecast(
     world = log_options.load_named(scenario)
     if not world.wind_sites:
         raise InputError(Fault("the scenario has no wind sites", world.path, remedy="name them in [[wind.sites]]"))
-    air = log_options.air_of(drag) | {"vehicle": vehicle}
-    seen = [one for path in logs or () for one in _observations(path, columns, air)]
+    drag_model, sensor = log_options.air_of(drag)
+    asked = ReplayOptions(vehicle=cast("Kind | None", vehicle), drag=drag_model, airspeed=sensor)
+    seen = [one for path in logs or () for one in _observations(path, columns, asked)]
     update = _update(world, seen, instant, hours, base, max(60.0 * slot, SLOT_S / 10.0))
     if output is not None:
         from skyway.models.wind.forecast_file import forecast_table
 
         write_atomically(output, forecast_table(update.after, [site.id for site in world.wind_sites]), force=force)
+    report = _report(update)
     if as_json:
-        typer.echo(json.dumps(_as_json(update), allow_nan=False))
+        typer.echo(json_text(report))
     else:
-        _tell(update, output)
+        _tell(report, output)
 
 
-def _observations(path: Path, columns: Path | None, air: dict[str, Any]) -> list[WindObservation]:
+def _observations(path: Path, columns: Path | None, asked: ReplayOptions) -> list[WindObservation]:
     """What every vehicle of a log measured; nothing is expected of the wind, so that no forecast counts twice."""
-    from skyway.link.replay.replay import ReplayOptions, replay
+    from skyway.link.replay.replay import replay
 
     log = open_any(path, columns)
     log_options.dated(log)
     found: list[WindObservation] = []
     for system in log.summary.systems:
-        course = replay(log, ReplayOptions(system=system, **air))
+        course = replay(log, replace(asked, system=system))
         if course.drag_source == "none" and course.drag_reason and not course.observations:
             typer.echo(f"skyway: {path}: vehicle {system}: {course.drag_reason}", err=True)
         if course.tally.doubted:
@@ -129,7 +196,6 @@ def _observations(path: Path, columns: Path | None, air: dict[str, Any]) -> list
 def _update(
     world: Scenario, seen: list[WindObservation], instant: datetime | None, hours: int, base: Path | None, slot_s: float
 ) -> Update:
-    from skyway.models.base.units import from_posix
     from skyway.models.wind.estimation.forecast_update import update_forecast
     from skyway.models.wind.forecast import read_forecast
 
@@ -165,39 +231,57 @@ def _distance_m(world: Scenario, one: WindObservation) -> float:
     return min(distance_m(one.lat_deg, one.lon_deg, site.lat, site.lon) for site in world.wind_sites)
 
 
-def _rows(update: Update) -> list[dict[str, Any]]:
-    """Wind at the centre of the network, at cruise height, before and after."""
+def _report(update: Update) -> ForecastReport:
+    """Work out what is told: the winds measured, at each site now, and before and after by hour."""
+    return ForecastReport(
+        depart=iso(from_posix(round(update.depart_s, 3))),
+        height_m=update.before.height_m,
+        observations=[
+            Measured(
+                t=iso(from_posix(round(one.time_s, 3))),
+                lat=round(one.lat_deg, 6),
+                lon=round(one.lon_deg, 6),
+                north_mps=round(one.north_mps, 3),
+                east_mps=round(one.east_mps, 3),
+                sigma_mps=round(math.sqrt(one.variance), 3),
+            )
+            for one in update.seen
+        ],
+        field=_field(update),
+        hours=_hours(update),
+        members=dict(zip(update.after.labels, update.after.probability.round(6).tolist(), strict=True)),
+    )
+
+
+def _hours(update: Update) -> list[HourWind]:
     from skyway.plots.wind_summary import over_region
 
-    rows = []
+    regions = [(one, *over_region(one, update.world)) for one in (update.before, update.after)]
+    found = []
     for hour in SHOWN_H:
         time_s = update.depart_s + 3600.0 * hour
         if time_s < update.after.start_s + update.after.slots * update.after.slot_s:
-            row: dict[str, Any] = {"hours": hour}
-            for name, ensemble in (("before", update.before), ("after", update.after)):
-                north, east = over_region(ensemble, update.world)
-                row[name] = _wind_of(ensemble, north, east, ensemble.slot_at(time_s))
-            rows.append(row)
-    return rows
+            before, after = (_slot(one, north, east, one.slot_at(time_s)) for one, north, east in regions)
+            found.append(HourWind(hours=hour, before=before, after=after))
+    return found
 
 
-def _wind_of(ensemble: WindEnsemble, north: Any, east: Any, slot: int) -> dict[str, float | None]:
-    """Summary of one slot (`models.wind.summary`), and the spread of the members about their mean vector."""
+def _slot(ensemble: WindEnsemble, north: Any, east: Any, slot: int) -> SlotWind:
     from skyway.models.wind.summary import summary_of
 
     found = summary_of(north[:, slot], east[:, slot], ensemble.probability)
     off = (north[:, slot] - found.north_mps) ** 2 + (east[:, slot] - found.east_mps) ** 2
-    return {
-        "speed_mps": round(found.mean_mps, 3),
-        "p10_mps": round(found.p10_mps, 3),
-        "p90_mps": round(found.p90_mps, 3),
-        "from_deg": None if found.from_deg is None else round(found.from_deg, 1),
-        "sigma_mps": round(math.sqrt(0.5 * float(ensemble.probability @ off)), 3),
-    }
+    return SlotWind(
+        speed_mps=round(found.mean_mps, 3),
+        p10_mps=round(found.p10_mps, 3),
+        p90_mps=round(found.p90_mps, 3),
+        from_deg=None if found.from_deg is None else round(found.from_deg, 1),
+        sigma_mps=round(math.sqrt(0.5 * float(ensemble.probability @ off)), 3),
+    )
 
 
-def _field(update: Update) -> list[dict[str, Any]]:
-    """Wind at every site at the departure: all observations fused, and how sure that is, at the height of the sites."""
+def _field(update: Update) -> list[SiteWind]:
+    """All observations fused, and how sure that is."""
     import numpy as np
 
     from skyway.models.wind.estimation.field import WindField
@@ -208,53 +292,20 @@ def _field(update: Update) -> list[dict[str, Any]]:
     fused = WindField(update.seen, np.array(expected).reshape(-1, 2))
     found = []
     for site in update.world.wind_sites:
-        here = mean(update.depart_s, site.lat, site.lon, math.nan)
-        now = fused.at(update.depart_s, site.lat, site.lon, here)
-        row = {"site": site.id, "speed_mps": round(now.speed_mps, 3), "from_deg": round(now.from_deg, 1)}
-        found.append(row | {"sigma_mps": round(now.sigma_mps, 3)})
+        now = fused.at(update.depart_s, site.lat, site.lon, mean(update.depart_s, site.lat, site.lon, math.nan))
+        speed, sigma = round(now.speed_mps, 3), round(now.sigma_mps, 3)
+        found.append(SiteWind(site=site.id, speed_mps=speed, from_deg=round(now.from_deg, 1), sigma_mps=sigma))
     return found
 
 
-def _as_json(update: Update) -> dict[str, Any]:
-    from skyway.models.base.units import from_posix, iso
-
-    return {
-        "schema": "skyway.forecast-update/1",
-        "depart": iso(from_posix(round(update.depart_s, 3))),
-        "height_m": update.before.height_m,
-        "observations": [
-            {
-                "t": iso(from_posix(round(one.time_s, 3))),
-                "lat": round(one.lat_deg, 6),
-                "lon": round(one.lon_deg, 6),
-                "north_mps": round(one.north_mps, 3),
-                "east_mps": round(one.east_mps, 3),
-                "sigma_mps": round(math.sqrt(one.variance), 3),
-            }
-            for one in update.seen
-        ],
-        "field": _field(update),
-        "hours": _rows(update),
-        "members": dict(zip(update.after.labels, update.after.probability.round(6).tolist(), strict=True)),
-    }
-
-
-def _tell(update: Update, output: Path | None) -> None:
-    from skyway.models.base.units import from_posix, iso
-    from skyway.models.composition.composition import Wind
-
-    count = len(update.seen)
+def _tell(report: ForecastReport, output: Path | None) -> None:
+    count = len(report.observations)
     what = "1 measurement" if count == 1 else f"{count} measurements"
-    when = iso(from_posix(round(update.depart_s)))
-    typer.echo(f"{len(update.after)} members updated with {what} of 10 minutes, for {when}")
-    for row in _field(update):
-        wind = wind_text(row["speed_mps"], row["from_deg"], row["sigma_mps"])
-        typer.echo(f"  {row['site']}: {wind} at {update.before.height_m:g} m")
+    depart = iso(from_posix(round(parse_instant(report.depart).timestamp())))
+    typer.echo(f"{len(report.members)} members updated with {what} of 10 minutes, for {depart}")
+    for row in report.field:
+        typer.echo(f"  {row.site}: {wind_text(row.speed_mps, row.from_deg, row.sigma_mps)} at {report.height_m:g} m")
     typer.echo("  at the centre of the network, at cruise height, before and after:")
-    for row in _rows(update):
-        before, after = (
-            Wind(row[name]["speed_mps"], row[name]["from_deg"], row[name]["p10_mps"], row[name]["p90_mps"])
-            for name in ("before", "after")
-        )
-        typer.echo(f"  +{row['hours']:2d} h: {before}  →  {after}")
+    for hour in report.hours:
+        typer.echo(f"  +{hour.hours:2d} h: {hour.before.wind}  →  {hour.after.wind}")
     typer.echo("use -o FILE to write it" if output is None else f"written to {output}: skyway plan --forecast {output}")

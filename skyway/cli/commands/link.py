@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,18 +12,24 @@ from skyway.cli import options
 from skyway.cli.connection_options import Link, Yes
 from skyway.cli.option_groups import with_groups
 from skyway.cli.views.link import (
+    ClearReport,
+    DownloadReport,
+    ParameterState,
+    PartDifference,
+    PartPlanned,
+    PartSent,
+    UploadReport,
+    VehicleIdentity,
+    VerifyReport,
     count_of,
-    difference_row,
     on_board,
-    outcome_row,
-    print_json,
     progress,
     show_outcome,
     show_plan,
     size_of,
-    vehicle_row,
 )
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -101,13 +107,16 @@ def upload(
             return
         vehicle.check_ground_station()
         outcomes = _send(vehicle, parts)
-    ok = all(outcome.verified for outcome in outcomes)
+    report = UploadReport(
+        ok=all(outcome.verified for outcome in outcomes), sent=True, vehicle=VehicleIdentity.of(identity),
+        parameters=checks, parts=[PartSent.of(outcome) for outcome in outcomes],
+    )  # fmt: skip
     if as_json:
-        print_json("upload/1", ok=ok, sent=True, **_told(identity, checks), parts=_outcomes(outcomes))
+        typer.echo(json_text(report))
     else:
         for outcome in outcomes:
             show_outcome(outcome)
-    if not ok:
+    if not report.ok:
         raise typer.Exit(3)
 
 
@@ -121,12 +130,12 @@ def _refuse_what_cannot_be_flown(document: MissionDocument, family: Family) -> N
 
 def _check_parameters(
     vehicle: Vehicle, wanted: Sequence[Parameter], *, yes: bool, as_json: bool
-) -> list[dict[str, Any]]:
+) -> list[ParameterState]:
     """Read the parameters that a mission needs; with consent set those that will not do, and read them back."""
     rows = []
     for check in vehicle.check_required(wanted):
         state, value = _parameter_state(vehicle, check, yes=yes)
-        rows.append({"name": check.wanted.name, "was": check.actual, "is": value, "state": state})
+        rows.append(ParameterState(name=check.wanted.name, was=check.actual, now=value, state=state))
         if not as_json:
             was = "unknown" if check.actual is None else f"{check.actual:g}"
             typer.echo(f"parameter {check.wanted.name} is {was}: {state}")
@@ -145,28 +154,21 @@ def _parameter_state(vehicle: Vehicle, check: ParameterCheck, *, yes: bool) -> t
 
 
 def _show_dry_run(
-    vehicle: Vehicle, identity: Identity, parts: list[Part], checks: list[dict[str, Any]], *, as_json: bool
+    vehicle: Vehicle, identity: Identity, parts: list[Part], checks: list[ParameterState], *, as_json: bool
 ) -> None:
     from skyway.link.protocol.verified import kind_of
 
     rows = []
     for part in parts:
         kind, differences = kind_of(part).name.lower(), vehicle.verify(part)
-        rows.append({"kind": kind, "differences": [difference_row(kind, difference) for difference in differences]})
+        rows.append(PartPlanned(kind=kind, differences=[PartDifference.of(kind, one) for one in differences]))
         if not as_json:
             show_plan(part, differences)
     if as_json:
-        print_json("upload/1", ok=True, sent=False, **_told(identity, checks), parts=rows)
+        who = VehicleIdentity.of(identity)
+        typer.echo(json_text(UploadReport(ok=True, sent=False, vehicle=who, parameters=checks, parts=rows)))
     else:
         typer.echo("nothing was sent; add --yes to upload")
-
-
-def _told(identity: Identity, checks: list[dict[str, Any]]) -> dict[str, Any]:
-    return {"vehicle": vehicle_row(identity), "parameters": checks}
-
-
-def _outcomes(outcomes: list[UploadOutcome]) -> list[dict[str, Any]]:
-    return [outcome_row(outcome) for outcome in outcomes]
 
 
 def _send(vehicle: Vehicle, parts: list[Part]) -> list[UploadOutcome]:
@@ -210,11 +212,13 @@ def download(
     if not (isinstance(mission, Mission) and isinstance(fence, Geofence) and isinstance(rally, RallyPoints)):
         raise TypeError("a download of a different kind than requested")
     written = write(MissionDocument(mission, fence, rally), output, force=force)
+    report = DownloadReport(
+        files=[str(path) for path in written], items=len(mission), fence_areas=len(fence.areas), rally_points=len(rally)
+    )
     if as_json:
-        counts = {"items": len(mission), "fence_areas": len(fence.areas), "rally_points": len(rally)}
-        print_json("download/1", ok=True, files=[str(path) for path in written], **counts)
+        typer.echo(json_text(report))
         return
-    typer.echo(f"{len(mission)} items, {len(fence.areas)} fence areas, {len(rally)} rally points")
+    typer.echo(f"{report.items} items, {report.fence_areas} fence areas, {report.rally_points} rally points")
     for path in written:
         typer.echo(f"wrote {path}")
 
@@ -248,7 +252,7 @@ def clear(
             if not as_json:
                 typer.echo(f"{each.word}: {size_of(part)}, {'cleared' if yes else 'would be cleared; add --yes'}")
     if as_json:
-        print_json("clear/1", ok=True, cleared=yes, vehicle=vehicle_row(identity), held=held)
+        typer.echo(json_text(ClearReport(cleared=yes, vehicle=VehicleIdentity.of(identity), held=held)))
 
 
 @with_groups
@@ -265,8 +269,8 @@ def verify(link: Link, file: MissionFile, as_json: options.AsJson = False) -> No
     with link.aboard() as vehicle:
         found = [(kind_of(part), difference) for part in parts for difference in vehicle.verify(part)]
     if as_json:
-        rows = [difference_row(kind.name.lower(), difference) for kind, difference in found]
-        print_json("verify/1", ok=not found, differences=rows)
+        rows = [PartDifference.of(kind.name.lower(), difference) for kind, difference in found]
+        typer.echo(json_text(VerifyReport(ok=not found, differences=rows)))
     else:
         for kind, difference in found:
             typer.echo(f"{kind.word}: {on_board(difference)}")

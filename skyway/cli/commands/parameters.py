@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -11,8 +12,67 @@ import typer
 from skyway.cli import options
 from skyway.cli.connection_options import Link, Yes
 from skyway.cli.option_groups import with_groups
-from skyway.cli.views.link import print_json
 from skyway.models.base.errors import CommandRefusedError, LinkError
+from skyway.models.base.json_text import json_text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterValues:
+    """Values by name."""
+
+    schema: str = "skyway.parameters/1"
+    parameters: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterSet:
+    """A value that was set, or would be."""
+
+    schema: str = "skyway.parameter/1"
+    name: str
+    was: float
+    value: float
+    set: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterDifference:
+    """A value of a file that the vehicle has otherwise, or not at all."""
+
+    name: str
+    file: float
+    vehicle: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParametersDiff:
+    """A vehicle compared with a file."""
+
+    schema: str = "skyway.parameters-diff/1"
+    ok: bool
+    compared: int
+    differences: list[ParameterDifference]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterRestored:
+    """A value that a flight changed, and what was done about it."""
+
+    name: str
+    now: float
+    before: float
+    done: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParametersRestore:
+    """What was restored; `problem` where not all could be."""
+
+    schema: str = "skyway.parameters-restore/1"
+    ok: bool
+    parameters: list[ParameterRestored]
+    problem: str | None
+
 
 params = typer.Typer(help="Read, set, compare and restore parameters.", no_args_is_help=True)
 
@@ -34,7 +94,8 @@ def params_get(
     with link.aboard() as vehicle:
         found = [vehicle.parameter(name) for name in names] if names else list(vehicle.parameters().values())
     if as_json:
-        print_json("parameters/1", parameters={value.name: value.value for value in found})
+        values = {value.name: value.value for value in found}
+        typer.echo(json_text(ParameterValues(parameters=values)))
         return
     for value in found:
         typer.echo(f"{value.name},{value.value:.9g}")
@@ -59,7 +120,7 @@ def params_set(
         before = vehicle.parameter(name).value
         after = vehicle.set_parameter(name, value).value if yes else value
     if as_json:
-        print_json("parameter/1", name=name, was=before, value=after, set=yes)
+        typer.echo(json_text(ParameterSet(name=name, was=before, value=after, set=yes)))
     else:
         typer.echo(f"{name}: {before:.9g} -> {after:.9g}{'' if yes else ' would be set; add --yes'}")
 
@@ -87,13 +148,13 @@ def params_diff(
     for name, value in wanted.items():
         has = actual.get(name)
         if has is None or not same_value(value, has.value, has.kind):
-            rows.append({"name": name, "file": value, "vehicle": None if has is None else has.value})
+            rows.append(ParameterDifference(name=name, file=value, vehicle=None if has is None else has.value))
     if as_json:
-        print_json("parameters-diff/1", ok=not rows, compared=len(wanted), differences=rows)
+        typer.echo(json_text(ParametersDiff(ok=not rows, compared=len(wanted), differences=rows)))
     else:
         for row in rows:
-            has_it = "has none" if row["vehicle"] is None else f"{row['vehicle']:.9g}"
-            typer.echo(f"{row['name']}: file {row['file']:.9g}, vehicle {has_it}")
+            has_it = "has none" if row.vehicle is None else f"{row.vehicle:.9g}"
+            typer.echo(f"{row.name}: file {row.file:.9g}, vehicle {has_it}")
         typer.echo(f"{len(rows)} of {len(wanted)} differ" if rows else f"all {len(wanted)} are as the file says")
     if rows:
         raise typer.Exit(1)
@@ -123,13 +184,15 @@ def params_restore(
 
     records = read_journal(journal).records
     changes = changes_of(records)
-    rows: list[dict[str, object]] = []
+    rows: list[ParameterRestored] = []
     problem = ""
     if changes.before:
         with link.aboard() as vehicle:
             if not yes:
                 rows = [
-                    {"name": name, "now": vehicle.parameter(name).value, "before": value, "done": "would be restored"}
+                    ParameterRestored(
+                        name=name, now=vehicle.parameter(name).value, before=value, done="would be restored"
+                    )
                     for name, value in changes.before.items()
                 ]
             elif vehicle.armed:
@@ -142,15 +205,15 @@ def params_restore(
                 def told(name: str, done: str, sentence: str, value: float) -> None:
                     entry = ParameterNote(name=name, done=done, value=value)
                     book.write(records[-1].state, entry, sentence, flight=records[-1].flight)
-                    rows.append({"name": name, "now": value, "before": changes.before[name], "done": done})
+                    rows.append(ParameterRestored(name=name, now=value, before=changes.before[name], done=done))
 
                 with closing(book):
                     problem = restore_all(vehicle, changes, told)
     if as_json:
-        print_json("parameters-restore/1", ok=not problem, parameters=rows, problem=problem or None)
+        typer.echo(json_text(ParametersRestore(ok=not problem, parameters=rows, problem=problem or None)))
     else:
         for row in rows:
-            typer.echo(f"{row['name']}: {row['now']:.9g} (before the flight: {row['before']:.9g}) {row['done']}")
+            typer.echo(f"{row.name}: {row.now:.9g} (before the flight: {row.before:.9g}) {row.done}")
         if not changes.before:
             typer.echo("nothing to restore: the journal lists no changed parameter")
         elif not yes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +14,7 @@ from skyway.cli.request_options import ConditionOptions, RequestOptions
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import write_atomically
 from skyway.models.base.formatting import duration
+from skyway.models.base.json_text import json_text
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def plan(
     if geojson is not None:
         from skyway.route_geojson import route_geojson
 
-        write_atomically(geojson, json.dumps(route_geojson(composition), indent=1, allow_nan=False) + "\n", force=force)
+        write_atomically(geojson, json_text(route_geojson(composition), indent=1) + "\n", force=force)
     if plot is not None:
         from skyway.plots.charge_band import charge_band
         from skyway.plots.map import plot_composition
@@ -107,8 +107,7 @@ def plan(
     options.say_written(output, geojson, plot)
     report = plan_report(result, tried, alternatives, explain=explain)
     if as_json:
-        document = to_json(composition) | plan_reasons.as_json(report)
-        typer.echo(json.dumps(document, indent=1, allow_nan=False))
+        typer.echo(json_text(to_json(composition) | plan_reasons.as_json(report), indent=1))
         return
     from skyway.cli.views.plan import print_plan
 
@@ -134,8 +133,9 @@ def compare(
       skyway compare --from bellevue --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00 --drone m200
       skyway compare --planners pfs,shortest,ies --from bellevue --to jacobi --payload 0.8 --wind 8@270 --json
     """
+    from skyway.cli.views.comparison import document_of, print_comparison
     from skyway.models.base.errors import InfeasibleError
-    from skyway.models.composition.file import to_json
+    from skyway.planner.report import comparison_report
     from skyway.planner.result import Comparison
 
     names = [name.strip() for name in planners.split(",") if name.strip()]
@@ -151,21 +151,11 @@ def compare(
         except InfeasibleError as error:
             answers.append(Comparison(name, None, error))
     options.hint_at_warnings(world, conditions.scenario)
+    report = comparison_report(answers)
     if as_json:
-        plans = [
-            {
-                "planner": answer.planner,
-                "status": "ok" if answer.result else "infeasible",
-                "error": None if answer.error is None else str(answer.error),
-                "composition": None if answer.result is None else to_json(answer.result.composition),
-            }
-            for answer in answers
-        ]
-        typer.echo(json.dumps({"schema": "skyway.compare/1", "plans": plans}, indent=1, allow_nan=False))
+        typer.echo(json_text(document_of(report), indent=1))
     else:
-        from skyway.cli.views.comparison import print_comparison
-
-        print_comparison(answers)
+        print_comparison(report)
     if all(answer.result is None for answer in answers):
         raise typer.Exit(1)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import time
@@ -25,6 +24,7 @@ from skyway.models.base.formatting import (
     speed_text,
     with_unit,
 )
+from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from skyway.link.replay.monitors import Notice
     from skyway.link.replay.prediction import Prediction
     from skyway.link.replay.replay import Replay, ReplayOptions
+    from skyway.link.replay.report import ReplayReport, WindSummary
 
 _CLOCK = re.compile(r"^(?:(\d{1,4}):)?(\d{1,2}):(\d{1,2}(?:\.\d+)?)$|^(\d+(?:\.\d+)?)$")
 FOLLOWED = ("wind", "battery", "mission")
@@ -88,19 +89,18 @@ def replay(
         return
     from skyway.link.replay.replay import ReplayOptions
     from skyway.models.base.parameters import changed
+    from skyway.models.wind.estimation.filter import WindFilterSettings
+    from skyway.models.wind.estimation.live import NO_FORECAST
 
-    air = log_options.log_forecast(opened, wind, forecast, scenario)
+    expected, strays = log_options.log_forecast(opened, wind, forecast, scenario)
     if settings:
-        air["settings"] = log_options.filter_settings(settings, air)
-
+        usual = strays or (WindFilterSettings() if expected else NO_FORECAST)
+        strays = options.settings_of(settings, usual).wind.filter
+    drag_model, sensor = log_options.air_of(drag)
     asked = ReplayOptions(
-        system=system,
-        vehicle=cast("Kind | None", vehicle),
-        from_s=first,
-        to_s=last,
-        **log_options.air_of(drag),
-        **air,
-    )
+        system=system, vehicle=cast("Kind | None", vehicle), from_s=first, to_s=last,
+        drag=drag_model, airspeed=sensor, forecast=expected, settings=strays,
+    )  # fmt: skip
     if followed and drag is None:
         typer.echo(
             "skyway: the drag is estimated from the whole log first; with --drag FILE the replay equals the live flight",
@@ -113,16 +113,14 @@ def replay(
         plot_replay(found, plot)
     options.say_written(csv, plot)
     from skyway.link.replay.prediction import predict
-    from skyway.link.replay.report import as_json as report
-    from skyway.link.replay.report import prediction_json
+    from skyway.link.replay.report import replay_report
 
     prediction = None if predicted_by is None else predict(found, predicted_by, payload)
+    report = replay_report(found, prediction, changed(strays, "wind.filter") if settings and strays else None)
     if as_json:
-        document = report(found) | ({} if prediction is None else {"prediction": prediction_json(prediction)})
-        document |= {"parameters": changed(air["settings"], "wind.filter")} if settings else {}
-        typer.echo(json.dumps(document, allow_nan=False))
+        typer.echo(json_text(report))
         return
-    _tell(found, log)
+    _tell(found, report, log)
     if prediction is not None:
         _tell_prediction(prediction)
 
@@ -266,13 +264,10 @@ def _serve(
     typer.echo(f"sent {sent} packets to {connect}")
 
 
-def _tell(found: Replay, path: Path) -> None:
-    from skyway.link.replay.report import as_json as report
-
-    facts = report(found)
+def _tell(found: Replay, report: ReplayReport, path: Path) -> None:
     summary = found.summary
     typer.echo(f"{path.name}: {summary.format}, {summary.messages} messages, {summary.skipped_bytes} bytes skipped")
-    typer.echo(f"  {facts['start'] or 'no time'} to {facts['end'] or 'no time'} by {summary.time_base.source}")
+    typer.echo(f"  {report.start or 'no time'} to {report.end or 'no time'} by {summary.time_base.source}")
     for doubt in summary.time_base.doubts:
         typer.echo(f"  warning: {doubt}")
     shown = ", ".join(str(number) for number in summary.systems) or "none"
@@ -288,7 +283,7 @@ def _tell(found: Replay, path: Path) -> None:
         if phase.time_s > 0.0:
             used = f"{energy_text(phase.energy_j)}, {with_unit(phase.energy_j / phase.time_s, 'W', 0)}"
             typer.echo(f"  {name}: {duration(phase.time_s)}, {used}")
-    _tell_wind(found, facts["wind_summary"])
+    _tell_wind(found, report.wind_summary)
     for event in found.events:
         typer.echo(f"  {counter(event.time_s - summary.start_s)}  {event.text}")
 
@@ -305,7 +300,7 @@ def _tell_prediction(made: Prediction) -> None:
     typer.echo(f"    of the battery: {percent(made.predicted_soc)} predicted{used}")
 
 
-def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
+def _tell_wind(found: Replay, summary: WindSummary) -> None:
     if not len(found.wind):
         why = f": {found.drag_reason}" if found.drag_source == "none" and found.drag_reason else ""
         typer.echo(f"  wind: not measured{why}")
@@ -318,12 +313,11 @@ def _tell_wind(found: Replay, facts: dict[str, object]) -> None:
         "nominal": "nominal drag",
     }[found.drag_source]
     typer.echo(
-        f"  wind: {facts['mean_speed_mps']} m/s from {facts['mean_from_deg']}° on average, ± "
+        f"  wind: {summary.mean_speed_mps} m/s from {summary.mean_from_deg}° on average, ± "
         f"{speed_text(float(found.wind.sigma_mps[-1]))} at the end ({how})"
     )
-    forecast = facts["forecast"]
-    if isinstance(forecast, dict):
+    if (forecast := summary.forecast) is not None:
         typer.echo(
-            f"  forecast: {forecast['speed_mps']} m/s from {forecast['from_deg']}°; on average "
-            f"{forecast['vector_difference_mps']} m/s apart, {forecast['vector_rms_mps']} m/s RMS"
+            f"  forecast: {forecast.speed_mps} m/s from {forecast.from_deg}°; on average "
+            f"{forecast.vector_difference_mps} m/s apart, {forecast.vector_rms_mps} m/s RMS"
         )

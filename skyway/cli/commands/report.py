@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +9,7 @@ import typer
 
 from skyway.cli import options
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.json_text import json_text
 from skyway.scenarios import load_scenario
 
 JournalFile = Annotated[Path, typer.Argument(help="Journal, as written by skyway fly.")]
@@ -58,7 +58,7 @@ def report(
     else:
         document = write_report(journal, page, logs=log or (), plan=plan, scenario=where, plot=plot, force=force)
     if as_json:
-        typer.echo(json.dumps(document.to_json(), allow_nan=False))
+        typer.echo(json_text(document))
         return
     outcome = document.outcome
     ended = outcome.state if outcome.ended else f"not ended (journal stops in the state {outcome.state})"

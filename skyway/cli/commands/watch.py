@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from skyway.link.protocol.connection import Connection
     from skyway.link.telemetry.vehicle_monitor import VehicleMonitor
+    from skyway.link.wire.frames import Rejected
 
 _EVERY_S, _LINE_EVERY_S, _ASK_EVERY_S = 0.5, 1.0, 5.0
 _SILENT_S = 5.0
@@ -89,7 +91,7 @@ class _Watch:
         else:
             self.vehicles[system] = VehicleMonitor(self.connection, system)
 
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[VehicleRow]:
         """Return what is known of each vehicle, in the order of their ids."""
         return [_row(self.vehicles[system]) for system in sorted(self.vehicles)]
 
@@ -122,47 +124,68 @@ def _show(watched: _Watch, end_s: float, *, as_json: bool) -> None:
     while clock.now_s() < end_s:
         watched.run_for(min(_LINE_EVERY_S, end_s - clock.now_s()))
         for row in watched.rows():
-            typer.echo(json_text(row | _rejected(watched)) if as_json else "  ".join(_cells(row)))
+            typer.echo(json_text(row) if as_json else "  ".join(_cells(row)))
         fresh = [remark for remark in watched.remarks() if remark not in told]
         told += fresh
         for remark in fresh:
             typer.echo(remark, err=True)
 
 
-def _rejected(watched: _Watch) -> dict[str, Any]:
-    from dataclasses import asdict
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleRow:
+    """What is known of a vehicle; None is unknown."""
 
-    return {"rejected": asdict(watched.connection.rejected), "conflict": watched.connection.conflict is not None}
+    system: int
+    autopilot: str
+    mode: str
+    armed: bool
+    lat: float | None
+    lon: float | None
+    height_m: float | None
+    ground_speed_mps: float | None
+    soc: float | None
+    wind_mps: float | None
+    wind_from_deg: float | None
+    item: float | None
+    mission: str
+    time: str | None
+    clock: str
+    silent_s: float
+    loss: float
+    doubts: list[str]
+    rejected: Rejected
+    conflict: bool
 
 
-def _row(vehicle: VehicleMonitor) -> dict[str, Any]:
-    """One vehicle as JSON; null is unknown."""
+def _row(vehicle: VehicleMonitor) -> VehicleRow:
     latest = vehicle.live.latest
     sample = vehicle.live.sample
     north, east = latest("wind_north_mps"), latest("wind_east_mps")
-    return {
-        "system": vehicle.system,
-        "autopilot": vehicle.family.name,
-        "mode": vehicle.mode,
-        "armed": vehicle.armed,
-        "lat": _known(latest("lat_deg"), 7),
-        "lon": _known(latest("lon_deg"), 7),
-        "height_m": _known(latest("height_m"), 1),
-        "ground_speed_mps": _known(math.hypot(latest("vel_north_mps"), latest("vel_east_mps")), 1),
-        "soc": _known(latest("soc"), 3),
-        "wind_mps": _known(math.hypot(north, east), 1),
-        "wind_from_deg": _known(math.degrees(math.atan2(-east, -north)) % 360.0, 0),
-        "item": _known(latest("mission_item"), 0),
-        "mission": vehicle.mission_state,
-        "time": None if sample is None else _instant(sample.time_s),
-        "clock": vehicle.live.clock.base.source,
-        "silent_s": round(vehicle.silent_s, 1),
-        "loss": round(vehicle.live.loss, 3),
-        "doubts": [
+    return VehicleRow(
+        system=vehicle.system,
+        autopilot=vehicle.family.name,
+        mode=vehicle.mode,
+        armed=vehicle.armed,
+        lat=_known(latest("lat_deg"), 7),
+        lon=_known(latest("lon_deg"), 7),
+        height_m=_known(latest("height_m"), 1),
+        ground_speed_mps=_known(math.hypot(latest("vel_north_mps"), latest("vel_east_mps")), 1),
+        soc=_known(latest("soc"), 3),
+        wind_mps=_known(math.hypot(north, east), 1),
+        wind_from_deg=_known(math.degrees(math.atan2(-east, -north)) % 360.0, 0),
+        item=_known(latest("mission_item"), 0),
+        mission=vehicle.mission_state,
+        time=None if sample is None else _instant(sample.time_s),
+        clock=vehicle.live.clock.base.source,
+        silent_s=round(vehicle.silent_s, 1),
+        loss=round(vehicle.live.loss, 3),
+        doubts=[
             *(f"{name}: {why}" for name, why in vehicle.live.doubts.items()),
             *(str(check) for check in vehicle.rates.checks if check.measured_hz and not check.ok),
         ],
-    }
+        rejected=vehicle.connection.rejected,
+        conflict=vehicle.connection.conflict is not None,
+    )
 
 
 def _instant(posix_s: float) -> str:
@@ -178,24 +201,25 @@ def _known(value: float, digits: int) -> float | None:
 _COLUMNS = ("vehicle", "mode", "position", "height", "speed", "charge", "wind", "mission", "link", "doubts")
 
 
-def _cells(row: dict[str, Any]) -> list[str]:
+def _cells(row: VehicleRow) -> list[str]:
     """The same for a person, in the order of the columns."""
-    silent = row["silent_s"] > _SILENT_S
-    place = _UNKNOWN if row["lat"] is None else place_text(row["lat"], row["lon"])
-    wind = _UNKNOWN if row["wind_mps"] is None else wind_text(row["wind_mps"], row["wind_from_deg"])
-    item = "" if row["item"] is None else f"item {row['item']:.0f}"
-    state = "" if row["mission"] == _UNKNOWN else row["mission"]
+    silent = row.silent_s > _SILENT_S
+    place = _UNKNOWN if row.lat is None or row.lon is None else place_text(row.lat, row.lon)
+    from_deg = row.wind_from_deg
+    wind = _UNKNOWN if row.wind_mps is None or from_deg is None else wind_text(row.wind_mps, from_deg)
+    item = "" if row.item is None else f"item {row.item:.0f}"
+    state = "" if row.mission == _UNKNOWN else row.mission
     return [
-        f"{row['system']} {row['autopilot']}",
-        f"{row['mode']}{', armed' if row['armed'] else ''}",
+        f"{row.system} {row.autopilot}",
+        f"{row.mode}{', armed' if row.armed else ''}",
         place,
-        height_text(row["height_m"]),
-        speed_text(row["ground_speed_mps"]),
-        percent(row["soc"]),
+        height_text(row.height_m),
+        speed_text(row.ground_speed_mps),
+        percent(row.soc),
         wind,
         " ".join(word for word in (item, state) if word) or _UNKNOWN,
-        f"silent for {duration(row['silent_s'])}" if silent else percent(1 - row["loss"]),
-        "; ".join(row["doubts"]),
+        f"silent for {duration(row.silent_s)}" if silent else percent(1 - row.loss),
+        "; ".join(row.doubts),
     ]
 
 

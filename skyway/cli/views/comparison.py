@@ -1,19 +1,55 @@
-"""Table of a comparison of planners."""
+"""Report of a comparison of planners: JSON and table."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.formatting import duration, kilometres, later_text, minutes, share, spent
+from skyway.models.composition.file import to_json
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from skyway.models.base.figure import Figure
     from skyway.planner.explain import RobustGain
-    from skyway.planner.result import Comparison
+    from skyway.planner.report import ComparisonReport
 
 
-def print_comparison(answers: list[Comparison]) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannerAnswer:
+    """What one planner answers: its composition (`models.composition.file.to_json`), or why it has none."""
+
+    planner: str
+    status: Literal["ok", "infeasible"]
+    error: str | None
+    composition: dict[str, object] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompareDocument:
+    """What ``skyway compare --json`` prints."""
+
+    schema: str = "skyway.compare/1"
+    plans: list[PlannerAnswer]
+
+
+def document_of(report: ComparisonReport) -> CompareDocument:
+    """Return the report for machines."""
+    plans = [
+        PlannerAnswer(
+            planner=answer.planner,
+            status="ok" if answer.result else "infeasible",
+            error=None if answer.error is None else str(answer.error),
+            composition=None if answer.result is None else to_json(answer.result.composition),
+        )
+        for answer in report.answers
+    ]
+    return CompareDocument(plans=plans)
+
+
+def print_comparison(report: ComparisonReport) -> None:
     """Print planners side by side; all but those with perfect information are counted in the same simulated deliveries."""
     from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 
@@ -23,7 +59,7 @@ def print_comparison(answers: list[Comparison]) -> None:
         Column("wait"), Column("recharge"), Column("stops", words="{} stops"), Column("", "km"), Column("planned", words="planned in {}"),
     ]  # fmt: skip
     sheet = Sheet(columns, names=2)
-    for answer in answers:
+    for answer in report.answers:
         if answer.result is None:
             continue
         c, outcome = answer.result.composition, answer.result.outcome
@@ -49,14 +85,14 @@ def print_comparison(answers: list[Comparison]) -> None:
         say(
             "flight, wait and recharge: typical schedule. Other columns: the same simulated deliveries for all planners"
         )
-        clairvoyant = [one.planner for one in answers if one.result and one.planner in CLAIRVOYANT_PLANNERS]
+        clairvoyant = [one.planner for one in report.answers if one.result and one.planner in CLAIRVOYANT_PLANNERS]
         for name in clairvoyant:
             say(
                 f"{name} has perfect information (wind and queues): its delivery time is for that one realization, without gusts"
             )
         say("")
-    _print_gains(answers)
-    for answer in answers:
+    _print_gains(report.gains)
+    for answer in report.answers:
         if answer.error is not None:
             say(f"{answer.planner}: {answer.error}")
         elif answer.result is not None:
@@ -67,21 +103,13 @@ def _about(figure: Figure) -> str:
     return minutes(figure).split(" ± ", maxsplit=1)[0]
 
 
-def _print_gains(answers: list[Comparison]) -> None:
+def _print_gains(gains: Sequence[RobustGain]) -> None:
     """Say in plain words what the robust plan gains."""
-    from skyway.planner.explain import robust_gain
-    from skyway.planner.registry import CLAIRVOYANT_PLANNERS
-
-    robust = next((one.result for one in answers if one.result is not None and one.result.robust is not None), None)
-    if robust is None:
-        return
-    for answer in answers:
-        if answer.result is None or answer.result is robust or answer.planner in CLAIRVOYANT_PLANNERS:
-            continue
-        one = robust_gain(robust, answer.result)
+    for one in gains:
         say(f"{one.planner} against robust: {later_text(one.sooner)}; {_safer(one)}")
         say(f"  why: {_reasons(one)}")
-    say("")
+    if gains:
+        say("")
 
 
 def _safer(one: RobustGain) -> str:

@@ -1,11 +1,11 @@
-"""Output of uploads: a preview, and the result."""
+"""Reports of uploads, and their output: a preview, and the result."""
 
 from __future__ import annotations
 
-import json
 import math
 import sys
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -21,6 +21,124 @@ if TYPE_CHECKING:
     from skyway.missions.items.mission import MissionItem
 
 _FEW = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleIdentity:
+    """Who a vehicle is; None is unknown."""
+
+    system: int
+    autopilot: str
+    type: int
+    version: str | None
+    capabilities: tuple[str, ...]
+    uid: str | None
+
+    @classmethod
+    def of(cls, identity: Identity) -> VehicleIdentity:
+        """Take what a vehicle says."""
+        return cls(
+            system=identity.system, autopilot=identity.autopilot, type=identity.kind, version=identity.version or None,
+            capabilities=identity.words, uid=f"{identity.uid:016x}" if identity.uid else None,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartDifference:
+    """What a vehicle holds otherwise than a file."""
+
+    kind: str
+    item: int | None
+    field: str
+    text: str
+
+    @classmethod
+    def of(cls, kind: str, difference: Difference) -> PartDifference:
+        """Take a difference; values as the vehicle has them."""
+        return cls(kind=kind, item=difference.item, field=difference.field, text=on_board(difference))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartPlanned:
+    """What would be sent, and what the vehicle holds otherwise."""
+
+    kind: str
+    differences: list[PartDifference]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartSent:
+    """How an upload ended."""
+
+    kind: str
+    state: str
+    holds: str
+    reason: str | None
+    items: tuple[int, ...]
+    differences: list[str]
+    transfers: int
+
+    @classmethod
+    def of(cls, outcome: UploadOutcome) -> PartSent:
+        """Take the outcome of a verified upload."""
+        return cls(
+            kind=outcome.kind.name.lower(), state=outcome.state.value, holds=outcome.holds, reason=outcome.reason or None,
+            items=outcome.items, differences=[str(one) for one in outcome.differences], transfers=outcome.attempts,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterState:
+    """A parameter that a mission needs: before, now, and what was done."""
+
+    name: str
+    was: float | None
+    now: float | None = field(metadata={"json": "is"})
+    state: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UploadReport:
+    """What ``skyway upload`` did, or would do."""
+
+    schema: str = "skyway.upload/1"
+    ok: bool
+    sent: bool
+    vehicle: VehicleIdentity
+    parameters: list[ParameterState]
+    parts: list[PartSent] | list[PartPlanned]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DownloadReport:
+    """What ``skyway download`` wrote."""
+
+    schema: str = "skyway.download/1"
+    ok: bool = True
+    files: list[str]
+    items: int
+    fence_areas: int
+    rally_points: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClearReport:
+    """What ``skyway clear`` cleared, or would clear."""
+
+    schema: str = "skyway.clear/1"
+    ok: bool = True
+    cleared: bool
+    vehicle: VehicleIdentity
+    held: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerifyReport:
+    """What ``skyway verify`` found."""
+
+    schema: str = "skyway.verify/1"
+    ok: bool
+    differences: list[PartDifference]
 
 
 def progress() -> Callable[[str, int, int], None] | None:
@@ -100,43 +218,8 @@ def _shown(value: object) -> str:
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
-def difference_row(kind: str, difference: Difference) -> dict[str, Any]:
-    """One difference as JSON; values as the vehicle has them."""
-    return {"kind": kind, "item": difference.item, "field": difference.field, "text": on_board(difference)}
-
-
-def outcome_row(outcome: UploadOutcome) -> dict[str, Any]:
-    """How one upload ended, as JSON."""
-    return {
-        "kind": outcome.kind.name.lower(),
-        "state": outcome.state.value,
-        "holds": outcome.holds,
-        "reason": outcome.reason or None,
-        "items": list(outcome.items),
-        "differences": [str(difference) for difference in outcome.differences],
-        "transfers": outcome.attempts,
-    }
-
-
 def show_outcome(outcome: UploadOutcome) -> None:
     """Print how one upload ended."""
     typer.echo(str(outcome))
     for difference in outcome.differences[:_FEW]:
         typer.echo(f"  {difference}")
-
-
-def vehicle_row(identity: Identity) -> dict[str, Any]:
-    """Who a vehicle is, as JSON; null is unknown."""
-    return {
-        "system": identity.system,
-        "autopilot": identity.autopilot,
-        "type": identity.kind,
-        "version": identity.version or None,
-        "capabilities": list(identity.words),
-        "uid": f"{identity.uid:016x}" if identity.uid else None,
-    }
-
-
-def print_json(schema: str, **what: Any) -> None:
-    """Print one JSON object with the name of its form."""
-    typer.echo(json.dumps({"schema": f"skyway.{schema}", **what}, allow_nan=False))

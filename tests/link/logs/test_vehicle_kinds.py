@@ -1,6 +1,5 @@
 """What a vehicle is comes from its log, and only what its kind can tell of the wind is told."""
 
-import json
 import math
 
 import numpy as np
@@ -12,8 +11,9 @@ from skyway.cli.main import main
 from skyway.link.logs.common.vehicle_kind import KINDS, MAV_KINDS, KindEvidence
 from skyway.link.logs.reader import open_log
 from skyway.link.replay.replay import ReplayOptions, flight_blocks, replay
-from skyway.link.replay.report import as_json
+from skyway.link.replay.report import replay_report
 from skyway.models.base.errors import InputError
+from skyway.models.base.json_text import json_text
 from skyway.models.calibration.wind import identify_drag
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
@@ -35,7 +35,7 @@ def no_wind(found, kind):
     assert not found.observations
     assert not found.measured
     assert any("no wind" in event.text for event in found.events)
-    json.dumps(as_json(found), allow_nan=False)
+    json_text(replay_report(found))
 
 
 WINGLESS_TELLERS = {

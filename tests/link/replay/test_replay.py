@@ -14,9 +14,10 @@ from tlog_factory import START_US, mixed_log
 from skyway.link.logs.reader import open_log
 from skyway.link.replay.player import Player, packets_of
 from skyway.link.replay.replay import ReplayOptions, flight_blocks, replay
-from skyway.link.replay.report import Table, as_json
+from skyway.link.replay.report import Table, replay_report
 from skyway.link.replay.server import ControlServer, Output, play
 from skyway.models.base.errors import InputError, LinkError
+from skyway.models.base.json_text import plain
 from skyway.models.calibration.airspeed import identify_airspeed
 from skyway.models.drones.airspeed import AirspeedModel
 from skyway.models.drones.drag import DragModel
@@ -24,6 +25,10 @@ from skyway.models.wind.estimation.measurement import airspeed_wind
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
 KNOWN = DragModel(linear_per_s=0.15, quadratic_per_m=0.010)
+
+
+def _as_json(found):
+    return plain(replay_report(found))
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +55,7 @@ def test_a_replay_finds_the_wind_the_leg_and_the_energy(flight):
 
 def test_a_replay_as_json_is_complete_and_plain(flight):
     path, _ = flight
-    report = as_json(replay(open_log(path), ReplayOptions(forecast=lambda *_: (-4.0, 3.0))))
+    report = _as_json(replay(open_log(path), ReplayOptions(forecast=lambda *_: (-4.0, 3.0))))
     text = json.dumps(report, allow_nan=False)
     assert report["schema"] == "skyway.replay/1"
     for key in (
@@ -105,7 +110,7 @@ def test_second_by_second_or_all_at_once_is_the_same_replay(flight):
     heard = []
     fast = replay(open_log(path), ReplayOptions(drag=KNOWN))
     slow = replay(open_log(path), ReplayOptions(drag=KNOWN), notice=heard.append)
-    assert as_json(fast) == as_json(slow)
+    assert _as_json(fast) == _as_json(slow)
     assert [notice.time_s for notice in heard] == sorted(notice.time_s for notice in heard)
     assert {notice.kind for notice in heard} >= {"wind", "battery", "mission"}
 
@@ -166,7 +171,7 @@ def test_a_log_without_telemetry_is_told_without_any(tmp_path):
     log.add(0.0, log.dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3), 255)
     path = tmp_path / "station.tlog"
     path.write_bytes(log.data)
-    report = as_json(replay(open_log(path)))
+    report = _as_json(replay(open_log(path)))
     assert report["system"] is None
     assert report["systems"] == []
     assert report["legs"] == []
@@ -178,7 +183,7 @@ def test_every_real_log_is_replayed(shared_data):
     folder = shared_data / "logs"
     for path in sorted(folder.iterdir()):
         if path.suffix != ".md":
-            json.dumps(as_json(replay(open_log(path))), allow_nan=False)
+            json.dumps(_as_json(replay(open_log(path))), allow_nan=False)
 
 
 @pytest.fixture(scope="module")
