@@ -120,13 +120,19 @@ class Network:
         Raises
         ------
         InputError
-            Unknown ends, segments from a station to itself, or stations with the same id.
+            Unknown ends, segments from a station to itself, stations with the same id or with less than no pads.
         """
         stations = tuple(stations)
         pairs = np.unique(np.asarray(pairs, dtype=np.int64).reshape(-1, 2), axis=0)
         unknown = ((pairs < 0) | (pairs >= len(stations))).any(axis=1)
         loops = np.unique(pairs[~unknown & (pairs[:, 0] == pairs[:, 1]), 0])
         faults = _repeated_ids(stations)
+        faults += [
+            Fault("must be 0 or more", field=f"{one.id}.{name}", value=getattr(one, name))
+            for one in stations
+            for name in ("pads", "holding_spots")
+            if getattr(one, name) < 0
+        ]
         faults += [Fault("names no node", field="segment", value=pair) for pair in pairs[unknown].tolist()]
         loop = "a segment leads from a station to itself"
         faults += [Fault(loop, field="segment", value=stations[node].id) for node in loops.tolist()]

@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.units import S_PER_H
 from skyway.models.jit.compiled import compiled, compiled_lean
-from skyway.models.queues.transient import TAIL_H, PadQueue, present_at
+from skyway.models.queues.transient import TAIL_H, present_at
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -116,17 +115,8 @@ def expected_paths(start_s: float, step_s: float, wait_s: NDArray[np.float64]) -
         One a station. Within a step the wait is the mean of its two ends, before the grid and after it that of its
         first and last time. Where that would let a later arrival have its pad earlier, it gets it with the last one
         before it. Landing needs no wait.
-
-    Raises
-    ------
-    InputError
-        The grid has no times or no length, or a wait is negative or not a number.
     """
     stations, times = wait_s.shape
-    if not times or not (step_s > 0.0 and math.isfinite(step_s)):
-        raise InputError(Fault("a grid has at least one time, and steps of some length", field="step_s", value=step_s))
-    if not np.all((wait_s >= 0.0) & np.isfinite(wait_s)):
-        raise InputError(Fault("not all waits are seconds from 0 up", field="wait_s"))
     arrival = np.asarray(start_s + step_s * np.arange(times), dtype=np.float64)
     delay = np.empty((stations, times + 1))
     delay[:, 0], delay[:, 1:-1], delay[:, -1] = wait_s[:, 0], 0.5 * (wait_s[:, 1:] + wait_s[:, :-1]), wait_s[:, -1]
@@ -136,77 +126,15 @@ def expected_paths(start_s: float, step_s: float, wait_s: NDArray[np.float64]) -
     return [QueuePath(arrival, pad[number], always, delay[number]) for number in range(stations)]
 
 
-def sample_path(
-    pads: int,
-    holding_spots: int,
-    arrivals_per_s: ArrayLike,
-    mean_charging_s: ArrayLike,
-    *,
-    first_s: float,
-    start_s: float,
-    hours: float,
-    rng: np.random.Generator | int,
-    busy: int | None = None,
-    remaining_s: Sequence[float] | None = None,
-) -> QueuePath:
-    """Sample the other drones at one station from `start_s` over a horizon; nobody arrives after it.
-
-    Parameters
-    ----------
-    pads : int
-        0 gives `no_queue`.
-    holding_spots : int
-        Drones that may stand beside the pads; with 0 a drone lands only on a free pad.
-    arrivals_per_s, mean_charging_s : array_like, shape (hours of rates,)
-        Rates hour after hour; after the last hour its rates go on.
-    first_s : float
-        When the first hour of the rates begins, POSIX seconds.
-    start_s, hours : float
-        The horizon, POSIX seconds and hours.
-    rng : Generator or int
-        Source of randomness, or a seed.
-    busy : int or None
-        Drones present at `start_s`, those beyond the pads in the line. None: nobody looked, so the station
-        is empty at `first_s` and lives through the hours until `start_s` (unless `remaining_s` tells who is
-        there).
-    remaining_s : sequence of float, optional
-        Seconds after `start_s` until busy pads become free, used as they are; busy pads without one get a
-        sampled time.
-
-    Returns
-    -------
-    QueuePath
-
-    Raises
-    ------
-    InputError
-        Rates or numbers out of range, or more remaining times than busy pads.
-    """
-    if pads == 0:
-        return no_queue()
-    arrivals = np.ascontiguousarray(arrivals_per_s, dtype=np.float64)
-    charging = np.ascontiguousarray(mean_charging_s, dtype=np.float64)
-    known = np.array([] if remaining_s is None else remaining_s, dtype=np.float64)
-    if busy is None and remaining_s is not None:
-        busy = len(known)
-    PadQueue(pads, start_s, first_s, arrivals, charging, busy)  # says what is wrong with them
-    _check(holding_spots, hours, known, min(busy or 0, pads))
-    generator = rng if isinstance(rng, np.random.Generator) else np.random.default_rng(rng)
-    times = (first_s, start_s, start_s + hours * S_PER_H)
-    present = -1 if busy is None else busy
-    return _path(generator, pads, holding_spots, (arrivals, 1.0 / charging), times, present, known)
-
-
 def sample_sets(
     load: PadLoad,
-    pads: ArrayLike,
-    holding_spots: ArrayLike,
+    pads: NDArray[np.int64],
+    holding_spots: NDArray[np.int64],
     stations: Sequence[int],
     start_s: float,
     hours: float,
     seeds: Sequence[int | Sequence[int]],
-    busy: Mapping[int, int] | None = None,
-    remaining_s: Mapping[int, Sequence[float]] | None = None,
+    busy: Mapping[int, int],
 ) -> list[dict[int, QueuePath]]:
     """Sample a set of paths, one for each of several stations, for each of several seeds.
 
@@ -218,60 +146,35 @@ def sample_sets(
     ----------
     load : PadLoad
         Other drones.
-    pads, holding_spots : array_like of int, shape (nodes,)
-        Of each station.
+    pads, holding_spots : ndarray of int, shape (nodes,)
+        Of each station; without pads there is no queue, without holding spots a drone lands only on a free pad.
     stations : sequence of int
         Which nodes.
     start_s, hours : float
-        The horizon, POSIX seconds and hours.
+        The horizon, POSIX seconds and hours; nobody arrives after it.
     seeds : sequence of int or of sequence of int
         One a set, for example (seed, member).
-    busy : mapping of int to int, optional
-        Drones present at `start_s`, by node.
-    remaining_s : mapping of int to sequence of float, optional
-        Known times until pads become free, by node.
+    busy : mapping of int to int
+        Drones present at `start_s`, by node, those beyond the pads in the line.
 
     Returns
     -------
     list of dict of int to QueuePath
         For each seed, by node.
-
-    Raises
-    ------
-    InputError
-        As `sample_path`.
     """
-    seen, times = busy or {}, remaining_s or {}
-    counts = np.broadcast_to(np.asarray(pads, dtype=np.int64), (len(load),))
-    spots = np.broadcast_to(np.asarray(holding_spots, dtype=np.int64), (len(load),))
     first_s = math.floor(start_s / S_PER_H) * S_PER_H
-    ends = (first_s, start_s, start_s + hours * S_PER_H)
-    _check(0, hours, np.empty(0), 0)
+    times = first_s, start_s, start_s + hours * S_PER_H
     result: list[dict[int, QueuePath]] = [{} for _ in seeds]
     for station in stations:
         arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
-        pads_here, spots_here = int(counts[station]), int(spots[station])
-        told = station in seen or station in times or pads_here <= 0 or spots_here < 0
-        if not told:
-            share, services = present_at(load, station, pads_here, start_s), 1.0 / charging
+        count, spots, rates = int(pads[station]), int(holding_spots[station]), (arrivals, 1.0 / charging)
+        share = None if station in busy or not count else present_at(load, station, count, start_s)
         for found, seed in zip(result, seeds, strict=True):
             rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
-            if told:
-                found[station] = sample_path(
-                    pads_here,
-                    spots_here,
-                    arrivals,
-                    charging,
-                    first_s=first_s,
-                    start_s=start_s,
-                    hours=hours,
-                    rng=rng,
-                    busy=seen.get(station),
-                    remaining_s=times.get(station),
-                )
-                continue
-            present = int(np.searchsorted(share, rng.random() * share[-1], side="right"))
-            found[station] = _path(rng, pads_here, spots_here, (arrivals, services), ends, present, np.empty(0))
+            present = busy.get(station, 0)
+            if share is not None:
+                present = int(np.searchsorted(share, rng.random() * share[-1], side="right"))
+            found[station] = sample_path(rng, count, spots, rates, times, present) if count else no_queue()
     return result
 
 
@@ -301,35 +204,20 @@ def pack(
     return offset, arrival, pad, land, delay
 
 
-def _check(holding_spots: int, hours: float, remaining_s: NDArray[np.float64], busy_pads: int) -> None:
-    faults = []
-    if holding_spots < 0:
-        faults.append(Fault("a negative number of holding spots", field="holding_spots", value=holding_spots))
-    if not (math.isfinite(hours) and hours > 0.0):
-        faults.append(Fault("a horizon has a length", field="hours", value=hours))
-    if not np.all((remaining_s >= 0.0) & np.isfinite(remaining_s)):
-        faults.append(Fault("not all remaining times are seconds from 0 up", field="remaining_s"))
-    if len(remaining_s) > busy_pads:
-        problem = f"more remaining times than the {busy_pads} busy pads"
-        faults.append(Fault(problem, field="remaining_s", value=len(remaining_s)))
-    if faults:
-        raise InputError(faults)
-
-
-def _path(
+def sample_path(
     rng: np.random.Generator,
     pads: int,
     spots: int,
     rates: tuple[NDArray[np.float64], NDArray[np.float64]],
     times: tuple[float, float, float],
     present: int,
-    known: NDArray[np.float64],
 ) -> QueuePath:
+    """Sample the other drones at one station; `rates`, `times` and `present` are those of `_lived`."""
     first_s, _, end_s = times
-    expected = max(present, 0) + float(rates[0].max()) * (end_s - first_s)
+    expected = present + float(rates[0].max()) * (end_s - first_s)
     draws = rng.standard_exponential(pads + 2 * (16 + int(1.2 * expected)))
     while True:
-        came, pad_s, land_s, at_start, later, enough = _lived(draws, pads, spots, rates, times, present, known)
+        came, pad_s, land_s, at_start, later, enough = _lived(draws, pads, spots, rates, times, present)
         if enough:
             return QueuePath(came, pad_s, land_s, present=at_start, left_s=later)
         draws = np.concatenate((draws, rng.standard_exponential(len(draws))))
@@ -367,7 +255,6 @@ def _lived(
     rates: tuple[Floats, Floats],
     times: tuple[float, float, float],
     present: int,
-    known: Floats,
 ) -> tuple[Floats, Floats, Floats, int, Floats, bool]:
     """Serve the drones present at first and all that arrive until the end, first come, first served.
 
@@ -376,21 +263,21 @@ def _lived(
     rate, which is the pad's new f. `QueuePath` is what a drone meets behind the first 0, 1, 2, ... of those that come
     after the start.
 
-    Takes finite deviates from 0 up, hourly rates from 0 up that hold from before the start to the end, and as many
-    known times as pads are busy at most; `_check` and `PadLoad` see to it.
+    Takes finite deviates from 0 up, hourly rates from 0 up that hold from before the start to the end, a pad or more, and
+    spots and drones present from 0 up; `PadLoad`, `Network` and `Request` see to it.
 
     Parameters
     ----------
     draws : ndarray, shape (deviates,)
         Standard exponential deviates, used in order.
-    pads, spots, known
-        Of `sample_path`; `known` are its remaining times.
+    pads, spots : int
+        Pads, and holding spots beside them.
     rates : (arrivals_per_s, services_per_s)
-        By the hour.
+        By the hour; after the last hour its rates go on.
     times : (first_s, start_s, end_s)
-        Of the rates and of the horizon, POSIX seconds.
+        When the first hour of the rates begins, and the horizon, POSIX seconds.
     present : int
-        Others at the start; negative: nobody, at `first_s`.
+        Others at the start, those beyond the pads in line.
 
     Returns
     -------
@@ -404,22 +291,18 @@ def _lived(
     size = len(draws)
     came, began, ready, left = np.empty(size), np.empty(size), np.empty(size + 1), np.empty(size + pads)
     free = np.full(pads, -np.inf)
-    now, waiting, used = first_s, 0, 0
-    # Drones present at the start: on pads, for times that are known or sampled, and the rest in line.
-    if present >= 0:
-        now, waiting = start_s, max(present - pads, 0)
-        free[: len(known)] = start_s + known
-        for pad in range(len(known), min(present, pads)):
-            free[pad] = _after(start_s, draws[used], services, first_s)
-            used += 1
-    at_start, gone, later = 0, waiting, 0
+    now, waiting, used = start_s, max(present - pads, 0), 0
+    # Drones present at the start: on pads, for sampled times, and the rest in line.
+    for pad in range(min(present, pads)):
+        free[pad] = _after(start_s, draws[used], services, first_s)
+        used += 1
     # Departures after the start, at first of the drones on pads then.
-    if present >= 0:
-        for pad in range(pads):
-            if free[pad] > start_s:
-                left[later] = free[pad]
-                later += 1
-        at_start = later
+    later = 0
+    for pad in range(pads):
+        if free[pad] > start_s:
+            left[later] = free[pad]
+            later += 1
+    at_start = later
     count = 0
     while True:
         # The pad that is free first: a drone of ours behind the first `count` others would get it then.
@@ -433,8 +316,6 @@ def _lived(
             used += 1
             if now > end_s:
                 break
-            if now <= start_s:
-                gone = count + 1
         # It gets its pad and leaves it.
         came[count], began[count] = now, max(now, free[earliest])
         free[earliest] = _after(began[count], draws[used], services, first_s)
@@ -442,15 +323,15 @@ def _lived(
         if free[earliest] > start_s:
             left[later] = free[earliest]
             later += 1
-            if gone > count:
+            if count < waiting:
                 at_start += 1
         count += 1
     # The path begins behind those present at the start.
-    pad_s = ready[gone : count + 1].copy()
+    pad_s = ready[waiting : count + 1].copy()
     land_s = pad_s.copy()
     # It may stand on a holding spot once the drone that is `spots` places ahead in the line has its pad.
     for k in range(len(land_s)):
-        before = gone + k - spots
+        before = waiting + k - spots
         if spots > 0:
             land_s[k] = min(land_s[k], began[before]) if before >= 0 else -np.inf
-    return came[gone:count].copy(), pad_s, land_s, at_start, np.sort(left[:later]), True
+    return came[waiting:count].copy(), pad_s, land_s, at_start, np.sort(left[:later]), True

@@ -15,14 +15,12 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.units import S_PER_H
-from skyway.models.queues.load import MAX_CHARGING_S, MIN_CHARGING_S
 from skyway.models.queues.transient_kernels import (
     MAX_JUMPS,
     MAX_STATES,
@@ -33,7 +31,7 @@ from skyway.models.queues.transient_kernels import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from skyway.models.queues.load import PadLoad
 
@@ -55,24 +53,7 @@ _NOBODY = 1e-12  # probability of still more drones, where the long run is cut o
 TAIL_H = 24
 """Hours after a horizon whose charging times still matter to those who wait at its end."""
 STEP_S = 600.0
-
-
-class Transient(NamedTuple):
-    """How many drones are at a station over time.
-
-    Attributes
-    ----------
-    times_s : ndarray, shape (times,)
-        Seconds since the beginning of the first slot.
-    distribution : ndarray, shape (times, states)
-        Probability of 0, 1, 2, … drones on the pads and in the line.
-    lost_mass : float
-        What is missing from the sum of the last row, below `LOST_MASS`.
-    """
-
-    times_s: NDArray[np.float64]
-    distribution: NDArray[np.float64]
-    lost_mass: float
+"""Distance of the points at which waits are forecast."""
 
 
 def erlang_c(pads: int, offered_load: float) -> float:
@@ -84,14 +65,7 @@ def erlang_c(pads: int, offered_load: float) -> float:
         At least 1.
     offered_load : float
         Arrival rate times mean charging time, from 0 up; from `pads` on everybody waits.
-
-    Raises
-    ------
-    InputError
-        Fewer than one pad, or a negative load.
     """
-    _check_pads(pads)
-    _check_offered(offered_load)
     if offered_load >= pads:
         return 1.0
     blocked = 1.0  # Erlang's B formula by its recursion, which never overflows
@@ -115,15 +89,8 @@ def stationary(pads: int, offered_load: float, states: int) -> NDArray[np.float6
     Returns
     -------
     ndarray, shape (states,)
-
-    Raises
-    ------
-    InputError
-        Fewer than one pad, a negative load, or one that the pads cannot serve: then there is no long run.
     """
     waits = erlang_c(pads, offered_load)
-    if offered_load >= pads:
-        raise InputError(Fault(f"{pads} pads never catch up with it", field="offered_load", value=offered_load))
     ratio = offered_load / pads
     number = np.arange(states)
     tail = waits * (1.0 - ratio) * ratio ** np.maximum(number - pads, 0.0)
@@ -168,118 +135,67 @@ class PadQueue:
     busy: int | None = None
     unseen: NDArray[np.float64] = field(default_factory=lambda: np.ones(1), repr=False)
 
-    def __post_init__(self) -> None:
-        _check_pads(self.pads)
-        arrivals, charging = _rates(self.arrivals_per_s, self.mean_charging_s)
-        object.__setattr__(self, "arrivals_per_s", arrivals)
-        object.__setattr__(self, "mean_charging_s", charging)
-        if self.busy is not None and self.busy < 0:
-            raise InputError(Fault("a negative number of busy pads", field="busy", value=self.busy))
-        if self.first_s > self.start_s:
-            raise InputError(Fault("the rates begin after the start", field="first_s", value=self.first_s))
-
-    def distribution(self, times_s: ArrayLike) -> Transient:
-        """Compute the probabilities of the number of drones present.
+    def distribution(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Compute the probabilities of 0, 1, 2, … drones on the pads and in the line, shape (times, states).
 
         Parameters
         ----------
-        times_s : array_like, shape (times,)
+        times_s : ndarray, shape (times,)
             Instants from `start_s` on, POSIX seconds, ascending.
 
         Raises
         ------
         InputError
-            Instants before the start or not in order, or a line that grows beyond `MAX_STATES`.
+            The line grows beyond `MAX_STATES`.
         """
-        times = np.asarray(times_s, dtype=np.float64) - self.first_s
-        if not len(times) or times[0] < self.start_s - self.first_s or np.any(np.diff(times) < 0.0):
-            raise InputError(Fault("not instants from the start on, in order", field="times_s"))
-        begin = 0.0 if self.busy is None else self.start_s - self.first_s
-        rates, initial = (self.arrivals_per_s, self.mean_charging_s), self.unseen if self.busy is None else self.busy
-        return _run(self.pads, rates, S_PER_H, _initial(initial), begin, times)
+        begin_s, initial = 0.0, self.unseen
+        if self.busy is not None:
+            begin_s, initial = self.start_s - self.first_s, np.zeros(self.busy + 1)
+            initial[-1] = 1.0
+        return _run(self.pads, (self.arrivals_per_s, self.mean_charging_s), initial, begin_s, times_s - self.first_s)
 
-    def forecast(self, hours: float, step_s: float = STEP_S) -> WaitForecast:
-        """Forecast the waits over a horizon from `start_s` on, at points `step_s` apart."""
-        grid = self.start_s + step_s * np.arange(math.ceil(hours * S_PER_H / step_s) + 1, dtype=np.float64)
+    def forecast(self, hours: float) -> WaitForecast:
+        """Forecast the waits over a horizon from `start_s` on, at points `STEP_S` apart."""
+        grid = self.start_s + STEP_S * np.arange(_points(hours), dtype=np.float64)
         states = self.distribution(grid)
         times = grid - self.first_s
-        wait = expected_waits(states.distribution, self.pads, 1.0 / self.mean_charging_s, S_PER_H, times)
+        wait = expected_waits(states, self.pads, 1.0 / self.mean_charging_s, S_PER_H, times)
         # Exact values never let a later arrival start earlier; this removes what rounding and cutting leave.
         wait = np.maximum.accumulate(times + wait) - times
-        free = np.minimum(states.distribution[:, : self.pads].sum(axis=1), 1.0)
-        return WaitForecast(self.start_s, step_s, np.maximum(wait, 0.0), free, states.lost_mass, self)
+        free = np.minimum(states[:, : self.pads].sum(axis=1), 1.0)
+        return WaitForecast(np.maximum(wait, 0.0), free)
 
 
-@dataclass(frozen=True, eq=False)
-class WaitForecast:
-    """Waiting for a pad at one station, by the time of arrival.
+class WaitForecast(NamedTuple):
+    """Waiting for a pad at one station, for arrivals at points `STEP_S` apart.
 
-    Between the points of the grid everything is linear, before and after it constant, so that t + E[W](t)
-    never decreases: who arrives later is not expected to start earlier.
+    Between the points everything is linear, before and after them constant, so that t + E[W](t) never decreases: who
+    arrives later is not expected to start earlier.
 
     Attributes
     ----------
-    start_s, step_s : float
-        First point of the grid, POSIX seconds, and the distance of the points, seconds.
     wait_s : ndarray, shape (times,)
         Expected wait of a drone that arrives at each point, seconds.
     p_free : ndarray, shape (times,)
         Probability that it finds a free pad.
-    lost_mass : float
-        Probability that the computation lost, below `LOST_MASS`.
-    queue : PadQueue or None
-        What it was computed from; None is a station without pads, a delivery target: nobody recharges
-        there, so nobody waits.
     """
 
-    start_s: float
-    step_s: float
     wait_s: NDArray[np.float64]
     p_free: NDArray[np.float64]
-    lost_mass: float = 0.0
-    queue: PadQueue | None = field(default=None, repr=False)
 
-    @classmethod
-    def no_queue(cls, start_s: float, hours: float, step_s: float = STEP_S) -> WaitForecast:
-        """A station without waits: a delivery target, where nobody recharges."""
-        points = math.ceil(hours * S_PER_H / step_s) + 1
-        return cls(start_s, step_s, np.zeros(points), np.ones(points))
 
-    def expected_wait_s(self, t: float) -> float:
-        """Mean wait of a drone that arrives at POSIX seconds `t`, seconds."""
-        return self._at(self.wait_s, t)
-
-    def p_pad_free(self, t: float) -> float:
-        """Probability that a drone that arrives at POSIX seconds `t` finds a free pad."""
-        return self._at(self.p_free, t)
-
-    @cached_property
-    def distribution(self) -> NDArray[np.float64]:
-        """Probabilities of 0, 1, 2, … drones, shape (times, states); computed when first asked for."""
-        if self.queue is None:
-            return np.ones((len(self.wait_s), 1))
-        return self.queue.distribution(self.start_s + self.step_s * np.arange(len(self.wait_s))).distribution
-
-    def _at(self, values: NDArray[np.float64], t: float) -> float:
-        x = (t - self.start_s) / self.step_s
-        i = int(x)
-        if x <= 0.0:
-            return float(values.item(0))
-        if i >= values.size - 1:
-            return float(values.item(-1))
-        low = values.item(i)
-        return float(low + (x - i) * (values.item(i + 1) - low))
+def _points(hours: float) -> int:
+    """Points of a grid over a horizon."""
+    return math.ceil(hours * S_PER_H / STEP_S) + 1
 
 
 def forecast_waits(
     load: PadLoad,
-    pads: ArrayLike,
+    pads: NDArray[np.int64],
     stations: Sequence[int],
     start_s: float,
     hours: float,
-    busy: Mapping[int, int] | None = None,
-    *,
-    step_s: float = STEP_S,
+    busy: Mapping[int, int],
 ) -> dict[int, WaitForecast]:
     """Forecast the waits at several stations; those with the same load, pads and start share one forecast.
 
@@ -290,18 +206,16 @@ def forecast_waits(
     ----------
     load : PadLoad
         Other drones.
-    pads : array_like of int, shape (nodes,)
-        Pads of each station; where 0, nobody waits.
+    pads : ndarray of int, shape (nodes,)
+        Pads of each station; where 0, as at a delivery target, nobody recharges, so nobody waits.
     stations : sequence of int
         Which nodes.
     start_s : float
         POSIX seconds.
     hours : float
         Horizon.
-    busy : mapping of int to int, optional
+    busy : mapping of int to int
         Drones seen at `start_s` by node (see `PadQueue`); stations left out were not seen.
-    step_s : float
-        Distance of the points of the grid, seconds.
 
     Returns
     -------
@@ -311,25 +225,18 @@ def forecast_waits(
     Raises
     ------
     InputError
-        A negative number of pads or busy pads, or a line that grows beyond `MAX_STATES`.
+        A line that grows beyond `MAX_STATES`.
     """
-    seen = busy or {}
-    counts = np.broadcast_to(np.asarray(pads, dtype=np.int64), (len(load),))
     shared: dict[tuple[int, int | None, bytes, bytes], WaitForecast] = {}
     result = {}
     for station in stations:
-        count, known = int(counts[station]), seen.get(station)
+        count, known = int(pads[station]), busy.get(station)
         if count == 0:
-            key: tuple[int, int | None, bytes, bytes] = (0, None, b"", b"")
-        else:
-            rows = (load.arrivals_per_s[station], load.mean_charging_s[station])
-            key = (count, known, rows[0].tobytes(), rows[1].tobytes())
+            result[station] = WaitForecast(np.zeros(_points(hours)), np.ones(_points(hours)))
+            continue
+        key = (count, known, load.arrivals_per_s[station].tobytes(), load.mean_charging_s[station].tobytes())
         if key not in shared:
-            shared[key] = (
-                WaitForecast.no_queue(start_s, hours, step_s)
-                if count == 0
-                else station_queue(load, station, count, start_s, hours, known).forecast(hours, step_s)
-            )
+            shared[key] = station_queue(load, station, count, start_s, hours, known).forecast(hours)
         result[station] = shared[key]
     return result
 
@@ -371,7 +278,7 @@ def present_at(load: PadLoad, station: int, pads: int, start_s: float) -> NDArra
 
     def found() -> NDArray[np.float64]:
         queue = station_queue(load, station, pads, start_s, 1)
-        return np.cumsum(queue.distribution([start_s]).distribution[0])
+        return np.cumsum(queue.distribution(np.array([start_s]))[0])
 
     return _kept(("present", start_s), load, station, pads, found)
 
@@ -407,58 +314,26 @@ def _settled(load: PadLoad, station: int, pads: int, first_s: float) -> NDArray[
         begin = stationary(pads, offered, pads + math.ceil(math.log(_NOBODY) / math.log(ratio)) + 1)
         begin /= begin.sum()
     rates = load.hourly(station, first_s - warm_up * S_PER_H, warm_up)
-    found = _run(pads, _rates(*rates), S_PER_H, begin, 0.0, np.array([warm_up * S_PER_H])).distribution[0]
+    found = _run(pads, rates, begin, 0.0, np.array([warm_up * S_PER_H]))[0]
     return np.asarray(found[: np.flatnonzero(found)[-1] + 1] / found.sum())
-
-
-def _check_pads(pads: int) -> None:
-    if pads < 1:
-        raise InputError(Fault("a queue needs at least one pad", field="pads", value=pads))
-
-
-def _check_offered(offered_load: float) -> None:
-    if not (math.isfinite(offered_load) and offered_load >= 0.0):
-        raise InputError(Fault("not a number from 0 up", field="offered_load", value=offered_load))
-
-
-def _rates(arrivals_per_s: ArrayLike, mean_charging_s: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    arrivals = np.ascontiguousarray(arrivals_per_s, dtype=np.float64)
-    charging = np.ascontiguousarray(mean_charging_s, dtype=np.float64)
-    if arrivals.ndim != 1 or arrivals.shape != charging.shape or not len(arrivals):
-        shapes = f"{arrivals.shape} and {charging.shape}"
-        raise InputError(Fault("rates need one value per slot", field="rates", value=shapes))
-    if not np.all((arrivals >= 0.0) & np.isfinite(arrivals)):
-        raise InputError(Fault("not all rates are numbers from 0 up", field="arrivals_per_s"))
-    if not np.all((charging >= MIN_CHARGING_S) & (charging <= MAX_CHARGING_S)):
-        raise InputError(Fault("not all times lie between a second and a week", field="mean_charging_s"))
-    return arrivals, charging
-
-
-def _initial(initial: int | ArrayLike) -> NDArray[np.float64]:
-    if isinstance(initial, (int, np.integer)):
-        start = np.zeros(int(initial) + 1)
-        start[-1] = 1.0
-        return start
-    start = np.array(initial, dtype=np.float64)
-    if start.ndim != 1 or not len(start) or not np.all(start >= 0.0) or abs(start.sum() - 1.0) > LOST_MASS:
-        raise InputError(Fault("not a distribution over numbers of drones", field="initial"))
-    return start
 
 
 def _run(
     pads: int,
     rates: tuple[NDArray[np.float64], NDArray[np.float64]],
-    slot_s: float,
     initial: NDArray[np.float64],
     begin_s: float,
     times_s: NDArray[np.float64],
-) -> Transient:
+) -> NDArray[np.float64]:
+    """Distributions at times since the first hour of the rates, shape (times, states)."""
     arrivals, charging = rates
     jumps = (arrivals.max() + pads / charging.min()) * (times_s[-1] - begin_s)
-    steps = jumps / MAX_JUMPS + len(times_s) + (times_s[-1] - begin_s) / slot_s + 2.0
+    steps = jumps / MAX_JUMPS + len(times_s) + (times_s[-1] - begin_s) / S_PER_H + 2.0
     cut = 0.5 * LOST_MASS / steps
-    distribution, lost = transient_distributions(initial, pads, arrivals, 1.0 / charging, slot_s, begin_s, times_s, cut)
+    distribution, lost = transient_distributions(
+        initial.copy(), pads, arrivals, 1.0 / charging, S_PER_H, begin_s, times_s, cut
+    )
     if lost < 0.0:
         remedy = "check the arrivals and the charging times"
         raise InputError(Fault(f"the line grows beyond {MAX_STATES} drones", field="load", remedy=remedy))
-    return Transient(times_s, distribution, float(lost))
+    return np.asarray(distribution)

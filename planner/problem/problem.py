@@ -16,7 +16,7 @@ from skyway.models.base.units import MPS_PER_KMH, S_PER_H
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets
-from skyway.models.queues.transient import forecast_waits
+from skyway.models.queues.transient import STEP_S, forecast_waits
 from skyway.models.wind.interpolation import idw_weights
 from skyway.planner.parameters.planner import USUAL
 
@@ -299,7 +299,7 @@ class ExpectedWaits:
     def __init__(self, problem: Problem) -> None:
         self._load, self._pads, self._busy = problem.load, problem.network.pads, problem.busy
         self.start_s = problem.depart_s
-        self.step_s = 600.0
+        self.step_s = STEP_S
         points = round(HORIZON_H * S_PER_H / self.step_s) + 1
         self.wait_s = np.zeros((len(problem.network), points))
         self.p_free = np.ones((len(problem.network), points))
@@ -317,9 +317,7 @@ class ExpectedWaits:
         wanted = wanted[self._hours[wanted] < hours]
         if not len(wanted):
             return points
-        found = forecast_waits(
-            self._load, self._pads, wanted.tolist(), self.start_s, hours, self._busy, step_s=self.step_s
-        )
+        found = forecast_waits(self._load, self._pads, wanted.tolist(), self.start_s, hours, self._busy)
         for node, forecast in found.items():
             count = min(self.wait_s.shape[1], len(forecast.wait_s))
             self.wait_s[node, :count] = forecast.wait_s[:count]

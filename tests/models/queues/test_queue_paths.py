@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.loads import scaled_to
-from skyway.models.base.errors import InputError
 from skyway.models.queues.load import PadLoad
 from skyway.models.queues.sampling import QueuePath, expected_paths, no_queue, pack, sample_path, sample_sets
-from skyway.models.queues.transient import forecast_waits
+from skyway.models.queues.transient import STEP_S, forecast_waits
 
 NEW_YORK = "America/New_York"
 HOUR = 3600.0
+FIVE, FOUR = np.full(5, 5), np.full(5, 4)
 START = 1_373_464_800.0 + 1234.0
 
 
@@ -28,12 +28,10 @@ def steady_load(utilisation: float, stations: int = 1) -> PadLoad:
     return scaled_to(PadLoad.none(stations, NEW_YORK), utilisation, 5)
 
 
-def sampled(pads=3, spots=2, seed=1, utilisation=0.9, busy=None, remaining=None, hours=10.0) -> QueuePath:
-    rates = np.full(20, utilisation * pads / HOUR), np.full(20, HOUR)
-    return sample_path(
-        pads, spots, *rates, first_s=0.0, start_s=8 * HOUR, hours=hours, rng=seed, busy=busy,
-        remaining_s=remaining,
-    )  # fmt: skip
+def sampled(pads=3, spots=2, seed=1, utilisation=0.9, busy=0, start_h=8.0, hours=10.0) -> QueuePath:
+    rates = np.full(20, utilisation * pads / HOUR), np.full(20, 1.0 / HOUR)
+    times = 0.0, start_h * HOUR, (start_h + hours) * HOUR
+    return sample_path(np.random.default_rng(seed), pads, spots, rates, times, busy)
 
 
 def brute_force(pads: int, spots: int, others: list[tuple[float, float]], ours_s: float) -> tuple[float, float]:
@@ -77,7 +75,7 @@ def replayed(path_seed: int, pads: int, utilisation: float, hours: float) -> lis
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 4), st.integers(0, 3), st.floats(0.2, 1.6), st.floats(0.0, 10.0))
 def test_our_drone_gets_what_an_event_simulation_with_it_gives(seed, pads, spots, utilisation, after_h):
-    path = sampled(pads, spots, seed, utilisation)
+    path = sampled(pads, spots, seed, utilisation, start_h=0.0, hours=18.0)
     ours_s = (8 + after_h) * HOUR
     landing, pad = brute_force(pads, spots, replayed(seed, pads, utilisation, 10.0), ours_s)
     assert float(path.pad_time(ours_s)) == pytest.approx(pad, abs=1e-6)
@@ -86,8 +84,7 @@ def test_our_drone_gets_what_an_event_simulation_with_it_gives(seed, pads, spots
 
 @settings(max_examples=60, deadline=None)
 @given(
-    st.integers(0, 10**6), st.integers(1, 4), st.integers(0, 3), st.floats(0.0, 2.0),
-    st.one_of(st.none(), st.integers(0, 12)),
+    st.integers(0, 10**6), st.integers(1, 4), st.integers(0, 3), st.floats(0.0, 2.0), st.integers(0, 12)
 )  # fmt: skip
 def test_who_arrives_later_never_lands_or_starts_earlier(seed, pads, spots, utilisation, busy):
     path = sampled(pads, spots, seed, utilisation, busy)
@@ -113,21 +110,16 @@ def test_an_arrival_at_the_same_time_as_another_stands_behind_it():
     assert path.land_time([9.9, 10.0, 50.0]).tolist() == [9.9, 20.0, 50.0]
 
 
-def test_known_remaining_times_are_used_as_they_are():
-    path = sampled(3, 1, utilisation=0.0, remaining=[600.0, 60.0, 900.0])
-    start = 8 * HOUR
-    assert path.pad_time(start) == start + 60.0
-    assert path.land_time(start) == start  # on the holding spot
-    assert sampled(3, 0, utilisation=0.0, remaining=[600.0, 60.0, 900.0]).land_time(start) == start + 60.0
-    assert sampled(3, 0, utilisation=0.0, remaining=[600.0]).pad_time(start) == start
-
-
 def test_drones_in_the_line_go_before_us():
     start = 8 * HOUR
-    path = sampled(1, 1, utilisation=0.0, busy=3, remaining=[600.0])
-    assert path.land_time(start) > start + 600.0  # the spot holds the second in the line, who hovers until then
-    assert path.pad_time(start) > path.land_time(start)
-    assert sampled(1, 2, utilisation=0.0, busy=3, remaining=[600.0]).land_time(start) == start + 600.0
+    path = sampled(1, 1, utilisation=0.0, busy=3)
+    first, second, third = path.left_s
+    assert (path.land_time(start), path.pad_time(start)) == (
+        second,
+        third,
+    )  # the spot holds the second in the line until then
+    assert sampled(1, 2, utilisation=0.0, busy=3).land_time(start) == first
+    assert sampled(1, 3, utilisation=0.0, busy=3).land_time(start) == start
 
 
 def test_the_same_seed_gives_the_same_path_and_another_seed_another():
@@ -136,46 +128,42 @@ def test_the_same_seed_gives_the_same_path_and_another_seed_another():
     assert not np.array_equal(first.pad_s[:5], other.pad_s[:5])
 
 
-def test_a_generator_handed_in_is_used():
-    rates = np.full(4, 3.0 / HOUR), np.full(4, HOUR)
-    paths = [
-        sample_path(3, 2, *rates, first_s=0.0, start_s=0.0, hours=4, rng=rng, busy=0)
-        for rng in (5, np.random.default_rng(5))
-    ]
-    assert np.array_equal(paths[0].arrival_s, paths[1].arrival_s)
-
-
 def test_a_station_gets_the_same_path_whatever_other_stations_are_asked_for():
     load = steady_load(0.8, 5)
-    all_of_them = sample_sets(load, 5, 4, range(5), START, 12, [7])[0]
-    alone = sample_sets(load, 5, 4, [3], START, 12, [7])[0]
+    all_of_them = sample_sets(load, FIVE, FOUR, range(5), START, 12, [7], {})[0]
+    alone = sample_sets(load, FIVE, FOUR, [3], START, 12, [7], {})[0]
     assert np.array_equal(all_of_them[3].pad_s, alone[3].pad_s)
     assert not np.array_equal(all_of_them[2].arrival_s, all_of_them[3].arrival_s)
-    member = sample_sets(load, 5, 4, [3], START, 12, [(7, 1)])[0]
+    member = sample_sets(load, FIVE, FOUR, [3], START, 12, [(7, 1)], {})[0]
     assert not np.array_equal(member[3].arrival_s, alone[3].arrival_s)
 
 
-@pytest.mark.parametrize("busy", [None, {0: 8}])
+@pytest.mark.parametrize("busy", [{}, {0: 8}])
 def test_many_paths_have_the_waits_of_the_forecast(busy):
     hours = np.arange(168)
     arrivals = (2.0 + 1.5 * np.sin(hours / 24 * 2 * np.pi))[None, :] / HOUR
     load = PadLoad(arrivals, (1.0 + 0.5 * np.cos(hours / 5.0))[None, :] * HOUR, NEW_YORK)
-    pads = 3
+    pads = np.array([3])
     forecast = forecast_waits(load, pads, [0], START, 8, busy)[0]
-    sets = sample_sets(load, pads, 4, [0], START, 8, [(1, i) for i in range(6000)], busy)
+    sets = sample_sets(load, pads, FOUR, [0], START, 8, [(1, i) for i in range(6000)], busy)
     paths = [one[0] for one in sets]
+    grid = START + STEP_S * np.arange(len(forecast.wait_s))
     for t in (START, START + 0.4 * HOUR, START + 7.3 * HOUR):
         waits = np.array([float(path.pad_time(t)) - t for path in paths])
         error = 4.0 * waits.std() / math.sqrt(len(waits))
-        assert forecast.expected_wait_s(t) == pytest.approx(waits.mean(), abs=error + 1.0)
-        assert forecast.p_pad_free(t) == pytest.approx((waits == 0.0).mean(), abs=4 * 0.5 / math.sqrt(6000))
+        assert np.interp(t, grid, forecast.wait_s) == pytest.approx(waits.mean(), abs=error + 1.0)
+        assert np.interp(t, grid, forecast.p_free) == pytest.approx(
+            (waits == 0.0).mean(), abs=4 * 0.5 / math.sqrt(6000)
+        )
 
 
 def test_others_arrive_at_the_rate_of_each_hour():
     rates = np.array([6.0, 0.0, 30.0, 1.0])
     counts = np.zeros(4)
     for seed in range(300):
-        path = sample_path(5, 4, rates / HOUR, np.full(4, 600.0), first_s=0.0, start_s=0.0, hours=4, rng=seed, busy=0)
+        path = sample_path(
+            np.random.default_rng(seed), 5, 4, (rates / HOUR, np.full(4, 1 / 600.0)), (0.0, 0.0, 4 * HOUR), 0
+        )
         counts += np.histogram(path.arrival_s, bins=np.arange(5) * HOUR)[0]
     assert (np.abs(counts - 300 * rates) <= 4.0 * np.sqrt(300 * rates)).all()
 
@@ -185,13 +173,13 @@ def test_the_local_clock_rules_in_the_week_it_changes():
     arrivals[0, 6 * 24 + 1] = 60 / HOUR  # Sundays from 1 to 2: twice on 2013-11-03
     load = PadLoad(arrivals, np.full((1, 168), HOUR), NEW_YORK)
     midnight = 1_383_451_200.0  # 2013-11-03 00:00 EDT
-    path = sample_sets(load, 5, 4, [0], midnight, 6, [1])[0][0]
+    path = sample_sets(load, FIVE, FOUR, [0], midnight, 6, [1], {})[0][0]
     assert path.arrival_s.min() > midnight + HOUR
     assert midnight + 2.5 * HOUR < path.arrival_s.max() < midnight + 3 * HOUR
 
 
 def test_nobody_is_in_the_way_without_load_and_at_a_delivery_target():
-    target = sampled(pads=0)
+    target = sample_sets(steady_load(0.5), np.zeros(1, dtype=np.int64), FOUR, [0], START, 4, [1], {})[0][0]
     for path in (no_queue(), target, sampled(utilisation=0.0)):
         assert path.pad_time([1.0, 9 * HOUR]).tolist() == [1.0, 9 * HOUR]
         assert path.land_time([1.0, 9 * HOUR]).tolist() == [1.0, 9 * HOUR]
@@ -241,29 +229,3 @@ def test_expected_waits_that_change_slowly_are_kept_as_they_are():
         (START + np.array([-50.0, 310.0, 1300.0, 2150.0])).tolist()
     )
     assert float(path.pad_time(START + 1210.0)) == pytest.approx(START + 1800.0), "behind the one before it"
-
-
-@pytest.mark.parametrize(("step", "waits"), [(600.0, []), (0.0, [1.0]), (600.0, [-1.0]), (600.0, [math.nan])])
-def test_expected_waits_that_are_none_are_refused(step, waits):
-    with pytest.raises(InputError):
-        expected_path(START, step, waits)
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: sampled(pads=-1), "at least one pad"),
-        (lambda: sampled(spots=-1), "holding spots"),
-        (lambda: sampled(hours=0.0), "has a length"),
-        (lambda: sampled(hours=math.nan), "has a length"),
-        (lambda: sampled(busy=-1), "negative"),
-        (lambda: sampled(remaining=[-5.0]), "from 0 up"),
-        (lambda: sampled(remaining=[math.nan]), "from 0 up"),
-        (lambda: sampled(busy=1, remaining=[5.0, 6.0]), "more remaining times"),
-        (lambda: sampled(pads=1, remaining=[5.0, 6.0]), "more remaining times"),
-        (lambda: sampled(utilisation=-1.0), "arrivals_per_s"),
-    ],
-)
-def test_what_is_no_path_is_refused(call, words):
-    with pytest.raises(InputError, match=words):
-        call()

@@ -290,11 +290,10 @@ def test_more_others_make_a_full_station_likelier_and_more_spots_do_not(present,
 
 
 def test_those_present_are_those_who_came_and_have_not_left():
-    rates = np.full(80, 4.0 / 3600.0), np.full(80, 3600.0)
-    for busy in (None, 2, 9):
-        path = sample_path(5, 4, *rates, first_s=0.0, start_s=7200.0, hours=24.0, rng=3, busy=busy)
-        if busy is not None:
-            assert path.present_at(7200.0) == busy
+    rates, times = (np.full(80, 4.0 / 3600.0), np.full(80, 1.0 / 3600.0)), (0.0, 7200.0, 26 * 3600.0)
+    for busy in (0, 2, 9):
+        path = sample_path(np.random.default_rng(3), 5, 4, rates, times, busy)
+        assert path.present_at(7200.0) == busy
         previous = path.present_at(7200.0)
         for time in np.unique(np.concatenate((path.arrival_s, path.left_s))):
             if time > 7200.0 + 24 * 3600.0:
