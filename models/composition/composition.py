@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Literal
 from skyway.models.base import views
 from skyway.models.base.errors import AuditError
 from skyway.models.base.formatting import direction_text, duration
-from skyway.models.base.units import iso
+from skyway.models.base.units import J_PER_WH, iso
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -196,6 +196,11 @@ class DroneService:
     def flight_time_s(self) -> float:
         """From take-off to touch-down, climb and descent included."""
         return (self.arrive - self.depart).total_seconds()
+
+    @property
+    def energy_wh(self) -> float:
+        """The energy in watt-hours."""
+        return self.energy_j / J_PER_WH
 
 
 @dataclass(frozen=True, slots=True)
@@ -391,6 +396,11 @@ class Composition:
     def energy_j(self) -> float:
         """Sum over the services."""
         return sum(service.energy_j for service in self.services)
+
+    @property
+    def energy_wh(self) -> float:
+        """The energy in watt-hours."""
+        return self.energy_j / J_PER_WH
 
     @property
     def min_soc(self) -> float:

@@ -6,9 +6,12 @@ SoC 0 to 1, energies in Wh, instants ISO 8601 UTC, unknown = null.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import fields
+from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import msgspec
 
@@ -28,138 +31,53 @@ from skyway.models.composition.composition import (
 )
 
 if TYPE_CHECKING:
-    from datetime import datetime
+    from collections.abc import Callable
     from os import PathLike
 
 SCHEMA = "skyway.composition/1"
 MAX_BYTES = 64 * 1024 * 1024
 
 
+_STRUCTS: dict[type, type[msgspec.Struct]] = {
+    Place: schema.Place,
+    Wind: schema.Wind,
+    Figure: schema.Figure,
+    LegSegment: schema.Segment,
+    DroneService: schema.Leg,
+    Stop: schema.Stop,
+    ArrivalDistribution: schema.Arrival,
+    Composition: schema.Composition,
+}
+"""What each class is in the file."""
+_CLASSES = {struct: kind for kind, struct in _STRUCTS.items()}
+_INSTANTS = ("depart", "arrive", "mean", "p50", "p95")
+T = TypeVar("T")
+
+
 def to_json(composition: Composition) -> dict[str, Any]:
     """Return the composition as plain JSON values."""
-    c = composition
-    return {
-        "schema": SCHEMA,
-        "id": c.id,
-        "scenario": {"path": c.scenario_path, "sha256": c.scenario_sha256},
-        "planner": c.planner,
-        "drone": c.drone,
-        "drone_parameters": dict(c.drone_parameters),
-        "payload_kg": c.payload_kg,
-        "airspeed_mps": c.airspeed_mps,
-        "max_ground_speed_mps": c.max_ground_speed_mps,
-        "cruise_height_m": c.cruise_height_m,
-        "climb_rate_mps": c.climb_rate_mps,
-        "descent_rate_mps": c.descent_rate_mps,
-        "reserve_soc": c.reserve_soc,
-        "seed": c.seed,
-        "depart": iso(c.depart),
-        "from": c.origin,
-        "to": c.destination,
-        "stations": {
-            key: {
-                "lat": place.lat,
-                "lon": place.lon,
-                "elevation_m": place.elevation_m,
-                "name": place.name,
-                "pads": place.pads,
-            }
-            for key, place in c.stations.items()
-        },
-        "legs": [_leg_json(service) for service in c.services],
-        "stops": [_stop_json(stop) for stop in c.stops],
-        "delivery_time_s": c.delivery_time_s,
-        "flight_time_s": c.flight_time_s,
-        "wait_time_s": c.wait_time_s,
-        "recharge_time_s": c.recharge_time_s,
-        "distance_m": c.distance_m,
-        "energy_wh": c.energy_j / J_PER_WH,
-        "min_soc": c.min_soc,
-        "arrival": {
-            "mean": _iso_or_none(c.arrival.mean),
-            "p50": _iso_or_none(c.arrival.p50),
-            "p95": _iso_or_none(c.arrival.p95),
-            "delivery_mean_s": figure_json(c.arrival.delivery_mean),
-            "delivery_p50_s": figure_json(c.arrival.delivery_p50),
-            "delivery_p95_s": figure_json(c.arrival.delivery_p95),
-            "runs": c.arrival.runs,
-        },
-        "on_time_probability": c.on_time_probability,
-        "on_time": figure_json(c.on_time),
-        "success_probability": c.success_probability,
-        "success": figure_json(c.success),
-        "planning_time_s": c.planning_time_s,
-        "notes": list(c.notes),
-        "parameters": dict(c.parameters),
-    }
-
-
-def _leg_json(service: DroneService) -> dict[str, Any]:
-    return {
-        "id": service.id,
-        "from": service.origin,
-        "to": service.destination,
-        "via": list(service.via),
-        "distance_m": service.distance_m,
-        "bearing_deg": service.bearing_deg,
-        "ground_speed_mps": service.ground_speed_mps,
-        "depart": iso(service.depart),
-        "arrive": iso(service.arrive),
-        "flight_time_s": service.flight_time_s,
-        "energy_wh": service.energy_j / J_PER_WH,
-        "soc_depart": service.soc_depart,
-        "soc_arrive": service.soc_arrive,
-        "p_reserve": service.p_reserve,
-        "p_hold": service.p_hold,
-        "p_hold_room": service.p_hold_room,
-        "wind": _wind_json(service.wind),
-        "course_wind": None if service.course_wind is None else _wind_json(service.course_wind),
-        "tailwind_mps": service.tailwind_mps,
-        "crosswind_mps": service.crosswind_mps,
-        "segments": [
-            {
-                "to": segment.head,
-                "distance_m": segment.distance_m,
-                "bearing_deg": segment.bearing_deg,
-                "wind": _wind_json(segment.wind),
-                "tailwind_mps": segment.tailwind_mps,
-                "crosswind_mps": segment.crosswind_mps,
-            }
-            for segment in service.segments
-        ],
-        "diverts": list(service.diverts),
-    }
-
-
-def _wind_json(wind: Wind) -> dict[str, float | None]:
-    return {"speed_mps": wind.speed_mps, "p10_mps": wind.p10_mps, "p90_mps": wind.p90_mps, "from_deg": wind.from_deg}
+    scenario = {"path": composition.scenario_path, "sha256": composition.scenario_sha256}
+    document: dict[str, Any] = _plain(composition)
+    return document | {"schema": SCHEMA, "scenario": scenario}
 
 
 def figure_json(figure: Figure | None) -> dict[str, float] | None:
     """Return a figure as plain JSON values: value, 95 % interval, standard error, and what of it another seed would show."""
-    if figure is None:
-        return None
-    parts = {"value": figure.value, "low": figure.low, "high": figure.high}
-    return parts | {"standard_error": figure.error, "seed_error": figure.seed_error}
+    plain: dict[str, float] | None = _plain(figure)
+    return plain
 
 
-def _stop_json(stop: Stop) -> dict[str, Any]:
-    return {
-        "station": stop.station,
-        "arrive": iso(stop.arrive),
-        "wait_s": stop.wait_s,
-        "hold_s": stop.hold_s,
-        "hold_room_s": stop.hold_room_s,
-        "p_pad_free": stop.p_pad_free,
-        "recharge_s": stop.recharge_s,
-        "soc_from": stop.soc_from,
-        "soc_to": stop.soc_to,
-        "leave": iso(stop.leave),
-    }
-
-
-def _iso_or_none(instant: datetime | None) -> str | None:
-    return None if instant is None else iso(instant)
+def _plain(value: Any) -> Any:
+    """Return a value, and all that it holds, as the file has it."""
+    struct = _STRUCTS.get(type(value))
+    if struct is not None:
+        names = zip(struct.__struct_encode_fields__, struct.__struct_fields__, strict=True)
+        return {name: _plain(getattr(value, own_name, None)) for name, own_name in names}
+    if isinstance(value, Mapping):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(one) for one in value]
+    return iso(value) if isinstance(value, datetime) else value
 
 
 def save(composition: Composition, path: str | PathLike[str], *, force: bool = False) -> None:
@@ -195,104 +113,40 @@ def from_json(data: bytes | str, *, file: str = "composition") -> Composition:
     if raw.schema != SCHEMA:
         raise InputError(Fault("unknown schema", file, field="schema", value=raw.schema, remedy=f"expected {SCHEMA}"))
     _check_references(raw, file)
-    services = tuple(_service(leg, number, file) for number, leg in enumerate(raw.legs))
+    services = tuple(
+        _read(DroneService, leg, file, f"legs[{n}].", id=leg.id or f"leg-{n}", energy_j=leg.energy_wh * J_PER_WH)
+        for n, leg in enumerate(raw.services)
+    )
     _check_order(services, file)
-
-    def instant_or_none(text: str | None, field: str) -> datetime | None:
-        return None if text is None else parse_instant(text, field=field, file=file)
-
-    return Composition(
-        id=raw.id,
-        planner=raw.planner,
-        drone=raw.drone,
-        drone_parameters=raw.drone_parameters,
-        payload_kg=raw.payload_kg,
-        airspeed_mps=raw.airspeed_mps,
-        max_ground_speed_mps=raw.max_ground_speed_mps,
-        cruise_height_m=raw.cruise_height_m,
-        climb_rate_mps=raw.climb_rate_mps,
-        descent_rate_mps=raw.descent_rate_mps,
-        reserve_soc=raw.reserve_soc,
-        depart=parse_instant(raw.depart, field="depart", file=file),
-        origin=raw.origin or raw.legs[0].origin,
-        destination=raw.destination or raw.legs[-1].destination,
-        stations={
-            key: Place(place.lat, place.lon, place.elevation_m, place.name, place.pads)
-            for key, place in raw.stations.items()
-        },
+    return _read(
+        Composition,
+        raw,
+        file,
+        "",
         services=services,
-        stops=tuple(_stop(stop, number, file) for number, stop in enumerate(raw.stops)),
-        arrival=ArrivalDistribution(
-            mean=instant_or_none(raw.arrival.mean, "arrival.mean"),
-            p50=instant_or_none(raw.arrival.p50, "arrival.p50"),
-            p95=instant_or_none(raw.arrival.p95, "arrival.p95"),
-            delivery_mean=_figure(raw.arrival.delivery_mean_s),
-            delivery_p50=_figure(raw.arrival.delivery_p50_s),
-            delivery_p95=_figure(raw.arrival.delivery_p95_s),
-            runs=raw.arrival.runs,
-        ),
-        planning_time_s=raw.planning_time_s,
-        seed=raw.seed,
+        origin=raw.origin or services[0].origin,
+        destination=raw.destination or services[-1].destination,
         scenario_path=raw.scenario.path,
         scenario_sha256=raw.scenario.sha256,
-        on_time_probability=raw.on_time_probability,
-        success_probability=raw.success_probability,
-        notes=tuple(raw.notes),
-        success=_figure(raw.success),
-        on_time=_figure(raw.on_time),
-        parameters=raw.parameters,
     )
 
 
-def _figure(raw: schema.Figure | None) -> Figure | None:
-    return None if raw is None else Figure(raw.value, raw.low, raw.high, raw.standard_error, raw.seed_error)
+def _read(kind: Callable[..., T], raw: msgspec.Struct, file: str, where: str, **given: Any) -> T:
+    """Return what a structure of the file is; `where` is its place, for errors, and what is given is taken as it is."""
+    names = zip(raw.__struct_fields__, raw.__struct_encode_fields__, strict=True)
+    own = {one.name for one in fields(cast("Any", kind))}.difference(given)
+    return kind(**given, **{n: _value(n, getattr(raw, n), file, where + name) for n, name in names if n in own})
 
 
-def _wind(raw: schema.Wind) -> Wind:
-    return Wind(raw.speed_mps, raw.from_deg, raw.p10_mps, raw.p90_mps)
-
-
-def _service(leg: schema.Leg, number: int, file: str) -> DroneService:
-    return DroneService(
-        id=leg.id or f"leg-{number}",
-        origin=leg.origin,
-        destination=leg.destination,
-        via=tuple(leg.via),
-        depart=parse_instant(leg.depart, field=f"legs[{number}].depart", file=file),
-        arrive=parse_instant(leg.arrive, field=f"legs[{number}].arrive", file=file),
-        distance_m=leg.distance_m,
-        bearing_deg=leg.bearing_deg,
-        ground_speed_mps=leg.ground_speed_mps,
-        energy_j=leg.energy_wh * J_PER_WH,
-        soc_depart=leg.soc_depart,
-        soc_arrive=leg.soc_arrive,
-        p_reserve=leg.p_reserve,
-        p_hold=leg.p_hold,
-        wind=_wind(leg.wind),
-        tailwind_mps=leg.tailwind_mps,
-        crosswind_mps=leg.crosswind_mps,
-        diverts=tuple(leg.diverts),
-        p_hold_room=leg.p_hold_room,
-        course_wind=None if leg.course_wind is None else _wind(leg.course_wind),
-        segments=tuple(
-            LegSegment(one.head, one.distance_m, one.bearing_deg, _wind(one.wind), one.tailwind_mps, one.crosswind_mps)
-            for one in leg.segments
-        ),
-    )
-
-
-def _stop(stop: schema.Stop, number: int, file: str) -> Stop:
-    return Stop(
-        station=stop.station,
-        arrive=parse_instant(stop.arrive, field=f"stops[{number}].arrive", file=file),
-        wait_s=stop.wait_s,
-        recharge_s=stop.recharge_s,
-        hold_s=stop.hold_s,
-        soc_from=stop.soc_from,
-        soc_to=stop.soc_to,
-        p_pad_free=stop.p_pad_free,
-        hold_room_s=stop.hold_room_s,
-    )
+def _value(name: str, value: Any, file: str, where: str) -> Any:
+    """Return what one field of a structure, or one of a list or mapping, stands for."""
+    if type(value) in _CLASSES:
+        return _read(_CLASSES[type(value)], value, file, f"{where}.")
+    if isinstance(value, list):
+        return tuple(_value("", one, file, f"{where}[{number}]") for number, one in enumerate(value))
+    if isinstance(value, dict):
+        return {key: _value("", one, file, f"{where}.{key}") for key, one in value.items()}
+    return parse_instant(value, field=where, file=file) if name in _INSTANTS and value is not None else value
 
 
 def _check_order(services: tuple[DroneService, ...], file: str) -> None:
@@ -311,9 +165,11 @@ def _check_order(services: tuple[DroneService, ...], file: str) -> None:
 
 
 def _check_references(raw: schema.Composition, file: str) -> None:
-    if not raw.legs:
+    if not raw.services:
         raise InputError(Fault("has no legs", file, field="legs"))
-    named = [(f"legs[{i}]", key) for i, leg in enumerate(raw.legs) for key in (leg.origin, *leg.via, leg.destination)]
+    named = [
+        (f"legs[{i}]", key) for i, leg in enumerate(raw.services) for key in (leg.origin, *leg.via, leg.destination)
+    ]
     named += [(f"stops[{i}].station", stop.station) for i, stop in enumerate(raw.stops)]
     faults = [
         Fault("names a station that is not in stations", file, field=where, value=key)
@@ -322,7 +178,7 @@ def _check_references(raw: schema.Composition, file: str) -> None:
     ]
     faults += [
         Fault("are not those of its via and to", file, field=f"legs[{i}].segments", value=segment.head)
-        for i, leg in enumerate(raw.legs)
+        for i, leg in enumerate(raw.services)
         if leg.segments and [one.head for one in leg.segments] != [*leg.via, leg.destination]
         for segment in leg.segments[:1]
     ]
@@ -333,7 +189,7 @@ def _check_references(raw: schema.Composition, file: str) -> None:
     ]
     faults += [
         Fault("does not start where the last leg ended", file, field=f"legs[{i + 1}].from", value=after.origin)
-        for i, (before, after) in enumerate(pairwise(raw.legs))
+        for i, (before, after) in enumerate(pairwise(raw.services))
         if before.destination != after.origin
     ]
     if faults:

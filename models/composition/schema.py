@@ -1,8 +1,12 @@
-"""Structure of a composition file; see `models.composition.file`."""
+"""Structure of a composition file: for each class of `models.composition.composition` its fields in the file, in their order.
+
+Fields have the names of the class; `rename` says what they are called in the file. What is `_Derived` follows from other fields:
+it is written for readers, and not read. See `models.composition.file`.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 
@@ -13,6 +17,7 @@ _NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 _Bearing = Annotated[float, msgspec.Meta(ge=0.0, le=360.0)]
 _Lat = Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
 _Lon = Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)]
+_Derived = Any
 
 
 class Scenario(msgspec.Struct):
@@ -32,22 +37,22 @@ class Place(msgspec.Struct):
     pads: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
-class Wind(msgspec.Struct):
+class Wind(msgspec.Struct, kw_only=True):
     """One wind, or those that may blow."""
 
     speed_mps: _NotNegative
-    from_deg: _Bearing | None
     p10_mps: _NotNegative | None = None
     p90_mps: _NotNegative | None = None
+    from_deg: _Bearing | None
 
 
-class Figure(msgspec.Struct):
+class Figure(msgspec.Struct, rename={"error": "standard_error"}):
     """A sampled figure with its interval."""
 
     value: float
     low: float
     high: float
-    standard_error: _NotNegative = 0.0
+    error: _NotNegative = 0.0
     seed_error: _NotNegative = 0.0
 
 
@@ -62,86 +67,95 @@ class Segment(msgspec.Struct, rename={"head": "to"}):
     crosswind_mps: float
 
 
-class Leg(msgspec.Struct, rename={"origin": "from", "destination": "to"}):
+class Leg(msgspec.Struct, kw_only=True, rename={"origin": "from", "destination": "to"}):
     """One flight."""
 
+    id: str = ""
     origin: str
     destination: str
+    via: list[str] = []
     distance_m: _NotNegative
     bearing_deg: _Bearing
     ground_speed_mps: _Positive
     depart: str
     arrive: str
+    flight_time_s: _Derived = None
     energy_wh: _NotNegative
     soc_depart: _Soc
     soc_arrive: _Soc
-    wind: Wind
-    id: str = ""
-    via: list[str] = []
     p_reserve: _Fraction | None = None
     p_hold: _Fraction | None = None
+    p_hold_room: _Fraction | None = None
+    wind: Wind
+    course_wind: Wind | None = None
     tailwind_mps: float = 0.0
     crosswind_mps: float = 0.0
-    diverts: list[str] = []
-    p_hold_room: _Fraction | None = None
     segments: list[Segment] = []
-    course_wind: Wind | None = None
+    diverts: list[str] = []
 
 
-class Stop(msgspec.Struct):
+class Stop(msgspec.Struct, kw_only=True):
     """A stay between two flights."""
 
     station: str
     arrive: str
     wait_s: _NotNegative
     hold_s: _NotNegative
+    hold_room_s: _NotNegative = 0.0
+    p_pad_free: _Fraction | None = None
     recharge_s: _NotNegative
     soc_from: _Soc
     soc_to: _Soc
-    p_pad_free: _Fraction | None = None
-    hold_room_s: _NotNegative = 0.0
+    leave: _Derived = None
 
 
-class Arrival(msgspec.Struct):
+class Arrival(msgspec.Struct, rename={f"delivery_{name}": f"delivery_{name}_s" for name in ("mean", "p50", "p95")}):
     """When the package arrives."""
 
     mean: str | None = None
     p50: str | None = None
     p95: str | None = None
-    delivery_mean_s: Figure | None = None
-    delivery_p50_s: Figure | None = None
-    delivery_p95_s: Figure | None = None
+    delivery_mean: Figure | None = None
+    delivery_p50: Figure | None = None
+    delivery_p95: Figure | None = None
     runs: int | None = None
 
 
-class Composition(msgspec.Struct, rename={"origin": "from", "destination": "to"}):
+class Composition(msgspec.Struct, kw_only=True, rename={"origin": "from", "destination": "to", "services": "legs"}):
     """The whole file."""
 
     schema: str
-    planner: str
-    drone: str
-    payload_kg: _NotNegative
-    airspeed_mps: _Positive
-    cruise_height_m: _Positive
-    reserve_soc: _Fraction
-    depart: str
-    stations: dict[str, Place]
-    legs: list[Leg]
-    stops: list[Stop]
-    origin: str = ""
-    destination: str = ""
     id: str = ""
     scenario: Scenario = msgspec.field(default_factory=Scenario)
+    planner: str
+    drone: str
     drone_parameters: dict[str, float | str | None] = {}
+    payload_kg: _NotNegative
+    airspeed_mps: _Positive
     max_ground_speed_mps: _Positive = 20.0
+    cruise_height_m: _Positive
     climb_rate_mps: _Positive = 5.0
     descent_rate_mps: _Positive = 3.0
+    reserve_soc: _Fraction
     seed: int | None = None
+    depart: str
+    origin: str = ""
+    destination: str = ""
+    stations: dict[str, Place]
+    services: list[Leg]
+    stops: list[Stop]
+    delivery_time_s: _Derived = None
+    flight_time_s: _Derived = None
+    wait_time_s: _Derived = None
+    recharge_time_s: _Derived = None
+    distance_m: _Derived = None
+    energy_wh: _Derived = None
+    min_soc: _Derived = None
     arrival: Arrival = msgspec.field(default_factory=Arrival)
     on_time_probability: _Fraction | None = None
+    on_time: Figure | None = None
     success_probability: _Fraction | None = None
+    success: Figure | None = None
     planning_time_s: _NotNegative = 0.0
     notes: list[str] = []
-    success: Figure | None = None
-    on_time: Figure | None = None
     parameters: dict[str, str] = {}

@@ -10,7 +10,7 @@ import numpy as np
 from skyway.models.base.formatting import date_clock
 from skyway.models.base.units import from_posix
 from skyway.models.base.weighted import weighted_quantile
-from skyway.models.wind.marginal import rose
+from skyway.models.wind.marginal import SECTORS, SPEED_EDGES_MPS, rose
 from skyway.plots.pictures import CALM, INK, MUTED, ROUTE, new_figure, plain_axes, save_figure
 from skyway.plots.wind_summary import over_region
 
@@ -62,14 +62,14 @@ def _draw_rose(polar: Any, ensemble: WindEnsemble, north: NDArray[np.float64], e
 
     slots = north.shape[1]
     table = rose(north, east, np.repeat(ensemble.probability[:, None], slots, axis=1) / slots)
-    angles = np.radians(table.sector_from_deg)
+    angles = np.arange(SECTORS) * 2.0 * np.pi / SECTORS
     width = 2 * np.pi / len(angles) * 0.92
     bottom = np.zeros(len(angles))
     present = np.flatnonzero(table.probability.any(axis=0))
     shades = colormaps["viridis_r"](np.linspace(0.05, 0.95, table.probability.shape[1]))
-    edges = [*table.speed_edges_mps]
+    edges = SPEED_EDGES_MPS
     for k in present:
-        label = f"{edges[k]:g} to {edges[k + 1]:g}" if np.isfinite(edges[k + 1]) else f"over {edges[k]:g}"
+        label = f"{edges[k]:g} to {edges[k + 1]:g}" if k + 2 < len(edges) else f"over {edges[k]:g}"
         height = 100 * table.probability[:, k]
         polar.bar(angles, height, width, bottom, color=shades[k], label=label, zorder=3)
         bottom += height
