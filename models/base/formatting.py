@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 if TYPE_CHECKING:
     from datetime import tzinfo
@@ -21,6 +21,11 @@ SURE = 0.25
 """A figure is rounded to a step of at least this share of how far its interval reaches."""
 
 
+def is_known(value: float | None) -> TypeGuard[float]:
+    """Whether a figure is known, and a finite number."""
+    return value is not None and math.isfinite(value)
+
+
 def step_for(half_width_s: float) -> int:
     """Return the rounding step of a time, given the half width of its interval."""
     return next((step for step in STEPS_S if step >= SURE * half_width_s), STEPS_S[-1])
@@ -28,7 +33,7 @@ def step_for(half_width_s: float) -> int:
 
 def duration(seconds: float | None, *, signed: bool = False) -> str:
     """Return a duration for people: ``1 h 12 min``, ``17 min``, ``4.5 min``, ``20 s``; signed ``+4.5 min``."""
-    if seconds is None or not math.isfinite(seconds):
+    if not is_known(seconds):
         return UNKNOWN
     length = abs(seconds)
     if length < 59.5:
@@ -42,7 +47,7 @@ def duration(seconds: float | None, *, signed: bool = False) -> str:
 
 def counter(seconds: float | None) -> str:
     """Return a running time to the second, hours first: ``0:04:09``, ``1:02:35``."""
-    if seconds is None or not math.isfinite(seconds):
+    if not is_known(seconds):
         return UNKNOWN
     minutes, rest = divmod(abs(round(seconds)), 60)
     return f"{'-' * (seconds < -0.5)}{minutes // 60}:{minutes % 60:02d}:{rest:02d}"
@@ -100,14 +105,14 @@ def share(figure: Figure) -> str:
 
 def percent(fraction: float | None, digits: int | None = 0, *, signed: bool = False) -> str:
     """Return a share as a percentage: ``87 %``; with no `digits`, three significant ones, for what was given: ``0.05 %``."""
-    if fraction is None or not math.isfinite(fraction):
+    if not is_known(fraction):
         return UNKNOWN
     return f"{100 * fraction:{'+' if signed else ''}{'.3g' if digits is None else f'.{digits}f'}} %"
 
 
 def probability(fraction: float | None, digits: int = 0) -> str:
     """Return a probability as a percentage: just below 1 it does not round up to it, just above 0 not down."""
-    if fraction is None or not math.isfinite(fraction):
+    if not is_known(fraction):
         return UNKNOWN
     text = f"{100 * fraction:.{digits}f}"
     if fraction < 1.0 and float(text) >= 100.0:
@@ -119,14 +124,14 @@ def probability(fraction: float | None, digits: int = 0) -> str:
 
 def spent(seconds: float) -> str:
     """Return computing time such as ``4.1 ms`` or ``12.3 s``."""
-    if not math.isfinite(seconds):
+    if not is_known(seconds):
         return UNKNOWN
     return f"{1000 * seconds:.1f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
 
 
 def distance_text(metres: float | None) -> str:
     """Return a distance: ``850 m``, ``12.3 km``."""
-    if metres is None or not math.isfinite(metres):
+    if not is_known(metres):
         return UNKNOWN
     return f"{metres:.0f} m" if abs(metres) < 999.5 else f"{metres / 1000.0:.1f} km"
 
@@ -154,7 +159,7 @@ def direction_text(degrees: float, step: int = 1) -> str:
 
 def energy_text(joule: float | None) -> str:
     """Return an energy in watt-hours: ``41.3 Wh``, ``612 Wh``."""
-    if joule is None or not math.isfinite(joule):
+    if not is_known(joule):
         return UNKNOWN
     return f"{watt_hours(joule)} Wh"
 
@@ -176,7 +181,7 @@ def from_to(first: float, last: float) -> str:
 
 def mass_text(kg: float | None) -> str:
     """Return a mass to the gram: ``2.35 kg``."""
-    return UNKNOWN if kg is None or not math.isfinite(kg) else f"{round(kg, 3):g} kg"
+    return f"{round(kg, 3):g} kg" if is_known(kg) else UNKNOWN
 
 
 def place_text(lat_deg: float, lon_deg: float) -> str:
@@ -191,7 +196,7 @@ def stored_degrees(lat_deg: float, lon_deg: float) -> tuple[str, str]:
 
 def with_unit(value: float | None, unit: str, digits: int = 1) -> str:
     """Return a figure of any other quantity, rounded, with its unit: ``412 W``."""
-    return UNKNOWN if value is None or not math.isfinite(value) else f"{value:.{digits}f} {unit}"
+    return f"{value:.{digits}f} {unit}" if is_known(value) else UNKNOWN
 
 
 def zone_clock(instant: datetime, zone: tzinfo) -> str:

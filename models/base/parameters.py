@@ -149,13 +149,9 @@ def with_values(part: P, values: Mapping[str, Value]) -> P:
     InputError
         There is no such parameter, or its value is out of range.
     """
-    known = {one.name for one in entries(part)}
+    known = {one.name: one for one in entries(part)}
     for name in values:
-        if name not in known:
-            close = (
-                get_close_matches(name, known, 3, 0.5) or sorted(known, key=lambda one: _last(one) != _last(name))[:3]
-            )
-            raise InputError(Fault("no such parameter", field=name, remedy="near it: " + ", ".join(close)))
+        _find(known, name)
     own: dict[str, Any] = {}
     for one in fields(part):
         inner = {name.partition(".")[2]: value for name, value in values.items() if name.startswith(f"{one.name}.")}
@@ -182,9 +178,15 @@ def with_settings(part: P, settings: Iterable[str]) -> P:
             raise InputError(
                 Fault("is no name=value", field="--set", value=setting, remedy="planner.robust.members=50")
             )
-        values[name.strip()] = known[name.strip()].parsed(text) if name.strip() in known else 0
+        values[name.strip()] = _find(known, name.strip()).parsed(text)
     return with_values(part, values)
 
 
-def _last(name: str) -> str:
-    return name.rpartition(".")[2]
+def _find(known: Mapping[str, Entry], name: str) -> Entry:
+    """Return a parameter by its name, or raise an `InputError` that names those near it."""
+    if name in known:
+        return known[name]
+    last = name.rpartition(".")[2]
+    close = get_close_matches(name, known, 3, 0.5)
+    close = close or sorted(known, key=lambda one: one.rpartition(".")[2] != last)[:3]
+    raise InputError(Fault("no such parameter", field=name, remedy="near it: " + ", ".join(close)))

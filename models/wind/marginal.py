@@ -52,7 +52,7 @@ def marginal(ensemble: WindEnsemble, slot: int, lat: float, lon: float) -> WindM
     weight = ensemble.probability
     mass, north_sum, east_sum = (np.bincount(cell, weights=part) for part in (weight, weight * north, weight * east))
     used = mass > 0.0
-    return WindMarginal(mass[used], north_sum[used] / mass[used], east_sum[used] / mass[used])
+    return WindMarginal(mass[used].astype(np.float64), north_sum[used] / mass[used], east_sum[used] / mass[used])
 
 
 class WindRose(NamedTuple):
