@@ -1,22 +1,107 @@
-"""Opening a log: the format is recognised by its first bytes, not by its name."""
+"""Formats of flight logs: how each is recognised by its first bytes, not by its name, and which class reads it."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.link.logs.formats import FORMATS, titles
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import file_error
 from skyway.models.base.lazy import load
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from skyway.link.logs.common.log import Log
     from skyway.link.logs.csv_log import LogColumns
 
 _LOOK = 65_536
+
+
+@dataclass(frozen=True)
+class LogFormat:
+    """One format of flight logs.
+
+    Parameters
+    ----------
+    title : str
+        For messages, such as ``a PX4 .ulg``.
+    suffix : str
+        Usual suffix of its files, without the dot.
+    reader : str
+        ``module:class`` of a `skyway.link.logs.common.log.Log`, made from a path.
+    begins : callable
+        Whether a file is of this format, from its first bytes and its path.
+    within : callable, optional
+        The same for a file with a damaged beginning, which no `begins` has recognised.
+    takes_columns : bool
+        The reader also takes a mapping of columns.
+    """
+
+    title: str
+    suffix: str
+    reader: str
+    begins: Callable[[bytes, Path], bool]
+    within: Callable[[bytes], bool] | None = None
+    takes_columns: bool = False
+
+
+def _is_text(head: bytes) -> bool:
+    try:
+        head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - 4:
+            return False
+    return b"\0" not in head
+
+
+def _tlog_within(head: bytes) -> bool:
+    """Return whether a whole frame stands behind a time stamp anywhere."""
+    from skyway.link.logs.tlog.beginning import frame_within
+
+    return frame_within(head)
+
+
+FORMATS: Mapping[str, LogFormat] = {
+    "tlog": LogFormat(
+        "a MAVLink .tlog",
+        "tlog",
+        "skyway.link.logs.tlog.track:Tlog",
+        lambda head, _: len(head) >= 10 and head[8] in (0xFD, 0xFE) and head[0] == 0,
+        within=_tlog_within,
+    ),
+    "dataflash": LogFormat(
+        "an ArduPilot .bin",
+        "bin",
+        "skyway.link.logs.dataflash.dataflash:DataFlash",
+        lambda head, _: head.startswith(b"\xa3\x95"),
+        within=lambda head: b"\xa3\x95\x80" in head,
+    ),
+    "ulog": LogFormat(
+        "a PX4 .ulg", "ulg", "skyway.link.logs.ulog.ulog:ULogFile", lambda head, _: head.startswith(b"ULog")
+    ),
+    "csv": LogFormat(
+        "a .csv",
+        "csv",
+        "skyway.link.logs.csv_log:CsvLog",
+        lambda head, path: _is_text(head) or (head.startswith(b"\x1f\x8b") and ".csv" in path.suffixes),
+        takes_columns=True,
+    ),
+}
+"""Formats by name, in the order in which they are tried; ``csv`` is any text, so it is the last."""
+
+
+def titles() -> str:
+    """Return all formats for a message: ``a MAVLink .tlog, an ArduPilot .bin, a PX4 .ulg or a .csv``."""
+    *first, last = (one.title for one in FORMATS.values())
+    return f"{', '.join(first)} or {last}"
+
+
+def suffixes() -> str:
+    """Return all suffixes for a message: ``.tlog, .bin, .ulg or .csv``."""
+    *first, last = (f".{one.suffix}" for one in FORMATS.values())
+    return f"{', '.join(first)} or {last}"
 
 
 def format_of(path: Path) -> str:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from skyway.link.protocol.command import AskFor, Command, SetCurrent
 from skyway.link.protocol.download import Download
+from skyway.link.protocol.mission_words import ITEM_FIELDS
 from skyway.link.protocol.parameters import REAL32, ListParameters, ParameterValue, SetParameter
 from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.wire.frames import FrameWriter
@@ -40,21 +41,6 @@ FIND_S = 10.0
 _ASKS, _ASKED_S, _DOWNLOADS = 3, 1.0, 6
 _INT32 = 6
 _HEARTBEAT = b"\0\0\0"
-_ITEM_FIELDS = [
-    "seq",
-    "frame",
-    "command",
-    "current",
-    "autocontinue",
-    "param1",
-    "param2",
-    "param3",
-    "param4",
-    "x",
-    "y",
-    "z",
-    "mission_type",
-]
 _ERRORS = {"TIMEOUT": UploadEnd.SILENT, "TRANSFER_CANCELLED": UploadEnd.BROKEN, "BUSY": UploadEnd.BROKEN}
 
 
@@ -298,7 +284,7 @@ class _Plugins:
 
 
 def _wire_item(item: Any) -> WireItem:
-    return WireItem(*(getattr(item, name) for name in _ITEM_FIELDS))
+    return WireItem(**{name: getattr(item, name) for name in ITEM_FIELDS})
 
 
 def _json(value: Any) -> Any:

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-_TYPED = (
-    "MISSION_ACK",
-    "MISSION_CLEAR_ALL",
-    "MISSION_COUNT",
-    "MISSION_ITEM_INT",
-    "MISSION_REQUEST",
-    "MISSION_REQUEST_INT",
-    "MISSION_REQUEST_LIST",
-)
-_BASE_FIELDS = dict.fromkeys(_TYPED, "mission_type") | {"COMMAND_ACK": "progress", "TIMESYNC": "target_system"}
-"""First extension field of what we send: MAVLink 1 frames end before it."""
+if TYPE_CHECKING:
+    import struct
+
+_BASE_BYTES = {
+    "COMMAND_ACK": 3,
+    "MISSION_ACK": 3,
+    "MISSION_CLEAR_ALL": 2,
+    "MISSION_COUNT": 4,
+    "MISSION_ITEM_INT": 37,
+    "MISSION_REQUEST": 4,
+    "MISSION_REQUEST_INT": 4,
+    "MISSION_REQUEST_LIST": 2,
+    "TIMESYNC": 16,
+}
+"""Bytes without extension fields, of what we send: MAVLink 1 frames end there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,39 +83,14 @@ def kinds_by_name() -> dict[str, MessageKind]:
 
 
 def _kind(number: int, found: Any) -> MessageKind:
-    fields, index, base = [], 0, found.unpacker.size
-    offset = 0
+    fields, index = [], 0
     for name, array, length in zip(found.ordered_fieldnames, found.array_lengths, found.lengths, strict=True):
         text = length == 1 and array > 0
-        if _BASE_FIELDS.get(found.msgname) == name:
-            base = offset
         fields.append((name, index, -1 if text else (length if array else 0)))
         index += 1 if text else length
-        offset = struct.calcsize(_first_values(found.unpacker.format, index))
     plain = tuple(found.ordered_fieldnames) if all(count == 0 for _, _, count in fields) else None
-    extra = bytes([found.crc_extra])
-    return MessageKind(number, found.msgname, extra, found.unpacker, tuple(fields), plain, base)
-
-
-def _first_values(layout: str, values: int) -> str:
-    """The part of a layout that holds its first values."""
-    part, digits, left = "<", "", values
-    for code in layout[1:]:
-        if code.isdigit():
-            digits += code
-            continue
-        many = int(digits or 1)
-        if left <= 0:
-            break
-        if code == "s":
-            part += f"{many}s"
-            left -= 1
-        else:
-            taken = min(many, left)
-            part += f"{taken}{code}"
-            left -= taken
-        digits = ""
-    return part
+    base = _BASE_BYTES.get(found.msgname, found.unpacker.size)
+    return MessageKind(number, found.msgname, bytes([found.crc_extra]), found.unpacker, tuple(fields), plain, base)
 
 
 def unpack(kind: MessageKind, payload: bytes) -> dict[str, Any]:

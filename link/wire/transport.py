@@ -172,7 +172,33 @@ class UdpSocket:
         self._socket.close()
 
 
-class TcpClient:
+class _Stream:
+    """One TCP connection, or none at this time."""
+
+    def __init__(self) -> None:
+        self._socket: socket.socket | None = None
+
+    def _receive(self) -> bytes:
+        """What has come; a connection that has ended is dropped."""
+        if self._socket is None:
+            return b""
+        try:
+            data = self._socket.recv(_READ_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self._drop()
+        return data
+
+    def _drop(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+
+class TcpClient(_Stream):
     """TCP to one address; tries again every second after the other side has gone.
 
     Raises
@@ -182,7 +208,7 @@ class TcpClient:
     """
 
     def __init__(self, address: Address) -> None:
-        self._socket: socket.socket | None = None
+        super().__init__()
         self._dialled: socket.socket | None = None
         self._backlog = b""
         try:
@@ -227,22 +253,9 @@ class TcpClient:
             self._dial(timeout_s)
             return b""
         self._flush()
-        return self._receive(timeout_s)
-
-    def _receive(self, timeout_s: float) -> bytes:
-        if self._socket is None:
-            return b""
-        if timeout_s > 0.0:
+        if self._socket is not None and timeout_s > 0.0:
             select.select([self._socket], [], [], timeout_s)
-        try:
-            data = self._socket.recv(_READ_BYTES)
-        except BlockingIOError:
-            return b""
-        except OSError:
-            data = b""
-        if not data:
-            self._drop()
-        return data
+        return self._receive()
 
     def write(self, data: bytes) -> None:
         """Send; what does not go through yet waits, up to a bound."""
@@ -262,9 +275,7 @@ class TcpClient:
             self._drop()
 
     def _drop(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-        self._socket = None
+        super()._drop()
         self._dialled_s = time.monotonic()
 
     def close(self) -> None:
@@ -274,10 +285,11 @@ class TcpClient:
             self._dialled.close()
 
 
-class TcpServer:
+class TcpServer(_Stream):
     """A listening TCP port; one vehicle at a time, and nobody may push it off as long as it speaks."""
 
     def __init__(self, address: Address) -> None:
+        super().__init__()
         family, target = resolve(address, socket.SOCK_STREAM)
         self._listener = socket.socket(family, socket.SOCK_STREAM)
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -285,30 +297,17 @@ class TcpServer:
         bind(self._listener, target, address)
         self._listener.listen(1)
         self.port: int = self._listener.getsockname()[1]
-        self._peer: socket.socket | None = None
         self._heard_s = 0.0
 
     def read(self, timeout_s: float = 0.0) -> bytes:
         """What has come."""
-        waiting = [self._listener] if self._peer is None else [self._listener, self._peer]
+        waiting = [self._listener] if self._socket is None else [self._listener, self._socket]
         ready, _, _ = select.select(waiting, [], [], timeout_s)
-        data = self._receive() if self._peer in ready else b""
+        data = b""
+        if self._socket in ready:
+            data, self._heard_s = self._receive(), time.monotonic()
         if self._listener in ready:
             self._accept()
-        return data
-
-    def _receive(self) -> bytes:
-        if self._peer is None:
-            return b""
-        try:
-            data = self._peer.recv(_READ_BYTES)
-        except BlockingIOError:
-            return b""
-        except OSError:
-            data = b""
-        if not data:
-            self._drop()
-        self._heard_s = time.monotonic()
         return data
 
     def _accept(self) -> None:
@@ -316,27 +315,22 @@ class TcpServer:
             peer, _ = self._listener.accept()
         except OSError:
             return
-        if self._peer is not None and time.monotonic() < self._heard_s + _SILENT_S:
+        if self._socket is not None and time.monotonic() < self._heard_s + _SILENT_S:
             peer.close()
             return
         self._drop()
         _prepare(peer)
-        self._peer, self._heard_s = peer, time.monotonic()
+        self._socket, self._heard_s = peer, time.monotonic()
 
     def write(self, data: bytes) -> None:
         """Send; a peer that takes nothing any more is cut off."""
-        if self._peer is None:
+        if self._socket is None:
             return
         try:
-            if self._peer.send(data) != len(data):
+            if self._socket.send(data) != len(data):
                 self._drop()
         except OSError:
             self._drop()
-
-    def _drop(self) -> None:
-        if self._peer is not None:
-            self._peer.close()
-        self._peer = None
 
     def close(self) -> None:
         """Close."""

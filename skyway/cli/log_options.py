@@ -10,7 +10,7 @@ from zoneinfo import ZoneInfo
 import typer
 
 from skyway.cli import options
-from skyway.link.logs.formats import FORMATS, titles
+from skyway.link.logs.reader import FORMATS, titles
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import distance_text
 from skyway.scenarios import load_scenario

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.link.logs.common.modes import on_rotors
 from skyway.link.logs.common.trust import estimate_ok, receiver_ok
 from skyway.link.logs.common.vehicle_kind import MAV_KINDS
+from skyway.missions.autopilots.registry import FAMILIES
 from skyway.models.drones.telemetry import NEITHER
 from skyway.models.wind.triangle import vector
 
@@ -115,17 +115,21 @@ def density_ratio(height_m: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((1.0 - 2.25577e-5 * height_m) ** 4.25588)
 
 
+def wind(north: Any, east: Any) -> Columns:
+    """Wind of an estimator, which tells 0 until it is alive."""
+    towards = np.asarray(north, dtype=np.float64), np.asarray(east, dtype=np.float64)
+    alive = np.isfinite(towards[0]) & np.isfinite(towards[1]) & ((towards[0] != 0.0) | (towards[1] != 0.0))
+    return {
+        f"wind_{name}_mps": np.where(alive, one, np.nan) for name, one in zip(("north", "east"), towards, strict=True)
+    }
+
+
 def _wind(fields: Any) -> Columns:
-    speed = np.asarray(fields["speed"], dtype=np.float64)
-    north, east = vector(speed, fields["direction"])
-    dead = (speed == 0.0) | ~np.isfinite(speed)
-    return {"wind_north_mps": _real(north, dead), "wind_east_mps": _real(east, dead)}
+    return wind(*vector(np.asarray(fields["speed"], dtype=np.float64), fields["direction"]))
 
 
 def _wind_cov(fields: Any) -> Columns:
-    north, east = (np.asarray(fields[name], dtype=np.float64) for name in ("wind_x", "wind_y"))
-    dead = ((north == 0.0) & (east == 0.0)) | ~np.isfinite(north) | ~np.isfinite(east)
-    return {"wind_north_mps": _real(north, dead), "wind_east_mps": _real(east, dead)}
+    return wind(fields["wind_x"], fields["wind_y"])
 
 
 def _status(fields: Any) -> Columns:
@@ -171,6 +175,21 @@ def _battery(fields: Any) -> Columns:
     percent = np.asarray(fields["battery_remaining"])
     unknown = (percent < 0) | (percent > 100) | (np.asarray(fields["id"]) != 0)
     return {} if np.all(unknown) else {"soc": _real(percent, unknown, 1e-2)}
+
+
+def on_rotors(autopilot: Any, custom_mode: Any) -> tuple[Any, Any]:
+    """Whether each MAV_AUTOPILOT tells by its mode that a plane stands on its rotors, and whether it does; arrays or numbers."""
+    tells: Any = False
+    stands: Any = False
+    for family in FAMILIES.values():
+        modes = family.modes.on_rotors
+        if modes:
+            mine = autopilot == family.firmware
+            tells = tells | mine
+            stands = stands | mine & (
+                custom_mode in modes if isinstance(custom_mode, int) else np.isin(custom_mode, modes)
+            )
+    return tells, stands
 
 
 def _heartbeat(fields: Any) -> Columns:

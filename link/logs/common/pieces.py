@@ -15,7 +15,7 @@ from skyway.link.logs.common.assembly import Assembler, Stretch
 from skyway.models.base.files import file_error
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -91,14 +91,32 @@ class InOrder:
         System id of the vehicle.
     lasting : frozenset of str
         As `link.logs.common.assembly.Assembler` takes it.
+    known_s, known : float, dict of str to float
+        What is known before the first reports, and since when.
     """
 
-    def __init__(self, system: int, lasting: frozenset[str] = frozenset()) -> None:
+    def __init__(self, system: int, lasting: frozenset[str], known_s: float, known: Mapping[str, float]) -> None:
         self._assembler = Assembler(system, lasting)
+        since = np.array([known_s])
+        self._known = {"before": (since, {name: np.array([value]) for name, value in known.items()})} if known else {}
         self._held: dict[str, tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]] = {}
         self._latest_s = self._done_s = -math.inf
 
-    def feed(self, reports: Reports) -> TelemetryTrack:
+    def tracks(self, pieces: Iterable[Reports], from_s: float, to_s: float) -> Iterator[TelemetryTrack]:
+        """Take the reports of pieces one after the other; yield the samples of a time."""
+        for reports in pieces:
+            track = self._feed({**reports, **self._known})
+            self._known = {}
+            if len(track) and track.time_s[0] >= to_s:
+                return
+            part = track.between(from_s, to_s)
+            if len(part):
+                yield part
+        part = self._until(math.inf).between(from_s, to_s)
+        if len(part):
+            yield part
+
+    def _feed(self, reports: Reports) -> TelemetryTrack:
         """Take the reports of a piece; return the samples that nothing older can change any more."""
         for name, (times, columns) in reports.items():
             fresh = np.isfinite(times) & (times > self._done_s)
@@ -114,10 +132,6 @@ class InOrder:
             self._held[name] = stamps[order], {quantity: values[order] for quantity, values in kept.items()}
             self._latest_s = max(self._latest_s, float(stamps[order[-1]]))
         return self._until(self._latest_s - HOLD_S)
-
-    def flush(self) -> TelemetryTrack:
-        """Return the rest."""
-        return self._until(math.inf)
 
     def _until(self, time_s: float) -> TelemetryTrack:
         stretch = Stretch()

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 SPIKE_S = 2.0
@@ -21,6 +23,19 @@ class SteadyTimes:
 
     def __init__(self) -> None:
         self.latest_s = math.nan
+        self.odd = 0
+
+    def of_tables(
+        self, places: Sequence[NDArray[np.int64]], times_s: Sequence[NDArray[np.float64]]
+    ) -> list[NDArray[np.bool_]]:
+        """Return which stamps of several types of message are plausible, judged in the order of their places."""
+        if not places:
+            return []
+        order, together = np.argsort(np.concatenate(places), kind="stable"), np.concatenate(times_s)
+        good = np.empty(len(order), dtype=np.bool_)
+        good[order] = self.believed(together[order])
+        self.odd += int((~good).sum())
+        return np.split(good, np.cumsum([len(part) for part in places])[:-1])
 
     def believed(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which of the next stamps are plausible, shape (stamps,)."""

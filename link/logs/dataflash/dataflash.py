@@ -146,32 +146,16 @@ class DataFlash:
         self._pieces: list[_Piece] = []
         self._evidence = KindEvidence()
         self._events = DataFlashEvents()
-        self._odd_stamps = 0
         self._index()
         self.summary = self._summary()
 
     def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
         """Return the telemetry piece by piece."""
-        samples = InOrder(1, LASTING)
-        steady = SteadyTimes()
-        begin = self._begin(from_s)
-        for _, data, found in read_pieces(self.path, self._find, begin=begin.place):
-            reports = self._reports(data, found, steady)
-            if begin.lasting and math.isfinite(begin.latest_s):
-                reports["before"] = (
-                    np.array([begin.latest_s + (self._zero_s or 0.0)]),
-                    {name: np.array([value]) for name, value in begin.lasting.items()},
-                )
-                begin.lasting = {}
-            track = samples.feed(reports)
-            if len(track) and track.time_s[0] >= to_s:
-                return
-            part = track.between(from_s, to_s)
-            if len(part):
-                yield part
-        part = samples.flush().between(from_s, to_s)
-        if len(part):
-            yield part
+        steady, begin = SteadyTimes(), self._begin(from_s)
+        pieces = read_pieces(self.path, self._find, begin=begin.place)
+        reports = (self._reports(data, found, steady) for _, data, found in pieces)
+        known_s = begin.latest_s + (self._zero_s or 0.0)
+        return InOrder(1, LASTING, known_s, begin.lasting).tracks(reports, from_s, to_s)
 
     def _reports(
         self, data: NDArray[np.uint8], found: Messages, steady: SteadyTimes
@@ -239,24 +223,17 @@ class DataFlash:
         """
         tables = {name: self._fields(name, data, found) for name in names}
         boots = {name: _boot_s(fields) for name, (_, fields) in tables.items() if fields}
-        timed = [name for name, times in boots.items() if times is not None]
-        place = np.concatenate([np.empty(0, np.int64), *(tables[name][0] for name in timed)])
+        timed = {name: times for name, times in boots.items() if times is not None}
+        places = [tables[name][0] for name in timed]
+        good = steady.of_tables(places, list(timed.values()))
+        own = {name: np.where(fine, timed[name], np.nan) for name, fine in zip(timed, good, strict=True)}
+        place, times = np.concatenate([np.empty(0, np.int64), *places]), np.concatenate([np.empty(0), *own.values()])
         order = np.argsort(place, kind="stable")
-        times = np.concatenate([np.empty(0), *(times for times in boots.values() if times is not None)])[order]
-        good = steady.believed(times)
-        self._odd_stamps += int((~good).sum())
-        times = np.where(good, times, np.nan)
-        back = np.empty(len(order), dtype=np.int64)
-        back[order] = np.arange(len(order))
-        cuts = np.cumsum([len(tables[name][0]) for name in timed])[:-1]
-        own = dict(zip(timed, np.split(times[back], cuts) if timed else [], strict=True))
-        known_place, known = place[order][good], times[good]
-        for name in boots:
-            if name not in own:
-                before = np.searchsorted(known_place, tables[name][0]) - 1
-                own[name] = (
-                    np.where(before >= 0, known[np.maximum(before, 0)], known[0]) if len(known) else before * np.nan
-                )
+        order = order[np.isfinite(times[order])]
+        for name in boots.keys() - timed.keys():
+            before = np.searchsorted(place[order], tables[name][0]) - 1
+            known = times[order]
+            own[name] = np.where(before >= 0, known[np.maximum(before, 0)], known[0]) if len(known) else before * np.nan
         return {name: (tables[name][0], own[name], tables[name][1]) for name in boots}
 
     def _index(self) -> None:
@@ -283,6 +260,7 @@ class DataFlash:
             for name, value in _parameters(stamped.get("PARM")):
                 self._evidence.parameter(name, value)
             self._events.see(stamped, self._evidence)
+        self._odd_stamps = steady.odd
 
     def _names(self) -> dict[str, int]:
         named: dict[str, int] = {}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skyway.link.logs.common.messages import wind
 from skyway.link.logs.common.trust import MAX_SPEED_ERROR_MPS, estimate_ok, receiver_ok
 from skyway.missions.autopilots.ardupilot.modes import MODES
 
@@ -227,9 +228,7 @@ def _estimate_status(fields: Fields) -> Columns:
 
 
 def _wind(fields: Fields) -> Columns:
-    north, east = (np.asarray(fields[key], dtype=np.float64) for key in ("VWN", "VWE"))
-    alive = (north != 0.0) | (east != 0.0)
-    return {"wind_north_mps": np.where(alive, north, np.nan), "wind_east_mps": np.where(alive, east, np.nan)}
+    return wind(fields["VWN"], fields["VWE"])
 
 
 def _battery(fields: Fields) -> Columns:

@@ -9,9 +9,9 @@ import numpy as np
 
 from skyway.link.logs.common.doubted import DoubtedSpans, doubt_in
 from skyway.link.logs.common.log import MAX_EVENTS, LogEvent
-from skyway.link.logs.common.messages import ARMED_FLAG, GROUND_TYPES
-from skyway.link.logs.common.modes import mode_name, on_rotors
+from skyway.link.logs.common.messages import ARMED_FLAG, GROUND_TYPES, on_rotors
 from skyway.link.logs.common.vehicle_kind import WATCHED, KindEvidence, Vehicle
+from skyway.missions.autopilots.registry import family_of
 from skyway.models.base.errors import one_line
 
 if TYPE_CHECKING:
@@ -162,6 +162,12 @@ class TlogEvents:
                     fields["param_value"][row : row + 1].view(np.int32)[0]
                 )  # PX4 sends the bytes of a whole number
             self._evidence[int(systems[row])].parameter(names[row].decode("ascii", "replace"), value)
+
+
+def mode_name(autopilot: int, kind: Kind, custom_mode: int) -> str:
+    """Name of ``HEARTBEAT.custom_mode`` of a MAV_AUTOPILOT."""
+    family = family_of(autopilot)
+    return f"number {custom_mode}" if family is None else family.modes.log_name(kind, custom_mode)
 
 
 def _mode_text(_: int | None, mode: int) -> Callable[[Kind], str]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.link.logs.common.messages import euler
+from skyway.link.logs.common.messages import euler, wind
 from skyway.link.logs.common.trust import estimate_ok, receiver_ok
 from skyway.models.base import geodesy
 from skyway.models.drones.telemetry import NEITHER
@@ -112,9 +112,7 @@ def _vtol(data: dict[str, Any]) -> Columns:
 
 
 def _wind(data: dict[str, Any]) -> Columns:
-    north, east = _numbers(data, "windspeed_north"), _numbers(data, "windspeed_east")
-    alive = (north != 0.0) | (east != 0.0)
-    return {"wind_north_mps": np.where(alive, north, np.nan), "wind_east_mps": np.where(alive, east, np.nan)}
+    return wind(_numbers(data, "windspeed_north"), _numbers(data, "windspeed_east"))
 
 
 def _airspeed(data: dict[str, Any]) -> Columns:

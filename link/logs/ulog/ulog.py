@@ -67,31 +67,17 @@ class ULogFile:
         self._spoken: set[str] = set()
         self._range_us = (math.inf, -math.inf)
         self._pieces: list[tuple[float, int, ULogScan, dict[str, float]]] = []
-        self._odd_stamps = 0
         self._zero_s, self._time_base = self._index()
         self.summary = self._summary()
 
     def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
         """Return the telemetry piece by piece."""
-        samples = InOrder(self._id, LASTING)
         steady = SteadyTimes()
         latest_us, place, scan, lasting = self._begin(from_s)
         topics = [topic for topic in SPOKEN if topic in self._spoken and REPLACED.get(topic) not in self._spoken]
-        for _, data, found in read_pieces(self.path, scan.copy(), begin=place):
-            reports = self._reports(data, found, topics, steady)
-            if lasting and math.isfinite(latest_us):
-                known = {name: np.array([value]) for name, value in lasting.items()}
-                reports["before"] = np.array([latest_us * 1e-6 + self._zero_s]), known
-                lasting = {}
-            track = samples.feed(reports)
-            if len(track) and track.time_s[0] >= to_s:
-                return
-            part = track.between(from_s, to_s)
-            if len(part):
-                yield part
-        part = samples.flush().between(from_s, to_s)
-        if len(part):
-            yield part
+        pieces = read_pieces(self.path, scan.copy(), begin=place)
+        reports = (self._reports(data, found, topics, steady) for _, data, found in pieces)
+        return InOrder(self._id, LASTING, latest_us * 1e-6 + self._zero_s, lasting).tracks(reports, from_s, to_s)
 
     def _reports(
         self, data: NDArray[np.uint8], found: Messages, topics: Iterable[str], steady: SteadyTimes
@@ -117,17 +103,11 @@ class ULogFile:
         """Times, microseconds since the start (NaN: not to be believed), and fields of topics in a piece."""
         tables = {topic: self._log.columns(topic, data, found) for topic in topics}
         tables = {topic: (rows, columns) for topic, (rows, columns) in tables.items() if "timestamp" in columns}
-        if not tables:
-            return {}
-        order = np.argsort(np.concatenate([rows for rows, _ in tables.values()]), kind="stable")
-        stamps = np.concatenate([columns["timestamp"].astype(np.float64) for _, columns in tables.values()])
-        good = np.empty(len(order), dtype=np.bool_)
-        good[order] = steady.believed(stamps[order] * 1e-6)
-        self._odd_stamps += int((~good).sum())
-        stamps = np.where(good, stamps, np.nan)
-        cuts = np.cumsum([len(rows) for rows, _ in tables.values()])[:-1]
-        parts = np.split(stamps, cuts)
-        return {topic: (part, columns) for part, (topic, (_, columns)) in zip(parts, tables.items(), strict=True)}
+        places = [rows for rows, _ in tables.values()]
+        stamps = [columns["timestamp"].astype(np.float64) for _, columns in tables.values()]
+        good = steady.of_tables(places, [stamps_us * 1e-6 for stamps_us in stamps])
+        believed = [np.where(fine, stamps_us, np.nan) for fine, stamps_us in zip(good, stamps, strict=True)]
+        return {topic: (part, tables[topic][1]) for topic, part in zip(tables, believed, strict=True)}
 
     def _begin(self, from_s: float) -> tuple[float, int, ULogScan, dict[str, float]]:
         """Return what was known at a place from which everything from a time on can be read, and that place."""
@@ -166,6 +146,7 @@ class ULogFile:
                 self._events.resets(*stamped["vehicle_local_position"])
             if "vehicle_land_detected" in stamped:
                 self._events.landing(*stamped["vehicle_land_detected"])
+        self._odd_stamps = steady.odd
         for topic in RECEIVERS:
             if len(zeros[topic]):
                 return float(np.median(zeros[topic])) * 1e-6, TimeBase("the autopilot's clock, set by GPS")

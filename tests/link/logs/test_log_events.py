@@ -5,9 +5,9 @@ import pytest
 from drone_truth import fly
 from log_factory import DataFlashWriter, dataflash, multirotor, tlog, ulog
 
-from skyway.link.logs.common.modes import mode_name
 from skyway.link.logs.dataflash.messages import EVENTS, error_text
 from skyway.link.logs.reader import open_log
+from skyway.link.logs.tlog.events import mode_name
 from skyway.link.replay.replay import replay
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own

@@ -407,6 +407,8 @@ def test_a_part_from_the_middle_of_any_log_is_that_part_of_the_whole(shared_data
     assert part.time_s == pytest.approx(whole.time_s)
     assert np.nan_to_num(part["roll_rad"]) == pytest.approx(np.nan_to_num(whole["roll_rad"]))
     assert np.nan_to_num(part["vel_north_mps"]) == pytest.approx(np.nan_to_num(whole["vel_north_mps"]))
+    again = TelemetryTrack.joined(log.tracks(middle, middle + 5.0))
+    assert np.array_equal(again.values, part.values, equal_nan=True), "what lasts is known each time"
 
 
 def test_a_table_is_read_in_pieces_and_an_endless_line_is_refused(tmp_path, monkeypatch):
