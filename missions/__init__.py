@@ -7,105 +7,65 @@ another.
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from skyway.models.base.lazy import exports
+
 if TYPE_CHECKING:
-    from skyway.missions.autopilots.family import Dialect
-    from skyway.missions.autopilots.read_back import Difference, diff
-    from skyway.missions.autopilots.registry import family_named
-    from skyway.missions.autopilots.wire import WireItem
-    from skyway.missions.builder.from_composition import Export, armed_mission, leg_mission, whole_mission
-    from skyway.missions.builder.mission_options import MissionOptions
-    from skyway.missions.checks.energy import FlightConditions, LegEnergy
-    from skyway.missions.checks.report import CheckReport, check
-    from skyway.missions.checks.weather import ForecastWind, SteadyWind
-    from skyway.missions.files.mission_file import read, write
-    from skyway.missions.items.altitude_frames import Frame
-    from skyway.missions.items.commands import Command
-    from skyway.missions.items.coordinates import Point
-    from skyway.missions.items.document import MissionDocument
-    from skyway.missions.items.finding import Finding
-    from skyway.missions.items.geofence import FenceCircle, FencePolygon, Geofence
-    from skyway.missions.items.mission import Home, Mission, MissionItem
-    from skyway.missions.items.parameters import Parameter
-    from skyway.missions.items.rally import RallyPoint, RallyPoints
+    from skyway.missions.autopilots.family import Dialect as Dialect
+    from skyway.missions.autopilots.read_back import Difference as Difference
+    from skyway.missions.autopilots.read_back import diff as diff
+    from skyway.missions.autopilots.registry import family_named as family_named
+    from skyway.missions.autopilots.wire import WireItem as WireItem
+    from skyway.missions.builder.from_composition import Export as Export
+    from skyway.missions.builder.from_composition import armed_mission as armed_mission
+    from skyway.missions.builder.from_composition import leg_mission as leg_mission
+    from skyway.missions.builder.from_composition import whole_mission as whole_mission
+    from skyway.missions.builder.mission_options import MissionOptions as MissionOptions
+    from skyway.missions.checks.energy import FlightConditions as FlightConditions
+    from skyway.missions.checks.energy import LegEnergy as LegEnergy
+    from skyway.missions.checks.report import CheckReport as CheckReport
+    from skyway.missions.checks.report import check as check
+    from skyway.missions.checks.weather import ForecastWind as ForecastWind
+    from skyway.missions.checks.weather import SteadyWind as SteadyWind
+    from skyway.missions.files.mission_file import read as read
+    from skyway.missions.files.mission_file import write as write
+    from skyway.missions.items.altitude_frames import Frame as Frame
+    from skyway.missions.items.commands import Command as Command
+    from skyway.missions.items.coordinates import Point as Point
+    from skyway.missions.items.document import MissionDocument as MissionDocument
+    from skyway.missions.items.finding import Finding as Finding
+    from skyway.missions.items.geofence import FenceCircle as FenceCircle
+    from skyway.missions.items.geofence import FencePolygon as FencePolygon
+    from skyway.missions.items.geofence import Geofence as Geofence
+    from skyway.missions.items.mission import Home as Home
+    from skyway.missions.items.mission import Mission as Mission
+    from skyway.missions.items.mission import MissionItem as MissionItem
+    from skyway.missions.items.parameters import Parameter as Parameter
+    from skyway.missions.items.rally import RallyPoint as RallyPoint
+    from skyway.missions.items.rally import RallyPoints as RallyPoints
 
-_HOMES = {
-    "CheckReport": "checks.report",
-    "Command": "items.commands",
-    "Dialect": "autopilots.family",
-    "Difference": "autopilots.read_back",
-    "Export": "builder.from_composition",
-    "FenceCircle": "items.geofence",
-    "FencePolygon": "items.geofence",
-    "Finding": "items.finding",
-    "FlightConditions": "checks.energy",
-    "ForecastWind": "checks.weather",
-    "Frame": "items.altitude_frames",
-    "Geofence": "items.geofence",
-    "Home": "items.mission",
-    "LegEnergy": "checks.energy",
-    "Mission": "items.mission",
-    "MissionDocument": "items.document",
-    "MissionItem": "items.mission",
-    "MissionOptions": "builder.mission_options",
-    "Parameter": "items.parameters",
-    "Point": "items.coordinates",
-    "RallyPoint": "items.rally",
-    "RallyPoints": "items.rally",
-    "SteadyWind": "checks.weather",
-    "WireItem": "autopilots.wire",
-    "armed_mission": "builder.from_composition",
-    "check": "checks.report",
-    "diff": "autopilots.read_back",
-    "family_named": "autopilots.registry",
-    "leg_mission": "builder.from_composition",
-    "read": "files.mission_file",
-    "whole_mission": "builder.from_composition",
-    "write": "files.mission_file",
-}
-
-__all__ = [
-    "CheckReport",
-    "Command",
-    "Dialect",
-    "Difference",
-    "Export",
-    "FenceCircle",
-    "FencePolygon",
-    "Finding",
-    "FlightConditions",
-    "ForecastWind",
-    "Frame",
-    "Geofence",
-    "Home",
-    "LegEnergy",
-    "Mission",
-    "MissionDocument",
-    "MissionItem",
-    "MissionOptions",
-    "Parameter",
-    "Point",
-    "RallyPoint",
-    "RallyPoints",
-    "SteadyWind",
-    "WireItem",
-    "armed_mission",
-    "check",
-    "diff",
-    "family_named",
-    "leg_mission",
-    "read",
-    "whole_mission",
-    "write",
-]
-
-
-def __getattr__(name: str) -> object:
-    """Import what is asked for, and no sooner: `from skyway import missions` costs nothing."""
-    if name == "dialect":  # its name until 0.17
-        name = "family_named"
-    if name not in _HOMES:
-        raise AttributeError(f"module 'missions' has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+__all__, __getattr__ = exports(
+    __name__,
+    {
+        "autopilots.family": "Dialect",
+        "autopilots.read_back": "Difference diff",
+        "autopilots.registry": "family_named family_named:dialect",
+        "autopilots.wire": "WireItem",
+        "builder.from_composition": "Export armed_mission leg_mission whole_mission",
+        "builder.mission_options": "MissionOptions",
+        "checks.energy": "FlightConditions LegEnergy",
+        "checks.report": "CheckReport check",
+        "checks.weather": "ForecastWind SteadyWind",
+        "files.mission_file": "read write",
+        "items.altitude_frames": "Frame",
+        "items.commands": "Command",
+        "items.coordinates": "Point",
+        "items.document": "MissionDocument",
+        "items.finding": "Finding",
+        "items.geofence": "FenceCircle FencePolygon Geofence",
+        "items.mission": "Home Mission MissionItem",
+        "items.parameters": "Parameter",
+        "items.rally": "RallyPoint RallyPoints",
+    },
+)

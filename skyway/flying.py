@@ -11,6 +11,7 @@ import msgspec
 
 from skyway.link.supervisor.journal import fields as of
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.fields import finite
 from skyway.models.base.formatting import duration, percent, zone_clock
 from skyway.models.base.units import from_posix
 
@@ -78,18 +79,18 @@ def request_of(composition: Composition, scenario: Scenario) -> Request:
     )
 
 
-def heights(scenario: Scenario, given: list[str] | None) -> dict[str, float]:
-    """Read ground heights typed as ``STATION=METRES``."""
+def heights(scenario: Scenario | None, given: list[str] | None) -> dict[str, float]:
+    """Read ground heights typed as ``STATION=METRES``; of a scenario's stations only, where one is given."""
     found: dict[str, float] = {}
     for text in given or ():
-        name, _, value = text.partition("=")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError:
+        name, _, value = text.rpartition("=")
+        metres = finite(value)
+        if not name or metres is None or not -500.0 < metres < 9000.0:
             remedy = "STATION=METRES, for example clinic=34"
-            raise InputError(Fault("not a height", field="--elevation", value=text, remedy=remedy)) from None
-        if name.strip() not in scenario.network.index:
+            raise InputError(Fault("not a height", field="--elevation", value=text, remedy=remedy))
+        if scenario is not None and name.strip() not in scenario.network.index:
             raise InputError(Fault("no such station", field="--elevation", value=name))
+        found[name.strip()] = metres
     return found
 
 

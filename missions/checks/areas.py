@@ -76,13 +76,8 @@ def check_zones(document: MissionDocument, route: Route, zones: NoFlyZones) -> I
     through = zones.crossed_by(ways[:, 0, 1], ways[:, 0, 0], ways[:, 1, 1], ways[:, 1, 0])
     found = list(dict.fromkeys(route.steps[int(index)].item for index in np.flatnonzero(through)))
     if found:
-        yield Finding(
-            "warning",
-            found[0],
-            "divert-through-zone",
-            f"the straight way to the nearest rally point crosses a no-fly zone from {len(found)} items",
-            "move the rally point, or add another",
-        )
+        message = f"the straight way to the nearest rally point crosses a no-fly zone from {len(found)} items"
+        yield Finding("warning", found[0], "divert-through-zone", message, "move the rally point, or add another")
 
 
 def _broken_areas(fence: Geofence) -> Iterator[Finding]:
@@ -91,14 +86,11 @@ def _broken_areas(fence: Geofence) -> Iterator[Finding]:
             continue
         claimed = area.extra.get(CLAIMED_COUNT)
         if claimed is not None:
-            yield Finding(
-                "error",
-                None,
-                "fence-vertex-count",
+            message = (
                 f"fence polygon {number} says {claimed:g} vertices and has {len(area.vertices)}: vehicles"
-                " acknowledge such a fence and have none afterwards",
-                "add the missing vertex, or correct the count",
+                " acknowledge such a fence and have none afterwards"
             )
+            yield Finding("error", None, "fence-vertex-count", message, "add the missing vertex, or correct the count")
         elif not _shape(area).is_valid:
             message = f"the outline of fence polygon {number} crosses itself"
             yield Finding("error", None, "fence-crosses-itself", message, "put its vertices in order")
@@ -204,10 +196,7 @@ def _check_rally(
     steps = route.steps
     found = list(dict.fromkeys(steps[int(index)].item for index in np.flatnonzero(leaving)))
     if found:
+        message = f"the straight way to the nearest rally point leaves the fence from {len(found)} items"
         yield Finding(
-            "warning",
-            found[0],
-            "divert-outside-fence",
-            f"the straight way to the nearest rally point leaves the fence from {len(found)} items",
-            "widen the fence: a diverting vehicle would breach it",
+            "warning", found[0], "divert-outside-fence", message, "widen the fence: a diverting vehicle would breach it"
         )

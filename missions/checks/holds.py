@@ -37,26 +37,20 @@ def check_energy(route: Route, legs: Sequence[LegEnergy], conditions: FlightCond
 def _wind(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
     drone = conditions.drone
     if leg.p_flyable == 0.0:
-        yield Finding(
-            "error",
-            leg.worst_item,
-            "wind-too-strong",
+        message = (
             f"this leg cannot be flown: the wind is above {drone.wind_limit_mps:g} m/s, or too strong across or against the"
-            " course",
-            "wait for less wind",
+            " course"
         )
+        yield Finding("error", leg.worst_item, "wind-too-strong", message, "wait for less wind")
     elif leg.p_flyable < 1.0 - EPSILON:
         message = f"the wind forbids this flight with probability {probability(1.0 - leg.p_flyable)}"
         yield Finding("warning", leg.worst_item, "wind-may-forbid", message, "be ready to hold on the ground")
     if leg.p_flyable > 0.0 and leg.least_airspeed_margin_mps < 0.0:
-        yield Finding(
-            "warning",
-            leg.worst_item,
-            "speed-not-held",
+        message = (
             f"{_which_wind(conditions)}the commanded ground speed needs {speed_text(-leg.least_airspeed_margin_mps)} more"
-            f" airspeed than the {drone.max_airspeed_mps:g} m/s of the {drone.name}: it will fly slower",
-            "order a lower ground speed",
+            f" airspeed than the {drone.max_airspeed_mps:g} m/s of the {drone.name}: it will fly slower"
         )
+        yield Finding("warning", leg.worst_item, "speed-not-held", message, "order a lower ground speed")
 
 
 def _which_wind(conditions: FlightConditions) -> str:
@@ -103,14 +97,11 @@ def _hold(flown: LegEnergy, leg: RouteLeg, following: LegEnergy, conditions: Fli
     wanted = conditions.reserve_soc + following.energy_j / conditions.drone.battery_j
     if following.soc_end is not None and following.soc_end < conditions.reserve_soc and wanted <= 1.0:
         needed_s = math.ceil(float(curve.duration_s(arrived, wanted)))
-        yield Finding(
-            "error",
-            flown.item_to,
-            "hold-too-short",
+        message = (
             f"a hold of {duration(hold_s)} charges to {percent(following.soc_start)}, and the next flight needs"
-            f" {percent(wanted)}",
-            f"hold {needed_s} s",
+            f" {percent(wanted)}"
         )
+        yield Finding("error", flown.item_to, "hold-too-short", message, f"hold {needed_s} s")
     elif hold_s > full_s + 60.0:
         message = f"a hold of {duration(hold_s)}, and the battery is full after {duration(full_s)}"
         yield Finding("info", flown.item_to, "hold-longer-than-charge", message)

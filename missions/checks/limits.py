@@ -46,13 +46,8 @@ def check_speeds(mission: Mission, drone: Drone) -> Iterator[Finding]:
         if item.command != Command.DO_CHANGE_SPEED or item.param1 not in (0.0, 1.0):
             continue
         if item.param2 > limit:
-            yield Finding(
-                "error",
-                number,
-                "speed-limit",
-                f"orders {item.param2:g} m/s, and the vehicle flies at most {limit:g} m/s over ground",
-                f"order at most {limit:g} m/s",
-            )
+            message = f"orders {item.param2:g} m/s, and the vehicle flies at most {limit:g} m/s over ground"
+            yield Finding("error", number, "speed-limit", message, f"order at most {limit:g} m/s")
         elif math.isnan(item.param2) or item.param2 == 0:
             yield Finding("warning", number, "speed-missing", "orders no speed", "give a speed in m/s")
 
@@ -65,13 +60,8 @@ def check_home_distance(mission: Mission, route: Route) -> Iterator[Finding]:
         first = steps[0]
         away = geodesy.distance_m(home.point.lat, home.point.lon, first.point.lat, first.point.lon)
         if away > FAR_FROM_HOME_M:
-            yield Finding(
-                "warning",
-                first.item,
-                "far-from-home",
-                f"the first position is {distance_text(away)} from the planned home: PX4 refuses more than 10 km",
-                "correct the home, or the position",
-            )
+            message = f"the first position is {distance_text(away)} from the planned home: PX4 refuses more than 10 km"
+            yield Finding("warning", first.item, "far-from-home", message, "correct the home, or the position")
 
 
 def check_rally_distances(document: MissionDocument, route: Route) -> Iterator[Finding]:
@@ -83,12 +73,15 @@ def check_rally_distances(document: MissionDocument, route: Route) -> Iterator[F
     longest = max(_length_m(leg) for leg in route.legs)
     for number in np.flatnonzero(away > FAR_RALLY_M).tolist():
         distance = float(away[number])
+        message = (
+            f"rally point {number} is {distance_text(distance)} from here, the nearest place of the mission: a vehicle"
+            " that goes there needs the energy for it"
+        )
         yield Finding(
             "warning" if distance > longest else "info",
             steps[nearest[number]].item,
             "rally-far",
-            f"rally point {number} is {distance_text(distance)} from here, the nearest place of the mission: a vehicle"
-            " that goes there needs the energy for it",
+            message,
             "put a rally point near the route",
         )
 
@@ -127,13 +120,12 @@ def check_reach(route: Route, drone: Drone) -> Iterator[Finding]:
     length, _ = geodesy.inverse(lat[:-1], lon[:-1], lat[1:], lon[1:])
     reach = drone.endurance_empty_s * drone.max_airspeed_mps
     for index in np.flatnonzero(length > reach)[:20]:
-        yield Finding(
-            "error",
-            steps[index + 1].item,
-            "too-far",
+        message = (
             f"is {distance_text(length[index])} from the position before, beyond the range of the vehicle"
-            f" ({distance_text(reach)})",
-            "correct the coordinates, or land and recharge between",
+            f" ({distance_text(reach)})"
+        )
+        yield Finding(
+            "error", steps[index + 1].item, "too-far", message, "correct the coordinates, or land and recharge between"
         )
 
 
@@ -166,13 +158,10 @@ def check_heights(mission: Mission, route: Route, stations: Sequence[Station] = 
         ):
             yield _too_low(number, item.z)
     if absolute:
-        yield Finding(
-            "info",
-            absolute[0],
-            "height-reference",
-            f"{len(absolute)} heights are above sea level and the height of home is unknown: they were not checked",
-            "give the altitude of the planned home",
+        message = (
+            f"{len(absolute)} heights are above sea level and the height of home is unknown: they were not checked"
         )
+        yield Finding("info", absolute[0], "height-reference", message, "give the altitude of the planned home")
 
 
 def _lowest_ground_m(leg: RouteLeg) -> float:
@@ -191,13 +180,8 @@ def _height(step: Step, item: MissionItem, leaves_m: float, lowest_m: float) -> 
     if item.command in TAKEOFF_COMMANDS and step.height_m < leaves_m + LOW_TAKEOFF_M:
         yield _too_low(step.item, step.height_m - leaves_m)
     elif flies_on and step.height_m <= lowest_m:
-        yield Finding(
-            "warning",
-            step.item,
-            "not-above-ground",
-            f"{item.name} at {step.height_m:g} m above home is not above the ground of either end of the flight",
-            "right only where the ground is lower there",
-        )
+        message = f"{item.name} at {step.height_m:g} m above home is not above the ground of either end of the flight"
+        yield Finding("warning", step.item, "not-above-ground", message, "right only where the ground is lower there")
     elif step.height_m > USUAL_CEILING_M and item.frame not in TERRAIN_FRAMES:
         message = f"{height_text(step.height_m)} above home: most countries allow {height_text(USUAL_CEILING_M)}"
         yield Finding("info", step.item, "high", message, "needs a permit, unless the ground is higher there")

@@ -41,21 +41,11 @@ def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
     yield from _never_reached(mission, route)
     for number in route.endless_jumps:
         target = mission.items[number].jump_target
-        yield Finding(
-            "warning",
-            number,
-            "endless-jump",
-            f"jumps back to item {target} forever: only a person or a failsafe ends the flight",
-            "give the jump a number of repeats",
-        )
+        message = f"jumps back to item {target} forever: only a person or a failsafe ends the flight"
+        yield Finding("warning", number, "endless-jump", message, "give the jump a number of repeats")
     if route.is_cut:
-        yield Finding(
-            "warning",
-            None,
-            "too-many-repeats",
-            "the jumps repeat so often that only the beginning of the flight was checked",
-            "lower the numbers of repeats",
-        )
+        message = "the jumps repeat so often that only the beginning of the flight was checked"
+        yield Finding("warning", None, "too-many-repeats", message, "lower the numbers of repeats")
     for pattern in mission.complex_items:
         if pattern.is_built:
             message = (
@@ -83,12 +73,9 @@ def _never_reached(mission: Mission, route: Route) -> Iterator[Finding]:
     placed = [n for n, item in enumerate(mission.items) if item.is_flown_to and item.point is not None]
     left_out = [number for number in placed if number not in reached]
     if left_out and not route.is_cut:
+        message = f"{len(left_out)} items with a position are never reached, and were not checked"
         yield Finding(
-            "warning",
-            left_out[0],
-            "never-reached",
-            f"{len(left_out)} items with a position are never reached, and were not checked",
-            "remove them, or what ends the mission before them",
+            "warning", left_out[0], "never-reached", message, "remove them, or what ends the mission before them"
         )
 
 
@@ -108,21 +95,11 @@ def _takeoff(mission: Mission) -> Iterator[Finding]:
     if first.command in TAKEOFF_COMMANDS:
         return
     if later is None:
-        yield Finding(
-            "warning",
-            first_number,
-            "no-takeoff",
-            "there is no TAKEOFF: PX4 climbs by itself, ArduPilot stays on the ground",
-            "begin with a TAKEOFF",
-        )
+        message = "there is no TAKEOFF: PX4 climbs by itself, ArduPilot stays on the ground"
+        yield Finding("warning", first_number, "no-takeoff", message, "begin with a TAKEOFF")
     else:
-        yield Finding(
-            "error",
-            later,
-            "takeoff-not-first",
-            f"the TAKEOFF comes after the position of item {first_number}",
-            "put the TAKEOFF first",
-        )
+        message = f"the TAKEOFF comes after the position of item {first_number}"
+        yield Finding("error", later, "takeoff-not-first", message, "put the TAKEOFF first")
 
 
 def _landing(mission: Mission, route: Route) -> Iterator[Finding]:
@@ -135,13 +112,8 @@ def _landing(mission: Mission, route: Route) -> Iterator[Finding]:
         message = "loiters without end: the mission never lands"
         yield Finding("error", last, "never-lands", message, "land, or return to launch, after it")
         return
-    yield Finding(
-        "error",
-        last,
-        "no-landing",
-        "the mission ends in the air: there is no LAND or RETURN_TO_LAUNCH after this item",
-        "add a LAND",
-    )
+    message = "the mission ends in the air: there is no LAND or RETURN_TO_LAUNCH after this item"
+    yield Finding("error", last, "no-landing", message, "add a LAND")
 
 
 def _jumps(mission: Mission) -> Iterator[Finding]:
@@ -180,13 +152,8 @@ def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
     wrong = [i for i, value in enumerate(item.params, start=1) if math.isnan(value) and i not in free]
     if wrong:
         names = ", ".join(f"param{i}" for i in wrong)
-        yield Finding(
-            "info",
-            number,
-            "parameter-not-given",
-            f"{item.name} leaves {names} open: ArduPilot refuses that, so it is sent as 0",
-            "write 0",
-        )
+        message = f"{item.name} leaves {names} open: ArduPilot refuses that, so it is sent as 0"
+        yield Finding("info", number, "parameter-not-given", message, "write 0")
     for name, value in (("param5", item.param5_or_zero), ("param6", item.param6_or_zero)):
         if _uses_plain_param5(item) and not value.is_integer():
             message = f"{name} of {item.name} is {value:g}, and travels to the vehicle as {round(value)}"

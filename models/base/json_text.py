@@ -7,8 +7,8 @@ import math
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-HIDDEN = {"json": ""}
-"""Metadata of a dataclass field that JSON leaves out; another text is its name there, where Python has no such name."""
+HIDDEN = {"json": False}
+"""Metadata of a dataclass field that JSON leaves out."""
 
 
 def json_text(value: Any, *, indent: int | None = None) -> str:
@@ -31,6 +31,5 @@ def plain(value: Any) -> Any:
         found = ((name, getattr(value, field)) for name, field in names)
         return {name: plain(one) for name, one in found if one is not UNSET}
     if is_dataclass(value):
-        named = ((one.metadata.get("json", one.name), one.name) for one in fields(value))
-        return {name: plain(getattr(value, field)) for name, field in named if name}
+        return {one.name: plain(getattr(value, one.name)) for one in fields(value) if one.metadata != HIDDEN}
     return value

@@ -23,13 +23,18 @@ def exports(package: str, homes: dict[str, str]) -> tuple[list[str], Callable[[s
     package : str
         Its ``__name__``.
     homes : dict of str to str
-        Modules of the package, with the names that each gives, separated by spaces.
+        Modules of the package, with the names that each gives, separated by spaces; ``load:load_plan`` gives `load` as
+        `load_plan`.
     """
-    home_of = {name: module for module, names in homes.items() for name in names.split()}
+    home_of = {
+        word.split(":")[-1]: f"{package}.{module}:{word.split(':')[0]}"
+        for module, words in homes.items()
+        for word in words.split()
+    }
 
     def get(name: str) -> Any:
         if name not in home_of:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return load(f"{package}.{home_of[name]}:{name}")
+        return load(home_of[name])
 
     return sorted(home_of), get

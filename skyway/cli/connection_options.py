@@ -42,15 +42,13 @@ Yes = Annotated[bool, typer.Option("--yes", help="Carry it out; without --yes no
 class Line:
     """A connection as a person names it: to whom, as whom, signed with what, recorded where."""
 
-    connect: Annotated[str, typer.Option("--connect", help=CONNECT_HELP)] = "udpin:127.0.0.1:14540"
+    connect: Annotated[str, typer.Option(help=CONNECT_HELP)] = "udpin:127.0.0.1:14540"
     ground: Annotated[int, typer.Option("--gcs-system", help="System id of this ground station.")] = 255
     key_file: Annotated[
         Path | None,
-        typer.Option(
-            "--key-file", help="File with the MAVLink signing key; or set SKYWAY_SIGNING_KEY in the environment."
-        ),
+        typer.Option(help="File with the MAVLink signing key; or set SKYWAY_SIGNING_KEY in the environment."),
     ] = None
-    record: Annotated[Path, typer.Option("--record", help="Folder for recordings (.tlog).")] = Path("recordings")
+    record: Annotated[Path, typer.Option(help="Folder for recordings (.tlog).")] = Path("recordings")
 
     @contextmanager
     def opened(self) -> Iterator[Connection]:
@@ -70,21 +68,17 @@ class Line:
 class Link(Line):
     """The way to one vehicle."""
 
-    system: Annotated[int | None, typer.Option("--system", help="System id of the vehicle, if there are several.")] = (
-        None
-    )
+    system: Annotated[int | None, typer.Option(help="System id of the vehicle, if there are several.")] = None
     autopilot: Annotated[
-        options.FamilyNameOrAuto, typer.Option("--autopilot", help="Autopilot of the vehicle; auto asks the vehicle.")
+        options.FamilyNameOrAuto, typer.Option(help="Autopilot of the vehicle; auto asks the vehicle.")
     ] = _ASKED
-    driver: Annotated[
-        Driver, typer.Option("--driver", help="Implementation of the protocols; mavsdk has no signed links.")
-    ] = Driver.PYMAVLINK
+    driver: Annotated[Driver, typer.Option(help="Implementation of the protocols; mavsdk has no signed links.")] = (
+        Driver.PYMAVLINK
+    )
 
     parameter_name: Annotated[
         list[str] | None,
-        typer.Option(
-            "--parameter-name", help="SETTING=NAME:UNIT, for a parameter name that skyway does not know; repeatable."
-        ),
+        typer.Option(help="SETTING=NAME:UNIT, for a parameter name that skyway does not know; repeatable."),
     ] = None
 
     @contextmanager

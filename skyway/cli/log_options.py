@@ -33,27 +33,11 @@ VehicleKind = Annotated[
     typer.Option("--vehicle", help="Kind of vehicle, if the log does not state it: multirotor, 'fixed wing', VTOL, …."),
 ]
 
-Speed = Annotated[str, typer.Option("--speed", help="Speed as a multiple of real time: 1, 10, max.")]
-Begin = Annotated[str | None, typer.Option("--from", help="Start time in the log, H:MM:SS.")]
-End = Annotated[str | None, typer.Option("--to", help="End time in the log, H:MM:SS.")]
-Follow = Annotated[str | None, typer.Option("--follow", help="Print events as they happen: wind,battery,mission.")]
-Expected = Annotated[str | None, typer.Option("--wind", help="Forecast wind, m/s@degrees FROM: 8@270.")]
-ForecastFile = Annotated[Path | None, typer.Option("--forecast", help="Forecast file, as for skyway plan.")]
 ScenarioName = Annotated[
     str | None,
     typer.Option("--scenario", help="Scenario folder (newyork: built in) whose wind record gives the forecast."),
 ]
 Drag = Annotated[Path | None, typer.Option("--drag", help="Drag of the drone, from skyway calibrate wind.")]
-DroneFile = Annotated[
-    Path | None, typer.Option("--drone", help="Predict the flight's energy with this drone: fleet file or drone id.")
-]
-Carried = Annotated[float, typer.Option("--payload", help="Mass of the package carried, kg, for --drone.")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Draw the flight: FILE.png or FILE.svg.")]
-TableFile = Annotated[Path | None, typer.Option("--csv", help="Write a table with one row per second: FILE.csv.")]
-Connect = Annotated[str | None, typer.Option("--connect", help="Send the log as MAVLink: udpout:127.0.0.1:14550.")]
-Control = Annotated[
-    int | None, typer.Option("--control", help="With --connect: accept commands as JSON lines on this TCP port.")
-]
 FAR_M = 300_000.0
 """A forecast for sites further away than this says little about a flight."""
 

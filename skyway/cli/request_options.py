@@ -27,24 +27,18 @@ class RequestOptions:
     """What is carried, from where to where, and by what."""
 
     start: Annotated[str, typer.Option("--from", help=f"Start: {_PLACE}", autocompletion=completion.stations)]
-    to: Annotated[str, typer.Option("--to", help=f"Destination: {_PLACE}", autocompletion=completion.stations)]
-    payload: Annotated[float, typer.Option("--payload", help="Mass of the package, kg.")]
+    to: Annotated[str, typer.Option(help=f"Destination: {_PLACE}", autocompletion=completion.stations)]
+    payload: Annotated[float, typer.Option(help="Mass of the package, kg.")]
     drone: Annotated[
-        str | None,
-        typer.Option("--drone", help="Drone id. Without it the planner chooses.", autocompletion=completion.drones),
+        str | None, typer.Option(help="Drone id. Without it the planner chooses.", autocompletion=completion.drones)
     ] = None
-    reserve: Annotated[float, typer.Option("--reserve", help="Least charge at any landing, percent.")] = 20.0
-    soc: Annotated[float, typer.Option("--soc", help="Charge at the start, percent.")] = 100.0
-    airspeed: Annotated[
-        float | None, typer.Option("--airspeed", help="Planned airspeed, m/s. Without it: the drone's.")
-    ] = None
+    reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0
+    soc: Annotated[float, typer.Option(help="Charge at the start, percent.")] = 100.0
+    airspeed: Annotated[float | None, typer.Option(help="Planned airspeed, m/s. Without it: the drone's.")] = None
     recharge: Annotated[
-        str,
-        typer.Option(
-            "--recharge", help="At each stop charge to 100 % (full) or to what the next flight needs (enough)."
-        ),
+        str, typer.Option(help="At each stop charge to 100 % (full) or to what the next flight needs (enough).")
     ] = "enough"
-    seed: Annotated[int, typer.Option("--seed", help="Random seed of all sampling.", min=0, max=2**32 - 1)] = 0
+    seed: Annotated[int, typer.Option(help="Random seed of all sampling.", min=0, max=2**32 - 1)] = 0
 
     def request(self, scenario: Scenario, depart: datetime, objective: str = "mean") -> tuple[Scenario, Request]:
         """Return what is asked, and the scenario: targets given as lat,lon join its network."""
@@ -74,14 +68,14 @@ class ConditionOptions:
 
     scenario: options.ScenarioArgument = None
     depart: Annotated[
-        str | None, typer.Option("--depart", help="Departure with UTC offset, 2013-07-10T14:00-04:00. Without it: now.")
+        str | None, typer.Option(help="Departure with UTC offset, 2013-07-10T14:00-04:00. Without it: now.")
     ] = None
-    wind: Annotated[
-        str | None, typer.Option("--wind", help="One constant wind at cruise height, m/s@degrees FROM: 8@270.")
-    ] = None
-    forecast: Annotated[
-        Path | None, typer.Option("--forecast", help="Forecast file: time, site, member, speed_mps, from_deg.")
-    ] = None
+    wind: Annotated[str | None, typer.Option(help="One constant wind at cruise height, m/s@degrees FROM: 8@270.")] = (
+        None
+    )
+    forecast: Annotated[Path | None, typer.Option(help="Forecast file: time, site, member, speed_mps, from_deg.")] = (
+        None
+    )
     truth: Annotated[
         str | None,
         typer.Option(

@@ -51,7 +51,7 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 
 def check_format(path: Path, field: str) -> None:
     """Refuse a picture of a format that is not drawn; the `InputError` names the option or parameter."""
-    if path.suffix.lower() not in (".png", ".svg"):
+    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(Fault("is not a picture format", field=field, value=path.name, remedy="FILE.png or FILE.svg"))
 
 
@@ -153,7 +153,7 @@ def _inside(points: NDArray[np.float64], box: tuple[float, float, float, float])
 
 
 def save_figure(figure: Figure, path: Path | None) -> Figure:
-    """Write a figure as PNG or SVG, without a date, whole or not at all; not where no file is named."""
+    """Write a figure as PNG, SVG or PDF, without a date, whole or not at all; not where no file is named."""
     if path is None:
         return figure
     import io
@@ -162,7 +162,7 @@ def save_figure(figure: Figure, path: Path | None) -> Figure:
 
     kind = path.suffix[1:].lower()
     stream = io.BytesIO()
-    metadata = {"Date": None} if kind == "svg" else {}
+    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
     figure.savefig(stream, format=kind, dpi=144, metadata=metadata)
     write_atomically(path, stream.getvalue(), force=True)
     return figure

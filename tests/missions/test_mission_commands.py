@@ -85,8 +85,8 @@ def test_nothing_is_overwritten_without_force(run, plan_json, tmp_path):
         (["--leg", "1", "--whole"], "exclude each other"),
         (["--leg", "1", "--armed-hold"], "exclude each other"),
         (["--width", "3"], "is not between 20"),
-        (["--elevation", "mast"], "is not ID=METRES"),
-        (["--elevation", "mast=high"], "is not ID=METRES"),
+        (["--elevation", "mast"], "not a height"),
+        (["--elevation", "mast=high"], "not a height"),
         (["--climb", "0"], "climb_rate_mps: is not between"),
     ],
 )

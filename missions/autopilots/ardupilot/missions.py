@@ -146,11 +146,12 @@ class ArduPilotMissions(Dialect):
         yield from _after_landing(document.mission)
         inclusions = sum(area.inclusion for area in document.fence.areas)
         if inclusions > 1:
+            message = f"{inclusions} inclusion areas: ArduPilot requires the vehicle to be inside all of them at once"
             yield Finding(
                 "warning",
                 None,
                 "ardupilot-inclusion-areas",
-                f"{inclusions} inclusion areas: ArduPilot requires the vehicle to be inside all of them at once",
+                message,
                 "set bit 1 of FENCE_OPTIONS (2), or keep one area",
             )
 
@@ -217,11 +218,12 @@ def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
         message = f"only the newest ArduPilot (after 4.6) takes {item.name}: older ones refuse the upload"
         yield Finding("warning", number, "ardupilot-new-command", message, "replace it by waypoints")
     elif item.command not in _KEPT_PARAMS:
+        message = f"ArduPilot refuses the upload: {no_such_command(item)} in missions"
         yield Finding(
             "error",
             number,
             "ardupilot-unsupported-command",
-            f"ArduPilot refuses the upload: {no_such_command(item)} in missions",
+            message,
             "remove it: ArduPilot disarms by itself" if item.command == Command.COMPONENT_ARM_DISARM else None,
         )
     if item.command in LOCATED_COMMANDS and math.isnan(item.z):
@@ -241,11 +243,12 @@ def _after_landing(mission: Mission) -> Iterator[Finding]:
         if item.command in LAND_COMMANDS:
             landed = number
         elif landed is not None:
+            message = "ArduPilot disarms at LAND and resets the mission: the items after it are not flown"
             yield Finding(
                 "warning",
                 landed,
                 "ardupilot-land-ends-mission",
-                "ArduPilot disarms at LAND and resets the mission: the items after it are not flown",
+                message,
                 "one mission per leg, or MIS_OPTIONS with bit 2 (4) and DISARM_DELAY 0",
             )
             break
@@ -260,11 +263,6 @@ def _departures_without_takeoff(mission: Mission) -> Iterator[Finding]:
         elif item.command in TAKEOFF_COMMANDS:
             landed = False
         elif landed and item.is_flown_to:
-            yield Finding(
-                "error",
-                number,
-                "ardupilot-no-takeoff",
-                f"{item.name} after a landing without a TAKEOFF: ArduPilot stays on the ground",
-                "put a TAKEOFF before it",
-            )
+            message = f"{item.name} after a landing without a TAKEOFF: ArduPilot stays on the ground"
+            yield Finding("error", number, "ardupilot-no-takeoff", message, "put a TAKEOFF before it")
             landed = False

@@ -113,12 +113,9 @@ class Px4Missions(Dialect):
         for number, item in enumerate(document.mission.items):
             yield from _refusals(number, item)
             if item.command in TAKEOFF_COMMANDS and placed:
+                message = "PX4 accepts a TAKEOFF that is not the first position and then denies to start the mission"
                 yield Finding(
-                    "error",
-                    number,
-                    "px4-takeoff-not-first",
-                    "PX4 accepts a TAKEOFF that is not the first position and then denies to start the mission",
-                    "replace it by a WAYPOINT straight above the pad",
+                    "error", number, "px4-takeoff-not-first", message, "replace it by a WAYPOINT straight above the pad"
                 )
             placed = placed or item.command in FLOWN_COMMANDS or item.command == Command.CONDITION_GATE
             if item.command == Command.NAV_LAND and number == 0:
@@ -173,29 +170,14 @@ def _in_frame(item: MissionItem) -> MissionItem:
 
 def _refusals(number: int, item: MissionItem) -> Iterator[Finding]:
     if item.command not in _KEPT_PARAMS and item.command not in _KEPT_WHOLE:
-        yield Finding(
-            "error",
-            number,
-            "px4-unsupported-command",
-            f"PX4 refuses the upload: {no_such_command(item)} in missions",
-            "remove it, or replace it by waypoints",
-        )
+        message = f"PX4 refuses the upload: {no_such_command(item)} in missions"
+        yield Finding("error", number, "px4-unsupported-command", message, "remove it, or replace it by waypoints")
     elif item.is_located and item.frame in TERRAIN_FRAMES:
-        yield Finding(
-            "error",
-            number,
-            "px4-unsupported-frame",
-            f"PX4 refuses the upload: {item.name} has its altitude above terrain",
-            "give it above home or above sea level",
-        )
+        message = f"PX4 refuses the upload: {item.name} has its altitude above terrain"
+        yield Finding("error", number, "px4-unsupported-frame", message, "give it above home or above sea level")
     if item.is_flown_to and item.point is None and item.command != Command.NAV_TAKEOFF:
-        yield Finding(
-            "error",
-            number,
-            "px4-no-position",
-            f"{item.name} has no position: ArduPilot takes 0, 0 as here, PX4 as a place in the Atlantic",
-            "give it a position",
-        )
+        message = f"{item.name} has no position: ArduPilot takes 0, 0 as here, PX4 as a place in the Atlantic"
+        yield Finding("error", number, "px4-no-position", message, "give it a position")
 
 
 def _sideways_departures(mission: Mission) -> Iterator[Finding]:
@@ -208,11 +190,12 @@ def _sideways_departures(mission: Mission) -> Iterator[Finding]:
             pad = landed_at.point
             aside = pad is not None and max(abs(item.point[0] - pad[0]), abs(item.point[1] - pad[1])) > 500
             if aside and item.command not in TAKEOFF_COMMANDS:
+                message = "after LAND the next position is not above the pad: PX4 leaves the pad sideways at low height"
                 yield Finding(
                     "error",
                     number,
                     "px4-sideways-after-land",
-                    "after LAND the next position is not above the pad: PX4 leaves the pad sideways at low height",
+                    message,
                     "put a WAYPOINT straight above the pad before it",
                 )
             landed_at = None

@@ -30,9 +30,7 @@ calibrate = typer.Typer(help="Fit the models to recorded flights.", no_args_is_h
 @calibrate.command("wind")
 def calibrate_wind(
     log: LogFile,
-    wind: Annotated[
-        str | None, typer.Option("--wind", help="True wind during the flight, m/s@degrees FROM: 4@230.")
-    ] = None,
+    wind: Annotated[str | None, typer.Option(help="True wind during the flight, m/s@degrees FROM: 4@230.")] = None,
     system: System = None,
     vehicle: VehicleKind = None,
     columns: Columns = None,
@@ -101,19 +99,17 @@ def _air_of(air: Blocks, wind: str | None) -> Air:
 @calibrate.command("energy")
 def calibrate_energy(
     logs: Annotated[list[Path], typer.Argument(help="Flight logs with battery power.")],
-    mass: Annotated[float | None, typer.Option("--mass", help="Mass of the drone with batteries, kg.")] = None,
+    mass: Annotated[float | None, typer.Option(help="Mass of the drone with batteries, kg.")] = None,
     payload: Annotated[
         list[float] | None,
-        typer.Option("--payload", help="Mass of the package, kg: one value for all logs, or one per log in order."),
+        typer.Option(help="Mass of the package, kg: one value for all logs, or one per log in order."),
     ] = None,
-    drones: Annotated[Path | None, typer.Option("--drones", help="Fleet file that holds --drone.")] = None,
-    drone: Annotated[str, typer.Option("--drone", help="Drone whose other properties are kept.")] = "m200-v2",
+    drones: Annotated[Path | None, typer.Option(help="Fleet file that holds --drone.")] = None,
+    drone: Annotated[str, typer.Option(help="Drone whose other properties are kept.")] = "m200-v2",
     identity: Annotated[str | None, typer.Option("--id", help="Id of the new drone.")] = None,
-    name: Annotated[str | None, typer.Option("--name", help="Name of the new drone.")] = None,
-    battery: Annotated[float | None, typer.Option("--battery", help="Nameplate energy of its batteries, Wh.")] = None,
-    model: Annotated[
-        Literal["best", "endurance", "momentum"], typer.Option("--model", help="Energy model to write.")
-    ] = "best",
+    name: Annotated[str | None, typer.Option(help="Name of the new drone.")] = None,
+    battery: Annotated[float | None, typer.Option(help="Nameplate energy of its batteries, Wh.")] = None,
+    model: Annotated[Literal["best", "endurance", "momentum"], typer.Option(help="Energy model to write.")] = "best",
     density: Annotated[float, typer.Option("--air-density", help="Air density during the flights, kg/m3.")] = 1.225,
     system: System = None,
     columns: Columns = None,

@@ -15,23 +15,19 @@ from skyway.scenarios import load_scenario
 
 
 def demo(
-    day: Annotated[str | None, typer.Option("--day", help="Day of 2013 whose wind is simulated.")] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Random seed of gusts, other drones and errors.")] = 1,
-    autopilot: Annotated[FamilyName, typer.Option("--autopilot", help="Whose behaviour.")] = NAMES[0],
-    planner: Annotated[str, typer.Option("--planner", help="Planner. Without it: the default planner.")] = "",
+    day: Annotated[str | None, typer.Option(help="Day of 2013 whose wind is simulated.")] = None,
+    seed: Annotated[int, typer.Option(help="Random seed of gusts, other drones and errors.")] = 1,
+    autopilot: Annotated[FamilyName, typer.Option(help="Whose behaviour.")] = NAMES[0],
+    planner: Annotated[str, typer.Option(help="Planner. Without it: the default planner.")] = "",
     plan_only: Annotated[bool, typer.Option("--plan-only", help="Plan only; this compiles the kernels.")] = False,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for plan, journal and report.")] = Path(
         "out/demo"
     ),
     calibration_flight: Annotated[
-        Path | None,
-        typer.Option(
-            "--calibration-flight", help="Fly a square twice, to calibrate the drone with, and record it: FILE.tlog."
-        ),
+        Path | None, typer.Option(help="Fly a square twice, to calibrate the drone with, and record it: FILE.tlog.")
     ] = None,
     payload: Annotated[
-        float | None,
-        typer.Option("--payload", help="Mass of the package on the calibration flight, kg. Without it: 0.8."),
+        float | None, typer.Option(help="Mass of the package on the calibration flight, kg. Without it: 0.8.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the recording of a calibration flight.")] = False,
 ) -> None:

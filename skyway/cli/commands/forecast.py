@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 from zoneinfo import ZoneInfo
 
+import msgspec
 import typer
 
 from skyway.cli import log_options, options
@@ -54,8 +55,7 @@ class Update:
     seen: tuple[WindObservation, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
+class Measured(msgspec.Struct, frozen=True, kw_only=True):
     """A wind that was measured, at the height of the sites."""
 
     t: str
@@ -66,8 +66,7 @@ class Measured:
     sigma_mps: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SiteWind:
+class SiteWind(msgspec.Struct, frozen=True, kw_only=True):
     """Wind at a site at the departure."""
 
     site: str
@@ -76,8 +75,7 @@ class SiteWind:
     sigma_mps: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SlotWind:
+class SlotWind(msgspec.Struct, frozen=True, kw_only=True):
     """Wind of an hour (`models.wind.summary`), and the spread of the members about their mean vector."""
 
     speed_mps: float
@@ -92,8 +90,7 @@ class SlotWind:
         return Wind(self.speed_mps, self.from_deg, self.p10_mps, self.p90_mps)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HourWind:
+class HourWind(msgspec.Struct, frozen=True, kw_only=True):
     """Wind at the centre of the network, at cruise height, so many hours after the departure."""
 
     hours: int
@@ -101,8 +98,7 @@ class HourWind:
     after: SlotWind
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ForecastReport:
+class ForecastReport(msgspec.Struct, frozen=True, kw_only=True):
     """What an update did: measured winds, wind at each site, hours before and after, probability of each member."""
 
     schema: str = "skyway.forecast-update/1"
@@ -120,11 +116,9 @@ def forecast(
     base: Annotated[
         Path | None, typer.Option("--forecast", help="Forecast to update. Without it: made from the wind record.")
     ] = None,
-    depart: Annotated[
-        str | None, typer.Option("--depart", help="Departure to plan for. Without it: the last measurement.")
-    ] = None,
-    hours: Annotated[int, typer.Option("--hours", help="Hours after the departure.", min=1, max=48)] = 12,
-    slot: Annotated[float, typer.Option("--slot", help="Longest time slot of the file, minutes.")] = 60.0,
+    depart: Annotated[str | None, typer.Option(help="Departure to plan for. Without it: the last measurement.")] = None,
+    hours: Annotated[int, typer.Option(help="Hours after the departure.", min=1, max=48)] = 12,
+    slot: Annotated[float, typer.Option(help="Longest time slot of the file, minutes.")] = 60.0,
     drag: log_options.Drag = None,
     vehicle: log_options.VehicleKind = None,
     columns: Columns = None,

@@ -52,9 +52,6 @@ class Kind(StrEnum):
 
 
 MissionFile = Annotated[Path, typer.Argument(help="Mission file: .plan or .waypoints.")]
-Required = Annotated[
-    Path | None, typer.Option("--parameters", help="Parameter file for the mission, as written by skyway mission.")
-]
 
 
 def _parts(document: MissionDocument) -> list[Part]:
@@ -80,7 +77,13 @@ def _read_parts(file: Path) -> tuple[MissionDocument, list[Part]]:
 
 @with_groups
 def upload(
-    link: Link, file: MissionFile, parameters: Required = None, yes: Yes = False, as_json: options.AsJson = False
+    link: Link,
+    file: MissionFile,
+    parameters: Annotated[
+        Path | None, typer.Option(help="Parameter file for the mission, as written by skyway mission.")
+    ] = None,
+    yes: Yes = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Upload a mission with its fence and rally points, and read it back: it is done when both are equal.
 
@@ -226,7 +229,7 @@ def download(
 @with_groups
 def clear(
     link: Link,
-    kind: Annotated[Kind, typer.Option("--kind", help="What to clear.")] = Kind.MISSION,
+    kind: Annotated[Kind, typer.Option(help="What to clear.")] = Kind.MISSION,
     yes: Yes = False,
     as_json: options.AsJson = False,
 ) -> None:

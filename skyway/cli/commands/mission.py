@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -32,18 +31,11 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
 
 
-class Release(StrEnum):
-    """Who lets the package go."""
-
-    GRIPPER = "gripper"
-    OPERATOR = "operator"
-
-
 def mission(
     plan: Annotated[Path, typer.Argument(help="Plan, as written by skyway plan -o.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .plan or .waypoints.")],
     whole: Annotated[bool, typer.Option("--whole", help="All legs in one mission (the default).")] = False,
-    leg: Annotated[int | None, typer.Option("--leg", help="One leg only, numbered from 1.")] = None,
+    leg: Annotated[int | None, typer.Option(help="One leg only, numbered from 1.")] = None,
     autopilot: Annotated[FamilyName, typer.Option(help="Autopilot of the vehicle.")] = NAMES[0],
     firmware: Annotated[
         str,
@@ -55,7 +47,9 @@ def mission(
         bool, typer.Option("--armed-hold", help="Stay armed on the pads and take off by the clock. Dangerous.")
     ] = False,
     width: Annotated[float, typer.Option(help="Width of the fenced corridor, m; 0 writes no fence.")] = 400.0,
-    release: Annotated[Release, typer.Option(help="How the package is released at the end.")] = Release.GRIPPER,
+    release: Annotated[
+        Literal["gripper", "operator"], typer.Option(help="How the package is released at the end.")
+    ] = "gripper",
     cruise_height: Annotated[
         float | None, typer.Option(help="Cruise height above ground, m. Without it: the plan's.")
     ] = None,
@@ -75,6 +69,7 @@ def mission(
       skyway mission plan.json -o delivery.waypoints --autopilot ardupilot
       skyway mission plan.json -o leg1.plan --leg 1 --width 600
     """
+    from skyway.flying import heights
     from skyway.missions import family_named
     from skyway.missions.builder.from_composition import armed_mission, leg_mission, whole_mission
     from skyway.missions.builder.mission_options import MissionOptions
@@ -83,22 +78,16 @@ def mission(
     if leg is not None and (whole or armed_hold):
         other = "--whole" if whole else "--armed-hold"
         raise InputError(Fault("one leg and all legs exclude each other", field=f"--leg, {other}"))
-    options = MissionOptions(
-        cruise_height,
-        climb,
-        descent,
-        max_speed,
-        width or None,
-        "operator" if release is Release.OPERATOR else "gripper",
-        elevation_m=_elevations(elevation or ()),
+    how = MissionOptions(
+        cruise_height, climb, descent, max_speed, width or None, release, elevation_m=heights(None, elevation)
     )
     composition, flown_by = load(plan), family_named(autopilot)
     if leg is not None:
-        export = leg_mission(composition, _leg_index(leg, len(composition.services)), flown_by, options)
+        export = leg_mission(composition, _leg_index(leg, len(composition.services)), flown_by, how)
     elif armed_hold:
-        export = armed_mission(composition, flown_by, options)
+        export = armed_mission(composition, flown_by, how)
     else:
-        export = whole_mission(composition, flown_by, options)
+        export = whole_mission(composition, flown_by, how)
     settings = flown_by.parameter_file(export.parameters, firmware or flown_by.released)
     _write_export(export, settings, output, force=force)
 
@@ -109,20 +98,6 @@ def _leg_index(number: int, legs: int) -> int:
         known = "the plan has one leg: 1" if legs == 1 else f"legs are numbered from 1: the plan has legs 1 to {legs}"
         raise InputError(Fault("no such leg", field="--leg", value=number, remedy=known))
     return number - 1
-
-
-def _elevations(given: Sequence[str]) -> dict[str, float]:
-
-    heights: dict[str, float] = {}
-    for text in given:
-        station, _, metres = text.rpartition("=")
-        try:
-            heights[station] = float(metres)
-        except ValueError:
-            station = ""
-        if not station or not -500.0 < heights[station] < 9000.0:
-            raise InputError(Fault("is not ID=METRES", field="--elevation", value=text, remedy="e.g. park=45"))
-    return heights
 
 
 def _write_export(export: Export, parameters: str, output: Path, *, force: bool) -> None:
@@ -137,10 +112,7 @@ def _write_export(export: Export, parameters: str, output: Path, *, force: bool)
     ]
     settings = output.with_suffix(".param")
     planned = [file for pair in zip(export.documents, targets, strict=True) for file in files_of(*pair)]
-    taken = [path for path in (*planned, settings) if path.exists()]
-    if taken and not force:
-        remedy = "give another name, or --force to overwrite it"
-        raise InputError([Fault("exists already", str(path), remedy=remedy) for path in taken])
+    options.refuse_overwriting(*planned, settings, force=force)
     for warning in export.warnings:
         typer.echo(f"warning: {warning}", err=True)
     for document, target in zip(export.documents, targets, strict=True):
@@ -219,7 +191,7 @@ def check(
     from skyway.missions import family_named, read
 
     document = read(file)
-    region = _scenario(scenario)
+    region = None if scenario is None else load_scenario(scenario)
     conditions = _conditions(region, drone, _weather(region, wind, depart), payload, soc, reserve)
     report = check_mission(
         document,
@@ -234,10 +206,6 @@ def check(
         _print_report(report)
     if not report.ok:
         raise typer.Exit(1)
-
-
-def _scenario(path: Path | None) -> Scenario | None:
-    return None if path is None else load_scenario(path)
 
 
 def _weather(region: Scenario | None, wind: str | None, depart: str | None) -> Weather | None:
@@ -356,12 +324,14 @@ def show(
     """
     from skyway.missions import read
 
+    options.check_picture(plot)
+    options.refuse_overwriting(plot, force=force)
     document = read(file)
     _print_table(document)
     if plot is not None:
-        from skyway.missions.checks.plot import plot as draw
+        from skyway.plots.mission import plot_mission
 
-        draw(document, plot, title=file.name, force=force)
+        plot_mission(document, plot, title=file.name)
         typer.echo(f"wrote {plot}")
 
 

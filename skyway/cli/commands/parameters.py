@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 
 from skyway.cli import options
@@ -16,16 +16,14 @@ from skyway.models.base.errors import CommandRefusedError, LinkError
 from skyway.models.base.json_text import json_text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterValues:
+class ParameterValues(msgspec.Struct, frozen=True, kw_only=True):
     """Values by name."""
 
     schema: str = "skyway.parameters/1"
     parameters: dict[str, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterSet:
+class ParameterSet(msgspec.Struct, frozen=True, kw_only=True):
     """A value that was set, or would be."""
 
     schema: str = "skyway.parameter/1"
@@ -35,8 +33,7 @@ class ParameterSet:
     set: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterDifference:
+class ParameterDifference(msgspec.Struct, frozen=True, kw_only=True):
     """A value of a file that the vehicle has otherwise, or not at all."""
 
     name: str
@@ -44,8 +41,7 @@ class ParameterDifference:
     vehicle: float | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParametersDiff:
+class ParametersDiff(msgspec.Struct, frozen=True, kw_only=True):
     """A vehicle compared with a file."""
 
     schema: str = "skyway.parameters-diff/1"
@@ -54,8 +50,7 @@ class ParametersDiff:
     differences: list[ParameterDifference]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterRestored:
+class ParameterRestored(msgspec.Struct, frozen=True, kw_only=True):
     """A value that a flight changed, and what was done about it."""
 
     name: str
@@ -64,8 +59,7 @@ class ParameterRestored:
     done: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParametersRestore:
+class ParametersRestore(msgspec.Struct, frozen=True, kw_only=True):
     """What was restored; `problem` where not all could be."""
 
     schema: str = "skyway.parameters-restore/1"

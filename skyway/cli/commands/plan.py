@@ -38,31 +38,23 @@ TimeLimit = Annotated[float, typer.Option("--time-limit", help="Time limit of `i
 def plan(
     asked: RequestOptions,
     conditions: ConditionOptions,
-    planner: Annotated[
-        str, typer.Option("--planner", help=PLANNER_HELP, autocompletion=completion.planners)
-    ] = "robust",
+    planner: Annotated[str, typer.Option(help=PLANNER_HELP, autocompletion=completion.planners)] = "robust",
     objective: Annotated[
         str,
-        typer.Option(
-            "--objective",
-            help="mean, p95, or on-time with a deadline: 'on-time 2013-07-10T16:00-04:00' (planner robust).",
-        ),
+        typer.Option(help="mean, p95, or on-time with a deadline: 'on-time 2013-07-10T16:00-04:00' (planner robust)."),
     ] = "mean",
     depart_window: Annotated[
-        str | None,
-        typer.Option("--depart-window", help="Choose the best departure within this time after --depart: 90min, 2h."),
+        str | None, typer.Option(help="Choose the best departure within this time after --depart: 90min, 2h.")
     ] = None,
     time_limit: TimeLimit = 60.0,
     settings: options.Settings = None,
-    alternatives: Annotated[
-        int, typer.Option("--alternatives", help="Largest number of different plans to show.", min=1, max=9)
-    ] = 1,
+    alternatives: Annotated[int, typer.Option(help="Largest number of different plans to show.", min=1, max=9)] = 1,
     explain: Annotated[
         bool, typer.Option("--explain", help="Explain each stop and its charge, and show the next best plan.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the composition as JSON.")] = False,
-    geojson: Annotated[Path | None, typer.Option("--geojson", help="Write the route as GeoJSON.")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="Draw the route: FILE.png or FILE.svg.")] = None,
+    geojson: Annotated[Path | None, typer.Option(help="Write the route as GeoJSON.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the route: FILE.png or FILE.svg.")] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the composition to a file.")] = None,
     force: options.Force = False,
 ) -> None:
@@ -120,7 +112,7 @@ def compare(
     asked: RequestOptions,
     conditions: ConditionOptions,
     planners: Annotated[
-        str, typer.Option("--planners", help="Names of planners, separated by commas.")
+        str, typer.Option(help="Names of planners, separated by commas.")
     ] = "robust,pfs,pfs-charge-aware,shortest,ies",
     time_limit: TimeLimit = 60.0,
     settings: options.Settings = None,

@@ -7,7 +7,7 @@ import re
 import time
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -42,23 +42,27 @@ FOLLOWED = ("wind", "battery", "mission")
 
 def replay(
     log: LogFile,
-    speed: log_options.Speed = "max",
-    begin: log_options.Begin = None,
-    end: log_options.End = None,
+    speed: Annotated[str, typer.Option(help="Speed as a multiple of real time: 1, 10, max.")] = "max",
+    begin: Annotated[str | None, typer.Option("--from", help="Start time in the log, H:MM:SS.")] = None,
+    end: Annotated[str | None, typer.Option("--to", help="End time in the log, H:MM:SS.")] = None,
     system: System = None,
     vehicle: log_options.VehicleKind = None,
-    follow: log_options.Follow = None,
-    wind: log_options.Expected = None,
-    forecast: log_options.ForecastFile = None,
+    follow: Annotated[str | None, typer.Option(help="Print events as they happen: wind,battery,mission.")] = None,
+    wind: Annotated[str | None, typer.Option(help="Forecast wind, m/s@degrees FROM: 8@270.")] = None,
+    forecast: Annotated[Path | None, typer.Option(help="Forecast file, as for skyway plan.")] = None,
     scenario: log_options.ScenarioName = None,
     drag: log_options.Drag = None,
-    drone: log_options.DroneFile = None,
-    payload: log_options.Carried = 0.0,
+    drone: Annotated[
+        Path | None, typer.Option(help="Predict the flight's energy with this drone: fleet file or drone id.")
+    ] = None,
+    payload: Annotated[float, typer.Option(help="Mass of the package carried, kg, for --drone.")] = 0.0,
     columns: Columns = None,
-    plot: log_options.Plot = None,
-    csv: log_options.TableFile = None,
-    connect: log_options.Connect = None,
-    control: log_options.Control = None,
+    plot: options.Plot = None,
+    csv: Annotated[Path | None, typer.Option(help="Write a table with one row per second: FILE.csv.")] = None,
+    connect: Annotated[str | None, typer.Option(help="Send the log as MAVLink: udpout:127.0.0.1:14550.")] = None,
+    control: Annotated[
+        int | None, typer.Option(help="With --connect: accept commands as JSON lines on this TCP port.")
+    ] = None,
     settings: options.Settings = None,
     as_json: options.AsJson = False,
     force: options.Force = False,

@@ -12,26 +12,16 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.json_text import json_text
 from skyway.scenarios import load_scenario
 
-JournalFile = Annotated[Path, typer.Argument(help="Journal, as written by skyway fly.")]
-Recording = Annotated[
-    list[Path] | None, typer.Option("--log", help="Recording of the flight (.tlog), for finer telemetry; repeatable.")
-]
-PlanFile = Annotated[Path | None, typer.Option("--plan", help="Plan to compare with. Without it: the journal's.")]
-ScenarioFolder = Annotated[
-    Path | None, typer.Option("--scenario", help="Scenario folder of the flight, for its no-fly zones.")
-]
-Output = Annotated[Path | None, typer.Option("--output", "-o", help="Output page. Without it: report.html.")]
-
-Plot = Annotated[Path | None, typer.Option("--plot", help="Picture of map, charge and wind: FILE.svg.")]
-
 
 def report(
-    journal: JournalFile,
-    log: Recording = None,
-    plan: PlanFile = None,
-    scenario: ScenarioFolder = None,
-    output: Output = None,
-    plot: Plot = None,
+    journal: Annotated[Path, typer.Argument(help="Journal, as written by skyway fly.")],
+    log: Annotated[
+        list[Path] | None, typer.Option(help="Recording of the flight (.tlog), for finer telemetry; repeatable.")
+    ] = None,
+    plan: Annotated[Path | None, typer.Option(help="Plan to compare with. Without it: the journal's.")] = None,
+    scenario: Annotated[Path | None, typer.Option(help="Scenario folder of the flight, for its no-fly zones.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Output page. Without it: report.html.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture of map, charge and wind: FILE.svg.")] = None,
     as_json: options.AsJson = False,
     force: options.Force = False,
 ) -> None:

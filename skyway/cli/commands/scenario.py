@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 import typer
 
 from skyway.cli import options
@@ -25,17 +26,13 @@ if TYPE_CHECKING:
 def network(
     scenario: options.ScenarioArgument = None,
     plot: options.Plot = None,
-    geojson: Annotated[
-        Path | None, typer.Option("--geojson", help="Write stations and segments: FILE.geojson.")
-    ] = None,
+    geojson: Annotated[Path | None, typer.Option(help="Write stations and segments: FILE.geojson.")] = None,
     graphml: Annotated[
-        Path | None, typer.Option("--graphml", help="Write stations and segments for Gephi, yEd, igraph, networkx.")
+        Path | None, typer.Option(help="Write stations and segments for Gephi, yEd, igraph, networkx.")
     ] = None,
     csv: Annotated[
         Path | None,
-        typer.Option(
-            "--csv", help="Write stations.csv and segments.csv into this folder, to edit and to make a scenario of."
-        ),
+        typer.Option(help="Write stations.csv and segments.csv into this folder, to edit and to make a scenario of."),
     ] = None,
     as_json: options.AsJson = False,
     force: options.Force = False,
@@ -126,7 +123,7 @@ def _print_network(world: Scenario) -> None:
 @with_groups
 def wind(
     conditions: ConditionOptions,
-    hours: Annotated[int, typer.Option("--hours", help="Hours ahead.", min=1, max=48)] = 12,
+    hours: Annotated[int, typer.Option(help="Hours ahead.", min=1, max=48)] = 12,
     plot: options.Plot = None,
     as_json: options.AsJson = False,
     force: options.Force = False,
@@ -201,8 +198,7 @@ def check(
     say(f"{world.path}: {world.name}: {len(world.network)} stations, {drones}, {record}: ready to plan")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScenarioCheck:
+class ScenarioCheck(msgspec.Struct, frozen=True, kw_only=True):
     """What a check of a scenario found."""
 
     schema: str = "skyway.scenario-check/1"

@@ -27,91 +27,62 @@ if TYPE_CHECKING:
 
 BARE = bare_values.BARE["sim"]
 DEFAULT_CONNECT = "udpout:127.0.0.1:14540"
-Vehicles = Annotated[int, typer.Option("--vehicles", help="Number of vehicles.")]
-At = Annotated[
-    list[str] | None,
-    typer.Option("--at", help="Where the vehicles stand: station or lat,lon; repeatable, used in turn."),
-]
-Family = Annotated[options.FamilyName, typer.Option("--autopilot", help="Autopilot to simulate.")]
-Firmware = Annotated[
-    str, typer.Option("--firmware", help="Firmware version, such as 1.16, main or 4.7. Without it: a common release.")
-]
 CONNECT_HELP = (
     f"udpout:, udpin:, tcp: or tcpin:HOST:PORT; repeatable. Without it, and without --tcp: {DEFAULT_CONNECT}."
 )
-Connect = Annotated[list[str] | None, typer.Option("--connect", help=CONNECT_HELP)]
-Tcp = Annotated[
-    int | None, typer.Option("--tcp", help="Listen on this TCP port; each further vehicle uses the port 10 higher.")
-]
-PadAddress = Annotated[str | None, typer.Option("--pads", help="Serve the pads: tcp:HOST:PORT.")]
-Speedup = Annotated[float, typer.Option("--speedup", help="Simulated seconds per second, up to 20.")]
-PadSpeedup = Annotated[
-    float | None,
-    typer.Option(
-        "--pad-speedup", help="Simulated seconds per second while all vehicles are on the ground, up to 2000."
-    ),
-]
-Seed = Annotated[int, typer.Option("--seed", help="Random seed of gusts, errors, queues and packet loss.")]
-FirstSystem = Annotated[int, typer.Option("--system", help="System id of the first vehicle.")]
 WIND_HELP = "The wind: 8@270 (m/s@degrees FROM), a day of the record, or a forecast file. Without it: calm."
-Wind = Annotated[str | None, typer.Option("--wind", help=WIND_HELP)]
-Depart = Annotated[
-    str | None, typer.Option("--depart", help="When simulated time begins, with UTC offset. Without it: now.")
-]
-Soc = Annotated[float, typer.Option("--soc", help="Charge at the start, percent.")]
-Payload = Annotated[float, typer.Option("--payload", help="Mass of the package on board, kg.")]
-Warm = Annotated[bool, typer.Option("--warm", help="Vehicles have been on for a while and are ready to arm.")]
-Traffic = Annotated[bool, typer.Option(help="Simulate other drones at the pads.")]
-Loss = Annotated[float, typer.Option("--loss", help="Share of packets lost, 0-1.")]
-Delay = Annotated[float, typer.Option("--delay", help="Delay of each packet, each way, s.")]
-Jitter = Annotated[
-    float, typer.Option("--jitter", help=f"Largest additional random delay, s; without a value: {BARE['--jitter']}.")
-]
-Duplicate = Annotated[
-    float,
-    typer.Option("--duplicate", help=f"Share of packets duplicated, 0-1; without a value: {BARE['--duplicate']}."),
-]
-Reorder = Annotated[
-    float, typer.Option("--reorder", help=f"Share of packets reordered, 0-1; without a value: {BARE['--reorder']}.")
-]
 FAULT_HELP = (
     "KIND[=VALUE][@START][+DURATION][#SYSTEM], such as link-loss@60s+20s, or link-loss@T+60s+20s: 60 s after "
     "take-off; repeatable. See docs/reference/sim.md."
 )
-Faults = Annotated[list[str] | None, typer.Option("--fault", help=FAULT_HELP)]
-Parameters = Annotated[
-    list[str] | None, typer.Option("--parameter", help="NAME=VALUE set on every vehicle; repeatable.")
-]
-Lasting = Annotated[float | None, typer.Option("--duration", help="End after this simulated time, s.")]
 
 
 def sim(
     scenario: options.ScenarioArgument = None,
-    vehicles: Vehicles = 1,
-    at: At = None,
-    autopilot: Family = NAMES[0],
-    firmware: Firmware = "",
-    connect: Connect = None,
-    tcp: Tcp = None,
-    pads: PadAddress = None,
-    speedup: Speedup = 1.0,
-    pad_speedup: PadSpeedup = None,
-    seed: Seed = 1,
-    system: FirstSystem = 1,
-    wind: Wind = None,
-    depart: Depart = None,
-    soc: Soc = 100.0,
-    payload: Payload = 0.0,
-    warm: Warm = False,
-    traffic: Traffic = True,
-    loss: Loss = 0.0,
-    delay: Delay = 0.0,
-    jitter: Jitter = 0.0,
-    duplicate: Duplicate = 0.0,
-    reorder: Reorder = 0.0,
-    fault: Faults = None,
-    parameter: Parameters = None,
-    lasting: Lasting = None,
+    vehicles: Annotated[int, typer.Option(help="Number of vehicles.")] = 1,
+    at: Annotated[
+        list[str] | None, typer.Option(help="Where the vehicles stand: station or lat,lon; repeatable, used in turn.")
+    ] = None,
+    autopilot: Annotated[options.FamilyName, typer.Option(help="Autopilot to simulate.")] = NAMES[0],
+    firmware: Annotated[
+        str, typer.Option(help="Firmware version, such as 1.16, main or 4.7. Without it: a common release.")
+    ] = "",
+    connect: Annotated[list[str] | None, typer.Option(help=CONNECT_HELP)] = None,
+    tcp: Annotated[
+        int | None, typer.Option(help="Listen on this TCP port; each further vehicle uses the port 10 higher.")
+    ] = None,
+    pads: Annotated[str | None, typer.Option(help="Serve the pads: tcp:HOST:PORT.")] = None,
+    speedup: Annotated[float, typer.Option(help="Simulated seconds per second, up to 20.")] = 1.0,
+    pad_speedup: Annotated[
+        float | None,
+        typer.Option(help="Simulated seconds per second while all vehicles are on the ground, up to 2000."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Random seed of gusts, errors, queues and packet loss.")] = 1,
+    system: Annotated[int, typer.Option(help="System id of the first vehicle.")] = 1,
+    wind: Annotated[str | None, typer.Option(help=WIND_HELP)] = None,
+    depart: Annotated[
+        str | None, typer.Option(help="When simulated time begins, with UTC offset. Without it: now.")
+    ] = None,
+    soc: Annotated[float, typer.Option(help="Charge at the start, percent.")] = 100.0,
+    payload: Annotated[float, typer.Option(help="Mass of the package on board, kg.")] = 0.0,
+    warm: Annotated[
+        bool, typer.Option("--warm", help="Vehicles have been on for a while and are ready to arm.")
+    ] = False,
+    traffic: Annotated[bool, typer.Option(help="Simulate other drones at the pads.")] = True,
+    loss: Annotated[float, typer.Option(help="Share of packets lost, 0-1.")] = 0.0,
+    delay: Annotated[float, typer.Option(help="Delay of each packet, each way, s.")] = 0.0,
+    jitter: Annotated[
+        float, typer.Option(help=f"Largest additional random delay, s; without a value: {BARE['--jitter']}.")
+    ] = 0.0,
+    duplicate: Annotated[
+        float, typer.Option(help=f"Share of packets duplicated, 0-1; without a value: {BARE['--duplicate']}.")
+    ] = 0.0,
+    reorder: Annotated[
+        float, typer.Option(help=f"Share of packets reordered, 0-1; without a value: {BARE['--reorder']}.")
+    ] = 0.0,
+    fault: Annotated[list[str] | None, typer.Option(help=FAULT_HELP)] = None,
+    parameter: Annotated[list[str] | None, typer.Option(help="NAME=VALUE set on every vehicle; repeatable.")] = None,
+    lasting: Annotated[float | None, typer.Option("--duration", help="End after this simulated time, s.")] = None,
     as_json: options.AsJson = False,
 ) -> None:
     """Simulate vehicles, pads and wind. On the wire the vehicles behave as real ones do.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 import typer
 
 from skyway.cli import options
@@ -131,8 +131,7 @@ def _show(watched: _Watch, end_s: float, *, as_json: bool) -> None:
             typer.echo(remark, err=True)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleRow:
+class VehicleRow(msgspec.Struct, frozen=True, kw_only=True):
     """What is known of a vehicle; None is unknown."""
 
     system: int

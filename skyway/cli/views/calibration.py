@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import typer
 
 from skyway.cli.views.sheet import Column, Sheet
@@ -36,16 +37,14 @@ class Air:
         return self.drag is not None or self.airspeed is not None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeanWind:
+class MeanWind(msgspec.Struct, frozen=True, kw_only=True):
     """Wind TOWARDS, on average over a flight."""
 
     north_mps: float
     east_mps: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sensor:
+class Sensor(msgspec.Struct, frozen=True, kw_only=True):
     """An airspeed sensor."""
 
     factor: float
@@ -54,8 +53,7 @@ class Sensor:
     slip_sigma_deg: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WindCalibration:
+class WindCalibration(msgspec.Struct, frozen=True, kw_only=True):
     """The same as JSON: ``skyway.calibrate-wind/1``."""
 
     schema: str = "skyway.calibrate-wind/1"
@@ -118,8 +116,7 @@ def tell_air(found: Air) -> None:
         typer.echo(f"  in this flight sure to ± {percent(found.sigma, 1)}; mean wind {wind_text(speed, direction)}")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightFit:
+class FlightFit(msgspec.Struct, frozen=True, kw_only=True):
     """A flight: its energy, and the errors of the predictions of it."""
 
     log: str
@@ -131,8 +128,7 @@ class FlightFit:
     published_error: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EnergyCalibration:
+class EnergyCalibration(msgspec.Struct, frozen=True, kw_only=True):
     """Fits of all models: ``skyway.calibrate-energy/1``."""
 
     schema: str = "skyway.calibrate-energy/1"

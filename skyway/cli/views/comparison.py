@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
+
+import msgspec
 
 from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.formatting import duration, kilometres, later_text, minutes, share, spent
@@ -17,8 +18,7 @@ if TYPE_CHECKING:
     from skyway.planner.report import ComparisonReport
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlannerAnswer:
+class PlannerAnswer(msgspec.Struct, frozen=True, kw_only=True):
     """What one planner answers: its composition (`models.composition.file.to_json`), or why it has none."""
 
     planner: str
@@ -27,8 +27,7 @@ class PlannerAnswer:
     composition: dict[str, object] | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CompareDocument:
+class CompareDocument(msgspec.Struct, frozen=True, kw_only=True):
     """What ``skyway compare --json`` prints."""
 
     schema: str = "skyway.compare/1"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import msgspec
 import typer
 
 from skyway.cli.views.sheet import Column, Sheet
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 _FEW = 10
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleIdentity:
+class VehicleIdentity(msgspec.Struct, frozen=True, kw_only=True):
     """Who a vehicle is; None is unknown."""
 
     system: int
@@ -43,8 +42,7 @@ class VehicleIdentity:
         )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartDifference:
+class PartDifference(msgspec.Struct, frozen=True, kw_only=True):
     """What a vehicle holds otherwise than a file."""
 
     kind: str
@@ -58,16 +56,14 @@ class PartDifference:
         return cls(kind=kind, item=difference.item, field=difference.field, text=on_board(difference))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartPlanned:
+class PartPlanned(msgspec.Struct, frozen=True, kw_only=True):
     """What would be sent, and what the vehicle holds otherwise."""
 
     kind: str
     differences: list[PartDifference]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartSent:
+class PartSent(msgspec.Struct, frozen=True, kw_only=True):
     """How an upload ended."""
 
     kind: str
@@ -87,18 +83,16 @@ class PartSent:
         )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterState:
+class ParameterState(msgspec.Struct, frozen=True, kw_only=True, rename={"now": "is"}):
     """A parameter that a mission needs: before, now, and what was done."""
 
     name: str
     was: float | None
-    now: float | None = field(metadata={"json": "is"})
+    now: float | None
     state: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UploadReport:
+class UploadReport(msgspec.Struct, frozen=True, kw_only=True):
     """What ``skyway upload`` did, or would do."""
 
     schema: str = "skyway.upload/1"
@@ -109,8 +103,7 @@ class UploadReport:
     parts: list[PartSent] | list[PartPlanned]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DownloadReport:
+class DownloadReport(msgspec.Struct, frozen=True, kw_only=True):
     """What ``skyway download`` wrote."""
 
     schema: str = "skyway.download/1"
@@ -121,8 +114,7 @@ class DownloadReport:
     rally_points: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClearReport:
+class ClearReport(msgspec.Struct, frozen=True, kw_only=True):
     """What ``skyway clear`` cleared, or would clear."""
 
     schema: str = "skyway.clear/1"
@@ -132,8 +124,7 @@ class ClearReport:
     held: dict[str, int]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VerifyReport:
+class VerifyReport(msgspec.Struct, frozen=True, kw_only=True):
     """What ``skyway verify`` found."""
 
     schema: str = "skyway.verify/1"

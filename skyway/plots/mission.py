@@ -11,8 +11,8 @@ from skyway.missions.checks.route import fly
 from skyway.missions.items.geofence import FencePolygon
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.files import file_error
 from skyway.models.base.geodesy import about, middle_longitude, wrapped
+from skyway.plots.pictures import new_figure, save_figure
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,38 +22,20 @@ if TYPE_CHECKING:
     from skyway.missions.items.coordinates import Point
     from skyway.missions.items.document import MissionDocument
 
-FORMATS = (".png", ".svg", ".pdf")
 MAX_LABELS = 60
 
 
-def plot(document: MissionDocument, path: Path, *, title: str = "", force: bool = False) -> None:
-    """Draw a mission into a file; its suffix is the format.
-
-    Raises
-    ------
-    InputError
-        Another suffix, a file that exists (without `force`), nothing to draw, or matplotlib is not installed.
-    """
-    if path.suffix not in FORMATS:
-        raise InputError(Fault("is not a picture format that we draw", str(path), remedy="name it .png, .svg or .pdf"))
-    if path.exists() and not force:
-        raise InputError(Fault("exists already", str(path), remedy="give another name, or --force to overwrite it"))
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise InputError(Fault("drawing needs matplotlib", str(path), remedy="install skyway[plot]")) from None
+def plot_mission(document: MissionDocument, path: Path, *, title: str = "") -> None:
+    """Draw a mission into a file; an `InputError` where there is nothing to draw."""
     route = fly(document.mission)
     if not (route.steps or document.fence.areas or document.rally.points):
         raise InputError(Fault("there is nothing to draw", str(path)))
-    figure = Figure(figsize=(9, 10), layout="constrained")
+    figure = new_figure(9, 10)
     top, bottom = figure.subplots(2, 1, height_ratios=(3, 1))
     _map(top, document, route)
     _profile(bottom, route)
     figure.suptitle(title)
-    try:
-        figure.savefig(path, dpi=120)
-    except OSError as error:
-        raise file_error("written", path, error) from error
+    save_figure(figure, path)
 
 
 def _middle(document: MissionDocument, route: Route) -> float:
