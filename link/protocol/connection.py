@@ -7,7 +7,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from skyway.link.protocol.exchange import RoundTrip, Target
+from skyway.link.protocol.exchange import RoundTrip, Target, carry_out
 from skyway.link.wire.frames import FrameReader, FrameWriter, Rejected
 from skyway.link.wire.transport import Routed
 from skyway.models.base.errors import StationConflictError
@@ -50,8 +50,8 @@ class Peer:
         Of its autopilot.
     autopilot, kind : int
         MAV_AUTOPILOT and MAV_TYPE of its heartbeat.
-    met_s, heard_s, beat_s : float
-        When it was heard first and last, and its last heartbeat, by the connection's clock.
+    met_s, heard_s : float
+        When it was heard first and last, by the connection's clock.
     received, lost : int
         Packets, and gaps in their numbers.
     texts : list of (severity, text)
@@ -69,7 +69,6 @@ class Peer:
     version: int = 2
     met_s: float = -math.inf
     heard_s: float = -math.inf
-    beat_s: float = -math.inf
     received: int = 0
     lost: int = 0
     sequence: int | None = None
@@ -307,7 +306,6 @@ class Connection:
         peer.received += 1
         peer.heard_s = now
         if message.name == "HEARTBEAT":
-            peer.beat_s = now
             peer.autopilot, peer.kind, peer.version = message["autopilot"], message["type"], message.version
 
     def _for_us(self, message: Message) -> bool:
@@ -323,30 +321,23 @@ class Connection:
         StationConflictError
             Another station speaks with our system id.
         """
+        return carry_out(steps, self._carry_out)
+
+    def _carry_out(self, exchange: Exchange) -> None:
+        self.refuse_conflict()
+        self._exchange = exchange
         try:
-            self.refuse_conflict()
-            while True:
-                try:
-                    self._exchange = next(steps)
-                except StopIteration as end:
-                    result: T = end.value
-                    return result
-                self._exchange.begin(self.clock.now_s())
-                self._flush(self._exchange)
-                while not self._exchange.done:
-                    self._turn(self._exchange)
+            exchange.begin(self.clock.now_s())
+            self._flush(exchange)
+            while not exchange.done:
+                self.pump(min(exchange.next_s - self.clock.now_s(), HEARTBEAT_S))
+                self.refuse_conflict()
+                now = self.clock.now_s()
+                if not exchange.done and now >= exchange.next_s:
+                    exchange.tick(now)
+                self._flush(exchange)
         finally:
             self._exchange = None
-            steps.close()
-
-    def _turn(self, exchange: Exchange) -> None:
-        """Hear what comes for an exchange until its time comes, and say what it wants to say."""
-        self.pump(min(exchange.next_s - self.clock.now_s(), HEARTBEAT_S))
-        self.refuse_conflict()
-        now = self.clock.now_s()
-        if not exchange.done and now >= exchange.next_s:
-            exchange.tick(now)
-        self._flush(exchange)
 
     def _flush(self, exchange: Exchange) -> None:
         for name, fields in exchange.outbox:

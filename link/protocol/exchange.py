@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from skyway.link.wire.messages import Message
 
 T = TypeVar("T")
@@ -171,3 +173,17 @@ class Question(Exchange):
         """Learn the round trip of an answer, where the question was put once."""
         if self._tries == 1:
             self.round_trip.learn(now_s - self._sent_s)
+
+
+def carry_out(steps: Steps[T], one: Callable[[Exchange], None]) -> T:
+    """Have each exchange of a procedure carried out, and return what came of it."""
+    try:
+        while True:
+            try:
+                exchange = next(steps)
+            except StopIteration as end:
+                result: T = end.value
+                return result
+            one(exchange)
+    finally:
+        steps.close()

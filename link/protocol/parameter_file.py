@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 from skyway.missions.autopilots.registry import FAMILIES
 from skyway.missions.items.parameters import UNITS, Parameter
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.fields import finite
 from skyway.models.base.files import read_text
 
 if TYPE_CHECKING:
@@ -38,17 +39,11 @@ def read_parameters(path: Path) -> dict[str, float]:
     faults = []
     for number, line in enumerate(read_text(path, max_bytes=_MAX_BYTES).splitlines(), start=1):
         text = line.partition("#")[0].strip()
-        if not text:
-            continue
-        words = text.split("\t")
-        name, value = (words[2], words[3]) if len(words) == _QGC_FIELDS else _pair(text)
-        try:
-            found[name] = float(value)
-        except ValueError:
+        name, value = _pair(text)
+        if text and (math.isnan(value) or not re.fullmatch(r"[A-Za-z0-9_]{1,16}", name)):
             faults.append(Fault("is not a parameter", str(path), number, value=text, remedy="NAME,VALUE"))
-            continue
-        if not math.isfinite(found[name]) or not re.fullmatch(r"[A-Za-z0-9_]{1,16}", name):
-            faults.append(Fault("is not a parameter", str(path), number, value=text, remedy="NAME,VALUE"))
+        elif text:
+            found[name] = value
     if faults:
         raise InputError(faults)
     return found
@@ -73,7 +68,7 @@ def read_required(path: Path) -> tuple[Parameter, ...]:
         elif only is not None:
             wanted.append(_known(only[1], "read", None, why))
         elif line and not line.startswith("#"):
-            name = _name_of(line)
+            name, _ = _pair(line.partition("#")[0].strip())
             wanted.append(_known(name, rule, values[name], why))
             rule, why = "equal", ""
     once: dict[str, Parameter] = {}
@@ -81,12 +76,6 @@ def read_required(path: Path) -> tuple[Parameter, ...]:
         if parameter.name not in once or once[parameter.name].value is None:
             once[parameter.name] = _every_name(parameter)
     return tuple(once.values())
-
-
-def _name_of(line: str) -> str:
-    text = line.partition("#")[0].strip()
-    words = text.split("\t")
-    return words[2] if len(words) == _QGC_FIELDS else _pair(text)[0]
 
 
 def _known(name: str, rule: Rule, value: float | None, why: str) -> Parameter:
@@ -123,6 +112,9 @@ def _setting(name: str) -> tuple[Setting, Name] | None:
     return next((found for known in FAMILIES.values() if (found := known.settings.find(name)) is not None), None)
 
 
-def _pair(text: str) -> tuple[str, str]:
-    words = [word for word in re.split(r"[,\s]+", text) if word]
-    return (words[0], words[1]) if len(words) == 2 else (text, "")
+def _pair(text: str) -> tuple[str, float]:
+    """Name and value of a line; NaN where it has no finite one."""
+    words = text.split("\t")
+    words = words[2:4] if len(words) == _QGC_FIELDS else re.split(r"[,\s]+", text.strip(", "))
+    value = finite(words[1]) if len(words) == 2 else None
+    return words[0], math.nan if value is None else value

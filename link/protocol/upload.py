@@ -90,7 +90,6 @@ class Upload(Exchange):
         self.answer = ACCEPTED
         self.asked = self.sent = self._furthest = -1
         self.guessed = False
-        self.resent = 0
         self._progress = progress
         self._tries = 0
         self._times = [0] * len(self.items)
@@ -113,8 +112,6 @@ class Upload(Exchange):
         self.next_s = min(now_s + self.round_trip.retry_s(self._tries, spreads=SPREADS), self._doubt_s)
 
     def _item(self, number: int) -> None:
-        if number <= self.sent:
-            self.resent += 1
         self.sent = max(self.sent, number)
         self._times[number] += 1
         item = self.items[number]

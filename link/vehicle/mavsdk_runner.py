@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from skyway.link.protocol.command import AskFor, Command, SetCurrent
 from skyway.link.protocol.download import Download
+from skyway.link.protocol.exchange import carry_out
 from skyway.link.protocol.mission_words import ITEM_FIELDS
 from skyway.link.protocol.parameters import REAL32, ListParameters, ParameterValue, SetParameter
 from skyway.link.protocol.upload import Upload, UploadEnd
@@ -129,16 +130,7 @@ class MavsdkRunner:
         StationConflictError
             Another station speaks with our system id.
         """
-        try:
-            while True:
-                try:
-                    exchange = next(steps)
-                except StopIteration as end:
-                    result: T = end.value
-                    return result
-                self._carry_out(exchange)
-        finally:
-            steps.close()
+        return carry_out(steps, self._carry_out)
 
     def _carry_out(self, exchange: Exchange) -> None:
         speak = None if isinstance(exchange, Upload) and not exchange.items else self._ways.get(type(exchange))
@@ -214,23 +206,16 @@ class MavsdkRunner:
             down.items, down.problem = None, f"MAVSDK says {problem}"
 
     def _command(self, given: Command) -> None:
-        fields: dict[str, Any] = {"target_system": self.peer.system, "target_component": self.peer.component}
-        values = [*given.parameters, *[0.0] * 7]
-        fields |= {"command": given.number} | {f"param{n + 1}": _json(values[n]) for n in range(4)}
-        if given.place is None:
-            name = "COMMAND_LONG"
-            fields |= {f"param{n + 1}": _json(values[n]) for n in range(4, 7)}
-        else:
-            name = "COMMAND_INT"
-            fields |= given.place._asdict()
-        answer, problem = self._call(lambda: self._plugins.direct.send_command(self._message(name, fields)))
+        given.ask()
+        message = self._message(*given.outbox.pop())
+        answer, problem = self._call(lambda: self._plugins.direct.send_command(message))
         given.result = None if problem or answer is None else int(json.loads(answer.fields_json)["result"])
 
     def _message(self, name: str, fields: dict[str, Any]) -> Any:
         from mavsdk.plugins.mavlink_direct import MavlinkMessage
 
         ours, theirs = (self.connection.system, self.connection.component), (self.peer.system, self.peer.component)
-        return MavlinkMessage(name, *ours, *theirs, json.dumps(fields))
+        return MavlinkMessage(name, *ours, *theirs, json.dumps({key: _json(value) for key, value in fields.items()}))
 
     def _ask(self, asked: AskFor) -> None:
         for _ in range(_ASKS):
@@ -267,7 +252,7 @@ class MavsdkRunner:
 
     def _say(self, exchange: Exchange) -> None:
         for name, fields in exchange.outbox:
-            message = self._message(name, {key: _json(value) for key, value in fields.items()})
+            message = self._message(name, fields)
             self._call(lambda said=message: self._plugins.direct.send_message(said))  # type: ignore[misc]
         exchange.outbox.clear()
 

@@ -13,7 +13,7 @@ from skyway.sim_stub.autopilot.family import Family
 from skyway.sim_stub.autopilot.fence import Fence
 from skyway.sim_stub.autopilot.items import FENCE, MISSION, RALLY, Command, Item, Result
 from skyway.sim_stub.autopilot.mission_run import MissionRun
-from skyway.sim_stub.autopilot.modes import MANUAL_MODES, Mode
+from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.plant.physics import Demand, metres_per_degree
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ _LANDED_AFTER_S = 1.0
 _CRASH_MPS = 4.0
 _BRAKING_MPS2 = 1.6
 _YAW_REACHED_DEG = 2.0
-_FLYING = (Mode.HOLD, Mode.BRAKE, Mode.GUIDED, *MANUAL_MODES)
 
 
 @dataclass(frozen=True, slots=True)

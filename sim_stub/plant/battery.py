@@ -34,8 +34,6 @@ class Battery:
         Internal resistance of all packs together; of sound ones.
     current_a : float
         Drawn at present; negative while charging.
-    consumed_j : float
-        Drawn since the start, charging not subtracted.
     """
 
     capacity_j: float
@@ -44,7 +42,6 @@ class Battery:
     resistance_ohm: float = 0.025
     nominal_ohm: float = 0.025
     current_a: float = 0.0
-    consumed_j: float = 0.0
     power_w: float = 0.0
 
     @classmethod
@@ -78,7 +75,6 @@ class Battery:
         self.soc -= energy / self.capacity_j
         if self.soc < 1e-12:
             self.soc = 0.0
-        self.consumed_j += energy
         self.power_w = power_w
         self.current_a = power_w / self.open_voltage_v
 

@@ -44,19 +44,7 @@ class VirtualClock:
 
 
 class LockstepTransport(Lane):
-    """The ground side's end of an in-process link to one vehicle.
-
-    Parameters
-    ----------
-    lockstep : Lockstep
-        The run.
-    vehicle : Vehicle
-        At the other end.
-    impairment : Impairment
-        What the link does to packets.
-    seed : int
-        Its luck.
-    """
+    """The ground side's end of an in-process link of a lockstep run to one vehicle."""
 
     def __init__(self, lockstep: Lockstep, vehicle: Vehicle, impairment: Impairment, seed: int) -> None:
         super().__init__(vehicle, impairment, str(seed), datagrams=True)

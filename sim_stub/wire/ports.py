@@ -49,8 +49,6 @@ class Port:
         When the next stream is due.
     shortest_s : float
         Interval of the fastest stream.
-    tamper : callable or None
-        Changes messages before they are framed and signed: a vehicle that says what is not so.
     """
 
     send: Callable[[bytes], None]
@@ -63,12 +61,9 @@ class Port:
     heard_version_2: bool = False
     closed: bool = False
     muted: bool = False
-    tamper: Callable[[Any], Any] | None = None
 
     def write(self, sent: Any) -> None:
         """Send a message as a frame."""
-        if self.tamper is not None:
-            sent = self.tamper(sent)
         frame = None if self.muted else self.mavlink.frame(sent, self.version)
         if frame is not None:
             self.send(frame)

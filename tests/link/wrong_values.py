@@ -220,7 +220,8 @@ def staged(story: Story, folder: Path, key: bytes | None, tamper: Callable[[Stag
     def connected(*given, **how):
         link = connect(*given, **how)
         port = stage.craft.radio.ports[-1]
-        port.tamper = tamper(stage, port)
+        told, frame = tamper(stage, port), port.mavlink.frame
+        port.mavlink.frame = lambda sent, version: frame(told(sent), version)
         return link
 
     stage.lockstep.connect = connected

@@ -188,8 +188,6 @@ class EventWords:
 
     def __init__(self, packed: bytes = b"") -> None:
         found = _read(packed) if packed else None
-        self.described = found is not None
-        """Whether the log describes its events."""
         self._known, self._enums = found or (_own(), _OWN_ENUMS)
 
     def is_summary(self, number: int) -> bool:

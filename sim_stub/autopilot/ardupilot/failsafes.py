@@ -18,13 +18,7 @@ _FENCE_ACTIONS = {0: Action.WARN, 1: Action.RTL, 2: Action.LAND, 3: Action.RTL, 
 
 
 class ArduPilotFailsafes(Autopilot):
-    """ArduPilot's failsafes.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        What it flies.
-    """
+    """ArduPilot's failsafes."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle)

@@ -14,13 +14,7 @@ _BATTERY_UNKNOWN_S = 2.0
 
 
 class Px4Failsafes(Autopilot):
-    """PX4's failsafes.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        What it flies.
-    """
+    """PX4's failsafes."""
 
     def reported_percent(self) -> int:
         """PX4 estimates from voltage and current; unknown in the first seconds."""
