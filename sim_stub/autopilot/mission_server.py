@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from skyway.sim_stub.autopilot.items import MISSION, Answer, Frame, Item
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.wire.ports import Port
@@ -33,6 +33,10 @@ class Partner:
     def of(cls, port: Port, message: Any) -> Partner:
         """Sender of a message."""
         return cls(port, message.get_srcSystem(), message.get_srcComponent())
+
+    def tell(self, name: str, **fields: Any) -> None:
+        """Send a message to it."""
+        self.port.reply(name, target_system=self.system, target_component=self.component, **fields)
 
 
 class MissionServer(ABC):
@@ -55,6 +59,14 @@ class MissionServer(ABC):
 
     def handlers(self) -> dict[str, object]:
         """Message names with what handles them."""
+        return dict.fromkeys(self._table(), self.hear)
+
+    def hear(self, port: Port, message: Any) -> None:
+        """Handle a message of the protocol."""
+        kind = getattr(message, "mission_type", MISSION)
+        self._table()[message.get_type()](Partner.of(port, message), kind, message)
+
+    def _table(self) -> dict[str, Callable[[Partner, int, Any], None]]:
         return {
             "MISSION_COUNT": self.count,
             "MISSION_ITEM": self.item,
@@ -78,44 +90,23 @@ class MissionServer(ABC):
 
     def acknowledge(self, to: Partner, kind: int, answer: Answer, opaque_id: int = 0) -> None:
         """Send MISSION_ACK."""
-        to.port.reply(
-            "MISSION_ACK",
-            target_system=to.system,
-            target_component=to.component,
-            type=int(answer),
-            mission_type=kind,
-            opaque_id=opaque_id,
-        )
+        to.tell("MISSION_ACK", type=int(answer), mission_type=kind, opaque_id=opaque_id)
 
     def send_count(self, to: Partner, kind: int, count: int, opaque_id: int = 0) -> None:
         """Send MISSION_COUNT."""
-        to.port.reply(
-            "MISSION_COUNT",
-            target_system=to.system,
-            target_component=to.component,
-            count=count,
-            mission_type=kind,
-            opaque_id=opaque_id,
-        )
+        to.tell("MISSION_COUNT", count=count, mission_type=kind, opaque_id=opaque_id)
 
     def send_request(self, to: Partner, *, as_int: bool) -> None:
         """Ask for the item expected next."""
-        to.port.reply(
-            "MISSION_REQUEST_INT" if as_int else "MISSION_REQUEST",
-            target_system=to.system,
-            target_component=to.component,
-            seq=self.expected,
-            mission_type=self.kind,
-        )
+        name = "MISSION_REQUEST_INT" if as_int else "MISSION_REQUEST"
+        to.tell(name, seq=self.expected, mission_type=self.kind)
         self.asked_s = self.vehicle.wall_s
 
     def send_item(self, to: Partner, kind: int, index: int, item: Item, *, as_int: bool, current: bool) -> None:
         """Send one item of a download."""
         scale = 1.0 if item.frame == Frame.MISSION else 1e-7
-        to.port.reply(
+        to.tell(
             "MISSION_ITEM_INT" if as_int else "MISSION_ITEM",
-            target_system=to.system,
-            target_component=to.component,
             seq=index,
             frame=int(item.frame),
             command=int(item.command),
@@ -152,35 +143,35 @@ class MissionServer(ABC):
         )
 
     @abstractmethod
-    def count(self, port: Port, message: Any) -> None:
+    def count(self, who: Partner, kind: int, message: Any) -> None:
         """Begin an upload."""
 
     @abstractmethod
-    def item(self, port: Port, message: Any) -> None:
+    def item(self, who: Partner, kind: int, message: Any) -> None:
         """Take an item."""
 
     @abstractmethod
-    def request_list(self, port: Port, message: Any) -> None:
+    def request_list(self, who: Partner, kind: int, message: Any) -> None:
         """Begin a download."""
 
     @abstractmethod
-    def request(self, port: Port, message: Any) -> None:
+    def request(self, who: Partner, kind: int, message: Any) -> None:
         """Send an item."""
 
     @abstractmethod
-    def clear(self, port: Port, message: Any) -> None:
+    def clear(self, who: Partner, kind: int, message: Any) -> None:
         """Clear items."""
 
     @abstractmethod
-    def set_current(self, port: Port, message: Any) -> None:
+    def set_current(self, who: Partner, kind: int, message: Any) -> None:
         """Make an item the current one."""
 
     @abstractmethod
-    def acknowledged(self, port: Port, message: Any) -> None:
+    def acknowledged(self, who: Partner, kind: int, message: Any) -> None:
         """Hear the other side's MISSION_ACK."""
 
     @abstractmethod
-    def write_partial(self, port: Port, message: Any) -> None:
+    def write_partial(self, who: Partner, kind: int, message: Any) -> None:
         """Begin an upload of some items."""
 
     @abstractmethod

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.sim_stub.transports.channel import Impairment
-from skyway.sim_stub.transports.lane import Lane
+from skyway.sim_stub.transports.channel import Impairment, Lane
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from skyway.models.base.address import bind, resolve
 from skyway.models.base.errors import Fault, InputError
-from skyway.sim_stub.transports.lane import Lane
+from skyway.sim_stub.transports.channel import Lane
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from skyway.link.logs.common.doubted import DoubtedSpans
 from skyway.link.logs.common.log import MAX_EVENTS
+from skyway.link.logs.common.trust import DoubtedSpans
 from skyway.link.logs.dataflash.messages import (
     ARMED,
     CRASH_CHECK,

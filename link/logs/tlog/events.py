@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.link.logs.common.doubted import DoubtedSpans, doubt_in
 from skyway.link.logs.common.log import MAX_EVENTS, LogEvent
 from skyway.link.logs.common.messages import ARMED_FLAG, GROUND_TYPES, on_rotors
+from skyway.link.logs.common.trust import DoubtedSpans, doubt_in
 from skyway.link.logs.common.vehicle_kind import WATCHED, KindEvidence, Vehicle
 from skyway.missions.autopilots.registry import family_of
 from skyway.models.base.errors import one_line

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.link.logs.common.doubted import SETTLE_S, DoubtedSpans, doubt_in
 from skyway.link.logs.common.log import MAX_EVENTS
 from skyway.link.logs.common.stamps import EDGE_S
+from skyway.link.logs.common.trust import SETTLE_S, DoubtedSpans, doubt_in
 from skyway.link.logs.ulog.messages import ARMED
 from skyway.link.logs.ulog.px4_events import EventReports
 from skyway.models.base.errors import one_line

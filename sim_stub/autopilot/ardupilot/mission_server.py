@@ -13,7 +13,6 @@ from skyway.sim_stub.autopilot.modes import Mode
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
-    from skyway.sim_stub.wire.ports import Port
 
 RETRY_S = 1.0
 GIVE_UP_S = 8.0
@@ -58,9 +57,9 @@ class ArduPilotMissionServer(MissionServer):
     def _items(self, kind: int) -> list[Item]:
         return self.vehicle.autopilot.stores[kind]
 
-    def count(self, port: Port, message: Any) -> None:
+    def count(self, who: Partner, kind: int, message: Any) -> None:
         """Begin an upload: what is stored is cut to the new length at once."""
-        who, kind, total = Partner.of(port, message), message.mission_type, message.count
+        total = message.count
         if self._refused(who, kind):
             return
         if self.partner is not None and (who != self.partner or kind != self.kind):
@@ -84,9 +83,8 @@ class ArduPilotMissionServer(MissionServer):
         self.heard_s = self.vehicle.wall_s
         self.send_request(who, as_int=False)
 
-    def write_partial(self, port: Port, message: Any) -> None:
+    def write_partial(self, who: Partner, kind: int, message: Any) -> None:
         """Begin an upload of some items."""
-        who, kind = Partner.of(port, message), message.mission_type
         if self._refused(who, kind):
             return
         first, last, have = message.start_index, message.end_index, len(self._items(kind))
@@ -97,9 +95,8 @@ class ArduPilotMissionServer(MissionServer):
         self.kind = kind
         self._begin(who, first, last)
 
-    def item(self, port: Port, message: Any) -> None:
+    def item(self, who: Partner, kind: int, message: Any) -> None:
         """Store an item; a refusal ends the upload and leaves what has been stored."""
-        who, kind = Partner.of(port, message), message.mission_type
         if self.partner is None:
             return
         if message.seq != self.expected:
@@ -160,9 +157,8 @@ class ArduPilotMissionServer(MissionServer):
         self.partner = None
         self.acknowledge(who, self.kind, answer)
 
-    def request_list(self, port: Port, message: Any) -> None:
+    def request_list(self, who: Partner, kind: int, message: Any) -> None:  # noqa: ARG002
         """Say how many items there are; home counts as the first."""
-        who, kind = Partner.of(port, message), message.mission_type
         if self._refused(who, kind):
             return
         if self.partner is not None:
@@ -170,9 +166,9 @@ class ArduPilotMissionServer(MissionServer):
             return
         self.send_count(who, kind, len(self._items(kind)))
 
-    def request(self, port: Port, message: Any) -> None:
+    def request(self, who: Partner, kind: int, message: Any) -> None:
         """Send an item; home can always be asked for."""
-        who, kind, seq = Partner.of(port, message), message.mission_type, message.seq
+        seq = message.seq
         if self._refused(who, kind):
             return
         if self.partner is not None:
@@ -197,9 +193,8 @@ class ArduPilotMissionServer(MissionServer):
         height = int(home.alt_m * 100.0) / 100.0
         return Item(Command.WAYPOINT, Frame.GLOBAL, x=round(home.lat * 1e7), y=round(home.lon * 1e7), z=height)
 
-    def clear(self, port: Port, message: Any) -> None:
+    def clear(self, who: Partner, kind: int, message: Any) -> None:  # noqa: ARG002
         """Clear one kind of items; not all kinds at once, and not a mission that is being flown."""
-        who, kind = Partner.of(port, message), message.mission_type
         if self._refused(who, kind):
             return
         pilot = self.vehicle.autopilot
@@ -216,10 +211,10 @@ class ArduPilotMissionServer(MissionServer):
             pilot.fence_stored()
         self.acknowledge(who, kind, Answer.ACCEPTED)
 
-    def set_current(self, port: Port, message: Any) -> None:  # noqa: ARG002
+    def set_current(self, who: Partner, kind: int, message: Any) -> None:  # noqa: ARG002
         """Make an item the current one."""
         if self.vehicle.set_mission_current(message.seq):
             self.vehicle.radio.tell_mission_current()
 
-    def acknowledged(self, port: Port, message: Any) -> None:
+    def acknowledged(self, who: Partner, kind: int, message: Any) -> None:
         """Nothing: ArduPilot keeps no state of a download."""

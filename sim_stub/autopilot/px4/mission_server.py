@@ -12,7 +12,6 @@ from skyway.sim_stub.autopilot.px4.missions import MAX_ITEMS, accept, present
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
-    from skyway.sim_stub.wire.ports import Port
 
 RETRY_S = 0.25
 GIVE_UP_S = 5.0
@@ -60,10 +59,8 @@ class Px4MissionServer(MissionServer):
             self.as_int = not self.as_int
             self.send_request(self.partner, as_int=self.as_int)
 
-    def count(self, port: Port, message: Any) -> None:
+    def count(self, who: Partner, kind: int, message: Any) -> None:
         """Begin an upload."""
-        who = Partner.of(port, message)
-        kind = message.mission_type
         if self.state == _State.SENDING:
             self.vehicle.say(2, "WPM: IGN MISSION_COUNT: Busy")
             self.acknowledge(who, kind, Answer.ERROR)
@@ -96,10 +93,8 @@ class Px4MissionServer(MissionServer):
         self.as_int = True
         return True
 
-    def item(self, port: Port, message: Any) -> None:
+    def item(self, who: Partner, kind: int, message: Any) -> None:
         """Take the item expected; any other is ignored, the last one again is acknowledged again."""
-        who = Partner.of(port, message)
-        kind = message.mission_type
         if self.partner is not None and who != self.partner:
             self.vehicle.say(2, "REJ. MIS ITEM: partner id mismatch")
             return
@@ -154,9 +149,8 @@ class Px4MissionServer(MissionServer):
         elif kind == FENCE:
             pilot.fence_stored()
 
-    def request_list(self, port: Port, message: Any) -> None:
+    def request_list(self, who: Partner, kind: int, message: Any) -> None:  # noqa: ARG002
         """Begin a download; a second one of somebody else is ignored."""
-        who, kind = Partner.of(port, message), message.mission_type
         done = self.state == _State.SENDING and self.expected == self.total
         mine = self.state == _State.SENDING and who == self.partner and kind == self.kind
         if not (self.state == _State.IDLE or done or mine):
@@ -172,9 +166,8 @@ class Px4MissionServer(MissionServer):
         if self.total == 0:
             self.state = _State.IDLE
 
-    def request(self, port: Port, message: Any) -> None:
+    def request(self, who: Partner, kind: int, message: Any) -> None:
         """Send the item expected, or the one before again; anything else ends the download."""
-        who = Partner.of(port, message)
         if who != self.partner:
             self.vehicle.say(2, "WPM: REJ. CMD: partner id mismatch")
             return
@@ -183,7 +176,7 @@ class Px4MissionServer(MissionServer):
         if self.state != _State.SENDING:
             self.vehicle.say(2, "WPM: REJ. CMD: Busy")
             return
-        if message.mission_type != self.kind:
+        if kind != self.kind:
             return
         self.heard_s = self.vehicle.wall_s
         seq = message.seq
@@ -198,9 +191,9 @@ class Px4MissionServer(MissionServer):
         current = self.kind == MISSION and seq == self.vehicle.autopilot.run.current
         self.send_item(who, self.kind, seq, present(items[seq], as_int=as_int), as_int=as_int, current=current)
 
-    def acknowledged(self, port: Port, message: Any) -> None:
+    def acknowledged(self, who: Partner, kind: int, message: Any) -> None:  # noqa: ARG002
         """End a download, or an upload that the other side cancels."""
-        if Partner.of(port, message) != self.partner:
+        if who != self.partner:
             return
         cancelled = message.type == Answer.CANCELLED
         if self.state == _State.SENDING or (self.state == _State.RECEIVING and cancelled):
@@ -209,9 +202,8 @@ class Px4MissionServer(MissionServer):
             self.as_int = not self.as_int
             self.send_request(self.partner, as_int=self.as_int)
 
-    def clear(self, port: Port, message: Any) -> None:
+    def clear(self, who: Partner, kind: int, message: Any) -> None:  # noqa: ARG002
         """Clear one kind of items, or all."""
-        who, kind = Partner.of(port, message), message.mission_type
         if self.state != _State.IDLE:
             self.vehicle.say(2, "WPM: IGN CLEAR CMD: Busy")
             return
@@ -220,7 +212,7 @@ class Px4MissionServer(MissionServer):
                 self._store(part, [], 0, None)
         self.acknowledge(who, kind, Answer.ACCEPTED)
 
-    def set_current(self, port: Port, message: Any) -> None:  # noqa: ARG002
+    def set_current(self, who: Partner, kind: int, message: Any) -> None:  # noqa: ARG002
         """Make an item the current one."""
         pilot = self.vehicle.autopilot
         if self.state != _State.IDLE:
@@ -231,5 +223,5 @@ class Px4MissionServer(MissionServer):
             pilot.run.jump(message.seq)
             self.vehicle.radio.tell_mission_current()
 
-    def write_partial(self, port: Port, message: Any) -> None:
+    def write_partial(self, who: Partner, kind: int, message: Any) -> None:
         """PX4 does not know it and says nothing."""

@@ -5,7 +5,7 @@ import pytest
 from drone_truth import fly
 from log_factory import dataflash, multirotor, tlog, ulog
 
-from skyway.link.logs.common.doubted import doubt_in
+from skyway.link.logs.common.trust import doubt_in
 from skyway.link.logs.reader import open_log
 from skyway.link.replay.replay import ReplayOptions, flight_blocks, replay
 from skyway.models.drones.drag import DragModel
