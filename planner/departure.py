@@ -113,12 +113,9 @@ def plan_within(
             first_error = first_error or error
             tried.append(Departure(depart, None, 0.0))
         else:
-            taken = result.outcome.mean_s - depart.timestamp()
-            late = result.outcome.quantile_s(0.95) - depart.timestamp()
             on_time = request.objective.on_time(result.outcome)
             tried.append(Departure(depart, result.outcome.delivery, on_time))
-            kind = request.objective.kind
-            loss = (taken, late) if kind == "mean" else (late, taken) if kind == "p95" else (1.0 - on_time, taken)
+            loss = request.objective.loss(result.outcome, depart.timestamp())
             if loss < best_loss:
                 best, best_loss = result, loss
         if progress is not None:

@@ -216,55 +216,22 @@ def wait_and_see(answer: RobustAnswer) -> WaitAndSee | None:
 
 @dataclass(frozen=True)
 class RobustGain:
-    """Gain of the robust plan over another planner's, both in the realizations in which it was simulated.
+    """Gain of the robust plan over another planner's that is flown as it stands.
 
     Attributes
     ----------
-    planner : str
-        The other one.
-    drone, drone_there : str
-        Drones that the robust plan and the other one take.
-    mean, mean_there : Figure
-        Mean delivery times of both, s.
+    robust, other : PlanResult
+        Both plans.
     sooner : Figure
-        How much earlier the robust plan arrives on average, s; negative: later.
-    broken, broken_there : Figure
-        Share of deliveries that break the reserve by the robust plan and by the other.
-    stops, stops_there : int
-        Stops on the way.
-    recharge_s, recharge_there_s : float
-        Time on pads on the typical schedule.
+        How much earlier the robust plan arrives on average, s, in the realizations in which both were simulated; negative:
+        later.
     """
 
-    planner: str
-    drone: str
-    drone_there: str
-    mean: Figure
-    mean_there: Figure
+    robust: PlanResult
+    other: PlanResult
     sooner: Figure
-    broken: Figure
-    broken_there: Figure
-    stops: int
-    stops_there: int
-    recharge_s: float
-    recharge_there_s: float
 
 
 def robust_gain(robust: PlanResult, other: PlanResult) -> RobustGain:
     """Compare a robust plan with one that is flown as it stands."""
-    there = other.outcome
-    mine, theirs = robust.composition, other.composition
-    return RobustGain(
-        planner=theirs.planner,
-        drone=mine.drone,
-        drone_there=theirs.drone,
-        mean=robust.outcome.delivery,
-        mean_there=there.delivery,
-        sooner=later(there, robust.outcome),
-        broken=robust.outcome.success.rest,
-        broken_there=there.success.rest,
-        stops=len(mine.stops),
-        stops_there=len(theirs.stops),
-        recharge_s=mine.recharge_time_s,
-        recharge_there_s=theirs.recharge_time_s,
-    )
+    return RobustGain(robust, other, later(other.outcome, robust.outcome))

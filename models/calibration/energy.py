@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.units import J_PER_WH, S_PER_H, S_PER_MIN
+from skyway.models.base.units import S_PER_MIN
 from skyway.models.drones.energy import M100_COEFFICIENTS, PHASES, EnduranceEnergy, EnergyModel, MomentumEnergy, Phase
 
 if TYPE_CHECKING:
@@ -192,17 +192,7 @@ def drone_file(drone: Drone, notes: Sequence[str] = ()) -> str:
     """Write a drone as a fleet file that `models.drones.fleet.read_fleet` reads, with notes as comments."""
     lines = [*(f"# {note}" for note in notes), 'schema = "skyway.fleet/1"', "", "[[drone]]"]
     lines += [f"{key} = {_toml_text(getattr(drone, key))}" for key in ("id", "name", "provider")]
-    figures = {
-        "mass_kg": drone.mass_kg,
-        "max_payload_kg": drone.max_payload_kg,
-        "battery_wh": drone.battery_j / J_PER_WH,
-        "endurance_empty_min": drone.endurance_empty_s / S_PER_MIN,
-        "endurance_full_min": min(drone.endurance_full_s, drone.endurance_empty_s) / S_PER_MIN,
-        "max_airspeed_mps": drone.max_airspeed_mps,
-        "max_ground_speed_mps": drone.max_ground_speed_mps,
-        "wind_limit_mps": drone.wind_limit_mps,
-        "recharge_full_h": drone.recharge_full_s / S_PER_H,
-    }
+    figures = drone.figures | {"endurance_full_min": min(drone.endurance_full_s, drone.endurance_empty_s) / S_PER_MIN}
     if drone.price_per_km is not None:
         figures["price_per_km"] = drone.price_per_km
     lines += [f"{key} = {value!r}" for key, value in ((key, float(value)) for key, value in figures.items())]

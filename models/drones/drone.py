@@ -80,6 +80,21 @@ class Drone:
         """Planned airspeed, unless the request gives one."""
         return min(self.max_airspeed_mps, self.max_ground_speed_mps)
 
+    @property
+    def figures(self) -> dict[str, float]:
+        """The figures in the units and by the names of fleet files."""
+        return {
+            "mass_kg": self.mass_kg,
+            "max_payload_kg": self.max_payload_kg,
+            "battery_wh": self.battery_j / J_PER_WH,
+            "endurance_empty_min": self.endurance_empty_s / S_PER_MIN,
+            "endurance_full_min": self.endurance_full_s / S_PER_MIN,
+            "max_airspeed_mps": self.max_airspeed_mps,
+            "max_ground_speed_mps": self.max_ground_speed_mps,
+            "wind_limit_mps": self.wind_limit_mps,
+            "recharge_full_h": self.recharge_full_s / S_PER_H,
+        }
+
     def charging_curve(self, pad_power_w: float | None = None) -> ChargingCurve:
         """Charging on a pad, limited by the pad's power where that is known."""
         if pad_power_w is None:

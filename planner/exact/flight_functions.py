@@ -263,27 +263,20 @@ def _search(
 
 
 @compiled
-def arrival_functions(
-    table: FlightTable,
-    source: int,
-    slot: int,
-    limit_s: float,
-    useful: NDArray[np.bool_],
+def flights_from(
+    table: FlightTable, source: int, slots: tuple[int, int], limit_s: float, useful: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Earliest touch-down at every node for take-offs at `source` within one slot.
+    """Earliest touch-down at every node for take-offs at `source` from the first to the last of some slots.
 
-    One search for each last slot in which a flight may end, the earliest first: the answer of a search holds for the
-    take-offs that are down by the end of its last slot, if no earlier search has answered for them.
-
-    Takes a node and a slot of the table, and flags for all nodes; speeds finite and 0 or more
-    (`kernel_inputs.check_speeds`).
+    Takes a node and slots of the table, in order, and flags for all nodes; speeds finite and 0 or more
+    (`kernel_inputs.check_speeds`). Where the last slot is before the first, the flights are those of the first.
 
     Parameters
     ----------
     table : FlightTable
         Segments and ground speeds.
-    source, slot : int
-        Take-off node and slot.
+    source, slots : int, (int, int)
+        Take-off node, first and last slot.
     limit_s : float
         Longest flight the battery allows.
     useful : ndarray of bool, shape (nodes,)
@@ -296,11 +289,32 @@ def arrival_functions(
     pieces : ndarray, shape (pieces, 4)
         (t0, a0, t1, a1): take-off and touch-down, linear between; sorted, gaps are not flyable.
     """
+    pieces = [np.empty((0, 4))]
+    owner = [np.empty(0, dtype=np.int64)]
+    _add_flights(table, source, slots[0], limit_s, useful, pieces, owner)
+    for slot in range(slots[0] + 1, slots[1] + 1):
+        _add_flights(table, source, slot, limit_s, useful, pieces, owner)
+    return _pack(len(table.first) - 1, pieces, owner)
+
+
+@compiled
+def _add_flights(
+    table: FlightTable,
+    source: int,
+    slot: int,
+    limit_s: float,
+    useful: NDArray[np.bool_],
+    pieces: list[NDArray[np.float64]],
+    owner: list[NDArray[np.int64]],
+) -> None:
+    """Add the pieces of take-offs within one slot, and the node of each, block by block.
+
+    One search for each last slot in which a flight may end, the earliest first: the answer of a search holds for the
+    take-offs that are down by the end of its last slot, if no earlier search has answered for them.
+    """
     nodes = len(table.first) - 1
     slots = len(table.speed_mps)
     reach = min(slot + int(math.ceil(limit_s / table.slot_s)), slots - 1)
-    pieces = [np.empty((0, 4))]
-    owner = [np.empty(0, dtype=np.int64)]
     taken = np.full(nodes, _slot_begin(table, slot))  # up to here earlier last slots have answered
     for last in range(slot, reach + 1):
         if last < reach:
@@ -336,42 +350,13 @@ def arrival_functions(
                 taken[node] = found[size - 1, 2]
                 pieces.append(found[:size])
                 owner.append(np.full(size, node))
-    return _pack(nodes, pieces, owner)
-
-
-@compiled
-def flights_from(
-    table: FlightTable, source: int, slots: tuple[int, int], limit_s: float, useful: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Give the arrival functions for take-offs from the first to the last of some slots; see `arrival_functions`.
-
-    Takes what `arrival_functions` takes, for slots in order; where the last is before the first there are no flights.
-    """
-    nodes = len(table.first) - 1
-    total = np.zeros(nodes + 1, dtype=np.int64)
-    found = [arrival_functions(table, source, slots[0], limit_s, useful)]
-    for slot in range(slots[0] + 1, slots[1] + 1):
-        found.append(arrival_functions(table, source, slot, limit_s, useful))  # noqa: PERF401  compiled
-    if len(found) == 1:
-        return found[0]
-    for offset, _ in found:
-        total += offset
-    # The pieces of each node, slot after slot.
-    out = np.empty((total[-1], 4))
-    place = total[:-1].copy()
-    for offset, pieces in found:
-        for node in range(nodes):
-            for k in range(offset[node], offset[node + 1]):
-                out[place[node]] = pieces[k]
-                place[node] += 1
-    return total, out
 
 
 @compiled
 def _pack(
     nodes: int, pieces: list[NDArray[np.float64]], owner: list[NDArray[np.int64]]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Sort pieces by node, keeping their order: offset and pieces as `arrival_functions` returns them.
+    """Sort pieces by node, keeping their order: offset and pieces as `flights_from` returns them.
 
     `owner` is the node of each piece, block by block like `pieces`. Counting sort, O(nodes + pieces).
     """

@@ -117,14 +117,8 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
         Cell of the first touch-down at the destination (beyond all cells: none) and the last one filled.
     """
     table, grounds, costs, cells = one.table, one.grounds, one.costs, one.cells
-    pad_s, spot_s, has_pads, allowed, goal, ratio = (
-        one.pad_s,
-        one.spot_s,
-        one.has_pads,
-        one.allowed,
-        one.goal,
-        one.ratio,
-    )
+    pad_s, spot_s, has_pads = one.pad_s, one.spot_s, one.has_pads
+    allowed, goal, ratio = one.allowed, one.goal, one.ratio
     first, head, length_m, speeds = table.first, table.head, table.distance_m, table.speed_mps
     nodes = len(first) - 1
     rows = np.full((5, cells.length, nodes), _NONE)
@@ -261,14 +255,8 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         A and leave; infinite where there is no way.
     """
     table, grounds, costs, cells = one.table, one.grounds, one.costs, one.cells
-    pad_s, spot_s, has_pads, allowed, goal, ratio = (
-        one.pad_s,
-        one.spot_s,
-        one.has_pads,
-        one.allowed,
-        one.goal,
-        one.ratio,
-    )
+    pad_s, spot_s, has_pads = one.pad_s, one.spot_s, one.has_pads
+    allowed, goal, ratio = one.allowed, one.goal, one.ratio
     first, head, length_m, speeds = table.first, table.head, table.distance_m, table.speed_mps
     nodes = len(first) - 1
     rows = np.full((5, cells.length + 1, nodes), NEVER)

@@ -149,7 +149,7 @@ def land_everywhere(
     costs: Costs,
     least_s: NDArray[np.float64],
     best_s: float,
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+) -> list[tuple[int, float, NDArray[np.float64], NDArray[np.float64]]]:
     """Fly from a stop label to each target and put the drone on its pads.
 
     Takes profiles and pieces in order of time, and nodes with pads.
@@ -171,42 +171,19 @@ def land_everywhere(
 
     Returns
     -------
-    kept : ndarray of int, shape (kept,)
-        Targets reached whose bound is below `best_s`.
-    bound_s : ndarray, shape (kept,)
-        Their bounds, see `stop_label_bound`.
-    offset : ndarray of int, shape (2 * kept + 1,)
-        Points 2 i of z and 2 i + 1 of h are ``points[offset[k] : offset[k + 1]]``.
-    points : ndarray, shape (points, 3)
-        Profiles z and h of each kept target in turn.
+    list of (node, bound, z, h)
+        Profiles at each target that is reached and whose bound, see `stop_label_bound`, is below `best_s`.
     """
-    kept = np.empty(len(targets), dtype=np.int64)
-    bounds = np.empty(len(targets))
-    offset = np.zeros(2 * len(targets) + 1, dtype=np.int64)
-    points = np.empty((16 * len(targets) + 64, 3))
-    count = 0
+    found = [(0, 0.0, np.empty((0, 3)), np.empty((0, 3)))]
     for i in range(len(targets)):
         node = targets[i]
-        # Targets out of reach, or whose bound is too late, are left out.
         z, h = land_at(g, pieces[piece_offset[i] : piece_offset[i + 1]], node, grounds, costs, best_s)
         if len(h) == 0:
             continue
         bound = stop_label_bound(z, h, least_s[node], costs)
-        if bound >= best_s:
-            continue
-        # Append z and h to the points, which grow as needed.
-        begin = offset[2 * count]
-        end = begin + len(z) + len(h)
-        if end > len(points):
-            grown = np.empty((2 * end, 3))
-            grown[:begin] = points[:begin]
-            points = grown
-        points[begin : begin + len(z)] = z
-        points[begin + len(z) : end] = h
-        offset[2 * count + 1], offset[2 * count + 2] = begin + len(z), end
-        kept[count], bounds[count] = node, bound
-        count += 1
-    return kept[:count], bounds[:count], offset[: 2 * count + 1], points[: offset[2 * count]]
+        if bound < best_s:
+            found.append((node, bound, z, h))
+    return found[1:]
 
 
 @compiled

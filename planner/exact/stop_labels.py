@@ -11,11 +11,12 @@ import heapq
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.exact.flight_functions import arrival_functions
+from skyway.planner.exact.flight_functions import flights_from
+from skyway.planner.exact.relaxation_grid_kernels import least_times
 from skyway.planner.exact.stop_label_kernels import Costs, land_at, land_everywhere
 from skyway.planner.problem.flight_table import table_land, table_slot
 from skyway.planner.schedule.itinerary import Leg
@@ -137,18 +138,8 @@ class StopLabels:
         last = int(table_slot(table, self.best_s)) if math.isfinite(self.best_s) else len(table.speed_mps) - 1
         key = (first, max(first, last))
         if key not in self._least:
-            from scipy.sparse import csr_array  # imported late: 0.2 s
-            from scipy.sparse.csgraph import dijkstra
-
-            shortest: Any = dijkstra
-
-            speed = table.speed_mps[first : key[1] + 1].max(axis=0)
-            open_now = speed > 0.0
-            time = table.distance_m[open_now] / speed[open_now]
-            size = len(table.first) - 1
-            tail = np.repeat(np.arange(size), np.diff(table.first))
-            backwards: Any = csr_array((time, (table.head[open_now], tail[open_now])), shape=(size, size))
-            self._least[key] = np.asarray(shortest(backwards, indices=self.subnetwork.destination))
+            seen = table._replace(speed_mps=table.speed_mps[first : key[1] + 1])
+            self._least[key] = least_times(seen, self.subnetwork.destination)
         return self._least[key]
 
     def _flight_pieces(
@@ -159,7 +150,7 @@ class StopLabels:
         if key in self._flights and not np.any(useful & ~self._useful[key]):
             return self._flights[key]
         self._useful[key] = useful.copy()
-        self._flights[key] = arrival_functions(self.table, origin, slot, self.longest_s, useful)
+        self._flights[key] = flights_from(self.table, origin, (slot, slot), self.longest_s, useful)
         return self._flights[key]
 
     @property
@@ -238,13 +229,13 @@ class StopLabels:
     def land(
         self, stop_label: StopLabel, targets: NDArray[np.int64], pieces_of: Callable[[int], NDArray[np.float64]]
     ) -> list[tuple[float, StopLabel]]:
-        """Fly on to stations and land there: (bound, stay) of each that the reserve allows and that is not too late."""
+        """Fly on to stations and land there: (bound, stop label) of each that the reserve allows and that is not too late."""
         blocks = [pieces_of(target) for target in targets.tolist()]
         if not blocks:
             return []
         offset = np.zeros(len(blocks) + 1, dtype=np.int64)
         np.cumsum([len(block) for block in blocks], out=offset[1:])
-        kept, bounds, at, points = land_everywhere(
+        found = land_everywhere(
             stop_label.g,
             targets,
             offset,
@@ -254,15 +245,7 @@ class StopLabels:
             self.least_s(stop_label.begin_s),
             self.best_s,
         )
-        return [
-            (
-                bound,
-                StopLabel(
-                    node, points[at[2 * k] : at[2 * k + 1]], points[at[2 * k + 1] : at[2 * k + 2]], self.curve(node)
-                ),
-            )
-            for k, (node, bound) in enumerate(zip(kept.tolist(), bounds.tolist(), strict=True))
-        ]
+        return [(bound, StopLabel(node, z, h, self.curve(node))) for node, bound, z, h in found]
 
     def arrive(self, stop_label: StopLabel, pieces: NDArray[np.float64]) -> tuple[float, float]:
         """Earliest arrival at the destination from a stop label and the take-off for it; infinite where there is none."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base import geodesy
 from skyway.models.jit.compiled import compiled
 from skyway.models.queues.sampling import no_queue, pack
 from skyway.planner.exact.stop_label_kernels import Grounds
@@ -60,11 +61,7 @@ class Subnetwork:
 
 def places(network: Network) -> NDArray[np.float64]:
     """Return nodes in space, metres from the Earth's centre, shape (nodes, 3): no way is shorter than a straight line."""
-    lat, lon = np.radians(network.lat), np.radians(network.lon)
-    square = 0.00669437999014  # of the eccentricity of the WGS-84 ellipsoid
-    normal = 6_378_137.0 / np.sqrt(1.0 - square * np.sin(lat) ** 2)
-    x, y = normal * np.cos(lat) * np.cos(lon), normal * np.cos(lat) * np.sin(lon)
-    return np.column_stack((x, y, (1.0 - square) * normal * np.sin(lat)))
+    return geodesy.earth_xyz(np.column_stack((network.lat, network.lon)))
 
 
 @compiled
@@ -198,12 +195,11 @@ def _grounds(problem: Problem, queues: Mapping[int, QueuePath], nodes: NDArray[n
         paths = queues.at(wanted, until_s)
     else:
         paths = [queues.get(node) or no_queue() for node in wanted]
-    most = max(len(time) for time, _ in problem.curves)
-    times, levels = zip(*problem.curves, strict=True)
+    curve_s, curve_soc = problem.padded_curves
     return Grounds(
         *pack(paths),
         curve_of=problem.curve_of[nodes],
-        curve_s=np.array([np.pad(time, (0, most - len(time)), mode="edge") for time in times]),
-        curve_soc=np.array([np.pad(soc, (0, most - len(soc)), mode="edge") for soc in levels]),
-        curve_points=np.array([len(time) for time in times], dtype=np.int64),
+        curve_s=curve_s,
+        curve_soc=curve_soc,
+        curve_points=np.array([len(time) for time, _ in problem.curves], dtype=np.int64),
     )

@@ -125,10 +125,7 @@ class Lookahead:
     @cached_property
     def _graph(self) -> Graph:
         p = self.problem
-        points = max(len(time) for time, _ in p.curves)
-        time, soc = (
-            np.array([np.pad(curve[k], (0, points - len(curve[k])), mode="edge") for curve in p.curves]) for k in (0, 1)
-        )
+        time, soc = p.padded_curves
         waits = p.waits
         return Graph(
             first=p.network.first,

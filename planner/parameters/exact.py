@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from skyway.models.base.parameters import Parameters, parameter
 
-_SPEED = "fastest of the values tried in `make bench` (commit 100d26f); the answer does not depend on it"
+_SPEED = "chosen for speed (commit 100d26f, whose figures were not kept); the answer does not depend on it"
 
 
 @dataclass(frozen=True)

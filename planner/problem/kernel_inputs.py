@@ -70,7 +70,7 @@ def check_runs(
         Member of each run.
     count : int
         Members that there are.
-    sky : Sky
+    disturbance : Disturbance
         Of the runs.
     paths : sequence of QueuePath
         In order (set, place); empty where expected waits are used.
@@ -80,7 +80,7 @@ def check_runs(
     Raises
     ------
     InputError
-        As above; or the sky is of another number of runs, or not finite.
+        As above; or the disturbance is of another number of runs, or not finite.
     """
     runs = len(members)
     _check_index("member", members, count, "members")

@@ -61,13 +61,10 @@ class Objective:
             return cls("p95" if kind == "p95" else "mean")
         raise InputError(Fault("is not an objective", field="objective", value=text, remedy=EXAMPLE))
 
-    def loss(self, outcome: Outcome) -> tuple[float, float]:
-        """What to make small, first by the first number: seconds, or the probability to be late and then seconds."""
-        if self.kind == "mean":
-            return outcome.mean_s, outcome.quantile_s(0.95)
-        if self.kind == "p95":
-            return outcome.quantile_s(0.95), outcome.mean_s
-        return 1.0 - self.on_time(outcome), outcome.mean_s
+    def loss(self, outcome: Outcome, since_s: float = 0.0) -> tuple[float, float]:
+        """What to make small, first by the first number: seconds since a time, or the probability to be late and then seconds."""
+        mean, late = outcome.mean_s - since_s, outcome.quantile_s(0.95) - since_s
+        return {"mean": (mean, late), "p95": (late, mean), "on-time": (1.0 - self.on_time(outcome), mean)}[self.kind]
 
     def on_time(self, outcome: Outcome) -> float:
         """Probability to arrive by the deadline."""

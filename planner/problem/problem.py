@@ -145,6 +145,13 @@ class Problem:
         return [self.drone.charging_curve(power).piecewise() for power in dict.fromkeys(powers)]
 
     @cached_property
+    def padded_curves(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """`curves` as arrays for kernels, shape (kinds, points) each: padded by repeating the last point."""
+        points = max(len(time) for time, _ in self.curves)
+        padded = [[np.pad(part, (0, points - len(part)), mode="edge") for part in curve] for curve in self.curves]
+        return np.array([time for time, _ in padded]), np.array([soc for _, soc in padded])
+
+    @cached_property
     def _pad_powers(self) -> list[float | None]:
         return [station.recharge_power_w for station in self.network.stations]
 

@@ -20,7 +20,6 @@ from skyway.models.flight.kernels import NEVER, next_opening, slot_end, slot_of
 from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.planner.robust.free_capacity_kernels import FreeCapacity, is_room, next_look
 from skyway.planner.robust.required_soc_kernels import energy_about, next_change
-from skyway.planner.schedule.gust_kernels import gusty_land
 from skyway.planner.schedule.profile_kernels import interpolate
 from skyway.planner.schedule.schedule_kernels import (
     COLUMNS,
@@ -31,9 +30,8 @@ from skyway.planner.schedule.schedule_kernels import (
     SOC_TAKE_OFF,
     TAKE_OFF,
     TOUCH_DOWN,
-    expected_pad,
     sampled_pad,
-    sampled_spot,
+    to_next_stop,
 )
 
 if TYPE_CHECKING:
@@ -43,7 +41,7 @@ if TYPE_CHECKING:
     from skyway.planner.robust.free_capacity_kernels import Present
     from skyway.planner.robust.required_soc_kernels import Known
     from skyway.planner.schedule.gust_kernels import Disturbance
-    from skyway.planner.schedule.schedule_kernels import Legs, Queues, Waits
+    from skyway.planner.schedule.schedule_kernels import Legs, Queues
 
 _CHANGES = 500  # times a stay is looked at again
 
@@ -165,13 +163,11 @@ def fly_by_required_soc(
     row: NDArray[np.int64],
     legs: Legs,
     queues: Queues,
-    waits: Waits,
     start: tuple[float, float],
     cost: tuple[float, float],
     room: FreeCapacity,
     there: Present,
     tables: NDArray[np.float64],
-    learned: bool,
     at_once: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fly a sequence of legs in several runs, charging by what is known at each stop.
@@ -192,15 +188,13 @@ def fly_by_required_soc(
         What is true in each run: see `planner.schedule.schedule_kernels.fly_under`.
     row : ndarray of int, shape (runs,)
         Row of `Known.share` of each run.
-    legs, queues, waits, start, cost
+    legs, queues, start, cost
         As there; of `Legs` the segments, curves and pads are read.
     room, there : FreeCapacity, Present
-        Of the stations at the ends of the legs, and who is at those before them; looked at where queues are sampled.
+        Of the stations at the ends of the legs, and who is at those before them.
     tables : ndarray, shape (members, legs, points)
         Needs found so far, NaN where not yet; written to. They hold for the same truth, flights and forecast, whatever
         the margin. See `required_soc_tables`.
-    learned : bool
-        The vehicle's error of energy is known from the start.
     at_once : bool
         At the first stop, see `Stop`.
 
@@ -215,23 +209,20 @@ def fly_by_required_soc(
     runs = len(member)
     out = np.full((runs, count, COLUMNS), NEVER)
     energy_ratio = np.zeros((runs, count))
-    sampled = len(queues.offset) > 1
-    nobody = FreeCapacity(room.pads, room.spots, room.arrivals_per_s, room.services_per_s, 1.0)
     for run in range(runs):
         now, soc = start
         joined = now
-        error = disturbance.energy[run] - 1.0 + known.learned_error if learned else known.energy_error
+        error = known.energy_error
         for leg in range(count):
             segments = legs.segments[legs.offset[leg] : legs.offset[leg + 1]]
             entry = disturbance.queue[run] * (count + 1) + leg
             # The stop: when there is a pad, and when the rule lets the drone leave.
             pad = NEVER
             if legs.has_pads[leg]:
-                pad = max(now, sampled_pad(queues, entry, joined)) if sampled else expected_pad(waits, leg, now)
+                pad = max(now, sampled_pad(queues, entry, joined))
             first = leg == 0
             stop = Stop(now, soc, pad, landing[leg], error, at_once and first, first)
             curve = legs.curve_s[leg], legs.curve_soc[leg]
-            looks = room if sampled else nobody
             pad, ready, off, level, base, for_room = _leave(
                 known,
                 row[run],
@@ -241,31 +232,19 @@ def fly_by_required_soc(
                 cost,
                 stop,
                 curve,
-                (looks, leg, queues, there, entry + 1),
+                (room, leg, queues, there, entry + 1),
                 tables[member[run], leg],
             )
             if off == NEVER:
                 break
             out[run, leg, PAD], out[run, leg, READY], out[run, leg, ROOM] = pad, ready, for_room
             out[run, leg, TAKE_OFF], out[run, leg, SOC_TAKE_OFF] = off, level
-            # The flight, in the true wind, with gusts and the vehicle's own energy.
-            now = gusty_land(
-                truth,
-                member[run],
-                segments,
-                off,
-                disturbance.gust_key[run],
-                disturbance.gust_sd,
-                disturbance.gust_time_s,
+            # The flight, in the true wind, with gusts and the vehicle's own energy, and hovering until there is a place.
+            now, joined, soc = to_next_stop(
+                disturbance, run, truth, member[run], segments, off, level, cost, queues, entry
             )
-            used = disturbance.energy[run] * (cost[1] + cost[0] * (now - off))
-            soc = level - used
-            joined = now  # a drone that hovers for a spot keeps its place in the queue
-            # Hover until there is a place to land.
-            if sampled:
-                now = sampled_spot(queues, entry + 1, now)
-                soc -= disturbance.energy[run] * cost[0] * (now - joined)
             out[run, leg, TOUCH_DOWN], out[run, leg, SOC_LANDING] = now, soc
+            used = disturbance.energy[run] * (cost[1] + cost[0] * (joined - off))
             # What the flight has shown of the vehicle.
             energy_ratio[run, leg] = used / ((1.0 + error) * base) if base > 0.0 else 0.0
             error = disturbance.energy[run] - 1.0 + known.learned_error

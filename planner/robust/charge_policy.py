@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base.errors import Fault, InputError
 from skyway.models.queues.sampling import pack
 from skyway.models.wind.ensemble import evenly
 from skyway.models.wind.estimation.field import ResidualModel
@@ -25,10 +26,10 @@ from skyway.planner.robust.free_capacity import present_in, room_at
 from skyway.planner.robust.required_soc_kernels import Known, required_soc_tables
 from skyway.planner.schedule.audit import Realization
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
-from skyway.planner.schedule.itinerary import fly_as_it_stands, held_in_the_air, legs_of, no_waits, place_nodes
+from skyway.planner.schedule.itinerary import fly_as_it_stands, held_in_the_air, legs_of, place_nodes
 from skyway.planner.schedule.no_route import grounded_leg, never_leaves
 from skyway.planner.schedule.outcome import outcome
-from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN, Queues, Waits, no_queues
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN, Queues
 from skyway.planner.schedule.typical import Runs, typical_schedule
 
 if TYPE_CHECKING:
@@ -207,9 +208,6 @@ class ChargePolicy:
         paths: Sequence[QueuePath],
         *,
         share: NDArray[np.float64] | None = None,
-        waits: Waits | None = None,
-        start: tuple[float, float] | None = None,
-        learned: bool = False,
         tables: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Fly it in realizations: (schedule, energy_ratio), see `planner.robust.charge_kernels.fly_by_required_soc`.
@@ -218,18 +216,12 @@ class ChargePolicy:
         ----------
         truth : Problem
             The same request in the winds that are true.
-        sky, member
+        disturbance, member
             Of each run. Members and sets of queues that are not there, and arrays of other shapes, are an `InputError`.
         paths : sequence of QueuePath
-            Sets of queues that `sky` names, one path for each of `planner.schedule.itinerary.place_nodes`, in order.
+            Sets of queues that `disturbance` names, one path for each of `planner.schedule.itinerary.place_nodes`, in order.
         share : ndarray, shape (members of truth, members), optional
             Forecast for each member of the truth; the policy's own for all by default.
-        waits : Waits, optional
-            Expected waits, where no paths are given.
-        start : (time_s, soc), optional
-            Where that is not the state that the truth starts from.
-        learned : bool
-            A flight has shown the vehicle's error of energy.
         tables : ndarray, optional
             What was worked out before with the same truth, flights and forecast; see `fly_by_required_soc`.
         """
@@ -237,18 +229,15 @@ class ChargePolicy:
         known = self.known if share is None else self.known._replace(share=share)
         legs = legs_of(truth, self.itinerary)
         realizations = len(truth.air.north)
+        if not paths:
+            raise InputError(Fault("has no queues", field="paths", remedy="a set of one path for each place"))
         check_runs(member, realizations, disturbance, paths, len(self) + 1)
         check_shape(
             "share", known.share, (realizations if share is not None else len(known.share), len(known.air.north))
         )
-        if waits is not None:
-            check_shape("waits.wait_s", waits.wait_s, (len(self), waits.wait_s.shape[-1]))
         if tables is not None:
             check_shape("tables", tables, required_soc_tables(truth.air, len(self)).shape)
-        queues = Queues(*pack(paths)) if paths else no_queues()
-        begin = start if start is not None else (float(truth.depart_s), float(truth.soc))
-        cost = (float(truth.soc_per_s), float(truth.soc_fixed))
-        flown = fly_by_required_soc(
+        schedule, energy_ratio = fly_by_required_soc(
             known,
             self.landing,
             disturbance,
@@ -256,20 +245,16 @@ class ChargePolicy:
             member,
             row,
             legs,
-            queues,
-            waits if waits is not None else no_waits(len(self)),
-            begin,
-            cost,
+            Queues(*pack(paths)),
+            (float(truth.depart_s), float(truth.soc)),
+            (float(truth.soc_per_s), float(truth.soc_fixed)),
             room_at(truth, [int(truth.network.head[leg.segments[-1]]) for leg in self.itinerary], self.most_full),
             present_in(paths),
             tables if tables is not None else required_soc_tables(truth.air, len(self)),
-            learned,
             truth.in_flight,
         )
-        schedule, energy_ratio = flown[0], flown[1]
-        if start is None:
-            held = held_in_the_air(truth, schedule)
-            schedule[held], energy_ratio[held] = np.inf, 0.0
+        held = held_in_the_air(truth, schedule)
+        schedule[held], energy_ratio[held] = np.inf, 0.0
         return schedule, energy_ratio
 
     def simulate(
@@ -289,9 +274,9 @@ class ChargePolicy:
             What the realizations have beyond the forecast.
         runs : int
             How many, about.
-        max_members : int, optional
+        max_realizations : int, optional
             At most so many members are the truth.
-        before : Rehearsal, optional
+        before : OutOfSample, optional
             Of the same flights, whose tables are used again.
         sample_set : int
             ``CHOOSING`` or ``PROMISING``: other queues, gusts and vehicles in the same winds. The best of several routes

@@ -9,7 +9,7 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.base.parameters import changed
-from skyway.models.base.units import J_PER_WH, S_PER_H, S_PER_MIN, from_posix
+from skyway.models.base.units import from_posix
 from skyway.models.composition.composition import (
     ArrivalDistribution,
     Composition,
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.drones.drone import Drone
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
@@ -70,7 +69,12 @@ def compose(
         id=f"{planner}-{network.stations[problem.origin].id}-{network.stations[problem.destination].id}",
         planner=planner,
         drone=drone.id,
-        drone_parameters=_parameters(drone),
+        drone_parameters={
+            "name": drone.name,
+            "provider": drone.provider,
+            **drone.figures,
+            "energy_model": drone.energy_model.name,
+        },
         payload_kg=request.payload_kg,
         airspeed_mps=problem.air.airspeed_mps,
         max_ground_speed_mps=drone.max_ground_speed_mps,
@@ -108,23 +112,6 @@ def _distribution(result: Outcome) -> ArrivalDistribution:
 
 def _instant(posix_s: float) -> datetime:
     return from_posix(round(posix_s * 1000.0) / 1000.0)
-
-
-def _parameters(drone: Drone) -> dict[str, float | str | None]:
-    return {
-        "name": drone.name,
-        "provider": drone.provider,
-        "mass_kg": drone.mass_kg,
-        "max_payload_kg": drone.max_payload_kg,
-        "battery_wh": drone.battery_j / J_PER_WH,
-        "endurance_empty_min": drone.endurance_empty_s / S_PER_MIN,
-        "endurance_full_min": drone.endurance_full_s / S_PER_MIN,
-        "max_airspeed_mps": drone.max_airspeed_mps,
-        "max_ground_speed_mps": drone.max_ground_speed_mps,
-        "wind_limit_mps": drone.wind_limit_mps,
-        "recharge_full_h": drone.recharge_full_s / S_PER_H,
-        "energy_model": drone.energy_model.name,
-    }
 
 
 def _take_off(problem: Problem, schedule: NDArray[np.float64], number: int) -> tuple[float, float]:

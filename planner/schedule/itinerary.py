@@ -66,7 +66,7 @@ def fly_expected(problem: Problem, itinerary: Itinerary) -> NDArray[np.float64]:
     problem.waits.need(nodes)
     waits = Waits(problem.waits.start_s, problem.waits.step_s, problem.waits.wait_s[nodes])
     members = np.arange(len(problem.probability))
-    return _fly(problem, itinerary, members, (), waits)
+    return fly_as_it_stands(problem, itinerary, members, no_disturbance(len(members)), (), waits)
 
 
 def fly_sampled(
@@ -84,23 +84,7 @@ def fly_sampled(
 def fly_true(problem: Problem, itinerary: Itinerary, queues: dict[int, QueuePath]) -> NDArray[np.float64]:
     """Fly an itinerary in the first member with given queues, shape (1, legs, 7)."""
     paths = [queues.get(node) or no_queue() for node in place_nodes(problem, itinerary)]
-    return _fly(problem, itinerary, np.zeros(1, dtype=np.int64), paths, no_waits(len(itinerary)))
-
-
-def fly_as_it_stands(
-    problem: Problem,
-    itinerary: Itinerary,
-    members: NDArray[np.int64],
-    disturbance: Disturbance,
-    paths: Sequence[QueuePath],
-) -> NDArray[np.float64]:
-    """Fly an itinerary in members with sampled queues: sets that `sky` names, paths in order (set, leg)."""
-    return _fly(problem, itinerary, members, paths, no_waits(len(itinerary)), disturbance)
-
-
-def no_waits(legs: int) -> Waits:
-    """Make the expected waits that `fly_under` does not read where queues are sampled."""
-    return Waits(0.0, 1.0, np.zeros((legs, 1)))
+    return fly_as_it_stands(problem, itinerary, np.zeros(1, dtype=np.int64), no_disturbance(1), paths)
 
 
 def place_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
@@ -114,20 +98,24 @@ def stop_nodes(problem: Problem, itinerary: Itinerary) -> list[int]:
     return [int(problem.network.tail[leg.segments[0]]) for leg in itinerary]
 
 
-def _fly(
+def fly_as_it_stands(
     problem: Problem,
     itinerary: Itinerary,
     members: NDArray[np.int64],
+    disturbance: Disturbance,
     paths: Sequence[QueuePath],
-    waits: Waits,
-    disturbance: Disturbance | None = None,
+    waits: Waits | None = None,
 ) -> NDArray[np.float64]:
+    """Fly an itinerary in members, shape (runs, legs, 7).
+
+    With sampled queues: sets that `disturbance` names, paths in order (set, place); without any, with expected waits.
+    """
     start = (float(problem.depart_s), float(problem.soc))
     cost = (float(problem.soc_per_s), float(problem.soc_fixed))
-    disturbance = disturbance or no_disturbance(len(members))
     legs = legs_of(problem, itinerary)
     check_runs(members, len(problem.air.north), disturbance, paths, len(itinerary) + 1)
     queues = Queues(*pack(paths)) if paths else no_queues()
+    waits = waits or Waits(0.0, 1.0, np.zeros((len(itinerary), 1)))
     schedule = fly_under(disturbance, problem.air, members, legs, queues, waits, start, cost)
     schedule[held_in_the_air(problem, schedule)] = math.inf
     return schedule
@@ -143,15 +131,15 @@ def legs_of(problem: Problem, itinerary: Itinerary) -> Legs:
     """Lay an itinerary out as arrays for `schedule_kernels`."""
     stops = stop_nodes(problem, itinerary)
     offset = np.cumsum([0, *(len(leg.segments) for leg in itinerary)])
-    curves = [problem.curve(node) for node in stops]
-    points = max(len(time) for time, _ in curves)
+    curve_s, curve_soc = problem.padded_curves
+    kinds = problem.curve_of[stops]
     return Legs(
         offset=offset.astype(np.int64),
         segments=np.array([segment for leg in itinerary for segment in leg.segments], dtype=np.int64),
         charge_to=np.array([math.nan if leg.charge_to is None else leg.charge_to for leg in itinerary]),
         not_before_s=np.array([leg.not_before_s for leg in itinerary], dtype=np.float64),
-        curve_s=np.array([np.pad(time, (0, points - len(time)), mode="edge") for time, _ in curves]),
-        curve_soc=np.array([np.pad(soc, (0, points - len(soc)), mode="edge") for _, soc in curves]),
+        curve_s=curve_s[kinds],
+        curve_soc=curve_soc[kinds],
         has_pads=np.array([problem.has_pads(node) for node in stops], dtype=np.bool_),
     )
 

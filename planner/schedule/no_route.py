@@ -71,6 +71,14 @@ def emptied_leg(schedule: NDArray[np.float64]) -> int | None:
     return int(np.argmax(empty)) if empty.any() else None
 
 
+def _too_strong(problem: Problem) -> str:
+    drone = problem.drone
+    return (
+        f"above the limit of {drone.id} ({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of "
+        f"{problem.air.airspeed_mps:g} m/s"
+    )
+
+
 def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc: float = 0.0) -> NoRouteError:
     """Explain a route that no wind of the forecast lets fly to its end.
 
@@ -98,16 +106,12 @@ def never_leaves(problem: Problem, itinerary: Itinerary, leg: int, required_soc:
         )
         return NoRouteError(message, constraint="energy")
     if all(next_opening(problem.air, member, segments, problem.depart_s) == NEVER for member in members):
-        message = (
-            f"{begin} throughout the forecast the wind on {where} is above the limit of {drone.id} "
-            f"({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of {problem.air.airspeed_mps:g} m/s"
-        )
+        message = f"{begin} throughout the forecast the wind on {where} is {_too_strong(problem)}"
         return NoRouteError(message, constraint="wind")
     if problem.in_flight and leg == 0:
         message = (
-            f"{begin} the wind on {where} forbids it now in all of the forecast: above the limit of {drone.id} "
-            f"({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of {problem.air.airspeed_mps:g} m/s, and a drone in "
-            f"the air cannot hold"
+            f"{begin} the wind on {where} forbids it now in all of the forecast: {_too_strong(problem)}, and a drone in the air "
+            "cannot hold"
         )
         return NoRouteError(message, constraint="wind")
     message = (
@@ -167,11 +171,8 @@ def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> No
     a, b = network.stations[int(network.tail[least])].id, network.stations[int(network.head[least])].id
     where = f"segment {a} > {b} ({distance_text(network.distance_m[least])})"
     if not math.isfinite(charge[least]):
-        drone = problem.drone
         message = (
-            f"no route from {start} to {goal}: throughout the forecast the wind on {where} is above the limit of "
-            f"{drone.id} ({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of "
-            f"{problem.air.airspeed_mps:g} m/s"
+            f"no route from {start} to {goal}: throughout the forecast the wind on {where} is {_too_strong(problem)}"
         )
         return NoRouteError(message, constraint="wind")
     escape = ""

@@ -121,6 +121,35 @@ def sampled_pad(queues: Queues, entry: int, time_s: float) -> float:
     return max(time_s + queues.delay_s[k], queues.pad_s[k])
 
 
+@compiled_lean
+def to_next_stop(
+    disturbance: Disturbance,
+    run: int,
+    air: SegmentWind,
+    member: int,
+    segments: NDArray[np.int64],
+    off_s: float,
+    soc: float,
+    cost: tuple[float, float],
+    queues: Queues,
+    entry: int,
+) -> tuple[float, float, float]:
+    """Fly a leg, and hover until there is a place to land: touch-down, when it came there, and the charge left.
+
+    With gusts and the energy of the run's vehicle, e: e (k + c T) for a flight of T seconds, e c a second of hovering; (c, k)
+    is `cost`. `entry` is the queue path of the stop before; without sampled paths there is always a place.
+    """
+    come_s = gusty_land(
+        air, member, segments, off_s, disturbance.gust_key[run], disturbance.gust_sd, disturbance.gust_time_s
+    )
+    soc -= disturbance.energy[run] * (cost[1] + cost[0] * (come_s - off_s))
+    down_s = come_s  # a drone that hovers for a spot keeps its place in the queue
+    if len(queues.offset) > 1:
+        down_s = sampled_spot(queues, entry + 1, come_s)
+        soc -= disturbance.energy[run] * cost[0] * (down_s - come_s)
+    return down_s, come_s, soc
+
+
 @compiled
 def fly_under(
     disturbance: Disturbance,
@@ -194,29 +223,12 @@ def fly_under(
                 break
             if charges:
                 soc = interpolate(u + off - pad, legs.curve_s[leg], legs.curve_soc[leg])
-            out[run, leg, PAD], out[run, leg, READY], out[run, leg, TAKE_OFF], out[run, leg, SOC_TAKE_OFF] = (
-                pad,
-                ready,
-                off,
-                soc,
-            )
-            out[run, leg, ROOM] = 0.0
+            out[run, leg, PAD], out[run, leg, READY], out[run, leg, ROOM] = pad, ready, 0.0
+            out[run, leg, TAKE_OFF], out[run, leg, SOC_TAKE_OFF] = off, soc
             # Landing.
-            now = gusty_land(
-                air,
-                members[run],
-                segments,
-                off,
-                disturbance.gust_key[run],
-                disturbance.gust_sd,
-                disturbance.gust_time_s,
+            now, joined, soc = to_next_stop(
+                disturbance, run, air, members[run], segments, off, soc, cost, queues, entry
             )
-            soc -= disturbance.energy[run] * (cost[1] + cost[0] * (now - off))
-            joined = now  # a drone that hovers for a spot keeps its place in the queue
-            # Hovering.
-            if sampled:
-                now = sampled_spot(queues, entry + 1, now)
-                soc -= disturbance.energy[run] * cost[0] * (now - joined)
             out[run, leg, TOUCH_DOWN], out[run, leg, SOC_LANDING] = now, soc
     return out
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.base.weighted import weighted_quantile
-from skyway.planner.parameters.simulation import ScheduleParameters
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-USUAL = ScheduleParameters()
+    from skyway.planner.parameters.simulation import ScheduleParameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +65,7 @@ def typical_schedule(
     runs: Runs,
     reserve: float,
     fly: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]],
-    parameters: ScheduleParameters = USUAL,
+    parameters: ScheduleParameters,
 ) -> Typical:
     """Choose the typical schedule.
 
@@ -79,6 +78,8 @@ def typical_schedule(
         SoC.
     fly : callable
         Flies given members and sets of queues without gusts: (members, queues) to schedules, shape (pairs, legs, 7).
+    parameters : ScheduleParameters
+        How many are flown once more, and what landings on the way count.
     """
     landings = runs.schedule[:, :, TOUCH_DOWN]
     arrived = np.flatnonzero(np.isfinite(landings[:, -1]))

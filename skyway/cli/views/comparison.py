@@ -105,7 +105,7 @@ def _about(figure: Figure) -> str:
 def _print_gains(gains: Sequence[RobustGain]) -> None:
     """Say in plain words what the robust plan gains."""
     for one in gains:
-        say(f"{one.planner} against robust: {later_text(one.sooner)}; {_safer(one)}")
+        say(f"{one.other.composition.planner} against robust: {later_text(one.sooner)}; {_safer(one)}")
         say(f"  why: {_reasons(one)}")
     if gains:
         say("")
@@ -113,7 +113,7 @@ def _print_gains(gains: Sequence[RobustGain]) -> None:
 
 def _safer(one: RobustGain) -> str:
     """Risk."""
-    here, there = share(one.broken), share(one.broken_there)
+    here, there = (share(result.outcome.success.rest) for result in (one.robust, one.other))
     if here == there:
         return f"both land below the reserve in {here} of the deliveries"
     return f"{there} of the deliveries land below the reserve, with robust {here}"
@@ -121,16 +121,18 @@ def _safer(one: RobustGain) -> str:
 
 def _reasons(one: RobustGain) -> str:
     """What the difference comes from."""
-    if one.sooner.high < 0.0 and one.broken.value < one.broken_there.value:
+    here, there = one.robust.composition, one.other.composition
+    if one.sooner.high < 0.0 and one.robust.outcome.success.value > one.other.outcome.success.value:
         return "robust charges or waits for the wind where the other takes off with less than the flight may need"
     reasons = []
-    if one.drone != one.drone_there:
-        reasons.append(f"robust takes {one.drone} instead of {one.drone_there}")
-    less = round((one.recharge_there_s - one.recharge_s) / 60.0)
+    if here.drone != there.drone:
+        reasons.append(f"robust takes {here.drone} instead of {there.drone}")
+    less = round((there.recharge_time_s - here.recharge_time_s) / 60.0)
     if less:
         reasons.append(f"{abs(less)} min {'less' if less > 0 else 'more'} on pads in a typical schedule")
-    if one.stops != one.stops_there:
-        reasons.append(f"{one.stops} {'stop' if one.stops == 1 else 'stops'} instead of {one.stops_there}")
-    if one.stops:
+    stops, stops_there = len(here.stops), len(there.stops)
+    if stops != stops_there:
+        reasons.append(f"{stops} {'stop' if stops == 1 else 'stops'} instead of {stops_there}")
+    if stops:
         reasons.append("charges decided at each stop, by wind and queues at that time")
     return ", ".join(reasons) or "the same route without a stop; robust takes off when the wind allows"

@@ -25,9 +25,9 @@ from skyway.planner.problem.flight_table import FlightTable, table_slot
 from skyway.planner.problem.problem import Problem
 from skyway.planner.robust.free_capacity_kernels import chance_full, chances
 from skyway.planner.schedule.gust_kernels import no_disturbance
-from skyway.planner.schedule.itinerary import Leg, fly_as_it_stands, fly_sampled, legs_of, no_waits, place_nodes
+from skyway.planner.schedule.itinerary import Leg, fly_as_it_stands, fly_sampled, legs_of, place_nodes
 from skyway.planner.schedule.profile_kernels import covers, profile_at, upper_profile
-from skyway.planner.schedule.schedule_kernels import SOC_TAKE_OFF, fly_under, no_queues
+from skyway.planner.schedule.schedule_kernels import SOC_TAKE_OFF, Waits, fly_under, no_queues
 
 HOSTILE = st.one_of(st.sampled_from([math.nan, math.inf, -math.inf, -1.0, 0.0, 1e300]), st.floats())
 INDICES = st.lists(st.integers(-3, 40), max_size=6)
@@ -117,7 +117,13 @@ def test_nobody_charges_where_there_are_no_pads(policy):
     cost = (p.soc_per_s, p.soc_fixed)
     with_pads, without = (
         fly_under(
-            no_disturbance(1), *given, legs._replace(has_pads=np.array([pads])), no_queues(), no_waits(1), low, cost
+            no_disturbance(1),
+            *given,
+            legs._replace(has_pads=np.array([pads])),
+            no_queues(),
+            Waits(0.0, 1.0, np.zeros((1, 1))),
+            low,
+            cost,
         )
         for pads in (True, False)
     )

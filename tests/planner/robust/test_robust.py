@@ -153,7 +153,7 @@ def test_in_a_certain_wind_each_landing_is_at_the_reserve(newyork):
     known = known_at(problem, NO_ERRORS, measured=True, epsilon=1e-3)
     policy = ChargePolicy(problem, told.itinerary, known)
     course, energy_ratio = policy.fly(
-        problem, no_disturbance(1), np.zeros(1, dtype=np.int64), [no_queue()] * (len(told.itinerary) + 1), learned=True
+        problem, no_disturbance(1), np.zeros(1, dtype=np.int64), [no_queue()] * (len(told.itinerary) + 1)
     )
     charged = course[0, 1:, SOC_TAKE_OFF] > course[0, :-1, SOC_LANDING] + 1e-9
     assert charged.any()

@@ -131,8 +131,8 @@ def test_seeds_differ_by_no_more_than_their_figures_say(planned):
 def test_a_planner_is_compared_by_the_figures_that_its_plan_tells(planned):
     robust, pfs = (planned(FAR, name, 0) for name in ("robust", "pfs"))
     one = robust_gain(robust, pfs)
-    assert one.mean_there == pfs.outcome.delivery
-    assert one.broken_there.value == pytest.approx(1.0 - pfs.composition.success_probability)
+    assert one.sooner.value == pytest.approx(pfs.outcome.delivery.value - robust.outcome.delivery.value)
+    assert one.other.outcome.success.value == pytest.approx(pfs.composition.success_probability)
     assert (pfs.outcome.crossed.day == robust.outcome.crossed.day).all()
     assert (pfs.outcome.crossed.queue == robust.outcome.crossed.queue).all()
 
