@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
@@ -40,17 +39,8 @@ _REBOOT_DELAY_S = 0.2
 _AT_STATION_M = 60.0
 
 
-@dataclass(slots=True)
-class Charge:
-    """Charging under way.
-
-    Attributes
-    ----------
-    to_soc : float
-        Where it ends.
-    pad_power_w : float or None
-        What the pad delivers at most.
-    """
+class Charge(NamedTuple):
+    """Charging under way: the charge where it ends, and what the pad delivers at most."""
 
     to_soc: float
     pad_power_w: float | None = None
@@ -105,7 +95,7 @@ class Vehicle:
                 raise InputError(Wrong("no such parameter, or not a number", field=name, value=value))
         if config.warm:
             self.autopilot.count_charge(config.soc)
-        self.autopilot.set_home_here()
+        self.autopilot.home = self.autopilot.here
         self._make_services()
 
     def _make_services(self) -> None:
@@ -237,7 +227,7 @@ class Vehicle:
             return
         self.tended_s = self.stepped_s = self.sim_s
         if self.charging is not None:
-            self.battery.charge(duration, self.charging.to_soc, self.charging.pad_power_w)
+            self.battery.charge(duration, *self.charging)
         elif not self.battery.empty:
             self._draw(_AVIONICS_W, duration)
 
@@ -276,7 +266,7 @@ class Vehicle:
             self.autopilot.stores[kind][:] = items
         self.autopilot.landed = old.landed
         self.autopilot.grounded_s = old.grounded_s
-        self.autopilot.set_home_here()
+        self.autopilot.home = self.autopilot.here
         self.autopilot.restarted()
         self.counted_mah = 0.0
         self.ground_heard.clear()
@@ -321,18 +311,7 @@ class Vehicle:
         """Record an event in the log of the world."""
         self.world.log(self.config.system, text)
 
-    # Reports of the autopilot
-
-    def item_begun(self, index: int) -> None:
-        """Report a new current item."""
-        item = self.autopilot.run.items[index]
-        self.event(f"item {index} begins ({_name(item.command)})")
-        self.radio.tell_mission_current()
-
-    def item_reached(self, index: int) -> None:
-        """Report an item as reached."""
-        self.event(f"item {index} reached")
-        self.radio.item_reached(index)
+    # Orders to the autopilot
 
     def set_mission_current(self, index: int) -> bool:
         """Make an item the current one, by the family's own number."""
@@ -371,9 +350,3 @@ class Vehicle:
         """Where it is, for people."""
         near = self.station()
         return f"at {near}" if near else f"at {place_text(self.body.lat, self.body.lon)}"
-
-
-def _name(command: int) -> str:
-    from skyway.sim_stub.autopilot.items import Command
-
-    return Command(command).name.lower() if command in Command.__members__.values() else str(command)

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import json
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,11 +22,9 @@ from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from skyway.link.logs.common.log import Log
-    from skyway.link.logs.tlog.tlog import TlogIndex
-    from skyway.models.drones.telemetry import TelemetryTrack
+    from skyway.link.logs.tlog.track import Tlog
 
 Packet = tuple[float, bytes]
 WINDOW_BYTES = 1 << 18
@@ -34,101 +33,78 @@ BEFORE_S, AFTER_S = 2.0, 8.0
 MAX_SPEED = 1000.0
 
 
-class PacketSource(Protocol):
-    """Anything that can be played."""
+class Packets(ABC):
+    """What of a log is played, a window of it in memory at a time.
 
-    @property
-    def start_s(self) -> float:
-        """First time."""
+    Attributes
+    ----------
+    start_s, end_s : float
+        First and last time.
+    """
 
-    @property
-    def end_s(self) -> float:
-        """Last time."""
-
-    def between(self, from_s: float, to_s: float) -> list[Packet]:
-        """Return the packets with ``from_s < time <= to_s``, in the order of time."""
-
-
-class TlogPackets:
-    """Packets of a tlog, a piece of it in memory at a time."""
-
-    def __init__(self, path: Path, index: TlogIndex, system: int | None = None) -> None:
-        self._path, self._index, self._system = path, index, system
-        self.start_s, self.end_s = index.first_s, index.last_s
+    def __init__(self, start_s: float, end_s: float) -> None:
+        self.start_s, self.end_s = start_s, end_s
         self._held: list[Packet] = []
         self._reach = (math.inf, -math.inf)
 
     def between(self, from_s: float, to_s: float) -> list[Packet]:
-        """Return the packets with ``from_s < time <= to_s``."""
+        """Return the packets with ``from_s < time <= to_s``, in the order of time."""
+        to_s = min(to_s, self.end_s)
         if not (self._reach[0] <= from_s and to_s <= self._reach[1]):
-            self._load(from_s, to_s)
+            self._held, self._reach = self._load(from_s, to_s)
         return [packet for packet in self._held if from_s < packet[0] <= to_s]
 
-    def _load(self, from_s: float, to_s: float) -> None:
-        begin, shift_s = self._index.offset_at(from_s)
+    @abstractmethod
+    def _load(self, from_s: float, to_s: float) -> tuple[list[Packet], tuple[float, float]]:
+        """Return the packets of a time, and of which longer time they are all that there are."""
+
+
+class TlogPackets(Packets):
+    """Packets of a tlog as they were recorded, of all systems or of one."""
+
+    def __init__(self, log: Tlog, system: int | None, start_s: float, end_s: float) -> None:
+        super().__init__(start_s, end_s)
+        self._log, self._system = log, system
+
+    def _load(self, from_s: float, to_s: float) -> tuple[list[Packet], tuple[float, float]]:
+        index = self._log.index
+        begin, shift_s = index.offset_at(from_s)
         check = StampCheck(shift_s)
-        self._held = []
-        memory = self._index.beginning.copy() if begin == 0 else None
-        for frames in read_frames(self._path, begin=begin, chunk_bytes=WINDOW_BYTES, memory=memory):
+        found: list[Packet] = []
+        memory = index.beginning.copy() if begin == 0 else None
+        for frames in read_frames(self._log.path, begin=begin, chunk_bytes=WINDOW_BYTES, memory=memory):
             times = check.clean(frames.time_s)
             wanted = frames.offset >= 0
             if self._system is not None:
                 wanted &= frames.system == self._system
             for row in np.flatnonzero(wanted):
                 at = int(frames.offset[row]) - frames.base
-                self._held.append((float(times[row]), frames.data[at : at + int(frames.length[row])].tobytes()))
+                found.append((float(times[row]), frames.data[at : at + int(frames.length[row])].tobytes()))
             if len(times) and times[-1] > to_s:
-                self._reach = (from_s, float(np.nextafter(times[-1], -math.inf)))
-                return
-        self._reach = (from_s, math.inf)
+                return found, (from_s, float(np.nextafter(times[-1], -math.inf)))
+        return found, (from_s, math.inf)
 
 
-class SamplePackets:
-    """Messages made from the telemetry of a log that is no MAVLink log, a window of it in memory at a time."""
+class SamplePackets(Packets):
+    """Messages made from the telemetry of a log that is no MAVLink log."""
 
-    def __init__(self, log: Log) -> None:
-        self.start_s, self.end_s = log.summary.start_s, log.summary.end_s
+    def __init__(self, log: Log, start_s: float, end_s: float) -> None:
+        super().__init__(start_s, end_s)
         self._log = log
-        self._held: list[TelemetryTrack] = []
-        self._reach = (math.inf, -math.inf)
 
-    def between(self, from_s: float, to_s: float) -> list[Packet]:
-        """Return the packets with ``from_s < time <= to_s``."""
-        if not (self._reach[0] <= from_s and to_s <= self._reach[1]):
-            self._reach = (from_s - BEFORE_S, to_s + AFTER_S)
-            self._held = list(self._log.tracks(self._reach[0], float(np.nextafter(self._reach[1], math.inf))))
-        found = []
-        for track in self._held:
-            first, last = np.searchsorted(track.time_s, (from_s, to_s), side="right")
-            samples = track.part(slice(int(first), int(last))).samples()
-            found += [(sample.time_s, encode(sample, self.start_s)) for sample in samples]
-        return sorted(found, key=itemgetter(0))
+    def _load(self, from_s: float, to_s: float) -> tuple[list[Packet], tuple[float, float]]:
+        reach, zero_s = (from_s - BEFORE_S, to_s + AFTER_S), self._log.summary.start_s
+        tracks = self._log.tracks(reach[0], float(np.nextafter(reach[1], math.inf)))
+        found = [(sample.time_s, encode(sample, zero_s)) for track in tracks for sample in track.samples()]
+        return sorted(found, key=itemgetter(0)), reach
 
 
-class Part:
-    """Part of a source, as if it were the whole.
-
-    Parameters
-    ----------
-    source : PacketSource
-    from_s, to_s : float
-        In the source's time; infinite for its own ends.
-    """
-
-    def __init__(self, source: PacketSource, from_s: float, to_s: float) -> None:
-        self._source = source
-        self.start_s, self.end_s = max(source.start_s, from_s), min(source.end_s, to_s)
-
-    def between(self, from_s: float, to_s: float) -> list[Packet]:
-        """Return the packets with ``from_s < time <= to_s``."""
-        return self._source.between(from_s, min(to_s, self.end_s))
-
-
-def packets_of(log: Log, system: int | None = None) -> PacketSource:
-    """Return what of a log can be played, of all systems or of one."""
+def packets_of(log: Log, system: int | None = None, from_s: float = -math.inf, to_s: float = math.inf) -> Packets:
+    """Return what of a log can be played: of all systems or of one, within a part of its time."""
     from skyway.link.logs.tlog.track import Tlog
 
-    return TlogPackets(log.path, log.index, system) if isinstance(log, Tlog) else SamplePackets(log)
+    ends = max(log.summary.start_s, from_s), min(log.summary.end_s, to_s)
+    return TlogPackets(log, system, *ends) if isinstance(log, Tlog) else SamplePackets(log, *ends)
 
 
 @dataclass(slots=True)
@@ -137,7 +113,7 @@ class Player:
 
     Attributes
     ----------
-    source : PacketSource
+    source : Packets
     send : callable
         Takes the bytes of each packet.
     speed : float
@@ -147,7 +123,7 @@ class Player:
     paused : bool
     """
 
-    source: PacketSource
+    source: Packets
     send: Callable[[bytes], object]
     speed: float = 1.0
     paused: bool = False

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from skyway.models.base.formatting import speed_text
 from skyway.sim_stub.autopilot.behaviours import Behaviour, Climb, Fly, Idle, Land, ReturnHome
 from skyway.sim_stub.autopilot.failsafe import Failsafes
 from skyway.sim_stub.autopilot.family import Family
 from skyway.sim_stub.autopilot.fence import Fence
-from skyway.sim_stub.autopilot.items import FENCE, MISSION, RALLY, Command, Item, Result
+from skyway.sim_stub.autopilot.items import FENCE, MISSION, RALLY, Command, Home, Item, Result
 from skyway.sim_stub.autopilot.mission_run import MissionRun
 from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.plant.physics import Demand, metres_per_degree
@@ -26,15 +25,6 @@ _LANDED_AFTER_S = 1.0
 _CRASH_MPS = 4.0
 _BRAKING_MPS2 = 1.6
 _YAW_REACHED_DEG = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Home:
-    """Where heights are counted from and the vehicle returns to; metres above mean sea level."""
-
-    lat: float
-    lon: float
-    alt_m: float
 
 
 class Autopilot(Family):
@@ -291,18 +281,13 @@ class Autopilot(Family):
         self.terminated = False
         self.commanded_mps = self.commanded_up_mps = self.commanded_down_mps = None
         self.failsafes.reset()
-        self.set_home(Home(self.lat, self.lon, self.body.alt_m))
-        if self.mode not in (Mode.MISSION, Mode.TAKEOFF):
-            self.behaviour = Idle()
-        elif self.mode == Mode.TAKEOFF:
-            self.behaviour = self.take_off_behaviour(None)
+        self.set_home(self.here)
+        if self.mode != Mode.MISSION:
+            self.behaviour = self.take_off_behaviour(None) if self.mode == Mode.TAKEOFF else Idle()
         self.event(f"armed ({by})")
         self.say(6, self.ARMED_TEXT)
         self.has_armed()
         return Result.ACCEPTED
-
-    ARM_REFUSED: ClassVar[Result] = Result.FAILED
-    DISARMED_TEXT: ClassVar[str] = "Disarming motors"
 
     def disarm(self, *, force: bool, by: str) -> Result:
         """Disarm; in the air only when forced, and then it falls."""
@@ -317,10 +302,6 @@ class Autopilot(Family):
         self.has_disarmed()
         return Result.ACCEPTED
 
-    def disarm_in_mission(self) -> None:
-        """Do what COMPONENT_ARM_DISARM(0) in a mission says."""
-        self.disarm(force=False, by="mission")
-
     def terminate(self) -> None:
         """Stop the motors for good."""
         self.terminated = True
@@ -333,9 +314,10 @@ class Autopilot(Family):
         self.home = home
         self.vehicle.radio.home_changed()
 
-    def set_home_here(self) -> None:
-        """Take the present position as home, as at the first position fix."""
-        self.home = Home(self.lat, self.lon, self.body.alt_m)
+    @property
+    def here(self) -> Home:
+        """Where it is, as a home."""
+        return Home(self.lat, self.lon, self.body.alt_m)
 
     def restarted(self) -> None:
         """Read what survives a restart: the stored items."""
@@ -368,7 +350,7 @@ class Autopilot(Family):
             case Command.DO_CHANGE_SPEED:
                 self.speed_command(item.p1, item.p2)
             case Command.DO_SET_HOME if item.p1 == 1.0:
-                self.set_home(Home(self.lat, self.lon, self.body.alt_m))
+                self.set_home(self.here)
             case Command.DO_SET_HOME if item.has_position:
                 self.set_home(Home(item.lat, item.lon, item.z))
             case Command.DO_GRIPPER:
@@ -376,9 +358,7 @@ class Autopilot(Family):
             case Command.CONDITION_YAW if math.isfinite(item.p1):
                 self.turn_to(item.p1, clockwise=item.p3 >= 0.0, relative=item.p4 == 1.0)
             case Command.COMPONENT_ARM_DISARM if item.p1 == 0.0:
-                self.disarm_in_mission()
-            case _:
-                pass
+                self.disarm(force=False, by="mission")
 
     def move_gripper(self, *, close: bool) -> bool:
         """Close the gripper, or open it and let the package go; False where none is enabled."""
@@ -394,11 +374,15 @@ class Autopilot(Family):
     def item_begun(self, index: int) -> None:
         """Report the new current item."""
         self.yaw_override_deg = None
-        self.vehicle.item_begun(index)
+        command = self.run.items[index].command
+        name = Command(command).name.lower() if command in Command.__members__.values() else str(command)
+        self.event(f"item {index} begins ({name})")
+        self.vehicle.radio.tell_mission_current()
 
     def item_done(self, index: int) -> None:
         """Report an item as reached."""
-        self.vehicle.item_reached(index)
+        self.event(f"item {index} reached")
+        self.vehicle.radio.item_reached(index)
 
     def mission_done(self) -> None:
         """Report the end of the mission."""

@@ -86,6 +86,8 @@ class Family(ABC):
     MODE_REFUSED: ClassVar[Result] = Result.TEMPORARILY_REJECTED
     ARM_PREFIX: ClassVar[str] = "Arm: "
     ARMED_TEXT: ClassVar[str] = "Arming motors"
+    ARM_REFUSED: ClassVar[Result] = Result.FAILED
+    DISARMED_TEXT: ClassVar[str] = "Disarming motors"
     DISARM_DENIED: ClassVar[str] = "Disarm: vehicle is not landed"
 
     @abstractmethod

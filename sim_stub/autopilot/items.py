@@ -166,3 +166,12 @@ NAV_COMMANDS = frozenset(
 """Commands that take time: the vehicle flies or waits until they are done."""
 PLACED_COMMANDS = NAV_COMMANDS - {Command.RETURN_TO_LAUNCH, Command.DELAY}
 """Commands whose x, y and z are a place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """Where heights are counted from and the vehicle returns to; metres above mean sea level."""
+
+    lat: float
+    lon: float
+    alt_m: float

@@ -130,7 +130,7 @@ class MissionRun:
                     pilot.execute(self.items[number])
                 self.current = index + 1
                 self.state = MissionState.ACTIVE
-                pilot.disarm_in_mission()
+                pilot.disarm(force=False, by="mission")
                 return
             passed.append(index)
             index += 1

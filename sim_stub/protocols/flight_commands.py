@@ -6,8 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from skyway.models.base.formatting import speed_text
-from skyway.sim_stub.autopilot.base import Home
-from skyway.sim_stub.autopilot.items import Command, Result
+from skyway.sim_stub.autopilot.items import Command, Home, Result
 from skyway.sim_stub.autopilot.mission_run import MissionState
 from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.protocols.orders import CommandGroup
@@ -125,7 +124,7 @@ class FlightCommands(CommandGroup):
     def _set_home(self, order: Order) -> Result:
         pilot = self._pilot
         if order.p[0] == 1.0:
-            pilot.set_home(Home(pilot.lat, pilot.lon, pilot.body.alt_m))
+            pilot.set_home(pilot.here)
             return Result.ACCEPTED
         if not order.placed or abs(order.lat) > 90.0 or abs(order.lon) > 180.0:
             return pilot.BAD_VALUE

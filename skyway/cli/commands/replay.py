@@ -247,10 +247,10 @@ def _check_system(log: Log, system: int | None) -> None:
 def _serve(
     log: Log, connect: str, control: int | None, factor: float, part: tuple[float, float], system: int | None
 ) -> None:
-    from skyway.link.replay.player import Part, Player, packets_of
+    from skyway.link.replay.player import Player, packets_of
     from skyway.link.replay.server import ControlServer, Output, play
 
-    source = Part(packets_of(log, system), *part)
+    source = packets_of(log, system, *part)
     output = Output(connect)
     player = Player(source, output.send, speed=factor)
     if factor < 0.0:

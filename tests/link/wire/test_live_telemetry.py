@@ -173,7 +173,7 @@ def test_items_reached_and_lost_packets_are_in_the_samples():
     assert craft.live.sample.link_loss == pytest.approx(0.2, abs=0.12)
     assert math.isnan(craft.live.sample.mission_reached)
     for _ in range(2):
-        scene.vehicle.item_reached(3)
+        scene.vehicle.radio.item_reached(3)
         scene.connection.run_for(1.0)
     assert craft.live.sample.mission_reached == 3.0
     assert craft.live.reached == [3]
