@@ -7,9 +7,10 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyway.missions.autopilots.registry import default_family
+from skyway.missions.files.jumps import refers_to
 from skyway.missions.files.plan_reader import MISSION_VERSION, PLAN_VERSION, UNKNOWN_KEY, loads
 from skyway.missions.items.altitude_frames import GLOBAL_FRAMES, Frame, frame_name
-from skyway.missions.items.commands import LOCATED_COMMANDS, Command
+from skyway.missions.items.commands import LOCATED_COMMANDS
 from skyway.missions.items.coordinates import from_e7
 from skyway.missions.items.mission import ABOVE_TERRAIN_MODE
 from skyway.models.base.errors import InputError
@@ -115,9 +116,8 @@ def _is_unchanged(pattern: ComplexItem, items: Sequence[MissionItem]) -> bool:
 
 
 def _item(item: MissionItem, number: int) -> dict[str, Any]:
-    target = item.jump_target
-    refers = target is not None and not (item.command == Command.DO_SET_MISSION_CURRENT and target < 0)
-    param1 = target + 1 if target is not None and refers else _or_null(item.param1)
+    target = refers_to(item)
+    param1 = _or_null(item.param1) if target is None else target + 1
     raw = {
         **item.extra,
         "type": "SimpleItem",

@@ -12,9 +12,10 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
+from skyway.missions.files.jumps import refers_to, resolved
 from skyway.missions.items import fence_items
 from skyway.missions.items.altitude_frames import GLOBAL_FRAMES, Frame, frame_of
-from skyway.missions.items.commands import INDEX_COMMANDS, LOCATED_COMMANDS, Command, command_of
+from skyway.missions.items.commands import LOCATED_COMMANDS, Command, command_of
 from skyway.missions.items.coordinates import Point, to_e7
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.json_fields import MAX_FLOAT32, MAX_PARAM
@@ -60,8 +61,15 @@ def loads(text: str, file: str = "waypoints") -> MissionDocument:
     fence_rows = [row.item for row in strays if fence_items.is_fence_item(row.item)]
     rally_rows = [row.item for row in strays if fence_items.is_rally_item(row.item)]
     mission_rows = [row for row in rows if row.item.command not in fence_items.COMMANDS] if strays else rows
+
+    def ambiguous(index: int, wanted: int) -> InputError:
+        problem = f"the jump is ambiguous: several rows have number {wanted}"
+        return InputError(Fault(problem, file, mission_rows[index].line))
+
+    numbers = [row.number for row in mission_rows]
+    items = resolved([row.item for row in mission_rows], numbers, min(numbers[0], 1) if numbers else 0, ambiguous)
     return MissionDocument(
-        Mission(_resolve_jumps(mission_rows, file), home),
+        Mission(items, home),
         fence_items.to_fence(fence_rows, file),
         fence_items.to_rally(rally_rows, file),
     )
@@ -182,40 +190,12 @@ def _split_home(rows: list[_Row], file: str) -> tuple[Home | None, list[_Row]]:
     return Home(Point(first.x, first.y), first.z if known else None), rows[1:]
 
 
-def _resolve_jumps(rows: Sequence[_Row], file: str) -> tuple[MissionItem, ...]:
-    """Turn row numbers into item numbers; a jump that leads nowhere stays out of range."""
-    items = [row.item for row in rows]
-    if not any(item.command in INDEX_COMMANDS for item in items):
-        return tuple(items)
-    numbers: dict[int, int] = {}
-    repeated: set[int] = set()
-    for number, row in enumerate(rows):
-        if row.number in numbers:
-            repeated.add(row.number)
-        numbers[row.number] = number
-    first_index = rows[0].number if rows else 0
-    for number, row in enumerate(rows):
-        wanted = row.item.jump_target
-        if wanted is None or (row.item.command == Command.DO_SET_MISSION_CURRENT and wanted < 0):
-            continue
-        if wanted in repeated:
-            problem = f"the jump is ambiguous: several rows have number {wanted}"
-            raise InputError(Fault(problem, file, row.line))
-        target = numbers.get(wanted, wanted - min(first_index, 1))
-        if wanted not in numbers and 0 <= target < len(items):
-            target += len(items)
-        items[number] = replace(row.item, param1=float(target))
-    return tuple(items)
-
-
 def dumps_mission(document: MissionDocument) -> str:
     """Return the text of the mission: home in row 0 always, as QGroundControl and Mission Planner expect it."""
     rows = [_home_row(document.mission.home)]
     for number, item in enumerate(document.mission.items, start=1):
-        target = item.jump_target
-        refers = target is not None and not (item.command == Command.DO_SET_MISSION_CURRENT and target < 0)
-        row_item = replace(item, param1=float(target + 1)) if target is not None and refers else item
-        rows.append(_row(number, row_item))
+        target = refers_to(item)
+        rows.append(_row(number, item if target is None else replace(item, param1=float(target + 1))))
     return "\n".join([HEADER, *rows]) + "\n"
 
 

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.missions.items.altitude_frames import Frame
 from skyway.missions.items.commands import Command
-from skyway.missions.items.json_fields import fault, place, sequence
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from skyway.missions.items.json_fields import JsonField
 
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
@@ -17,13 +18,12 @@ MAX_BUILT = 20_000
 """Items built for one pattern; no autopilot holds as many."""
 
 
-def corners(source: Mapping[str, Any], key: str, least: int, file: str, field: str) -> list[Place]:
+def corners(line: JsonField, least: int) -> list[Place]:
     """Take the places of a polygon or a line, `least` or more."""
-    raw = sequence(source.get(key), file, f"{field}.{key}")
-    if not least <= len(raw) <= MAX_BUILT:
-        raise fault(f"does not have {least} to {MAX_BUILT} points", file, f"{field}.{key}", len(raw))
-    points = [place(pair, file, f"{field}.{key}[{number}]") for number, pair in enumerate(raw)]
-    return [(point.lat, point.lon) for point in points]
+    points = line.elements()
+    if not least <= len(points) <= MAX_BUILT:
+        raise line.fault(f"does not have {least} to {MAX_BUILT} points", len(points))
+    return [(point.lat, point.lon) for point in (one.place() for one in points)]
 
 
 def item(command: Command, frame: Frame, params: list[Any] | None = None) -> Mapping[str, Any]:

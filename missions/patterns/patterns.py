@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from skyway.missions.items.json_fields import fault, mapping
+from skyway.missions.items.json_fields import JsonField
 from skyway.missions.patterns import landing_pattern, structure_scan
 from skyway.missions.patterns import transects as transect_patterns
 
@@ -27,52 +27,52 @@ _WITHOUT_STYLE = (2, 3)
 """Versions of surveys that never held items."""
 
 
-def expand(source: Mapping[str, Any], number_here: int, file: str, field: str) -> tuple[list[Mapping[str, Any]], bool]:
+def expand(source: JsonField, number_here: int) -> tuple[list[Mapping[str, Any]], bool]:
     """Return the simple items of a pattern, and whether they were built as QGroundControl builds them.
 
     The items are those that the file holds, if any. Landing patterns count as held: their expansion is exact.
 
     Parameters
     ----------
-    source : mapping
+    source : JsonField
         The complex item of the plan file.
     number_here : int
         Of the item it begins at, for errors.
-    file, field : str
-        Named in errors.
 
     Raises
     ------
     InputError
         A pattern or version we do not know, or one that cannot be built from what the file says.
     """
-    kind = str(source.get("complexItemType") or source.get("type"))
-    _check_version(kind, source, field, file)
+    kind = str(source["complexItemType"].value or source["type"].value)
+    _check_version(kind, source)
     if kind in landing_pattern.LANDINGS:
-        return landing_pattern.expand(kind, source, file, field), False
+        return landing_pattern.expand(kind, source), False
     if kind == "StructureScan":
-        return structure_scan.structure_scan(source, file, field), True
-    style = source.get("TransectStyleComplexItem")
-    if isinstance(style, dict):
-        _check_version("TransectStyleComplexItem", style, f"{field}.TransectStyleComplexItem", file)
-    inner = style.get("Items") if isinstance(style, dict) else source.get("Items")
+        return structure_scan.structure_scan(source), True
+    style = source["TransectStyleComplexItem"]
+    has_style = isinstance(style.value, dict)
+    if has_style:
+        _check_version("TransectStyleComplexItem", style)
+    inner = (style if has_style else source)["Items"].value
     if isinstance(inner, list) and inner:
         if len(inner) > MAX_ITEMS:
-            raise fault(f"has more than {MAX_ITEMS} items", file, field, len(inner))
-        return [mapping(item, file, field) for item in inner], False
-    never_held = kind == "survey" and source.get("version") in _WITHOUT_STYLE
-    if kind not in BUILT or source.get("version") == 1 or (inner is None and not never_held):
+            raise source.fault(f"has more than {MAX_ITEMS} items", len(inner))
+        return [JsonField(one, source.file, source.name).mapping() for one in inner], False
+    version = source["version"].value
+    never_held = kind == "survey" and version in _WITHOUT_STYLE
+    if kind not in BUILT or version == 1 or (inner is None and not never_held):
         # QGroundControl opens no plan in which the list is missing
         remedy = "open and save the plan in QGroundControl, or replace the pattern by waypoints"
         problem = f"not supported: {kind} (item {number_here}) without the items it expands to"
-        raise fault(problem, file, field, remedy=remedy)
-    return BUILT[kind](source, file, field), True
+        raise source.fault(problem, remedy=remedy)
+    return BUILT[kind](source), True
 
 
-def _check_version(kind: str, source: Mapping[str, Any], field: str, file: str) -> None:
+def _check_version(kind: str, source: JsonField) -> None:
     """Refuse a pattern of a version that QGroundControl refuses: its items may mean something else."""
     known = PATTERN_VERSIONS.get(kind)
     version = source.get("version", 0 if kind == "TransectStyleComplexItem" else None)
-    if known is not None and (isinstance(version, bool) or version not in known):
+    if known is not None and (isinstance(version.value, bool) or version.value not in known):
         remedy = f"known: {', '.join(map(str, known))}; open and save the plan in QGroundControl"
-        raise fault(f"is a version of {kind} that skyway does not know", file, f"{field}.version", version, remedy)
+        raise version.fault(f"is a version of {kind} that skyway does not know", version.value, remedy)

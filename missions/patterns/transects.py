@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from skyway.missions.items.altitude_frames import Frame
-from skyway.missions.items.json_fields import fault, flag, mapping, quantity
 from skyway.missions.patterns.geometry import line_count, offset, sweep, to_place, to_plane
 from skyway.missions.patterns.items import MAX_BUILT, corners, one_photo, trigger, waypoint
 from skyway.models.base import geodesy
@@ -21,6 +20,7 @@ from skyway.models.base import geodesy
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from skyway.missions.items.json_fields import JsonField
     from skyway.missions.patterns.items import Place
 
 HOVER_S = 4
@@ -66,7 +66,7 @@ class Transects:
     photographs_turns: bool
 
 
-def survey(source: Mapping[str, Any], file: str, field: str) -> list[Mapping[str, Any]]:
+def survey(source: JsonField) -> list[Mapping[str, Any]]:
     """Return the items of a survey of any version.
 
     Raises
@@ -74,18 +74,17 @@ def survey(source: Mapping[str, Any], file: str, field: str) -> list[Mapping[str
     InputError
         A setting is missing, impossible, or needs more than the file; or there would be too many items.
     """
-    if source.get("version") in (2, 3):
-        settings, angle, again = _settings_of_version_3(source, file, field)
+    if source["version"].value in (2, 3):
+        settings, angle, again = _settings_of_version_3(source)
     else:
-        style = mapping(source.get("TransectStyleComplexItem"), file, f"{field}.TransectStyleComplexItem")
-        settings = _settings(source, style, "survey", file, field)
-        angle = quantity(source, "angle", file, field)
-        again = flag(style, "Refly90Degrees", file, f"{field}.TransectStyleComplexItem")
-    polygon = corners(source, "polygon", 3, file, field)
+        settings = _settings(source, "survey")
+        angle = source["angle"].quantity()
+        again = source["TransectStyleComplexItem"]["Refly90Degrees"].flag()
+    polygon = corners(source["polygon"], 3)
     shape = to_plane(polygon, polygon[0])
-    _limit(line_count(shape, settings.spacing_m), file, field)
+    _limit(line_count(shape, settings.spacing_m), source)
     angle = angle - 180.0 if angle > 90.0 else angle + 180.0 if angle < -90.0 else angle
-    alternate = flag(source, "flyAlternateTransects", file, field, missing=False)
+    alternate = source.get("flyAlternateTransects", missing=False).flag()
     flown: list[list[Place]] = []
     for heading in (angle, angle + 90.0) if again else (angle,):
         swept = sweep(shape, heading, settings.spacing_m)
@@ -95,118 +94,113 @@ def survey(source: Mapping[str, Any], file: str, field: str) -> list[Mapping[str
             lines = _nearest_first(lines, flown[-1][-1])
         flown += _lawnmower(lines[::2] + lines[1::2][::-1] if alternate else lines)
     if not flown:
-        raise fault("is not a polygon: no line crosses it", file, f"{field}.polygon")
-    return _items(flown, settings, file, field)
+        raise source["polygon"].fault("is not a polygon: no line crosses it")
+    return _items(flown, settings, source)
 
 
-def corridor(source: Mapping[str, Any], file: str, field: str) -> list[Mapping[str, Any]]:
+def corridor(source: JsonField) -> list[Mapping[str, Any]]:
     """Return the items of a corridor scan; `InputError` as `survey`."""
-    style = mapping(source.get("TransectStyleComplexItem"), file, f"{field}.TransectStyleComplexItem")
-    settings = _settings(source, style, "CorridorScan", file, field)
-    width = quantity(source, "CorridorWidth", file, field, least=0.0)
-    polyline = corners(source, "polyline", 2, file, field)
+    settings = _settings(source, "CorridorScan")
+    width = source["CorridorWidth"].quantity(least=0.0)
+    polyline = corners(source["polyline"], 2)
     shape = to_plane(polyline, polyline[0])
-    _limit(width / settings.spacing_m * len(polyline), file, field)
+    _limit(width / settings.spacing_m * len(polyline), source)
     count = math.ceil(width / settings.spacing_m) if width > 0.0 else 1
     lines = []
     for number in range(count):
         beside = 0.0 if count == 1 else width / 2.0 - (number + 0.5) * settings.spacing_m
         moved = offset(shape, beside, closed=False)
         if moved is None:
-            raise fault("has a point twice in a row", file, f"{field}.polyline")
+            raise source["polyline"].fault("has a point twice in a row")
         lines.append([to_place(float(x), float(y), polyline[0]) for x, y in moved])
-    return _items(_lawnmower(_entered(lines, settings.entry, (1, 3), (2, 3))), settings, file, field)
+    return _items(_lawnmower(_entered(lines, settings.entry, (1, 3), (2, 3))), settings, source)
 
 
-def _settings(source: Mapping[str, Any], style: Mapping[str, Any], kind: str, file: str, field: str) -> Transects:
-    at = f"{field}.TransectStyleComplexItem"
-    camera = mapping(style.get("CameraCalc"), file, f"{at}.CameraCalc")
-    seen = f"{at}.CameraCalc"
-    if style.get("FollowTerrain"):
-        mode: object = 3
-    elif "DistanceMode" in camera:
-        mode = camera["DistanceMode"]
-    else:
-        mode = 1 if flag(camera, "DistanceToSurfaceRelative", file, seen) else 2
-    frame = _frame(mode, file, f"{seen}.DistanceMode")
-    if frame == Frame.GLOBAL and not str(camera.get("CameraName", MANUAL)).startswith(MANUAL):
+def _settings(source: JsonField, kind: str) -> Transects:
+    style = source["TransectStyleComplexItem"]
+    camera = style["CameraCalc"]
+    mode = camera["DistanceMode"]
+    if style["FollowTerrain"].value:
+        mode = mode.of(3)
+    elif "DistanceMode" not in camera:
+        mode = mode.of(1 if camera["DistanceToSurfaceRelative"].flag() else 2)
+    frame = _frame(mode)
+    if frame == Frame.GLOBAL and not str(camera.get("CameraName", MANUAL).value).startswith(MANUAL):
         problem = "not supported: a pattern above sea level with a camera (QGroundControl flies it above home)"
-        raise fault(problem, file, f"{seen}.DistanceMode", mode, "open the plan in QGroundControl, and save it")
+        raise mode.fault(problem, mode.value, "open the plan in QGroundControl, and save it")
     return Transects(
-        _spacing(quantity(camera, "AdjustedFootprintSide", file, seen, least=0.0), kind),
-        quantity(camera, "AdjustedFootprintFrontal", file, seen, least=0.0),
-        quantity(camera, "DistanceToSurface", file, seen),
+        _spacing(camera["AdjustedFootprintSide"].quantity(least=0.0), kind),
+        camera["AdjustedFootprintFrontal"].quantity(least=0.0),
+        camera["DistanceToSurface"].quantity(),
         frame,
-        quantity(style, "TurnAroundDistance", file, at),
-        _entry(source, "EntryPoint" if kind == "CorridorScan" else "entryLocation", file, field),
-        flag(style, "HoverAndCapture", file, at),
-        flag(style, "CameraTriggerInTurnAround", file, at),
+        style["TurnAroundDistance"].quantity(),
+        _entry(source["EntryPoint" if kind == "CorridorScan" else "entryLocation"]),
+        style["HoverAndCapture"].flag(),
+        style["CameraTriggerInTurnAround"].flag(),
     )
 
 
-def _settings_of_version_3(source: Mapping[str, Any], file: str, field: str) -> tuple[Transects, float, bool]:
+def _settings_of_version_3(source: JsonField) -> tuple[Transects, float, bool]:
     """Return the settings, the angle, and whether it is flown again at a right angle, of a survey of version 2 or 3."""
-    grid, at = mapping(source.get("grid"), file, f"{field}.grid"), f"{field}.grid"
-    if not flag(grid, "relativeAltitude", file, at):
+    grid = source["grid"]
+    if not grid["relativeAltitude"].flag():
         remedy = "open the plan in QGroundControl, set the altitude, and save it"
         problem = "not supported: a survey of version 3 above sea level (QGroundControl reads it as above home)"
-        raise fault(problem, file, f"{at}.relativeAltitude", grid.get("relativeAltitude"), remedy)
-    spacing = quantity(grid, "spacing", file, at, least=0.0)
-    distance = quantity(source, "cameraTriggerDistance", file, field, least=0.0)
-    altitude = quantity(grid, "altitude", file, at)
-    if not flag(source, "manualGrid", file, field):
-        camera = mapping(source.get("camera"), file, f"{field}.camera")
-        _agree(camera, altitude, spacing, distance, file, f"{field}.camera")
-    hovers = flag(source, "hoverAndCapture", file, field, missing=False)
+        raise grid["relativeAltitude"].fault(problem, grid["relativeAltitude"].value, remedy)
+    spacing = grid["spacing"].quantity(least=0.0)
+    distance = source["cameraTriggerDistance"].quantity(least=0.0)
+    altitude = grid["altitude"].quantity()
+    if not source["manualGrid"].flag():
+        _agree(source, altitude)
+    hovers = source.get("hoverAndCapture", missing=False).flag()
     settings = Transects(
         _spacing(spacing, "survey"),
         distance,
         altitude,
         Frame.GLOBAL_RELATIVE_ALT,
-        quantity(grid, "turnAroundDistance", file, at),
-        _entry(grid, "entryLocation", file, at) if "entryLocation" in grid else TOP_RIGHT,
+        grid["turnAroundDistance"].quantity(),
+        _entry(grid.get("entryLocation", missing=TOP_RIGHT)),
         hovers,
-        flag(source, "cameraTriggerInTurnaround", file, field, missing=True) and not hovers,
+        source.get("cameraTriggerInTurnaround", missing=True).flag() and not hovers,
     )
-    return settings, quantity(grid, "angle", file, at), flag(source, "refly90Degrees", file, field, missing=False)
+    return settings, grid["angle"].quantity(), source.get("refly90Degrees", missing=False).flag()
 
 
-def _agree(camera: Mapping[str, Any], altitude: float, spacing: float, distance: float, file: str, field: str) -> None:
+def _agree(source: JsonField, altitude: float) -> None:
     """Refuse a spacing that is not the camera's at this height: QGroundControl flies the camera's, not the file's."""
+    camera = source["camera"]
     keys = ("focalLength", "sensorWidth", "resolutionWidth", "resolutionHeight")
-    focal, sensor, wide, high = (quantity(camera, key, file, field, positive=True) for key in keys)
+    focal, sensor, wide, high = (camera[key].quantity(positive=True) for key in keys)
     pixel_m = altitude * sensor / (wide * focal)
     footprint = [wide * pixel_m, high * pixel_m]
-    if not flag(camera, "orientationLandscape", file, field):
+    if not camera["orientationLandscape"].flag():
         footprint.reverse()
     side_key = "imageSizeOverlap" if "imageSizeOverlap" in camera else "imageSideOverlap"
-    overlaps = [int(quantity(camera, key, file, field)) for key in (side_key, "imageFrontalOverlap")]
-    for told, full, overlap, what in zip(
-        (spacing, distance), footprint, overlaps, ("grid.spacing", "cameraTriggerDistance"), strict=True
+    overlaps = [int(camera[key].quantity()) for key in (side_key, "imageFrontalOverlap")]
+    for told, full, overlap in zip(
+        (source["grid"]["spacing"], source["cameraTriggerDistance"]), footprint, overlaps, strict=True
     ):
         worked_out = full * (100 - overlap) / 100.0
-        if abs(worked_out - told) > _DISAGREES * max(abs(told), abs(worked_out)):
+        if abs(worked_out - told.number()) > _DISAGREES * max(abs(told.number()), abs(worked_out)):
             remedy = f"the camera gives {worked_out:.4g} m at this height: open and save the plan in QGroundControl"
-            parent = field.rpartition(".")[0]
-            raise fault("contradicts the camera of the survey", file, f"{parent}.{what}", told, remedy)
+            raise told.fault("contradicts the camera of the survey", told.number(), remedy)
 
 
 def _spacing(value: float, kind: str) -> float:
     return value if value >= CLOSEST_TRANSECTS_M[kind] else ONE_TRANSECT_M
 
 
-def _frame(mode: object, file: str, field: str) -> Frame:
-    if isinstance(mode, (int, float)) and mode in _FRAMES:
-        return _FRAMES[int(mode)]
-    if mode == 3:
+def _frame(mode: JsonField) -> Frame:
+    if isinstance(mode.value, (int, float)) and mode.value in _FRAMES:
+        return _FRAMES[int(mode.value)]
+    if mode.value == 3:
         problem = "not supported: a pattern above terrain without the items it expands to"
-        raise fault(problem, file, field, mode, "open and save the plan in QGroundControl: it knows the terrain")
-    raise fault("is an unknown altitude mode", file, field, mode, "known: 1, 2 and 4")
+        raise mode.fault(problem, 3, "open and save the plan in QGroundControl: it knows the terrain")
+    raise mode.fault("is an unknown altitude mode", mode.value, "known: 1, 2 and 4")
 
 
-def _entry(source: Mapping[str, Any], key: str, file: str, field: str) -> int:
-    value = quantity(source, key, file, field)
-    return int(value)  # others than 1 to 3 are the corner 0 to QGroundControl
+def _entry(corner: JsonField) -> int:
+    return int(corner.quantity())  # others than 1 to 3 are the corner 0 to QGroundControl
 
 
 def _entered(
@@ -231,13 +225,13 @@ def _lawnmower(lines: Sequence[list[Place]]) -> list[list[Place]]:
     return [line[::-1] if number % 2 else line for number, line in enumerate(lines)]
 
 
-def _limit(count: float, file: str, field: str) -> None:
+def _limit(count: float, source: JsonField) -> None:
     if count > MAX_BUILT:
         remedy = "make the area smaller, or the spacing wider"
-        raise fault(f"expands to more than {MAX_BUILT} items", file, field, remedy=remedy)
+        raise source.fault(f"expands to more than {MAX_BUILT} items", remedy=remedy)
 
 
-def _items(lines: Sequence[list[Place]], settings: Transects, file: str, field: str) -> list[Mapping[str, Any]]:
+def _items(lines: Sequence[list[Place]], settings: Transects, source: JsonField) -> list[Mapping[str, Any]]:
     """Return the items along the transects: waypoints, pictures at the ends or on the way, turns."""
     takes = settings.trigger_m > 0.0
     hovers = takes and settings.hovers
@@ -255,7 +249,7 @@ def _items(lines: Sequence[list[Place]], settings: Transects, file: str, field: 
         if turns:
             fly(_beyond(line[1], line[0], settings.turnaround_m), settings.trigger_m if through and first else None)
         if hovers:
-            for spot in (line[0], *_stops(line, settings.trigger_m, file, field), *line[1:]):
+            for spot in (line[0], *_stops(line, settings.trigger_m, source), *line[1:]):
                 items += [waypoint(settings.frame, spot, settings.altitude_m, HOVER_S), one_photo()]
         else:
             fly(line[0], settings.trigger_m if takes else None)
@@ -265,7 +259,7 @@ def _items(lines: Sequence[list[Place]], settings: Transects, file: str, field: 
             fly(line[-1], 0 if ends else None)
         if turns:
             fly(_beyond(line[-2], line[-1], settings.turnaround_m), 0 if through and last else None)
-        _limit(len(items), file, field)
+        _limit(len(items), source)
     return items
 
 
@@ -274,10 +268,10 @@ def _beyond(before: Place, end: Place, length_m: float) -> Place:
     return geodesy.direct(*end, geodesy.bearing_deg(*end, *before) + 180.0, length_m)
 
 
-def _stops(line: list[Place], step_m: float, file: str, field: str) -> list[Place]:
+def _stops(line: list[Place], step_m: float, source: JsonField) -> list[Place]:
     """Return where it hovers for pictures between the ends of a survey's transect."""
     length = geodesy.distance_m(*line[0], *line[-1])
-    _limit(2.0 * length / step_m, file, field)
+    _limit(2.0 * length / step_m, source)
     if len(line) > 2 or step_m >= length:
         return []
     bearing = geodesy.bearing_deg(*line[0], *line[-1])
