@@ -172,15 +172,9 @@ class CsvLog:
 
     def tracks(self, from_s: float = -math.inf, to_s: float = math.inf) -> Iterator[TelemetryTrack]:
         """Return the telemetry piece by piece."""
-        latest = -math.inf
-        for rows in self._pieces():
-            times = self._times(rows)
-            good = np.isfinite(times)
-            kept = [row for row, fine in zip(rows, good, strict=True) if fine]
+        for kept, _, time_s, _ in self._kept():
             if not kept:
                 continue
-            time_s = np.maximum.accumulate(np.maximum(times[good], latest))
-            latest = float(time_s[-1])
             if time_s[0] >= to_s:
                 return
             whole = TelemetryTrack.of_columns(1, time_s, self._values(kept))
@@ -194,15 +188,11 @@ class CsvLog:
         first = latest = math.nan
         payloads: list[float] = []
         hangs: set[float] = set()
-        for rows in self._pieces():
-            times = self._times(rows)
-            good = np.isfinite(times)
-            kept = [row for row, fine in zip(rows, good, strict=True) if fine]
-            skipped += sum(len(",".join(row)) + 1 for row, fine in zip(rows, good, strict=True) if not fine)
+        for kept, lost, held, told in self._kept():
+            skipped += sum(len(",".join(row)) + 1 for row in lost)
             if not kept:
                 continue
-            held = np.maximum.accumulate(np.maximum(times[good], -math.inf if math.isnan(latest) else latest))
-            back += int((held != times[good]).sum())
+            back += int((held != told).sum())
             first, latest = float(held[0]) if math.isnan(first) else first, float(held[-1])
             hanging = self._values(kept).get("fixed_wing", np.empty(0))
             hangs |= set(np.unique(hanging[np.isfinite(hanging)])[:4].tolist())
@@ -228,6 +218,17 @@ class CsvLog:
             end_s=latest,
             vehicles={1: self._vehicle(hangs)},
         )
+
+    def _kept(self) -> Iterator[tuple[list[list[str]], list[list[str]], NDArray[np.float64], NDArray[np.float64]]]:
+        """Read the rows that have a time and those that have none, the times, which never decrease, and as they are told."""
+        latest = -math.inf
+        for rows in self._pieces():
+            times = self._times(rows)
+            good = np.isfinite(times)
+            kept, lost = (list(itertools.compress(rows, which)) for which in (good, ~good))
+            held = np.maximum.accumulate(np.maximum(times[good], latest))
+            latest = float(held[-1]) if len(held) else latest
+            yield kept, lost, held, times[good]
 
     def _vehicle(self, hangs: set[float]) -> Vehicle:
         """What it is: what the mapping says, else what its column ``fixed_wing`` holds."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from skyway.link.protocol.exchange import RoundTrip, Target, carry_out
 from skyway.link.wire.frames import FrameReader, FrameWriter, Rejected
-from skyway.link.wire.transport import Routed
+from skyway.link.wire.transport import UdpSocket
 from skyway.models.base.errors import StationConflictError
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ class Connection:
         The wall's, or a simulation's.
     recorder : Recorder or None
         Takes every frame.
-    system, component : int
+    system : int
         Ours.
     signing : Signing or None
         With a key, only well signed packets are believed.
@@ -158,20 +158,19 @@ class Connection:
         *,
         recorder: Recorder | None = None,
         system: int = GROUND_SYSTEM,
-        component: int = GROUND_COMPONENT,
         signing: Signing | None = None,
     ) -> None:
         if signing is not None:
             signing.advance_to(clock.posix_s())
         self.transport, self.clock, self.recorder = transport, clock, recorder
-        self.system, self.component = system, component
+        self.system, self.component = system, GROUND_COMPONENT
         self.peers: dict[int, Peer] = {}
         self.listeners: list[Callable[[Peer, Message], None]] = []
         self.conflict: StationConflictError | None = None
         self.namesake = False
         self.shared_client: SharedClient | None = None
-        self._writer = FrameWriter(system, component, signing=signing)
-        self._routed = transport if isinstance(transport, Routed) else None
+        self._writer = FrameWriter(system, GROUND_COMPONENT, signing=signing)
+        self._routed = transport if isinstance(transport, UdpSocket) else None
         self._reader = FrameReader(signing, datagrams=self._routed is not None)
         self._beat_s = -math.inf
         self._own: deque[bytes] = deque(maxlen=16)

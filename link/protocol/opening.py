@@ -5,7 +5,6 @@ from __future__ import annotations
 import binascii
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from skyway.link.protocol.connection import GROUND_SYSTEM, Connection
 from skyway.link.wire.address import parse_address
@@ -15,9 +14,6 @@ from skyway.link.wire.transport import open_transport
 from skyway.models.base.clock import WallClock
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_bytes
-
-if TYPE_CHECKING:
-    from skyway.models.base.clock import Clock
 
 KEY_VARIABLE = "SKYWAY_SIGNING_KEY"
 """Environment variable with the signing key in hexadecimal digits."""
@@ -71,7 +67,6 @@ def open_connection(
     record: Path | None,
     system: int = GROUND_SYSTEM,
     key: bytes | None = None,
-    clock: Clock | None = None,
 ) -> Connection:
     """Open a connection string.
 
@@ -85,8 +80,6 @@ def open_connection(
         Our system id, 1-255.
     key : bytes or None
         Signing key.
-    clock : Clock or None
-        None is the wall's.
 
     Raises
     ------
@@ -96,7 +89,7 @@ def open_connection(
     if not 1 <= system <= 255:
         raise InputError(Fault("out of range", field="--gcs-system", value=system, remedy="1 to 255"))
     address = parse_address(text)
-    clock = clock or WallClock()
+    clock = WallClock()
     signing = None if key is None else Signing(key)
     recorder = None if record is None else Recorder(record, clock, name=f"{address.kind}-{address.port}")
     try:

@@ -108,12 +108,9 @@ class RateKeeper:
         if now_s < self._begun_s + CHECK_S:
             return {}
         if self.live.clock.reboots != self._reboots:  # it has forgotten what it was asked for
-            self._reboots = self.live.clock.reboots
-            self._asked_hz = dict(self.wanted_hz)
-            self._rounds.clear()
-            self._checks.clear()
-            self._begin(now_s)
-            return dict(self.wanted_hz)
+            self._reboots, wanted, self.wanted_hz = self.live.clock.reboots, self.wanted_hz, {}
+            self.want(wanted, now_s)
+            return dict(wanted)
         again = self._judge(now_s - self._begun_s)
         self._begin(now_s)
         return again

@@ -6,7 +6,7 @@ import errno
 import select
 import socket
 import time
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol
 
 from skyway.models.base.address import bind, resolve
 from skyway.models.base.errors import Fault, InputError, LinkLostError
@@ -51,22 +51,6 @@ class Transport(Protocol):
 
     def close(self) -> None:
         """Close."""
-        ...
-
-
-@runtime_checkable
-class Routed(Protocol):
-    """A transport with several others at the far end."""
-
-    def learn(self, system: int, *, proven: bool = False) -> bool:
-        """Take it that the packet read last came from that vehicle, proven by its signature or only so by its word.
-
-        Returns False where that vehicle speaks from another address at this time: this is somebody else.
-        """
-        ...
-
-    def write_to(self, system: int, data: bytes) -> None:
-        """Send one frame towards that vehicle, or to all where its way is not known."""
         ...
 
 
@@ -133,7 +117,10 @@ class UdpSocket:
         return b""
 
     def learn(self, system: int, *, proven: bool = False) -> bool:
-        """Remember the way to a vehicle; who only says so takes it over when the first address has been silent."""
+        """Take it that the datagram read last came from that vehicle, proven by its signature or only so by its word.
+
+        Returns False where that vehicle speaks from another address at this time: this is somebody else.
+        """
         if self._target is not None:
             return True
         known, now = self._routes.get(system), time.monotonic()
@@ -145,7 +132,7 @@ class UdpSocket:
         return True
 
     def write_to(self, system: int, data: bytes) -> None:
-        """Send towards one vehicle."""
+        """Send towards one vehicle, or to all where its way is not known."""
         route = self._routes.get(system)
         if self._target is None and route is not None:
             self._send(data, route[0])

@@ -56,9 +56,9 @@ class MissionRun:
     condition_s: float | None = None
     hold: Fly | None = None
 
-    def reset(self, current: int = 0) -> None:
+    def reset(self) -> None:
         """Forget all progress."""
-        self.current = current
+        self.current = 0
         self.behaviour = self.hold = None
         self.pending.clear()
         self.repeats.clear()

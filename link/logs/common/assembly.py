@@ -103,13 +103,9 @@ class Assembler:
             fresh = (place >= 0) & (ticks - times[held] <= self._fresh[number])
             values[:, number] = np.where(fresh, column[held], np.nan)
             self._last_time[number], self._last_value[number] = times[-1], column[-1]
-        values = believable(values)
-        values[values[:, COLUMN["airspeed_ok"]] != 1.0, COLUMN["airspeed_mps"]] = np.nan
-        power = values[:, COLUMN["voltage_v"]] * values[:, COLUMN["current_a"]]
-        values[:, COLUMN["power_w"]] = np.where(np.isfinite(power), power, values[:, COLUMN["power_w"]])
         if len(ticks):
             self._last_tick = float(ticks[-1])
-        return TelemetryTrack(self.system, ticks, values)
+        return TelemetryTrack(self.system, ticks, _finished(values))
 
     def feed_one(self, time_s: float, columns: Mapping[str, float]) -> TelemetrySample | None:
         """Take one live message, in microseconds; returns a sample where it completes one, by the rules of `feed`."""
@@ -123,12 +119,7 @@ class Assembler:
         if time_s <= self._last_tick:
             return None
         self._last_tick = time_s
-        row = believable(np.where(time_s - self._last_time <= self._fresh, self._last_value, np.nan)).tolist()
-        if row[COLUMN["airspeed_ok"]] != 1.0:
-            row[COLUMN["airspeed_mps"]] = math.nan
-        power = row[COLUMN["voltage_v"]] * row[COLUMN["current_a"]]
-        if math.isfinite(power):
-            row[COLUMN["power_w"]] = power
+        row = _finished(np.where(time_s - self._last_time <= self._fresh, self._last_value, np.nan)).tolist()
         return TelemetrySample(time_s=time_s, system=self.system, **dict(zip(QUANTITIES, row, strict=True)))
 
     def latest(self, quantity: str) -> float:
@@ -153,3 +144,13 @@ class Assembler:
             before = ticks[np.searchsorted(ticks, extra, side="right") - 1]
             ticks = np.sort(np.concatenate([ticks, extra[extra - before > TICK_GAP_S]]))
         return np.unique(ticks[ticks > self._last_tick])
+
+
+def _finished(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values that can be, airspeed of a trusted sensor alone, and power by voltage and current where both are told."""
+    found = believable(values)
+    air, power_w = COLUMN["airspeed_mps"], COLUMN["power_w"]
+    found[..., air] = np.where(found[..., COLUMN["airspeed_ok"]] == 1.0, found[..., air], np.nan)
+    power = found[..., COLUMN["voltage_v"]] * found[..., COLUMN["current_a"]]
+    found[..., power_w] = np.where(np.isfinite(power), power, found[..., power_w])
+    return found

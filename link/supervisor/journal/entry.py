@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping  # noqa: TC003  the annotations are read at run time
 from functools import cache
 from types import NoneType, UnionType
@@ -37,7 +38,7 @@ class Part(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         for name, value in msgspec.structs.asdict(self).items():
             if name in self.SPREAD:
                 inner = value.to_json() if isinstance(value, Part) else dict(value or {})
-                data |= {self.SPREAD[name] + key: one for key, one in inner.items()}
+                data |= {self.SPREAD[name] + str(key): _plain(one) for key, one in inner.items()}
             elif name not in _defaults(type(self)) or value != _defaults(type(self))[name]:
                 data[name] = _plain(value)
         return data
@@ -71,11 +72,14 @@ class Entry(Part, frozen=True, kw_only=True):
 
 
 def _plain(value: Any) -> Any:
+    """Make a value fit for JSON: what is not finite becomes null."""
     if isinstance(value, Part):
         return value.to_json()
-    if isinstance(value, tuple):
+    if isinstance(value, dict):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
         return [_plain(one) for one in value]
-    return value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @cache

@@ -6,7 +6,6 @@ killed while it wrote; such a line is left out when reading, and cut off before 
 
 from __future__ import annotations
 
-import math
 import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -70,17 +69,6 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
 
 
 _DECODER = msgspec.json.Decoder(Record)
-
-
-def plain(value: Any) -> Any:
-    """Make a value fit for JSON: what is not finite becomes null."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    return value
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +168,7 @@ class Journal:
             event=entry.EVENT,
             flight=flight,
             reason=reason,
-            data=plain(entry.to_json()),
+            data=entry.to_json(),
         )
         try:
             self._file.write(msgspec.json.encode(record) + b"\n")
