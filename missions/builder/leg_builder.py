@@ -28,7 +28,7 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import speed_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from skyway.missions.autopilots.family import Dialect
     from skyway.missions.builder.mission_options import MissionOptions
@@ -134,20 +134,21 @@ class LegBuilder:
     def way(self, service: DroneService, home_ground_m: float) -> list[MissionItem]:
         """Speed item, overflown stations and approach, then LAND."""
         items = [self.speed(self.speed_mps(service))]
-        stations = (service.origin, *service.via, service.destination)
         heights = [height - home_ground_m for height in self.flying_heights_m(service)]
-        for ends, ends_m in zip(pairwise(stations), pairwise(heights), strict=True):
-            items += self._segment(*ends, *ends_m)
+        for segment, (from_m, to_m) in zip(self._segments(service), pairwise(heights), strict=True):
+            items += [
+                self._positioned(Command.NAV_WAYPOINT, lat, lon, from_m + fraction * (to_m - from_m))
+                for lat, lon, fraction in segment
+            ]
         land_height = self.ground_m(service.destination) - home_ground_m
         items.append(self.position(Command.NAV_LAND, service.destination, land_height))
         return items
 
-    def _segment(self, before: str, after: str, from_m: float, to_m: float) -> list[MissionItem]:
-        start, end = self.place(before), self.place(after)
-        return [
-            self._positioned(Command.NAV_WAYPOINT, lat, lon, from_m + fraction * (to_m - from_m))
-            for lat, lon, fraction in pieces(start.lat, start.lon, end.lat, end.lon)
-        ]
+    def _segments(self, service: DroneService) -> Iterator[list[tuple[float, float, float]]]:
+        """Yield the points along each segment of a leg, the end included, with the fraction of its length."""
+        places = [self.place(station) for station in (service.origin, *service.via, service.destination)]
+        for start, end in pairwise(places):
+            yield list(pieces(start.lat, start.lon, end.lat, end.lon))
 
     def departure(self, service: DroneService, home_ground_m: float) -> list[MissionItem]:
         """TAKEOFF and the end of the climb."""
@@ -220,20 +221,14 @@ class LegBuilder:
         route: list[tuple[float, float]] = []
         diverts: list[tuple[list[tuple[float, float]], tuple[float, float]]] = []
         for service in services:
-            part = self._course(service)
+            origin = self.place(service.origin)
+            points = [(lat, lon) for segment in self._segments(service) for lat, lon, _ in segment]
+            part = [(origin.lat, origin.lon), *points]
             route += part
             for station in service.diverts:
                 place = self.place(station)
                 diverts.append((part, (place.lat, place.lon)))
         return Geofence((corridor(route, diverts, width_m=self.options.corridor_width_m),))
-
-    def _course(self, service: DroneService) -> list[tuple[float, float]]:
-        origin = self.place(service.origin)
-        points = [(origin.lat, origin.lon)]
-        for before, after in pairwise((service.origin, *service.via, service.destination)):
-            a, b = self.place(before), self.place(after)
-            points += [(lat, lon) for lat, lon, _ in pieces(a.lat, a.lon, b.lat, b.lon)]
-        return points
 
     def rally(self, services: Sequence[DroneService], lowest_home_m: float) -> RallyPoints:
         """Divert stations as high as their legs fly, from the lowest home that the mission has.

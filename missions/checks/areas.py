@@ -143,22 +143,19 @@ def _lines(ends: NDArray[np.float64]) -> NDArray[np.object_]:
     return np.asarray(shapely.linestrings(ends), dtype=object) if len(ends) else np.empty(0, dtype=object)
 
 
-def _outside(lines: NDArray[np.object_], allowed: shapely.Geometry | None) -> NDArray[np.bool_]:
+def _outside(shapes: NDArray[np.object_], allowed: shapely.Geometry | None) -> NDArray[np.bool_]:
+    return np.zeros(len(shapes), dtype=bool) if allowed is None else ~_tested("covers", allowed, shapes)
+
+
+def _crossing(shapes: NDArray[np.object_], forbidden: shapely.Geometry | None) -> NDArray[np.bool_]:
+    return np.zeros(len(shapes), dtype=bool) if forbidden is None else _tested("intersects", forbidden, shapes)
+
+
+def _tested(relation: str, area: shapely.Geometry, shapes: NDArray[np.object_]) -> NDArray[np.bool_]:
     import shapely
 
-    if allowed is None or not len(lines):
-        return np.zeros(len(lines), dtype=bool)
-    shapely.prepare(allowed)
-    return ~np.asarray(shapely.covers(allowed, lines), dtype=bool)
-
-
-def _crossing(lines: NDArray[np.object_], forbidden: shapely.Geometry | None) -> NDArray[np.bool_]:
-    import shapely
-
-    if forbidden is None or not len(lines):
-        return np.zeros(len(lines), dtype=bool)
-    shapely.prepare(forbidden)
-    return np.asarray(shapely.intersects(forbidden, lines), dtype=bool)
+    shapely.prepare(area)
+    return np.asarray(getattr(shapely, relation)(area, shapes), dtype=bool)
 
 
 def _breaches(

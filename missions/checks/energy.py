@@ -121,18 +121,11 @@ class _Flown:
     margin_mps: float
     worst_item: int
 
-    def energy_j_or_typical(self, weight: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Energy per member; on days that forbid flying one waits, and then flies as on the other days."""
-        return _or_typical(self.energy_j, self.flyable, weight)
-
-    def time_s_or_typical(self, weight: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Time per member, likewise."""
-        return _or_typical(self.time_s, self.flyable, weight)
-
 
 def _or_typical(
     values: NDArray[np.float64], flyable: NDArray[np.bool_], weight: NDArray[np.float64]
 ) -> NDArray[np.float64]:
+    """Values per member; on days that forbid flying one waits, and then flies as on the other days."""
     share = np.where(flyable, weight, 0.0)
     total = float(share.sum())
     typical = float(share @ np.where(flyable, values, 0.0)) / total if total > 0.0 else 0.0
@@ -151,11 +144,11 @@ def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -
     for leg in route.legs:
         payload_kg = 0.0 if released else conditions.payload_kg
         flown = _fly(mission, leg, conditions, payload_kg, clock_s, height_m)
-        spent_j = spent_j + flown.energy_j_or_typical(weight)
+        spent_j = spent_j + _or_typical(flown.energy_j, flown.flyable, weight)
         pad = _pad_at(leg, near)
         legs.append(_leg_energy(leg, flown, conditions, soc, spent_j, pad.name if pad else None))
         released = released or leg.released
-        clock_s = clock_s + flown.time_s_or_typical(weight) + (leg.ground_hold_s or 0.0)
+        clock_s = clock_s + _or_typical(flown.time_s, flown.flyable, weight) + (leg.ground_hold_s or 0.0)
         end = legs[-1].soc_end
         height_m = leg.next_ground_m
         if leg.ground_hold_s != 0.0 and (pad is not None or not conditions.stations):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from skyway.missions.files import legacy_files, plan_reader, plan_writer, waypoints_file
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.fields import finite
 from skyway.models.base.files import read_bytes, write_atomically
 
 if TYPE_CHECKING:
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 32 * 1024 * 1024
 SAVE_AS_UTF_8 = "save it as UTF-8, or write it again from the ground station"
-FileFormat = Literal["plan", "waypoints", "fence", "rally"]
-SUFFIXES: dict[str, FileFormat] = {".plan": "plan", ".waypoints": "waypoints"}
 
 
 def read(path: Path | str) -> MissionDocument:
@@ -65,18 +64,10 @@ def loads(data: bytes, file: str = "mission") -> MissionDocument:
     words = [line.split() for line in text.splitlines()[:50] if line.strip() and not line.startswith("#")]
     if words and words[0][0] == "RALLY":
         return legacy_files.loads_rally(text, file)
-    if words and len(words[0]) == 2 and _is_number(words[0][0]):
+    if words and len(words[0]) == 2 and finite(words[0][0]) is not None:
         return legacy_files.loads_fence(text, file)
     remedy = "expected a .plan, a QGC WPL 110 file, or an ArduPilot fence or rally file"
     raise InputError(Fault("is not a known mission format", file, None, None, head[:40], remedy))
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def write(document: MissionDocument, path: Path | str, *, force: bool = False) -> tuple[Path, ...]:
@@ -90,7 +81,7 @@ def write(document: MissionDocument, path: Path | str, *, force: bool = False) -
     InputError
         Another suffix, a file that exists (without `force`), or a folder that cannot be written.
     """
-    texts = {file: make(document) for file, make in _files(document, Path(path)).items()}
+    texts = {file: make(document) for file, make in files_of(document, Path(path)).items()}
     taken = [file for file in texts if file.exists()]
     if taken and not force:
         remedy = "give another name, or --force to overwrite it"
@@ -100,16 +91,11 @@ def write(document: MissionDocument, path: Path | str, *, force: bool = False) -
     return tuple(texts)
 
 
-def files_of(document: MissionDocument, path: Path | str) -> tuple[Path, ...]:
-    """Return the files that `write` would write; an `InputError` for a suffix that is no format."""
-    return tuple(_files(document, Path(path)))
-
-
-def _files(document: MissionDocument, path: Path) -> dict[Path, Callable[[MissionDocument], str]]:
-    kind = SUFFIXES.get(path.suffix)
-    if kind == "plan":
+def files_of(document: MissionDocument, path: Path) -> dict[Path, Callable[[MissionDocument], str]]:
+    """Return the files that `write` would write, and what makes each; an `InputError` for a suffix that is no format."""
+    if path.suffix == ".plan":
         return {path: plan_writer.dumps}
-    if kind != "waypoints":
+    if path.suffix != ".waypoints":
         remedy = "name it .plan (QGroundControl) or .waypoints (Mission Planner, QGroundControl)"
         raise InputError(Fault("has a suffix that is not a mission format", str(path), remedy=remedy))
     files: dict[Path, Callable[[MissionDocument], str]] = {path: waypoints_file.dumps_mission}

@@ -21,6 +21,7 @@ from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.json_fields import MAX_FLOAT32, MAX_PARAM
 from skyway.missions.items.mission import Home, Mission, MissionItem
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.fields import finite
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 HEADER = "QGC WPL 110"
 MAX_ROWS = 100_000
 MAX_FAULTS = 20
-_WHOLE = ("index", "frame", "command", "autocontinue")
+_WHOLE = {"index": (0, 2**31 - 1), "frame": (2, 255), "command": (3, 65535), "autocontinue": (11, 255)}
+"""Whole numbers of a row: which cell, and the largest."""
 _FLOATS = ("param1", "param2", "param3", "param4", "latitude", "longitude", "altitude")
 
 
@@ -109,20 +111,21 @@ def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Ro
     try:
         index, frame, command, autocontinue = int(cells[0]), int(cells[2]), int(cells[3]), int(cells[11])
         a, b, c, d, x, y, z = map(float, cells[4:11])
+        plain = 0 <= index < 2**31 and 0 <= frame < 256 and 0 <= command < 65536 and 0 <= autocontinue < 256
+        plain = plain and abs(a) + abs(b) + abs(c) + abs(d) + abs(z) <= MAX_FLOAT32  # no NaN either
     except ValueError:
+        plain = False
+    if not plain:
         index, frame, command, autocontinue = _whole_cells(cells, line, file)
         a, b, c, d, x, y, z = _float_cells(cells, line, file)
-    if not (0 <= index < 2**31 and 0 <= frame < 256 and 0 <= command < 65536 and 0 <= autocontinue < 256):
-        _refuse_out_of_range((index, frame, command, autocontinue), line, file)
-    if not abs(a) + abs(b) + abs(c) + abs(d) + abs(z) <= MAX_FLOAT32:  # large, or NaN
-        _refuse_large((a, b, c, d, 0.0, 0.0, z), MAX_FLOAT32, line, file)
     if command in LOCATED_COMMANDS and frame in GLOBAL_FRAMES:
         if abs(x) > 90.0:
             raise InputError(Fault("latitude is not between -90 and 90", file, line, None, x))
         if abs(y) > 180.0:
             raise InputError(Fault("longitude is not between -180 and 180", file, line, None, y))
     elif abs(x) > MAX_PARAM or abs(y) > MAX_PARAM:
-        _refuse_large((0.0, 0.0, 0.0, 0.0, x, y, 0.0), MAX_PARAM, line, file)
+        field, value = ("latitude", x) if abs(x) > MAX_PARAM else ("longitude", y)
+        raise InputError(Fault("is too large for a mission", file, line, field, value))
     item = MissionItem(
         command_of(command),
         frame_of(frame),
@@ -139,28 +142,15 @@ def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Ro
     return _Row(line, index, item)
 
 
-def _refuse_out_of_range(values: Sequence[int], line: int, file: str) -> None:
-    for field, value, most in zip(_WHOLE, values, (2**31 - 1, 255, 65535, 255), strict=True):
-        if not 0 <= value <= most:
-            raise InputError(Fault(f"is not from 0 to {most}", file, line, field, value))
-
-
-def _refuse_large(values: Sequence[float], most: float, line: int, file: str) -> None:
-    for field, value in zip(_FLOATS, values, strict=True):
-        if abs(value) > most:
-            raise InputError(Fault("is too large for a mission", file, line, field, value))
-
-
 def _whole_cells(cells: Sequence[str], line: int, file: str) -> list[int]:
-    """Take index, frame, command and autocontinue where some are written as 3.0, or are no numbers."""
+    """Take index, frame, command and autocontinue where some are written as 3.0, are no numbers, or out of range."""
     values = []
-    for field, cell in zip(_WHOLE, (cells[0], cells[2], cells[3], cells[11]), strict=True):
-        try:
-            number = float(cell)
-        except ValueError:
-            number = math.nan
-        if not number.is_integer():
-            raise InputError(Fault("is not a whole number", file, line, field, cell))
+    for field, (column, most) in _WHOLE.items():
+        number = finite(cells[column])
+        if number is None or not number.is_integer():
+            raise InputError(Fault("is not a whole number", file, line, field, cells[column]))
+        if not 0 <= number <= most:
+            raise InputError(Fault(f"is not from 0 to {most}", file, line, field, int(number)))
         values.append(int(number))
     return values
 
@@ -172,6 +162,8 @@ def _float_cells(cells: Sequence[str], line: int, file: str) -> list[float]:
             values.append(float(cell))
         except ValueError:
             raise InputError(Fault("is not a number", file, line, field, cell, "write 0 or NaN for none")) from None
+        if abs(values[-1]) > MAX_FLOAT32:
+            raise InputError(Fault("is too large for a mission", file, line, field, values[-1]))
     return values
 
 

@@ -105,7 +105,7 @@ def test_in_gusts_at_17_mps_the_wind_is_found_to_half_a_metre_per_second_and_10_
 
 
 def test_with_the_drag_of_another_flight_the_estimate_does_not_lose_against_a_constant(calibrated, tmp_path):
-    """The constant is the mean of the true wind of each flight, which nobody knows before its end; the drag is as sure as its file says."""
+    """The constant is the mean of the true wind of each flight, unknown before its end; the drag is as sure as its file says."""
     autopilot, drag = calibrated
     flights = {
         "light": [(SQUARE, 1.5, 70, 31), (TRIANGLE, 2.0, 160, 32), (((2500, 600),), 2.5, 290, 33)],
