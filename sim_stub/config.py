@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
+from skyway.models.base.ranges import range_faults
 from skyway.sim_stub.autopilot import NAMES
 from skyway.sim_stub.autopilot.registry import FAMILIES
 from skyway.sim_stub.plant.airframe import Airframe
@@ -61,19 +62,15 @@ class VehicleConfig:
     parameters: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
-        faults = []
-        if not 1 <= self.system <= 255:
-            faults.append(Wrong("system id out of range", field="system", value=self.system, remedy="1 to 255"))
+        faults = range_faults("system", self.system, 1, 255, "1 to 255")
         if self.autopilot not in FAMILIES:
             known = "one of " + ", ".join(FAMILIES)
             faults.append(Wrong("unknown autopilot", field="autopilot", value=self.autopilot, remedy=known))
         elif self.firmware and self.firmware not in FAMILIES[self.autopilot].FIRMWARES:
             known = f"{self.autopilot} is simulated as {', '.join(FAMILIES[self.autopilot].FIRMWARES)}"
             faults.append(Wrong("no such version", field="firmware", value=self.firmware, remedy=known))
-        if not 0.0 <= self.soc <= 1.0:
-            faults.append(Wrong("out of range", field="soc", value=self.soc, remedy="0 to 1"))
-        if not 0.0 <= self.payload_kg <= 10.0:
-            faults.append(Wrong("out of range", field="payload_kg", value=self.payload_kg, remedy="0 to 10"))
+        faults += range_faults("soc", self.soc, 0.0, 1.0, "0 to 1")
+        faults += range_faults("payload_kg", self.payload_kg, 0.0, 10.0, "0 to 10")
         if self.signing_key is not None and len(self.signing_key) != 32:
             faults.append(Wrong("not 32 bytes", field="signing_key"))
         if faults:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from skyway.models.base.address import Address
 from skyway.models.base.errors import Fault as Wrong
 from skyway.models.base.errors import InputError
+from skyway.models.base.ranges import range_faults
 from skyway.sim_stub.autopilot import NAMES
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.pads import Pads
@@ -80,13 +81,8 @@ class FleetOptions:
     parameters: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
-        faults = []
-        if not 1 <= self.vehicles <= MAX_VEHICLES:
-            remedy = f"1 to {MAX_VEHICLES}"
-            faults.append(Wrong("out of range", field="--vehicles", value=self.vehicles, remedy=remedy))
-        if not 1 <= self.first_system <= 256 - self.vehicles:
-            remedy = "1 to 255 for all vehicles"
-            faults.append(Wrong("out of range", field="--system", value=self.first_system, remedy=remedy))
+        faults = range_faults("--vehicles", self.vehicles, 1, MAX_VEHICLES, f"1 to {MAX_VEHICLES}")
+        faults += range_faults("--system", self.first_system, 1, 256 - self.vehicles, "1 to 255 for all vehicles")
         if not self.places:
             faults.append(Wrong("no place for the vehicles", field="--at"))
         if faults:

@@ -8,7 +8,8 @@ import random
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
+from skyway.models.base.ranges import range_faults
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
@@ -34,16 +35,11 @@ class Impairment:
     reorder: float = 0.0
 
     def __post_init__(self) -> None:
-        faults = [
-            Fault("out of range", field=name, value=getattr(self, name), remedy="a probability, 0 to 1")
-            for name in ("loss", "duplicate", "reorder")
-            if not 0.0 <= getattr(self, name) <= 1.0
-        ]
-        faults += [
-            Fault("out of range", field=name, value=getattr(self, name), remedy="seconds, 0 to 60")
-            for name in ("delay_s", "jitter_s")
-            if not 0.0 <= getattr(self, name) <= 60.0
-        ]
+        faults = []
+        for name in ("loss", "duplicate", "reorder"):
+            faults += range_faults(name, getattr(self, name), 0.0, 1.0, "a probability, 0 to 1")
+        for name in ("delay_s", "jitter_s"):
+            faults += range_faults(name, getattr(self, name), 0.0, 60.0, "seconds, 0 to 60")
         if faults:
             raise InputError(faults)
 

@@ -6,7 +6,8 @@ import selectors
 import time
 from typing import TYPE_CHECKING, Protocol
 
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import InputError
+from skyway.models.base.ranges import range_faults
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -70,12 +71,11 @@ class SocketLoop:
     """
 
     def __init__(self, world: World, *, speedup: float = 1.0, pad_speedup: float | None = None) -> None:
-        if not 0.1 <= speedup <= MAX_SPEEDUP:
-            remedy = f"0.1 to {MAX_SPEEDUP:g} in the air"
-            raise InputError(Fault("out of range", field="--speedup", value=speedup, remedy=remedy))
-        if pad_speedup is not None and not 0.1 <= pad_speedup <= MAX_PAD_SPEEDUP:
-            remedy = f"0.1 to {MAX_PAD_SPEEDUP:g}"
-            raise InputError(Fault("out of range", field="--pad-speedup", value=pad_speedup, remedy=remedy))
+        faults = range_faults("--speedup", speedup, 0.1, MAX_SPEEDUP, f"0.1 to {MAX_SPEEDUP:g} in the air")
+        if pad_speedup is not None:
+            faults += range_faults("--pad-speedup", pad_speedup, 0.1, MAX_PAD_SPEEDUP, f"0.1 to {MAX_PAD_SPEEDUP:g}")
+        if faults:
+            raise InputError(faults)
         self.world = world
         self.speedup = speedup
         self.pad_speedup = speedup if pad_speedup is None else pad_speedup
