@@ -106,7 +106,7 @@ def scene(family: str, loss: float, seed: int) -> Connection:
     lockstep = Lockstep(world)
     connection = Connection(lockstep.connect(vehicle, radio(loss), seed=seed), lockstep.clock)
     connection.wait(lambda: 1 in connection.peers, 20.0)
-    for port in vehicle.ports:
+    for port in vehicle.radio.ports:
         port.streams = {k: s for k, s in port.streams.items() if s.message.name == "HEARTBEAT"}
     return connection
 

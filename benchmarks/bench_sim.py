@@ -63,7 +63,7 @@ def lockstep(*, flying: bool) -> float:
     run = Lockstep(world)
     link = run.connect(vehicle)
     for name, rate in RATES.items():
-        vehicle.ports[0].set_interval(name, 1.0 / rate, 0.0)
+        vehicle.radio.ports[0].set_interval(name, 1.0 / rate, 0.0)
     if flying:
         mission(vehicle)
         duration = 500.0
@@ -91,7 +91,7 @@ def hundred(seconds: float) -> float:
     loop, _ = serve(world, connect=(address,))
     for vehicle in world.vehicles.values():
         for name, rate in RATES.items():
-            vehicle.ports[0].set_interval(name, 1.0 / rate, 0.0)
+            vehicle.radio.ports[0].set_interval(name, 1.0 / rate, 0.0)
         mission(vehicle)
     stop = world.wall_s + seconds
     begun, simulated = time.process_time(), world.sim_s
@@ -113,7 +113,7 @@ def memory_kb() -> float:
     before = tracemalloc.get_traced_memory()[0]
     for system in range(2, 102):
         vehicle = world.add(VehicleConfig(lat=HERE.lat, lon=HERE.lon, system=system, warm=True))
-        vehicle.connect(lambda _: None)
+        vehicle.radio.connect(lambda _: None)
     after = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     return (after - before) / 100.0 / 1024.0
@@ -123,7 +123,7 @@ def garbage(packets: int) -> float:
     """Random packets a second that one vehicle throws away."""
     world = World()
     vehicle = world.add(VehicleConfig(lat=HERE.lat, lon=HERE.lon, warm=True))
-    port = vehicle.connect(lambda _: None)
+    port = vehicle.radio.connect(lambda _: None)
     generator = random.Random(1)
     junk = [generator.randbytes(generator.randint(1, 280)) for _ in range(1000)]
     begun = time.process_time()

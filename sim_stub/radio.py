@@ -81,7 +81,7 @@ class Radio:
 
     # Ports
 
-    def connect(self, send: Callable[[bytes], None], *, datagrams: bool) -> Port:
+    def connect(self, send: Callable[[bytes], None], *, datagrams: bool = True) -> Port:
         """Open a port; what the vehicle says on it goes to `send`.
 
         Raises

@@ -23,8 +23,6 @@ from skyway.sim_stub.protocols.services import LinkServices
 from skyway.sim_stub.radio import Radio
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from skyway.sim_stub.autopilot.base import Autopilot
     from skyway.sim_stub.config import VehicleConfig
     from skyway.sim_stub.wire.ports import Port
@@ -275,25 +273,6 @@ class Vehicle:
         self.radio.restart()
 
     # Talking
-
-    @property
-    def ports(self) -> list[Port]:
-        """Open connections."""
-        return self.radio.ports
-
-    def connect(self, send: Callable[[bytes], None], *, datagrams: bool = True) -> Port:
-        """Open a port; what the vehicle says on it goes to `send`.
-
-        Raises
-        ------
-        InputError
-            Too many ports.
-        """
-        return self.radio.connect(send, datagrams=datagrams)
-
-    def disconnect(self, port: Port) -> None:
-        """Close a port."""
-        self.radio.disconnect(port)
 
     def receive(self, port: Port, data: bytes) -> None:
         """Take bytes that came in on a port."""

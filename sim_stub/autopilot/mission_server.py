@@ -6,10 +6,10 @@ import math
 import struct
 import zlib
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.items import MISSION, Answer, Frame, Item
+from skyway.sim_stub.wire.ports import Partner
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -19,24 +19,6 @@ if TYPE_CHECKING:
 
 PARTS = (0, 1, 2)
 """Mission types that a vehicle stores: mission, fence, rally."""
-
-
-@dataclass(frozen=True, slots=True)
-class Partner:
-    """Who is talking: a port and a system and component on it."""
-
-    port: Port
-    system: int
-    component: int
-
-    @classmethod
-    def of(cls, port: Port, message: Any) -> Partner:
-        """Sender of a message."""
-        return cls(port, message.get_srcSystem(), message.get_srcComponent())
-
-    def tell(self, name: str, **fields: Any) -> None:
-        """Send a message to it."""
-        self.port.reply(name, target_system=self.system, target_component=self.component, **fields)
 
 
 class MissionServer(ABC):

@@ -10,6 +10,7 @@ from skyway.sim_stub.autopilot.items import Result
 from skyway.sim_stub.protocols.flight_commands import FlightCommands
 from skyway.sim_stub.protocols.orders import Order
 from skyway.sim_stub.protocols.system_commands import SystemCommands
+from skyway.sim_stub.wire.ports import Partner
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -84,7 +85,7 @@ class CommandServer:
         """Execute a command."""
         order = Order.of(port, message, self.vehicle.autopilot)
         if order is None:
-            _answer_to(port, message.get_srcSystem(), message.get_srcComponent(), message.command, Result.DENIED)
+            Partner.of(port, message).tell("COMMAND_ACK", command=message.command, result=int(Result.DENIED))
             return
         unsupported = order.number in self.vehicle.autopilot.UNSUPPORTED
         handler = None if unsupported else self.table.get(order.number)
@@ -93,7 +94,7 @@ class CommandServer:
     def _answer(self, order: Order, result: Result) -> None:
         task = self.tasks.get(order.number)
         progress = task.progress if task is not None and result == Result.IN_PROGRESS else 0
-        _answer_to(order.port, order.system, order.component, order.number, result, progress)
+        order.sender.tell("COMMAND_ACK", command=order.number, result=int(result), progress=progress)
 
     # What takes a while
 
@@ -123,8 +124,7 @@ class CommandServer:
                     self._answer(task.order, Result.IN_PROGRESS)
                     continue
                 del self.tasks[number]
-                order, result = task.order, task.finish()
-                _answer_to(order.port, order.system, order.component, number, result, 100)
+                task.order.sender.tell("COMMAND_ACK", command=number, result=int(task.finish()), progress=100)
 
     def cancel(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Cancel what takes long."""
@@ -133,14 +133,3 @@ class CommandServer:
     def forget(self) -> None:
         """Drop what is under way."""
         self.tasks.clear()
-
-
-def _answer_to(port: Port, system: int, component: int, number: int, result: Result, progress: int = 0) -> None:
-    port.reply(
-        "COMMAND_ACK",
-        command=number,
-        result=int(result),
-        progress=progress,
-        target_system=system,
-        target_component=component,
-    )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.items import Frame, Item
+from skyway.sim_stub.wire.ports import Partner
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,10 +40,8 @@ class Order:
         p7.
     relative : bool
         z counts from home.
-    port : Port
-        Where it came from and the answer goes.
-    system, component : int
-        Who sent it.
+    sender : Partner
+        Who gave it, and gets the answer.
     as_int : bool
         It came as COMMAND_INT.
     """
@@ -53,29 +52,27 @@ class Order:
     lon: float
     z: float
     relative: bool
-    port: Port
-    system: int
-    component: int
+    sender: Partner
     as_int: bool
 
     @classmethod
     def of(cls, port: Port, message: Any, family: Family) -> Order | None:
         """Read a COMMAND_LONG or COMMAND_INT as a family does; None where its frame is none for a command."""
         p = (message.param1, message.param2, message.param3, message.param4)
-        sender = message.get_srcSystem(), message.get_srcComponent()
+        sender = Partner.of(port, message)
         if message.get_type() == "COMMAND_LONG":
             place = (message.param5, message.param6, message.param7)
-            return cls(message.command, p, *place, family.LONG_HEIGHTS_RELATIVE, port, *sender, as_int=False)
+            return cls(message.command, p, *place, family.LONG_HEIGHTS_RELATIVE, sender, as_int=False)
         if message.frame not in _FRAMES:
             return None
         lat, lon = (math.nan if v == _NO_PLACE else v * 1e-7 for v in (message.x, message.y))
         relative = family.HEEDS_FRAMES and message.frame in (Frame.RELATIVE, Frame.RELATIVE_INT)
-        return cls(message.command, p, lat, lon, message.z, relative, port, *sender, as_int=True)
+        return cls(message.command, p, lat, lon, message.z, relative, sender, as_int=True)
 
     @property
     def by(self) -> str:
         """Who gave it, for the log."""
-        return f"station {self.system}"
+        return f"station {self.sender.system}"
 
     @property
     def placed(self) -> bool:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.parameters import REAL32, Parameter
 from skyway.sim_stub.wire.messages import payload_of
+from skyway.sim_stub.wire.ports import Partner
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
@@ -89,13 +90,9 @@ class ParameterServer:
     def _tell_absent(self, port: Port, message: Any) -> None:
         """PARAM_ERROR, which MAVLink has since late 2025."""
         if self.vehicle.config.version >= self.vehicle.autopilot.PARAMETER_ERRORS_SINCE:
-            port.reply(
-                "PARAM_ERROR",
-                target_system=message.get_srcSystem(),
-                target_component=message.get_srcComponent(),
-                param_id=message.param_id,
-                param_index=getattr(message, "param_index", -1),
-                error=_DOES_NOT_EXIST,
+            index = getattr(message, "param_index", -1)
+            Partner.of(port, message).tell(
+                "PARAM_ERROR", param_id=message.param_id, param_index=index, error=_DOES_NOT_EXIST
             )
 
     def set(self, port: Port, message: Any) -> None:
@@ -117,7 +114,7 @@ class ParameterServer:
         if store.set(parameter.name, value):
             self.vehicle.event(f"parameter {parameter.name} = {parameter.value:g}")
             self.vehicle.radio.choose_versions()
-        for open_port in self.vehicle.ports:
+        for open_port in self.vehicle.radio.ports:
             self._send(open_port, parameter)
 
     def _send(self, port: Port, parameter: Parameter) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.protocols.telemetry import ON_REQUEST, VERSION
+from skyway.sim_stub.wire.ports import Partner
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
@@ -58,13 +59,7 @@ class LinkServices:
     def ping(self, port: Port, message: Any) -> None:
         """Send a ping back."""
         if message.target_system == 0:
-            port.reply(
-                "PING",
-                time_usec=message.time_usec,
-                seq=message.seq,
-                target_system=message.get_srcSystem(),
-                target_component=message.get_srcComponent(),
-            )
+            Partner.of(port, message).tell("PING", time_usec=message.time_usec, seq=message.seq)
 
     def setup_signing(self, port: Port, message: Any) -> None:  # noqa: ARG002
         """Take a key for every link; a key of zeros takes signing away."""

@@ -87,16 +87,16 @@ class SystemCommands(CommandGroup):
         number, interval_us = self._known(order.p[0]), order.p[1]
         if number is None or not math.isfinite(interval_us) or interval_us < _NO_INTERVAL:
             return self._pilot.BAD_VALUE
-        self.vehicle.radio.set_interval(order.port, number, interval_us)
+        self.vehicle.radio.set_interval(order.sender.port, number, interval_us)
         return Result.ACCEPTED
 
     def _get_interval(self, order: Order) -> Result:
         number = self._known(order.p[0])
         if number is None:
             return Result.FAILED
-        stream = order.port.streams.get(number)
+        stream = order.sender.port.streams.get(number)
         interval = -1 if stream is None else round(stream.interval_s * 1e6)
-        order.port.reply("MESSAGE_INTERVAL", message_id=number, interval_us=interval)
+        order.sender.port.reply("MESSAGE_INTERVAL", message_id=number, interval_us=interval)
         return Result.ACCEPTED
 
     def _send(self, order: Order, number: float) -> Result:
@@ -106,5 +106,5 @@ class SystemCommands(CommandGroup):
         sent = ON_REQUEST[known](self.vehicle)
         if sent is None:
             return Result.FAILED
-        order.port.write(sent)
+        order.sender.port.write(sent)
         return Result.ACCEPTED

@@ -124,7 +124,7 @@ class Lane:
         self.down = Channel(impairment, random.Random(f"down/{seed}"))  # noqa: S311
         self.inbox: list[bytes] = []
         self.heard_s = vehicle.wall_s
-        self.port: Port = vehicle.connect(self._from_vehicle, datagrams=datagrams)
+        self.port: Port = vehicle.radio.connect(self._from_vehicle, datagrams=datagrams)
 
     def _from_vehicle(self, frame: bytes) -> None:
         if self.perfect:
@@ -158,4 +158,4 @@ class Lane:
 
     def close(self) -> None:
         """Cut it."""
-        self.vehicle.disconnect(self.port)
+        self.vehicle.radio.disconnect(self.port)

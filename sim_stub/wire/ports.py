@@ -88,3 +88,21 @@ class Port:
         """Find when the next stream is due, and how fast the fastest is."""
         self.shortest_s = min((stream.interval_s for stream in self.streams.values()), default=math.inf)
         self.next_due_s = min((stream.due_s for stream in self.streams.values()), default=math.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class Partner:
+    """Who is talking: a port and a system and component on it."""
+
+    port: Port
+    system: int
+    component: int
+
+    @classmethod
+    def of(cls, port: Port, message: Any) -> Partner:
+        """Sender of a message."""
+        return cls(port, message.get_srcSystem(), message.get_srcComponent())
+
+    def tell(self, name: str, **fields: Any) -> None:
+        """Send a message to it."""
+        self.port.reply(name, target_system=self.system, target_component=self.component, **fields)

@@ -22,7 +22,7 @@ class Speeded:
         )
         self.speed, self.wall_s = speed, 0.0
         self.inbox = deque()
-        self.port = self.vehicle.connect(self.inbox.append)
+        self.port = self.vehicle.radio.connect(self.inbox.append)
         self.connection = Connection(self, self)
         self.run(begun_s)
 
@@ -67,4 +67,4 @@ class Speeded:
         return data
 
     def close(self):
-        self.vehicle.disconnect(self.port)
+        self.vehicle.radio.disconnect(self.port)

@@ -128,7 +128,7 @@ class Scene:
 
     def quiet(self):
         """Stop telemetry: nothing but the mission protocol costs time."""
-        for port in self.vehicle.ports:
+        for port in self.vehicle.radio.ports:
             port.streams = {k: s for k, s in port.streams.items() if s.name == "HEARTBEAT"}
             port.next_due_s = min(s.due_s for s in port.streams.values())
 

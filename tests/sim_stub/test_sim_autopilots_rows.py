@@ -190,8 +190,8 @@ def test_row_px4_acks_carry_the_mission_id_as_opaque_id():
     stage = Stage("px4")
     s = stage.station
     frames = []
-    original = stage.vehicle.ports[0].send
-    stage.vehicle.ports[0].send = lambda data: (frames.append(data), original(data))[1]
+    original = stage.vehicle.radio.ports[0].send
+    stage.vehicle.radio.ports[0].send = lambda data: (frames.append(data), original(data))[1]
     assert s.upload(leg()) == 0
     ack = next(f for f in frames if f[7] == 47)
     opaque = int.from_bytes(ack[14:18], "little")

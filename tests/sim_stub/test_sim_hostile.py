@@ -269,7 +269,7 @@ def test_over_udp_the_newest_station_is_served_however_many_came_before():
             sockets.append(one)
         for one in sockets:
             one.close()
-        assert len(running.world.vehicles[1].ports) <= 8
+        assert len(running.world.vehicles[1].radio.ports) <= 8
 
 
 @BOTH

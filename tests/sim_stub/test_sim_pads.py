@@ -23,7 +23,7 @@ from skyway.sim_stub.world import World
 
 def pads_stage(pads=1, spots=1, load=None, soc=0.4, seed=1, **place):
     stage = Stage("px4", stations=[Place("here", "here", LAT, LON, 5.0, pads, spots, **place)], soc=soc)
-    port = stage.vehicle.ports[0]
+    port = stage.vehicle.radio.ports[0]
     port.streams.clear()  # hours on a pad, and nobody listens
     port.reschedule()
     return stage, Pads(stage.world, load, seed=seed)

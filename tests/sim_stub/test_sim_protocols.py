@@ -366,8 +366,8 @@ def test_integers_travel_as_bytes_on_px4_and_as_numbers_on_ardupilot(autopilot, 
     stage = Stage(autopilot)
     s = stage.station
     seen = {}
-    original = stage.vehicle.ports[0].send
-    stage.vehicle.ports[0].send = lambda data: (seen.__setitem__(data[7], data), original(data))[1]
+    original = stage.vehicle.radio.ports[0].send
+    stage.vehicle.radio.ports[0].send = lambda data: (seen.__setitem__(data[7], data), original(data))[1]
     kind = stage.pilot.parameters.find(name).kind
     raw = struct.pack("<i", value) if autopilot == "px4" else struct.pack("<f", value)
     (told,) = struct.unpack("<f", raw)

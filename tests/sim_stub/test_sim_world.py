@@ -158,7 +158,7 @@ def test_protocol_timers_run_at_wall_time_and_heartbeats_at_simulated_time():
     world = World()
     vehicle = world.add(VehicleConfig(lat=LAT, lon=LON, warm=True))
     frames = []
-    port = vehicle.connect(frames.append)
+    port = vehicle.radio.connect(frames.append)
     mav = dialect.MAVLink(None, 255, 190)
     vehicle.receive(port, dialect.MAVLink_mission_count_message(1, 1, 3, 0).pack(mav))
     for step in range(1, 101):  # one second of wall time, twenty of simulated time

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 from skyway.sim_stub.autopilot.ardupilot.missions import MAX_ITEMS, accept
 from skyway.sim_stub.autopilot.fence import Fence
 from skyway.sim_stub.autopilot.items import FENCE, MISSION, RALLY, Answer, Command, Frame, Item
-from skyway.sim_stub.autopilot.mission_server import PARTS, MissionServer, Partner, identity
+from skyway.sim_stub.autopilot.mission_server import PARTS, MissionServer, identity
 from skyway.sim_stub.autopilot.modes import Mode
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.wire.ports import Partner
 
 RETRY_S = 1.0
 GIVE_UP_S = 8.0

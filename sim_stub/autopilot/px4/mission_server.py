@@ -7,11 +7,12 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from skyway.sim_stub.autopilot.items import ALL, FENCE, MISSION, RALLY, Answer, Item
-from skyway.sim_stub.autopilot.mission_server import PARTS, MissionServer, Partner, identity
+from skyway.sim_stub.autopilot.mission_server import PARTS, MissionServer, identity
 from skyway.sim_stub.autopilot.px4.missions import MAX_ITEMS, accept, present
 
 if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
+    from skyway.sim_stub.wire.ports import Partner
 
 RETRY_S = 0.25
 GIVE_UP_S = 5.0
