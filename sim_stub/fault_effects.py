@@ -51,4 +51,4 @@ def locate(vehicle: Vehicle) -> None:
         off = f"is {position.fix_m:g} m off" if position.fix_m else "is true again"
         vehicle.event(f"the position estimate {off}")
     if texts is not None and was != position.glitching:
-        vehicle.say(2, texts[0] if position.glitching else texts[1])
+        vehicle.radio.say(2, texts[0] if position.glitching else texts[1])

@@ -282,10 +282,6 @@ class Vehicle:
         if self.active and self.stepped_s < self.sim_s - STEP_S:
             self.stepped_s = self.tended_s = self.sim_s
 
-    def say(self, severity: int, text: str) -> None:
-        """Send a STATUSTEXT to every ground station."""
-        self.radio.say(severity, text)
-
     def event(self, text: str) -> None:
         """Record an event in the log of the world."""
         self.world.log(self.config.system, text)

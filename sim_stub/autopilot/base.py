@@ -134,7 +134,7 @@ class Autopilot(Family):
 
     def say(self, severity: int, text: str) -> None:
         """Send a STATUSTEXT to every ground station."""
-        self.vehicle.say(severity, text)
+        self.vehicle.radio.say(severity, text)
 
     # Stepping
 

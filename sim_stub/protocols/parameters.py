@@ -101,12 +101,12 @@ class ParameterServer:
         parameter = store.find(message.param_id)
         if parameter is None:
             if self.vehicle.autopilot.STRICT_PARAMETERS:
-                self.vehicle.say(3, f"unknown param: {message.param_id}"[:50])
+                self.vehicle.radio.say(3, f"unknown param: {message.param_id}"[:50])
             self._tell_absent(port, message)
             return
         kind = message.param_type
         if self.vehicle.autopilot.STRICT_PARAMETERS and kind != parameter.kind:
-            self.vehicle.say(3, f"param types mismatch param: {parameter.name}")
+            self.vehicle.radio.say(3, f"param types mismatch param: {parameter.name}")
             return
         value = message.param_value
         if self.bytewise and kind != REAL32:

@@ -258,16 +258,17 @@ def _rc_channels(v: Vehicle) -> Any:
     return message("RC_CHANNELS", time_boot_ms=v.boot_ms, chancount=8, rssi=200 if raw == 1500 else 0, **values)
 
 
+def _filter_flags(v: Vehicle, glitch: int) -> int:
+    return (0x33F if v.autopilot.ready else 0x0A7) | (glitch if v.position.glitching else 0)
+
+
 def _ekf_status(v: Vehicle) -> Any:
-    good = v.faults.positioning and v.since_boot_s >= v.autopilot.READY_AFTER_S
-    flags = (0x33F if good else 0x0A7) | (0x8000 if v.position.glitching else 0)
+    flags = _filter_flags(v, 0x8000)
     return message("EKF_STATUS_REPORT", flags=flags, velocity_variance=0.05, compass_variance=0.02)
 
 
 def _estimator_status(v: Vehicle) -> Any:
-    good = v.faults.positioning and v.since_boot_s >= v.autopilot.READY_AFTER_S
-    flags = (0x33F if good else 0x0A7) | (0x400 if v.position.glitching else 0)
-    return message("ESTIMATOR_STATUS", time_usec=v.boot_us, flags=flags, pos_horiz_accuracy=0.4)
+    return message("ESTIMATOR_STATUS", time_usec=v.boot_us, flags=_filter_flags(v, 0x400), pos_horiz_accuracy=0.4)
 
 
 def _fence_status(v: Vehicle) -> Any:

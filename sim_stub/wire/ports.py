@@ -18,13 +18,10 @@ class Stream:
 
     Attributes
     ----------
-    name : str
-        Of the message.
     interval_s, due_s : float
         Between two, and when the next is due.
     """
 
-    name: str
     interval_s: float
     due_s: float
 
@@ -81,7 +78,7 @@ class Port:
         if interval_s is None:
             self.streams.pop(message_id(name), None)
         else:
-            self.streams[message_id(name)] = Stream(name, interval_s, now_s)
+            self.streams[message_id(name)] = Stream(interval_s, now_s)
         self.reschedule()
 
     def reschedule(self) -> None:

@@ -481,13 +481,13 @@ def test_time_version_and_ping_are_answered(autopilot):
 def test_a_long_text_comes_in_numbered_chunks():
     stage = Stage("px4")
     text = "x" * 50 + "y" * 50 + "z" * 7
-    stage.vehicle.say(4, text)
+    stage.vehicle.radio.say(4, text)
     chunks = [m for m in stage.station.run(0.2) if m.get_type() == "STATUSTEXT"]
     assert "".join(m.text for m in chunks) == text
     assert [m.chunk_seq for m in chunks] == [0, 1, 2]
     assert len({m.id for m in chunks}) == 1
     assert chunks[0].id > 0
-    stage.vehicle.say(4, "w" * 100)
+    stage.vehicle.radio.say(4, "w" * 100)
     assert [m.text for m in stage.station.run(0.2) if m.get_type() == "STATUSTEXT"][-1] == ""
 
 

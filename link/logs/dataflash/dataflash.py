@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.link.logs.common.pieces import Reports
+    from skyway.link.logs.dataflash.events import Stamped
+    from skyway.link.logs.dataflash.messages import Fields
     from skyway.models.drones.telemetry import TelemetryTrack
 
 PACKED = {
@@ -157,9 +160,7 @@ class DataFlash:
         known_s = begin.latest_s + (self._zero_s or 0.0)
         return InOrder(1, LASTING, known_s, begin.lasting).tracks(reports, from_s, to_s)
 
-    def _reports(
-        self, data: NDArray[np.uint8], found: Messages, steady: SteadyTimes
-    ) -> dict[str, tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]]:
+    def _reports(self, data: NDArray[np.uint8], found: Messages, steady: SteadyTimes) -> Reports:
         """Telemetry in the messages of a piece, with times of the log."""
         zero_s = self._zero_s or 0.0
         stamped = self._stamped(data, found, SPOKEN, steady)
@@ -200,9 +201,7 @@ class DataFlash:
         count, used, skipped = kernels.find_messages(data, final, self._length, self._packed, _SIZES, offset, kind)
         return Messages(offset[:count], kind[:count], skipped, np.bincount(kind[:count], minlength=256)), used
 
-    def _fields(
-        self, name: str, data: NDArray[np.uint8], found: Messages
-    ) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
+    def _fields(self, name: str, data: NDArray[np.uint8], found: Messages) -> tuple[NDArray[np.int64], Fields]:
         """Messages of one type in a piece: their places, and columns in the units of the log; empty where there is none."""
         for number, form in self._formats.items():
             if form.name == name and found.counts[number]:
@@ -216,7 +215,7 @@ class DataFlash:
 
     def _stamped(
         self, data: NDArray[np.uint8], found: Messages, names: Iterable[str], steady: SteadyTimes
-    ) -> dict[str, tuple[NDArray[np.int64], NDArray[np.float64], dict[str, NDArray[Any]]]]:
+    ) -> dict[str, Stamped]:
         """Places, times since the start (NaN: not to be believed) and fields of messages of some types.
 
         A message without a time of its own has that of the one before it.
@@ -303,17 +302,15 @@ class DataFlash:
         )
 
 
-def _parameters(
-    stamped: tuple[NDArray[np.int64], NDArray[np.float64], dict[str, NDArray[Any]]] | None,
-) -> Iterator[tuple[str, float]]:
+def _parameters(stamped: Stamped | None) -> Iterator[tuple[str, float]]:
     """Names and values of those messages PARM that say something of the vehicle."""
-    fields = {} if stamped is None else stamped[2]
+    fields: Fields = {} if stamped is None else stamped[2]
     if {"Name", "Value"} <= fields.keys():
         for row in np.flatnonzero(np.isin(fields["Name"], _WATCHED)).tolist():
             yield fields["Name"][row].decode("ascii"), float(fields["Value"][row])
 
 
-def _boot_s(fields: dict[str, NDArray[Any]]) -> NDArray[np.float64] | None:
+def _boot_s(fields: Fields) -> NDArray[np.float64] | None:
     """Seconds since the autopilot's start; None where the messages do not say."""
     for name, scale in (
         ("TimeUS", 1e-6),
@@ -325,7 +322,7 @@ def _boot_s(fields: dict[str, NDArray[Any]]) -> NDArray[np.float64] | None:
     return None
 
 
-def _utc_zero(fields: dict[str, NDArray[Any]], boot: NDArray[np.float64]) -> float | None:
+def _utc_zero(fields: Fields, boot: NDArray[np.float64]) -> float | None:
     """POSIX seconds of the autopilot's start, through the GPS week, where one was logged."""
     week = fields.get("GWk", fields.get("Week"))
     of_week = fields.get("GMS", fields.get("TimeMS") if "T" in fields else None)

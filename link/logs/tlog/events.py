@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from skyway.link.logs.common.vehicle_kind import Kind
     from skyway.link.logs.tlog.tlog import Frames
 
+    Times = NDArray[np.float64]
+    Column = NDArray[Any]
+    """A value of each message."""
+
 AUTOPILOT_COMPONENT, NO_AUTOPILOT = 1, 8
 TEXT_BYTES = 50
 """A status text of MAVLink 2 that is longer comes in pieces of so many."""
@@ -73,9 +77,7 @@ class TlogEvents:
         if len(self._told) < MAX_EVENTS:
             self._told.append((float(time_s), int(system), text))
 
-    def _heartbeats(
-        self, times: NDArray[np.float64], systems: NDArray[Any], components: NDArray[Any], fields: NDArray[np.void]
-    ) -> None:
+    def _heartbeats(self, times: Times, systems: Column, components: Column, fields: Column) -> None:
         mine = (components == AUTOPILOT_COMPONENT) & (fields["autopilot"] != NO_AUTOPILOT)
         mine &= ~np.isin(fields["type"], GROUND_TYPES)
         for system in np.unique(systems[mine]).tolist():
@@ -93,9 +95,7 @@ class TlogEvents:
             self._changes(system, "mode", times[rows], modes, _mode_text)
             self._changes(system, "state", times[rows], beats["system_status"].astype(np.int64), _state_text)
 
-    def _extended(
-        self, times: NDArray[np.float64], systems: NDArray[Any], components: NDArray[Any], fields: NDArray[np.void]
-    ) -> None:
+    def _extended(self, times: Times, systems: Column, components: Column, fields: Column) -> None:
         for system in np.unique(systems[components == AUTOPILOT_COMPONENT]).tolist():
             rows = np.flatnonzero((systems == system) & (components == AUTOPILOT_COMPONENT))
             landed = fields["landed_state"][rows].astype(np.int64)
@@ -127,9 +127,7 @@ class TlogEvents:
                 self._say(times[row], system, text)
         self._state[system, name] = int(values[-1])
 
-    def _statustexts(
-        self, times: NDArray[np.float64], systems: NDArray[Any], _: NDArray[Any], fields: NDArray[np.void]
-    ) -> None:
+    def _statustexts(self, times: Times, systems: Column, _: Column, fields: Column) -> None:
         for row, values in enumerate(fields[:MAX_EVENTS]):
             system, number = int(systems[row]), int(values["id"])
             text = bytes(values["text"]).split(b"\0")[0].decode("utf-8", "replace")
@@ -143,17 +141,13 @@ class TlogEvents:
             self._evidence[system].text(said)
             self._doubts[system].hear(float(times[row]), "position", doubts=doubt_in(said))
 
-    def _reached(
-        self, times: NDArray[np.float64], systems: NDArray[Any], _: NDArray[Any], fields: NDArray[np.void]
-    ) -> None:
+    def _reached(self, times: Times, systems: Column, _: Column, fields: Column) -> None:
         for row, number in enumerate(fields["seq"][:MAX_EVENTS].tolist()):
             if self._state.get((int(systems[row]), "reached")) != number:  # PX4 says it ten times
                 self._state[int(systems[row]), "reached"] = number
                 self._say(times[row], systems[row], f"mission item {number} reached")
 
-    def _parameters(
-        self, _: NDArray[np.float64], systems: NDArray[Any], __: NDArray[Any], fields: NDArray[np.void]
-    ) -> None:
+    def _parameters(self, _: Times, systems: Column, __: Column, fields: Column) -> None:
         names = fields["param_id"]
         for row in np.flatnonzero(np.isin(names, [name.encode() for name in WATCHED])).tolist():
             value = float(fields["param_value"][row])

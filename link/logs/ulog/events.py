@@ -64,6 +64,13 @@ _NAV_STATES = {
     **{number: f"external {number - 22}" for number in range(23, 31)},
 }
 """``vehicle_status.nav_state``."""
+_SWITCHES = {
+    "failsafe": ("failsafe", "failsafe over"),
+    "in_transition_mode": ("transition begun", "transition over"),
+    "landed": ("landed", "has left the ground"),
+}
+"""What it means that a field is no longer 0, or is so again."""
+_LASTING = {"nav_state": "mode", "arming_state": "armed", "landed": "landed"}
 _WATCHED = ("nav_state", "arming_state", "failsafe", "failure_detector_status", "in_transition_mode")
 
 
@@ -194,12 +201,9 @@ class ULogEvents:
             self._state[name] = float(values[row])
             if text and len(self._told) < MAX_EVENTS:
                 self._told.append((float(stamps_us[row]), text))
-        if name == "nav_state":
-            self._lasting["mode"] = self._state[name]
-        elif name == "arming_state":
-            self._lasting["armed"] = float(self._state[name] == ARMED)
-        elif name == "landed":
-            self._lasting["landed"] = self._state[name]
+        if name in _LASTING:
+            now = self._state[name]
+            self._lasting[_LASTING[name]] = float(now == ARMED) if name == "arming_state" else now
 
     def _text(self, name: str, value: float, before: float, columns: dict[str, NDArray[Any]], row: int) -> str:
         """What a change means; empty where it is only the first value, and the usual one."""
@@ -214,10 +218,7 @@ class ULogEvents:
         if name == "failure_detector_status":
             failed = [what for bit, what in enumerate(_FAILURES) if number >> bit & 1]
             return f"failure detected: {', '.join(failed)}" if failed else "failure cleared" if before > 0.0 else ""
-        begun = {"failsafe": "failsafe", "in_transition_mode": "transition begun", "landed": "landed"}[name]
-        over = {"failsafe": "failsafe over", "in_transition_mode": "transition over", "landed": "has left the ground"}[
-            name
-        ]
+        begun, over = _SWITCHES[name]
         if math.isnan(before) and name == "landed":
             return ""
         return begun if number else over if before > 0.0 else ""

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.link.logs.common.pieces import Reports
     from skyway.link.logs.ulog.format import Messages
     from skyway.models.drones.telemetry import TelemetryTrack
 
@@ -79,9 +80,7 @@ class ULogFile:
         reports = (self._reports(data, found, topics, steady) for _, data, found in pieces)
         return InOrder(self._id, LASTING, latest_us * 1e-6 + self._zero_s, lasting).tracks(reports, from_s, to_s)
 
-    def _reports(
-        self, data: NDArray[np.uint8], found: Messages, topics: Iterable[str], steady: SteadyTimes
-    ) -> dict[str, tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]]:
+    def _reports(self, data: NDArray[np.uint8], found: Messages, topics: Iterable[str], steady: SteadyTimes) -> Reports:
         """Telemetry in the topics of a piece, with times of the log."""
         reports = {}
         for topic, (stamps_us, columns) in self._stamped(data, found, topics, steady).items():

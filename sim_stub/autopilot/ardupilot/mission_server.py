@@ -39,7 +39,7 @@ class ArduPilotMissionServer(MissionServer):
             return
         if now >= self.heard_s + GIVE_UP_S:
             partner, self.partner = self.partner, None
-            self.vehicle.say(4, "Mission upload timeout")
+            self.vehicle.radio.say(4, "Mission upload timeout")
             self.acknowledge(partner, self.kind, Answer.CANCELLED)
         elif now >= self.asked_s + RETRY_S:
             self.send_request(self.partner, as_int=False)
@@ -50,7 +50,7 @@ class ArduPilotMissionServer(MissionServer):
             self.acknowledge(who, kind, Answer.UNSUPPORTED)
             return True
         if kind != MISSION and who.port.version == 1:
-            self.vehicle.say(4, "Need mavlink2 for item transfer")
+            self.vehicle.radio.say(4, "Need mavlink2 for item transfer")
             self.acknowledge(who, kind, Answer.UNSUPPORTED)
             return True
         return False
@@ -67,7 +67,7 @@ class ArduPilotMissionServer(MissionServer):
             self.acknowledge(who, kind, Answer.DENIED)
             return
         if total > MAX_ITEMS[kind]:
-            self.vehicle.say(4, f"Only {MAX_ITEMS[kind]} items are supported")
+            self.vehicle.radio.say(4, f"Only {MAX_ITEMS[kind]} items are supported")
             self.acknowledge(who, kind, Answer.NO_SPACE)
             return
         self.kind, self.fence_items = kind, []
@@ -90,7 +90,7 @@ class ArduPilotMissionServer(MissionServer):
             return
         first, last, have = message.start_index, message.end_index, len(self._items(kind))
         if not 0 <= first <= last <= have or kind == FENCE or self.partner is not None:
-            self.vehicle.say(4, "Flight plan update rejected")
+            self.vehicle.radio.say(4, "Flight plan update rejected")
             self.acknowledge(who, kind, Answer.ERROR)
             return
         self.kind = kind
@@ -149,7 +149,7 @@ class ArduPilotMissionServer(MissionServer):
             else:
                 answer = Answer.ERROR
         elif self.kind == MISSION:
-            self.vehicle.say(6, "Flight plan received")
+            self.vehicle.radio.say(6, "Flight plan received")
             pilot.missions_stored(replaced=False, current=None)
         else:
             pilot.parameters.set("RALLY_TOTAL", float(len(pilot.stores[RALLY])))

@@ -54,7 +54,7 @@ class Px4MissionServer(MissionServer):
         if self.state == _State.IDLE or self.partner is None:
             return
         if now >= self.heard_s + GIVE_UP_S:
-            self.vehicle.say(2, "Operation timeout")
+            self.vehicle.radio.say(2, "Operation timeout")
             self.state = _State.IDLE
         elif self.state == _State.RECEIVING and now >= self.asked_s + RETRY_S:
             self.as_int = not self.as_int
@@ -63,7 +63,7 @@ class Px4MissionServer(MissionServer):
     def count(self, who: Partner, kind: int, message: Any) -> None:
         """Begin an upload."""
         if self.state == _State.SENDING:
-            self.vehicle.say(2, "WPM: IGN MISSION_COUNT: Busy")
+            self.vehicle.radio.say(2, "WPM: IGN MISSION_COUNT: Busy")
             self.acknowledge(who, kind, Answer.ERROR)
             return
         if self.state == _State.RECEIVING:
@@ -97,14 +97,14 @@ class Px4MissionServer(MissionServer):
     def item(self, who: Partner, kind: int, message: Any) -> None:
         """Take the item expected; any other is ignored, the last one again is acknowledged again."""
         if self.partner is not None and who != self.partner:
-            self.vehicle.say(2, "REJ. MIS ITEM: partner id mismatch")
+            self.vehicle.radio.say(2, "REJ. MIS ITEM: partner id mismatch")
             return
         if self.state != _State.RECEIVING:
             again = self.state == _State.IDLE and self.expected == message.seq + 1 and self.partner is not None
             ids = self.vehicle.mission_ids
             answer = Answer.ACCEPTED if again else Answer.ERROR
             if not again:
-                self.vehicle.say(2, "IGN MISSION_ITEM: No transfer")
+                self.vehicle.radio.say(2, "IGN MISSION_ITEM: No transfer")
             self.acknowledge(who, kind, answer, ids[kind] if again and kind in PARTS else 0)
             return
         if kind != self.kind:
@@ -117,7 +117,7 @@ class Px4MissionServer(MissionServer):
         raw = self.read_item(message)
         taken = accept(raw, kind)
         if isinstance(taken, Answer):
-            self.vehicle.say(2, "IGN MISSION_ITEM: Invalid item")
+            self.vehicle.radio.say(2, "IGN MISSION_ITEM: Invalid item")
             self.state = _State.IDLE
             self.expected = -1
             self.acknowledge(who, kind, taken)
@@ -155,7 +155,7 @@ class Px4MissionServer(MissionServer):
         done = self.state == _State.SENDING and self.expected == self.total
         mine = self.state == _State.SENDING and who == self.partner and kind == self.kind
         if not (self.state == _State.IDLE or done or mine):
-            self.vehicle.say(6, "Mission download request ignored, already active")
+            self.vehicle.radio.say(6, "Mission download request ignored, already active")
             return
         if kind not in PARTS:
             return
@@ -170,12 +170,12 @@ class Px4MissionServer(MissionServer):
     def request(self, who: Partner, kind: int, message: Any) -> None:
         """Send the item expected, or the one before again; anything else ends the download."""
         if who != self.partner:
-            self.vehicle.say(2, "WPM: REJ. CMD: partner id mismatch")
+            self.vehicle.radio.say(2, "WPM: REJ. CMD: partner id mismatch")
             return
         if self.state == _State.IDLE:
             return
         if self.state != _State.SENDING:
-            self.vehicle.say(2, "WPM: REJ. CMD: Busy")
+            self.vehicle.radio.say(2, "WPM: REJ. CMD: Busy")
             return
         if kind != self.kind:
             return
@@ -185,7 +185,7 @@ class Px4MissionServer(MissionServer):
         if seq not in (self.expected, self.expected - 1) or seq >= len(items):
             self.state = _State.IDLE
             self.acknowledge(who, self.kind, Answer.ERROR)
-            self.vehicle.say(2, "WPM: REJ. CMD: Req. WP was unexpected")
+            self.vehicle.radio.say(2, "WPM: REJ. CMD: Req. WP was unexpected")
             return
         self.expected = max(self.expected, seq + 1)
         as_int = message.get_type() == "MISSION_REQUEST_INT"
@@ -206,7 +206,7 @@ class Px4MissionServer(MissionServer):
     def clear(self, who: Partner, kind: int, message: Any) -> None:  # noqa: ARG002
         """Clear one kind of items, or all."""
         if self.state != _State.IDLE:
-            self.vehicle.say(2, "WPM: IGN CLEAR CMD: Busy")
+            self.vehicle.radio.say(2, "WPM: IGN CLEAR CMD: Busy")
             return
         for part in (MISSION, FENCE, RALLY) if kind == ALL else (kind,):
             if part in PARTS:
@@ -217,9 +217,9 @@ class Px4MissionServer(MissionServer):
         """Make an item the current one."""
         pilot = self.vehicle.autopilot
         if self.state != _State.IDLE:
-            self.vehicle.say(2, "WPM: IGN WP CURR CMD: Busy")
+            self.vehicle.radio.say(2, "WPM: IGN WP CURR CMD: Busy")
         elif message.seq >= len(pilot.run.items):
-            self.vehicle.say(2, "WPM: WP CURR CMD: Not in list")
+            self.vehicle.radio.say(2, "WPM: WP CURR CMD: Not in list")
         else:
             pilot.run.jump(message.seq)
             self.vehicle.radio.tell_mission_current()

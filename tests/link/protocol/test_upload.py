@@ -408,7 +408,7 @@ def test_words_about_something_else_refuse_nothing():
     def spoil(number, message, frame, up):
         if up and message and message.name == "MISSION_ITEM_INT" and message["seq"] == 2 and not spoilt:
             spoilt.append(message)
-            scene.vehicle.say(4, "Geofence invalid, doesn't have consistent vertices")
+            scene.vehicle.radio.say(4, "Geofence invalid, doesn't have consistent vertices")
             return changed_frame(message, frame=9)
         return without_state(number, message, frame, up)
 

@@ -394,7 +394,7 @@ def test_reasons_are_told_however_much_was_said_before():
 def test_a_long_text_in_chunks_is_one_text(scene):
     words = "a text of more than fifty letters, which MAVLink 2 sends in several chunks, one by one, numbered"
     said = scene.craft.peer.said
-    scene.vehicle.say(6, words)
+    scene.vehicle.radio.say(6, words)
     scene.connection.run_for(1.0)
     assert scene.craft.peer.texts_since(said) == [words]
 
