@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from skyway.models.base.errors import InputError as InputError
     from skyway.models.base.errors import NoRouteError as NoRouteError
     from skyway.models.base.errors import SkywayError as SkywayError
-    from skyway.models.composition import file as _file
     from skyway.models.composition.composition import Composition as Composition
     from skyway.models.composition.composition import DroneService as DroneService
     from skyway.models.composition.composition import State as State
     from skyway.models.composition.composition import Stop as Stop
+    from skyway.models.composition.file import load as load_composition
+    from skyway.models.composition.file import save as save_composition
     from skyway.models.drones.drone import Drone as Drone
     from skyway.models.flight.rules import FlightRules as FlightRules
     from skyway.models.network.network import ConnectionRule as ConnectionRule
@@ -42,8 +43,6 @@ if TYPE_CHECKING:
     from skyway.planner.result import Comparison as Comparison
     from skyway.planner.result import PlanResult as PlanResult
     from skyway.plots.plotting import plot as plot
-
-    load_composition, save_composition = _file.load, _file.save
 
 __version__ = "0.1.0"
 
@@ -70,6 +69,8 @@ __all__, __getattr__ = exports(
         "plots.plotting": "plot",
     },
 )
+if TYPE_CHECKING:
+    __all__ += ["load_composition", "save_composition"]  # the only names that have another at home
 
 
 def __dir__() -> list[str]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from skyway.models.base.formatting import percent
 from skyway.report.svg import BROAD, Band, Chart, Course
@@ -26,14 +27,15 @@ def charts(document: FlightReport) -> list[Chart]:
         return []
     flights = [(leg.depart_s, leg.land_s if leg.land_s is not None else span[1]) for leg in document.legs]
     turns = [(d.time_s, d.reason or "") for d in document.decisions if d.where == "flight"]
-    common: dict[str, Any] = {"begin_s": span[0], "end_s": span[1], "spans": flights}
+    plain = Chart("", "", begin_s=span[0], end_s=span[1], spans=flights)
+    broad = replace(plain, turns=turns, width=BROAD)
     return [
-        _charge(document, common | {"turns": turns, "width": BROAD}),
-        _wind_speed(document, common | {"turns": turns, "width": BROAD}),
-        _height(document, common),
-        _wind_direction(document, common),
-        _ground_speed(document, common | {"turns": turns}),
-        _off_the_way(document, common),
+        _charge(document, broad),
+        _wind_speed(document, broad),
+        _height(document, plain),
+        _wind_direction(document, plain),
+        _ground_speed(document, replace(plain, turns=turns)),
+        _off_the_way(document, plain),
     ]
 
 
@@ -73,7 +75,7 @@ def _flown(document: FlightReport, name: str) -> Course:
     return Course("flown (recording)", "actual", points, _GAP_S)
 
 
-def _charge(document: FlightReport, common: dict[str, Any]) -> Chart:
+def _charge(document: FlightReport, frame: Chart) -> Chart:
     """State of charge: told by the vehicle, planned at first, expected at each take-off, and true."""
     planned: list[tuple[float, float | None]] = []
     for leg in document.planned.legs:
@@ -94,10 +96,12 @@ def _charge(document: FlightReport, common: dict[str, Any]) -> Chart:
     courses.append(Course("expected at each take-off", "expected", expected))
     reserve = document.delivery.reserve_soc
     level = None if reserve is None else (100.0 * reserve, f"reserve {percent(reserve)}")
-    return Chart("State of charge", "%", courses=courses, level=level, low=0.0, high=100.0, step=20.0, **common)
+    return replace(
+        frame, title="State of charge", unit="%", courses=courses, level=level, low=0.0, high=100.0, step=20.0
+    )
 
 
-def _height(document: FlightReport, common: dict[str, Any]) -> Chart:
+def _height(document: FlightReport, frame: Chart) -> Chart:
     plan = document.planned
     cruise, climb, sink = plan.cruise_height_m, plan.climb_rate_mps, plan.descent_rate_mps
     planned: list[tuple[float, float | None]] = []
@@ -110,7 +114,7 @@ def _height(document: FlightReport, common: dict[str, Any]) -> Chart:
                     (arrive_s, 0.0), (arrive_s, None),
                 ]  # fmt: skip
     courses = [Course("first plan", "planned", planned), _flown(document, "height_m")]
-    return Chart("Height above home", "m", courses=courses, low=0.0, **common)
+    return replace(frame, title="Height above home", unit="m", courses=courses, low=0.0)
 
 
 def _winds(
@@ -134,7 +138,7 @@ def _aloft(columns: Columns) -> Columns:
     return {name: [column[i] for i in rows] for name, column in columns.items()}
 
 
-def _wind_speed(document: FlightReport, common: dict[str, Any]) -> Chart:
+def _wind_speed(document: FlightReport, frame: Chart) -> Chart:
     track, truth = _aloft(document.series.track), document.series.truth
     estimate = _winds(track, "wind", _speed)
     sigma: list[tuple[float, float | None, float | None]] = [
@@ -150,19 +154,17 @@ def _wind_speed(document: FlightReport, common: dict[str, Any]) -> Chart:
     ]
     spread = list(zip(track["time_s"], track["forecast_p10_mps"], track["forecast_p90_mps"], strict=True))
     bands = [Band("forecast, 10 to 90 %", "planned", spread, _GAP_S), Band("two sigma", "actual", sigma, _GAP_S)]
-    return Chart("Wind at the vehicle", "m/s", courses=courses, bands=bands, low=0.0, **common)
+    return replace(frame, title="Wind at the vehicle", unit="m/s", courses=courses, bands=bands, low=0.0)
 
 
-def _wind_direction(document: FlightReport, common: dict[str, Any]) -> Chart:
+def _wind_direction(document: FlightReport, frame: Chart) -> Chart:
     """Where the wind comes from; a line is broken where it goes through north."""
     track, truth = _aloft(document.series.track), document.series.truth
     courses = [Course("estimate", "actual", _unwound(_winds(track, "wind", _direction)), _GAP_S)]
     if truth["time_s"]:
         courses.append(Course("true (simulation)", "true", _unwound(_winds(truth, "wind", _direction)), _GAP_S))
     courses.append(Course("forecast, prevailing", "planned", _unwound(_points(track, "forecast_from_deg")), _GAP_S))
-    return Chart(
-        "Wind comes from", "°", courses=courses, low=0.0, high=360.0, step=90.0, **common
-    )  # fmt: skip
+    return replace(frame, title="Wind comes from", unit="°", courses=courses, low=0.0, high=360.0, step=90.0)
 
 
 def _unwound(points: list[tuple[float, float | None]]) -> list[tuple[float, float | None]]:
@@ -176,16 +178,16 @@ def _unwound(points: list[tuple[float, float | None]]) -> list[tuple[float, floa
     return found
 
 
-def _ground_speed(document: FlightReport, common: dict[str, Any]) -> Chart:
+def _ground_speed(document: FlightReport, frame: Chart) -> Chart:
     track = _aloft(document.series.track)
     courses = [
         _flown(document, "ground_speed_mps"),
         Course("commanded", "expected", _points(track, "commanded_mps"), _GAP_S),
     ]
-    return Chart("Ground speed", "m/s", courses=courses, low=0.0, **common)
+    return replace(frame, title="Ground speed", unit="m/s", courses=courses, low=0.0)
 
 
-def _off_the_way(document: FlightReport, common: dict[str, Any]) -> Chart:
+def _off_the_way(document: FlightReport, frame: Chart) -> Chart:
     track = _aloft(document.series.track)
     courses = [Course("off the route", "actual", _points(track, "cross_track_m"), _GAP_S)]
-    return Chart("Distance from the route (cross-track)", "m", courses=courses, low=0.0, **common)
+    return replace(frame, title="Distance from the route (cross-track)", unit="m", courses=courses, low=0.0)

@@ -100,13 +100,13 @@ def series_of(records: tuple[Record, ...]) -> Series:
     )
 
 
-def _track_row(at_s: float, record: Record) -> dict[str, Any] | None:
+def _track_row(at_s: float, record: Record) -> dict[str, float | None] | None:
     """Values of a ``track`` record; None of another."""
     entry = record.entry(entries.Tracked)
     if entry is None:
         return None
     place = of.place(entry.lat, entry.lon) or (None, None)
-    row: dict[str, Any] = {"time_s": at_s, "flight": record.flight, "air": entry.landed is False}
+    row: dict[str, float | None] = {"time_s": at_s, "flight": record.flight, "air": entry.landed is False}
     row |= {name: getattr(entry, name) for name in _PLAIN} | dict(zip(("lat", "lon"), place, strict=True))
     row |= {name: getattr(entry.expected, name) for name in _EXPECTED}
     unmeasured = entry.measured_words() is None  # the filter tells its forecast where nothing was measured
