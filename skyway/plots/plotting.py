@@ -26,7 +26,7 @@ def plot(what: PlanResult | Scenario, path: str | PathLike[str] | None = None) -
     what : PlanResult or Scenario
         What to draw.
     path : path or None
-        A ``.png`` or ``.svg`` to write as well; a file that is there is overwritten.
+        A ``.png``, ``.svg`` or ``.pdf`` to write as well; a file that is there is overwritten.
 
     Returns
     -------

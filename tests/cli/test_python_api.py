@@ -174,7 +174,7 @@ def test_results_and_networks_are_pictures(tmp_path, answer):
     assert isinstance(skyway.plot(answer.problem.scenario, str(tmp_path / "network.svg")), Figure)
     assert (tmp_path / "network.svg").read_text().startswith("<?xml")
     with pytest.raises(skyway.InputError, match="is not a picture format"):
-        skyway.plot(answer, "plan.pdf")
+        skyway.plot(answer, "plan.bmp")
     with pytest.raises(skyway.InputError, match="cannot be drawn"):
         skyway.plot("plan.json")
 
