@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 HEARTBEAT_S = 1.0
-SILENT_S = 5.0
-"""A vehicle silent for so long is out of reach."""
 GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
 _GROUND_STATION, _INVALID_AUTOPILOT = 6, 8
 _NO_VEHICLES = frozenset((_GROUND_STATION, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44))

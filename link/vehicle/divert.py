@@ -1,6 +1,6 @@
 """Diverting: leave the mission and land elsewhere, by reposition (PX4) or GUIDED (ArduPilot).
 
-The supervisor of a flight steps a `Diversion` with the samples that it gets anyway; `divert` does the whole of it.
+A `Diversion` is begun, and stepped with the samples that whoever watches the flight gets anyway.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ _ORDERS = 4
 _SLOWEST_MPS, _LANDING_S = 3.0, 240.0
 _SETTLE_S = 15.0
 """Heartbeats come once a second, and some are lost: so long after an order the mode may still be the old one."""
-_DRAIN_S = 0.05
 _OWN_MODES = {"flying": ("guided", "hold"), "landing": ("land",)}
 
 
@@ -189,21 +188,3 @@ class Diversion:
         if math.isnan(sample.lat_deg) or math.isnan(sample.lon_deg):
             return math.nan
         return float(distance_m(sample.lat_deg, sample.lon_deg, self.refuge.lat_deg, self.refuge.lon_deg))
-
-
-def divert(vehicle: Vehicle, refuge: Refuge) -> Diversion:
-    """Fly to a refuge and land there; returns when it has landed, or when nothing more can be commanded.
-
-    Raises
-    ------
-    LinkError
-        An order was refused or not answered, or nothing is heard of the vehicle.
-    """
-    for _ in vehicle.samples(_DRAIN_S):
-        pass  # what it told while nobody asked is not of now
-    diversion = Diversion(vehicle, refuge)
-    diversion.begin()
-    for sample in vehicle.samples():
-        if diversion.hear(sample).over:
-            return diversion
-    raise VehicleTimeoutError(f"telemetry while it was {diversion.state} on its way to a refuge", 10.0)

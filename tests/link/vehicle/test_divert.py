@@ -6,7 +6,7 @@ import pytest
 from wires import FAMILIES, LAT, LON, Scene, a_mission, bad_radio
 
 from skyway.link.protocol.verified import UploadState
-from skyway.link.vehicle.divert import DivertState, Refuge, divert
+from skyway.link.vehicle.divert import Diversion, DivertState, Refuge
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.frames import FrameWriter
 from skyway.missions.items.mission import Mission
@@ -29,6 +29,17 @@ def in_flight(family, **how):
 
 def lose_item_four(_number, message, frame, up):
     return b"" if up and message and message.name == "MISSION_ITEM_INT" and message["seq"] == 4 else frame
+
+
+def divert(craft, refuge):
+    """Fly to a refuge and land there."""
+    list(craft.samples(0.05))  # what it told while nobody asked is not of now
+    diversion = Diversion(craft, refuge)
+    diversion.begin()
+    for sample in craft.samples():
+        if diversion.hear(sample).over:
+            return diversion
+    raise AssertionError("nothing is heard of the vehicle")
 
 
 def change_or_divert(craft, mission, current, refuge=None):
