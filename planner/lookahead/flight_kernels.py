@@ -81,11 +81,6 @@ class Ways(NamedTuple):
         See the column names of this module; with no slots, nothing is kept.
     lower_s : ndarray, shape (slots, segments)
         The mean time is not below this, whenever in the slot a flight leaves; 0 where it is not worked out yet.
-    calm : ndarray of bool, shape (slots,)
-        Whether some member can fly at once over every segment, whenever in the slot it leaves; then the mean time is
-        not above that at `slowest_mps`, if that is at most two slots.
-    slowest_mps : float
-        Least ground speed in wind that may be flown in.
     fresh : ndarray, shape (5,)
         Working space: a row that is not kept.
     rows : ndarray, shape (rows, members)
@@ -98,8 +93,6 @@ class Ways(NamedTuple):
     probability: NDArray[np.float64]
     table: NDArray[np.float64]
     lower_s: NDArray[np.float64]
-    calm: NDArray[np.bool_]
-    slowest_mps: float
     fresh: NDArray[np.float64]
     rows: NDArray[np.float64]
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
 from skyway.planner.lookahead.flight_kernels import P_HOLD, WORKING_ROWS, Need, Ways, flight_lookahead
 from skyway.planner.lookahead.lookahead_kernels import (
     FLIGHTS,
@@ -100,21 +99,9 @@ class Lookahead:
             probability=self.problem.probability,
             table=np.zeros((keep, count, P_HOLD + 1)),
             lower_s=np.zeros((keep, count)),
-            calm=self._calm,
-            slowest_mps=air.airspeed_mps - air.wind_limit_mps,
             fresh=np.empty(P_HOLD + 1),
             rows=np.empty((WORKING_ROWS, members)),
         )
-
-    @cached_property
-    def _calm(self) -> NDArray[np.bool_]:
-        """Slots in which, and in the two after which, the wind of some member is below the limit at every site."""
-        air = self.problem.air
-        if air.airspeed_mps - air.wind_limit_mps < MIN_GROUND_SPEED_MPS:
-            return np.zeros(air.north.shape[1], dtype=np.bool_)
-        good = np.hypot(air.north, air.east).max(axis=2) <= air.wind_limit_mps * (1.0 - 1e-9)
-        good = np.pad(good, ((0, 0), (0, 2)), mode="edge")
-        return np.asarray((good[:, :-2] & good[:, 1:-1] & good[:, 2:]).any(axis=0))
 
     @cached_property
     def _wind(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -271,37 +271,28 @@ def held(world: World, stand: Stand, segment: int) -> Flight:
 def _bounds_beyond(world: World, node: int, came_from: int, time_s: float) -> float:
     """Bound what `beyond` adds up for each segment that leaves a station, from what is tabled; returns the least.
 
-    For station m: (lower bound of the flight) + factor * (least lower bound of m's straight flight in the slots in
-    which the flight may end) + (wait at m for the earliest end, where known). Written to `world.bound`, infinite where
-    m does not count.
+    For station m: (mean flight, or that at the greatest ground speed) + factor * (lower bound of m's straight flight) + (wait
+    at m for the earliest end, where known). Written to `world.bound`, infinite where m does not count.
     """
     graph, need, factor = world.graph, world.need, world.policy.factor
     table, air, direct = world.ways.table, world.ways.air, world.direct
-    fixed, slot = air.climb_s + air.descent_s, slot_of(air, time_s)
-    end, calm = slot_end(air, slot), world.ways.calm[slot]
+    slot = slot_of(air, time_s)
+    left = slot_end(air, slot) - time_s
     begin, least, bound = graph.first[node], NEVER, world.bound
     for row in range(graph.first[node + 1] - begin):
         segment, other = begin + row, graph.head[begin + row]
         bound[row] = NEVER
         if other == came_from or not (other == need.destination or graph.stops[other]):
             continue
-        # Between which times the mean flight lies: the tabled one, or those at greatest and least ground speed.
-        lower, upper = least_time(air, segment), fixed + air.distance_m[segment] / world.ways.slowest_mps
-        if slot < len(table) and 0.0 < table[slot, segment, LONGEST] <= end - time_s:
-            lower = upper = table[slot, segment, MEAN]
-        elif not calm or upper > 2.0 * air.slot_s:
-            upper = NEVER
-        bound[row] = lower
+        known = slot < len(table) and 0.0 < table[slot, segment, LONGEST] <= left
+        flight = table[slot, segment, MEAN] if known else least_time(air, segment)
+        bound[row] = flight
         if other != need.destination:
-            # The straight flight on, in whatever slot it begins.
-            rest = least_time(direct.air, other)
-            if upper < NEVER:
-                rest = NEVER
-                for there in range(slot_of(air, time_s + lower), slot_of(air, time_s + upper) + 1):
-                    rest = min(rest, lower_time(direct, there, other))
+            there = time_s + flight
+            rest = lower_time(direct, slot_of(air, there), other) if known else least_time(direct.air, other)
             bound[row] += factor * rest
             if graph.wait_known[other]:  # who arrives later is not served earlier
-                bound[row] += wait_at(world, other, time_s + lower)
+                bound[row] += wait_at(world, other, there)
         least = min(least, bound[row])
     return least
 
