@@ -35,12 +35,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.models.composition.composition import Composition
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.objective import Objective
     from skyway.planner.problem.request import Request
     from skyway.planner.robust.robust import RobustAnswer
+    from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
 
 
@@ -266,18 +268,9 @@ def _solve(
             raise runs_empty(same, itinerary, emptied, "; the planner robust waits on the ground")
         summary = outcome(same, runs.schedule, runs.weight, (runs.member, runs.queue))
         notes = _doubts(problem, typical.schedule, summary)
-        composition = compose(
-            same,
-            itinerary,
-            typical.schedule,
-            typical.member,
-            summary,
-            planner=planner,
-            planning_time_s=spent,
-            notes=notes,
-        )
-        audit(composition, same, itinerary, realization_of(same, itinerary, typical))
-        return PlanResult(composition, itinerary, same, summary, spent, search.labels_expanded, {})
+        realization = realization_of(same, itinerary, typical)
+        composition = _audited(same, itinerary, typical.schedule, summary, realization, planner, spent, notes)
+        return PlanResult(composition, itinerary, same, summary, spent, search.labels_expanded)
     queues = problem.queue_paths(range(len(problem.network)), 0)
     if planner == "exact":
         clairvoyant: ExactSearch | ExhaustiveSearch = ExactSearch(problem, queues, cut_off_s=time_limit_s)
@@ -286,17 +279,34 @@ def _solve(
     started = time.perf_counter()
     itinerary = clairvoyant.solve()
     spent = time.perf_counter() - started
-    complete = clairvoyant.complete
     schedule = fly_true(problem, itinerary, queues)
     if not np.isfinite(schedule[0, -1, TOUCH_DOWN]):
         raise AuditError(planner, None, "arrival, POSIX s", clairvoyant.best_s, "the wind never allows the take-off")
     summary = outcome(problem, schedule, np.ones(1))
-    notes = () if complete else (_cut_off(clairvoyant, time_limit_s),)
-    composition = compose(
-        problem, itinerary, schedule[0], 0, summary, planner=planner, planning_time_s=spent, notes=notes
+    notes = () if clairvoyant.complete else (_cut_off(clairvoyant, time_limit_s),)
+    realization = Realization(0, queues, clairvoyant.best_s)
+    composition = _audited(problem, itinerary, schedule[0], summary, realization, planner, spent, notes)
+    return PlanResult(
+        composition, itinerary, problem, summary, spent, clairvoyant.labels_expanded, complete=clairvoyant.complete
     )
-    audit(composition, problem, itinerary, Realization(0, queues, clairvoyant.best_s))
-    return PlanResult(composition, itinerary, problem, summary, spent, clairvoyant.labels_expanded, {}, complete)
+
+
+def _audited(
+    problem: Problem,
+    itinerary: Itinerary,
+    schedule: NDArray[np.float64],
+    summary: Outcome,
+    realization: Realization,
+    planner: str,
+    spent_s: float,
+    notes: tuple[str, ...],
+) -> Composition:
+    """Return the composition of a schedule, flown once more."""
+    composition = compose(
+        problem, itinerary, schedule, realization.member, summary, planner=planner, planning_time_s=spent_s, notes=notes
+    )
+    audit(composition, problem, itinerary, realization)
+    return composition
 
 
 def _cut_off(search: ExactSearch | ExhaustiveSearch, time_limit_s: float) -> str:
@@ -346,17 +356,9 @@ def _plan_robust(
 def _told(answer: RobustAnswer, spent_s: float, labels_expanded: int, rejected: dict[str, str]) -> PlanResult:
     """Tell a robust answer as a composition: its typical schedule."""
     problem, itinerary, summary = answer.policy.problem, answer.policy.itinerary, answer.outcome
-    composition = compose(
-        problem,
-        itinerary,
-        answer.typical.schedule,
-        answer.typical.member,
-        summary,
-        planner=ROBUST,
-        planning_time_s=spent_s,
-        notes=_doubts(problem, answer.typical.schedule, summary, simulated=len(answer.out_of_sample.weight)),
-    )
-    audit(composition, problem, itinerary, realization_of(problem, itinerary, answer.typical))
+    notes = _doubts(problem, answer.typical.schedule, summary, simulated=len(answer.out_of_sample.weight))
+    realization = realization_of(problem, itinerary, answer.typical)
+    composition = _audited(problem, itinerary, answer.typical.schedule, summary, realization, ROBUST, spent_s, notes)
     objective = problem.request.objective
     if objective.deadline is not None:
         on_time = summary.on_time(objective.deadline.timestamp())

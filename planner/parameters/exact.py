@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.parameters import Parameters, parameter
 
 _SPEED = "chosen for speed (commit 100d26f, whose figures were not kept); the answer does not depend on it"
@@ -48,11 +49,6 @@ class ExactParameters(Parameters):
         """Refuse what is out of range, and deadlines that end before the last arrival."""
         super().__post_init__()
         for name in ("deadlines", "refinements"):
-            _ends_open(name, getattr(self, name))
-
-
-def _ends_open(name: str, shares: tuple[float, ...]) -> None:
-    from skyway.models.base.errors import Fault, InputError
-
-    if not math.isinf(shares[-1]):
-        raise InputError(Fault("must end with inf", field=name, value=shares, remedy="0.08,0.25,0.7,inf"))
+            shares = getattr(self, name)
+            if not math.isinf(shares[-1]):
+                raise InputError(Fault("must end with inf", field=name, value=shares, remedy="0.08,0.25,0.7,inf"))

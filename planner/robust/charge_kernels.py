@@ -18,7 +18,7 @@ import numpy as np
 
 from skyway.models.flight.kernels import NEVER, next_opening, slot_end, slot_of
 from skyway.models.jit.compiled import compiled, compiled_lean
-from skyway.planner.robust.free_capacity_kernels import FreeCapacity, is_room, next_look
+from skyway.planner.robust.free_capacity_kernels import FreeCapacity, is_room, next_look, others_at
 from skyway.planner.robust.required_soc_kernels import energy_about, next_change
 from skyway.planner.schedule.profile_kernels import interpolate
 from skyway.planner.schedule.schedule_kernels import (
@@ -100,7 +100,7 @@ def _leave(
     curve : (curve_s, curve_soc)
         F, shape (points,) each.
     room : (FreeCapacity, leg, Queues, Present, entry)
-        Who is at the next station, see `planner.robust.free_capacity_kernels.is_room`.
+        Who is at the next station, see `planner.robust.free_capacity_kernels.next_look`.
     """
     curve_s, curve_soc = curve
     # F^-1 of the charge on landing; `at` is the time considered.
@@ -129,7 +129,11 @@ def _leave(
             looks, leg, queues, there, entry = room
             if opening > at + 1e-6:
                 at = opening
-            elif looks.most < 1.0 and not stop.at_once and not is_room(looks, leg, queues, there, entry, at, flight):
+            elif (
+                looks.most < 1.0
+                and not stop.at_once
+                and not is_room(looks, leg, others_at(queues, there, entry, at), flight)
+            ):
                 looked = next_look(looks, leg, queues, there, entry, at, flight, next_change(truth, at))
                 for_room += looked - at
                 at = looked

@@ -118,7 +118,7 @@ def chances(
 
 
 @compiled_lean
-def _others(queues: Queues, there: Present, entry: int, time_s: float) -> int:
+def others_at(queues: Queues, there: Present, entry: int, time_s: float) -> int:
     """Others at the station of an entry at a time: at the start, plus arrived, minus left by then."""
     low, high = queues.offset[entry], queues.offset[entry + 1]
     # The first arrival of a packed path is -inf, which is no drone.
@@ -128,8 +128,11 @@ def _others(queues: Queues, there: Present, entry: int, time_s: float) -> int:
 
 
 @compiled_lean
-def _enough(room: FreeCapacity, leg: int, present: int, flight_s: float) -> bool:
-    """Return whether a station has room, likely enough, after a flight, with so many there now."""
+def is_room(room: FreeCapacity, leg: int, present: int, flight_s: float) -> bool:
+    """Return whether the station at the end of a leg has room, likely enough, after a flight, with so many there now.
+
+    `flight_s` is how long the flight is expected to last, s.
+    """
     full = chance_full(
         room.pads[leg],
         room.spots[leg],
@@ -138,18 +141,6 @@ def _enough(room: FreeCapacity, leg: int, present: int, flight_s: float) -> bool
         present,
     )
     return full <= room.most
-
-
-@compiled_lean
-def is_room(
-    room: FreeCapacity, leg: int, queues: Queues, there: Present, entry: int, time_s: float, flight_s: float
-) -> bool:
-    """Return whether the station at the end of a leg has room, likely enough, after a flight that begins at a time.
-
-    `entry` is the queue path of that station in `queues` and `there`, `flight_s` how long the flight is expected to
-    last, s.
-    """
-    return _enough(room, leg, _others(queues, there, entry, time_s), flight_s)
 
 
 @compiled_lean
@@ -165,14 +156,14 @@ def next_look(
 ) -> float:
     """Find the first time after one without room, in steps of `LOOK_S`, at which there is room or `until_s` is over.
 
-    Arguments as of `is_room`; the chance is worked out again only when the number of others has changed.
+    `entry` is the queue path of the station in `queues` and `there`; the chance is worked out again only when the number of others has changed.
     """
-    seen = _others(queues, there, entry, time_s)
+    seen = others_at(queues, there, entry, time_s)
     while True:
         time_s += LOOK_S
         if time_s >= until_s:
             return time_s
-        present = _others(queues, there, entry, time_s)
-        if present != seen and _enough(room, leg, present, flight_s):
+        present = others_at(queues, there, entry, time_s)
+        if present != seen and is_room(room, leg, present, flight_s):
             return time_s
         seen = present
