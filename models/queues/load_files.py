@@ -5,18 +5,17 @@ They say it directly, as rates by hour of the week (`read_load`), or as a record
 
 from __future__ import annotations
 
-import csv
 import difflib
-import io
 import math
 from datetime import datetime
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.files import read_text
 from skyway.models.base.formatting import percent
+from skyway.models.base.table import FaultCollector, Problem, read_table
 from skyway.models.base.units import S_PER_H, S_PER_MIN
 from skyway.models.queues.load import (
     IDLE_CHARGING_S,
@@ -29,19 +28,19 @@ from skyway.models.queues.load import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
     from zoneinfo import ZoneInfo
 
     from numpy.typing import ArrayLike, NDArray
 
+
 EVERY_STATION = "*"
 """Station id that stands for every station without a row of its own."""
 CLAMPED_UTILISATION = 0.95
 """Utilisation assumed where a record shows every pad busy, which does not tell how many were turned away."""
-MAX_FILE_BYTES = 100_000_000
+_NOT_A_CHARGING_TIME = Problem("not a charging time", "minutes, from a second to a week")
 _COLUMNS = ("station", "hour_of_week", "arrivals_per_h", "mean_charging_min")
-_FAULTS_SHOWN = 100
 
 
 def read_load(
@@ -73,35 +72,23 @@ def read_load(
     Raises
     ------
     InputError
-        Carries every fault found (the first hundred of them): unknown station, hour outside 0-167, two rows
+        Carries every fault found (twenty are listed, the others counted): unknown station, hour outside 0-167, two rows
         for one hour, a negative or missing number or one out of range, hours without a row, a missing
         column, an empty file, an unknown time zone.
     """
     zone(timezone)
-    table = _Table(path)
-    faults = [
-        Fault("missing column", table.file, 1, name, remedy=f"the columns are {','.join(_COLUMNS)}")
-        for name in _COLUMNS
-        if name not in table.header
-    ]
-    if faults:
-        raise InputError(faults)
-    known = {name: number for number, name in enumerate(station_ids)}
-    default = len(known)
-    values = np.full((2, default + 1, WEEK_H), np.nan)
-    if not _read_sound_rows(table, known, values):
-        seen: dict[tuple[int, int], int] = {}
-        for line, row in table.rows(faults):
-            _read_load_row(dict(zip(table.header, row, strict=True)), known, values, seen, (table.file, line, faults))
+    faults = FaultCollector(str(path))
+    default = len(station_ids)
+    values = _read_rates(path, {EVERY_STATION: default} | {name: i for i, name in enumerate(station_ids)}, faults)
+    faults.raise_if_any()  # a wrong row leaves its hour empty: do not report it twice
     arrivals, charging = np.where(np.isnan(values[:, :default]), values[:, default:], values[:, :default])
     count = None if pads is None else np.broadcast_to(np.asarray(pads, dtype=np.int64), (default,))
     if count is not None:
         padless = (count == 0)[:, None]
         arrivals = np.where(padless & np.isnan(arrivals), 0.0, arrivals)
         charging = np.where(padless & np.isnan(charging), IDLE_CHARGING_S, charging)
-    if not faults:  # a wrong row leaves its hour empty: do not report it twice
-        faults += _missing_hours(table.file, station_ids, np.isnan(arrivals))
-    _raise(faults, table.file)
+    _note_missing_hours(station_ids, np.isnan(arrivals), faults)
+    faults.raise_if_any()
     load = PadLoad(arrivals, charging, timezone)
     return load, _overload_warnings(load, station_ids, count)
 
@@ -141,7 +128,7 @@ def read_occupancy(
     Raises
     ------
     InputError
-        Carries every fault found (the first hundred of them): times and values that cannot be read,
+        Carries every fault found (twenty are listed, the others counted): times and values that cannot be read,
         negative values, hours of the week without any value, two columns of one name, an empty file, an
         unknown time zone.
     """
@@ -151,71 +138,50 @@ def read_occupancy(
         remedy = "minutes, from a second to a week"
         fault = Fault("out of range", field="mean_charging_min", value=mean_charging_min, remedy=remedy)
         raise InputError(fault)
-    table = _Table(path)
-    faults: list[Fault] = []
-    columns = [i for i, name in enumerate(station_ids) if name in table.header[1:]]
-    places = [table.header.index(station_ids[i], 1) for i in columns]
-    total, count, gaps = _sum_by_hour(table, places, place, faults)
-    empty = [(station_ids[i], int(np.sum(count[:, j] == 0))) for j, i in enumerate(columns)]
-    if not faults:
-        problem, remedy = "has no value for {} of the 168 hours of the week", "a record of at least a week"
-        faults = [Fault(problem.format(n), table.file, None, name, remedy=remedy) for name, n in empty if n]
-    _raise(faults, table.file)
+    faults = FaultCollector(str(path))
+    header, total, count, gaps = _sum_by_hour(path, station_ids, place, faults)
+    faults.raise_if_any()
+    columns = [i for i, name in enumerate(station_ids) if name in header]
+    for i, hours in zip(columns, np.sum(count == 0, axis=0).tolist(), strict=True):
+        if hours:
+            problem = f"has no value for {hours} of the 168 hours of the week"
+            faults.add(problem, "a record of at least a week", line=None, field=station_ids[i], value=None)
+    faults.raise_if_any()
     busy = np.zeros((len(station_ids), WEEK_H))
     busy[columns] = (total / np.maximum(count, 1)).T
     limit = np.broadcast_to(np.asarray(pads, dtype=np.float64), (len(station_ids),))[:, None]
     full = (busy >= limit) & (limit > 0.0)
     busy = np.where(full, CLAMPED_UTILISATION * limit, np.where(limit > 0.0, busy, 0.0))
-    warnings = _occupancy_warnings(table, station_ids, full, gaps)
+    warnings = _occupancy_warnings(faults.file, header, station_ids, full, gaps)
     return PadLoad(busy / charging_s, np.full(busy.shape, charging_s), timezone), warnings
 
 
-class _Table:
-    """A CSV file with a header, read whole; `rows` reports every line that does not fit it."""
-
-    def __init__(self, path: Path) -> None:
-        self.file = str(path)
-        self._text = read_text(path, max_bytes=MAX_FILE_BYTES)
-        faults: list[Fault] = []
-        _, header = next(self._lines(faults), (0, []))
-        if not header:
-            raise InputError(faults or Fault("is empty", self.file))
-        self.header = [name.strip() for name in header]
-        twice = sorted({name for name in self.header if self.header.count(name) > 1})
-        if twice:
-            raise InputError([Fault("two columns have this name", self.file, 1, name) for name in twice])
-
-    def _lines(self, faults: list[Fault]) -> Iterator[tuple[int, list[str]]]:
-        reader = csv.reader(io.StringIO(self._text, newline=""))
-        try:
-            for row in reader:
-                if row:
-                    yield reader.line_num, row
-        except csv.Error as error:
-            faults.append(Fault(f"is not a CSV table: {error}", self.file, reader.line_num))
-
-    def rows(self, faults: list[Fault]) -> Iterator[tuple[int, list[str]]]:
-        """(line, cells) of each row after the header; there is at least one, else a fault."""
-        lines = self._lines(faults)
-        next(lines)
-        found = False
-        for line, row in lines:
-            found = True
-            if len(row) != len(self.header):
-                problem = f"has {len(row)} cells, the header has {len(self.header)}"
-                faults.append(Fault(problem, self.file, line))
-            else:
-                yield line, [cell.strip() for cell in row]
-        if not found and not faults:
-            faults.append(Fault("has a header but no rows", self.file))
-
-    def sound_rows(self) -> list[list[str]]:
-        """Cells of each row after the header as they are written; none where a line does not fit."""
-        try:
-            rows = [row for row in csv.reader(io.StringIO(self._text, newline="")) if row][1:]
-        except csv.Error:
-            return []
-        return rows if set(map(len, rows)) == {len(self.header)} else []
+def _read_rates(path: Path, stations: Mapping[str, int], faults: FaultCollector) -> NDArray[np.float64]:
+    """Arrivals per s and mean charging s, shape (2, stations, 168), NaN where there is no row."""
+    parse_station = partial(_parse_station, stations=stations)
+    parts = []
+    for chunk in read_table(path, _COLUMNS, faults):
+        station = chunk.decode("station", parse_station, faults, each_text_once=True)
+        hour = chunk.decode("hour_of_week", _parse_hour, faults)
+        arrivals = chunk.decode("arrivals_per_h", _parse_arrivals, faults)
+        charging = chunk.decode("mean_charging_min", _parse_charging, faults)
+        for row in faults.first(np.flatnonzero((charging == 0.0) & (arrivals != 0.0))):
+            text = chunk.columns["mean_charging_min"][row]
+            faults.add(*_NOT_A_CHARGING_TIME, line=chunk.lines[row], field="mean_charging_min", value=text)
+        charging = np.where(charging > 0.0, charging, np.where(arrivals == 0.0, IDLE_CHARGING_S, np.nan))
+        parts.append((np.array(chunk.lines), station, hour, arrivals, charging))
+    line, station, hour, arrivals, charging = (np.concatenate(part) for part in zip(*parts, strict=True))
+    sound = ~np.isnan(station + hour + arrivals + charging)
+    line, place = line[sound], (station[sound].astype(np.int64), hour[sound].astype(np.int64))
+    _, first, same = np.unique(place[0] * WEEK_H + place[1], return_index=True, return_inverse=True)
+    for row in faults.first(np.flatnonzero(first[same] != np.arange(len(line)))):
+        name = list(stations)[[*stations.values()].index(place[0][row])]
+        problem = f"second row for station {name}, the first is line {line[first[same[row]]]}"
+        remedy = "one row for each station and hour"
+        faults.add(problem, remedy, line=int(line[row]), field="hour_of_week", value=int(place[1][row]))
+    values = np.full((2, max(stations.values()) + 1, WEEK_H), np.nan)
+    values[:, *place] = arrivals[sound], charging[sound]
+    return values
 
 
 def _number(text: str) -> float:
@@ -226,85 +192,46 @@ def _number(text: str) -> float:
         return math.nan
 
 
-def _read_sound_rows(table: _Table, known: dict[str, int], values: NDArray[np.float64]) -> bool:
-    """Put all rows into `values` at once; false, and nothing is put there, where one looks as if it had a fault.
-
-    Whether it has one, and which, is `_read_load_row`'s to say.
-    """
-    rows = table.sound_rows()
-    if not rows:
-        return False
-    cells = dict(zip(table.header, zip(*rows, strict=True), strict=True))
-    stations = {EVERY_STATION: len(known)} | known
-    hours = {str(hour): hour for hour in range(WEEK_H)}
-    try:
-        station = np.array([stations[name] for name in cells["station"]])
-        hour = np.array([hours[text] for text in cells["hour_of_week"]])
-    except KeyError:
-        return False
-    arrivals = np.array(list(map(_number, cells["arrivals_per_h"]))) / S_PER_H
-    charging = np.array(list(map(_number, cells["mean_charging_min"]))) * S_PER_MIN
-    sound = (
-        (arrivals >= 0.0)
-        & (arrivals <= MAX_ARRIVALS_PER_S)
-        & (charging >= MIN_CHARGING_S)
-        & (charging <= MAX_CHARGING_S)
+def _parse_station(name: str, stations: Mapping[str, int]) -> float | Problem:
+    if name in stations:
+        return stations[name]
+    close = difflib.get_close_matches(name, stations, n=3)
+    return Problem(
+        "no such station",
+        f"did you mean {' or '.join(close)}?" if close else "give an id of the stations file, or *",
     )
-    if not sound.all() or len(np.unique(station * WEEK_H + hour)) < len(rows):
-        return False
-    values[:, station, hour] = arrivals, charging
-    return True
 
 
-def _read_load_row(
-    cells: dict[str, str],
-    known: dict[str, int],
-    values: NDArray[np.float64],
-    seen: dict[tuple[int, int], int],
-    report: tuple[str, int, list[Fault]],
-) -> None:
-    """Put one row into `values`, shape (2, stations + 1, 168), or its faults into the report."""
-    file, line, faults = report
-    before = len(faults)
-    name, hour_text = cells["station"], cells["hour_of_week"]
-    station = len(known) if name == EVERY_STATION and name not in known else known.get(name)
-    if station is None:
-        close = difflib.get_close_matches(name, known, n=3)
-        remedy = f"did you mean {' or '.join(close)}?" if close else "give an id of the stations file, or *"
-        faults.append(Fault("no such station", file, line, "station", name, remedy))
-    hour = int(hour_text) if hour_text.isascii() and hour_text.isdigit() and len(hour_text) < 4 else -1
-    if not 0 <= hour < WEEK_H:
-        remedy = "a whole number from 0 (Monday 00:00) to 167"
-        faults.append(Fault("not an hour of the week", file, line, "hour_of_week", hour_text, remedy))
-    arrivals_per_s = _number(cells["arrivals_per_h"]) / S_PER_H
-    if not 0.0 <= arrivals_per_s <= MAX_ARRIVALS_PER_S:
-        remedy = "a number from 0 to 3600"
-        faults.append(Fault("not a rate per hour", file, line, "arrivals_per_h", cells["arrivals_per_h"], remedy))
-    charging_s = _number(cells["mean_charging_min"]) * S_PER_MIN
-    if charging_s == 0.0 and arrivals_per_s == 0.0:
-        charging_s = IDLE_CHARGING_S
-    if not MIN_CHARGING_S <= charging_s <= MAX_CHARGING_S:
-        text, remedy = cells["mean_charging_min"], "minutes, from a second to a week"
-        faults.append(Fault("not a charging time", file, line, "mean_charging_min", text, remedy))
-    if len(faults) > before or station is None:
-        return
-    first = seen.setdefault((station, hour), line)
-    if first != line:
-        problem = f"second row for station {name}, the first is line {first}"
-        faults.append(Fault(problem, file, line, "hour_of_week", hour_text))
-        return
-    values[:, station, hour] = arrivals_per_s, charging_s
+def _parse_hour(text: str) -> float | Problem:
+    hour = int(text) if text.isascii() and text.isdigit() and len(text) < 4 else -1
+    return (
+        hour
+        if 0 <= hour < WEEK_H
+        else Problem("not an hour of the week", "a whole number from 0 (Monday 00:00) to 167")
+    )
 
 
-def _missing_hours(file: str, station_ids: Sequence[str], missing: NDArray[np.bool_]) -> list[Fault]:
+def _parse_arrivals(text: str) -> float | Problem:
+    per_s = _number(text) / S_PER_H
+    return per_s if 0.0 <= per_s <= MAX_ARRIVALS_PER_S else Problem("not a rate per hour", "a number from 0 to 3600")
+
+
+def _parse_charging(text: str) -> float | Problem:
+    """Read a charging time, s; 0 is told apart later: it may stand where nobody arrives."""
+    charging_s = _number(text) * S_PER_MIN
+    return charging_s if charging_s == 0.0 or MIN_CHARGING_S <= charging_s <= MAX_CHARGING_S else _NOT_A_CHARGING_TIME
+
+
+def _note_missing_hours(station_ids: Sequence[str], missing: NDArray[np.bool_], faults: FaultCollector) -> None:
     remedy = "give all hours 0 to 167, or rows of station * for the rest"
     absent = [name for name, row in zip(station_ids, missing, strict=True) if row.all()]
-    faults = [Fault(f"no rows for {_listed(absent)}", file, remedy=remedy)] if absent else []
+    problems = [f"no rows for {_listed(absent)}"] if absent else []
     for name, row in zip(station_ids, missing, strict=True):
         if row.any() and not row.all():
             hours = _listed([str(hour) for hour in np.flatnonzero(row)], shown=24)
-            faults.append(Fault(f"station {name} has no row for hours {hours}", file, remedy=remedy))
-    return faults
+            problems.append(f"station {name} has no row for hours {hours}")
+    for problem in problems:
+        faults.add(problem, remedy, line=None, field=None, value=None)
 
 
 def _overload_warnings(load: PadLoad, station_ids: Sequence[str], pads: NDArray[np.int64] | None) -> list[str]:
@@ -319,63 +246,67 @@ def _overload_warnings(load: PadLoad, station_ids: Sequence[str], pads: NDArray[
 
 
 def _sum_by_hour(
-    table: _Table, places: list[int], place: ZoneInfo, faults: list[Fault]
-) -> tuple[NDArray[np.float64], NDArray[np.int64], int]:
-    """Sum and number of values, shape (168, columns), and how many cells are gaps."""
-    total = np.zeros((WEEK_H, len(places)))
-    count = np.zeros((WEEK_H, len(places)), dtype=np.int64)
-    gaps = 0
-    for line, row in table.rows(faults):
-        try:
-            stamp = datetime.fromisoformat(row[0])
-        except ValueError:
-            remedy = "local time such as 2023-04-01 00:00:00"
-            faults.append(Fault("not a time", table.file, line, table.header[0] or "time", row[0], remedy))
-            continue
-        if stamp.tzinfo is not None:
-            stamp = stamp.astimezone(place)
-        values = np.empty(len(places))
-        for j, column in enumerate(places):
-            text = row[column]
-            gap = not text or text.lower() == "nan"
-            values[j] = math.nan if gap else _number(text)
-            if not gap and not 0.0 <= values[j] < math.inf:
-                remedy = "mean busy pads, a number from 0 up; empty where unknown"
-                faults.append(Fault("not an occupancy", table.file, line, table.header[column], text, remedy))
-        there = ~np.isnan(values)
+    path: Path, station_ids: Sequence[str], place: ZoneInfo, faults: FaultCollector
+) -> tuple[list[str], NDArray[np.float64], NDArray[np.int64], int]:
+    """Ids in the header, sum and number of values of the stations among them, shape (168, columns), and gaps."""
+    parse_hour = partial(_parse_local_hour, place=place)
+    total, count, gaps = np.zeros((WEEK_H, 0)), np.zeros((WEEK_H, 0), dtype=np.int64), 0
+    header: list[str] = []
+    for chunk in read_table(path, None, faults):
+        time, *header = chunk.columns
+        names = [name for name in station_ids if name in chunk.columns and name != time]
+        if not total.size:
+            total, count = np.zeros((WEEK_H, len(names))), np.zeros((WEEK_H, len(names)), dtype=np.int64)
+        hour = chunk.decode(time, parse_hour, faults)
+        values = [chunk.decode(name, _parse_busy, faults) for name in names]
+        rows = ~np.isnan(hour)
+        busy = np.array(values).reshape(len(names), len(rows)).T[rows]
+        there = ~np.isnan(busy)
+        np.add.at(total, hour[rows].astype(np.int64), np.where(there, busy, 0.0))
+        np.add.at(count, hour[rows].astype(np.int64), there)
         gaps += int(np.sum(~there))
-        hour = 24 * stamp.weekday() + stamp.hour
-        total[hour] += np.where(there, values, 0.0)
-        count[hour] += there
-    return total, count, gaps
+    return header, total, count, gaps
 
 
-def _occupancy_warnings(table: _Table, station_ids: Sequence[str], full: NDArray[np.bool_], gaps: int) -> list[str]:
+def _parse_local_hour(text: str, place: ZoneInfo) -> float | Problem:
+    """Read a time as its hour of the local week."""
+    try:
+        stamp = datetime.fromisoformat(text)
+    except ValueError:
+        return Problem("not a time", "local time such as 2023-04-01 00:00:00")
+    if stamp.tzinfo is not None:
+        stamp = stamp.astimezone(place)
+    return 24.0 * stamp.weekday() + stamp.hour
+
+
+def _parse_busy(text: str) -> float | Problem:
+    """Read a mean number of busy pads; NaN is a gap."""
+    busy = _number(text)
+    if not text or text.lower() == "nan" or 0.0 <= busy < math.inf:
+        return busy
+    return Problem("not an occupancy", "mean busy pads, a number from 0 up; empty where unknown")
+
+
+def _occupancy_warnings(
+    file: str, header: list[str], station_ids: Sequence[str], full: NDArray[np.bool_], gaps: int
+) -> list[str]:
     warnings = []
-    without = [name for name in station_ids if name not in table.header[1:]]
+    without = [name for name in station_ids if name not in header]
     if without:
-        warnings.append(f"{table.file}: no column, so no load, for {_listed(without)}")
+        warnings.append(f"{file}: no column, so no load, for {_listed(without)}")
     wanted = set(station_ids)
-    strangers = [name for name in table.header[1:] if name not in wanted]
+    strangers = [name for name in header if name not in wanted]
     if strangers:
-        warnings.append(f"{table.file}: {len(strangers)} columns are not stations of the network: {_listed(strangers)}")
+        warnings.append(f"{file}: {len(strangers)} columns are not stations of the network: {_listed(strangers)}")
     if gaps:
-        warnings.append(f"{table.file}: {gaps} values are missing and were left out of the averages")
+        warnings.append(f"{file}: {gaps} values are missing and were left out of the averages")
     if full.any():
         names = _listed([station_ids[i] for i in np.flatnonzero(full.any(axis=1)).tolist()])
         warnings.append(
-            f"{table.file}: all pads busy on average in {int(full.sum())} hours of the week, "
+            f"{file}: all pads busy on average in {int(full.sum())} hours of the week, "
             f"counted as {percent(CLAMPED_UTILISATION)} of the pads, at {names}"
         )
     return warnings
-
-
-def _raise(faults: list[Fault], file: str) -> None:
-    if len(faults) > _FAULTS_SHOWN:
-        more = Fault(f"and {len(faults) - _FAULTS_SHOWN} more faults", file)
-        faults = [*faults[:_FAULTS_SHOWN], more]
-    if faults:
-        raise InputError(faults)
 
 
 def _listed(names: Sequence[str], shown: int = 6) -> str:

@@ -14,8 +14,9 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.table import FaultCollector, Problem, read_table
 from skyway.models.base.units import SPEED_UNITS_MPS
-from skyway.models.wind.table import FaultCollector, Problem, check_year, parse_direction, parse_number, read_table
+from skyway.models.wind.cells import check_year, parse_direction, parse_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.wind.table import Chunk
+    from skyway.models.base.table import Chunk
 
 MAX_SPEED_MPS = 75.0
 """Sustained wind above this is a slip: the strongest hurricanes measured had about 85 m/s over one minute."""

@@ -9,17 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import InputError
+from skyway.models.base.table import FaultCollector, Problem, read_table
 from skyway.models.base.units import from_posix, iso, parse_instant
+from skyway.models.wind.cells import check_year, parse_direction, parse_number
 from skyway.models.wind.columns import MAX_SPEED_MPS
-from skyway.models.wind.table import (
-    LISTED_FAULTS,
-    FaultCollector,
-    Problem,
-    check_year,
-    parse_direction,
-    parse_number,
-    read_table,
-)
 from skyway.models.wind.triangle import speed_from, vector
 
 if TYPE_CHECKING:
@@ -28,8 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.models.base.table import Chunk
     from skyway.models.wind.ensemble import WindEnsemble
-    from skyway.models.wind.table import Chunk
 
 MAX_SLOT_S = 6 * 3600.0
 MAX_CELLS = 20_000_000
@@ -112,8 +105,7 @@ def _step(times_s: NDArray[np.float64], faults: FaultCollector) -> float:
         return 3600.0
     usual = float(np.median(steps))
     uneven = np.flatnonzero(np.abs(steps - usual) > 1e-3)
-    faults.count(max(0, len(uneven) - LISTED_FAULTS))
-    for number in uneven[:LISTED_FAULTS]:
+    for number in faults.first(uneven):
         begin, end = (iso(from_posix(times_s[place])) for place in (number, number + 1))
         problem = f"from {begin} to {end} the step is {steps[number] / 3600.0:g} h"
         remedy = f"the same step everywhere, here {usual / 3600.0:g} h"
@@ -170,9 +162,8 @@ class _Reader:
         sites, members = list(self._sites), list(self.members)
         rows = np.bincount(cell, minlength=len(members) * len(times_s) * len(sites))
         wrong = np.flatnonzero(rows != 1)
-        self.faults.count(max(0, len(wrong) - LISTED_FAULTS))
-        for number in wrong[:LISTED_FAULTS]:
-            rest, site = divmod(int(number), len(sites))
+        for number in self.faults.first(wrong):
+            rest, site = divmod(number, len(sites))
             member, slot = divmod(rest, len(times_s))
             which = f"member {members[member]}, site {sites[site]}, {iso(from_posix(times_s[slot]))}"
             if rows[number]:
@@ -191,12 +182,10 @@ class _Reader:
         _, first = np.unique(member, return_index=True)
         probability = given[first]
         changed = np.flatnonzero(given != probability[member])
-        self.faults.count(max(0, len(changed) - LISTED_FAULTS))
-        for row in changed[:LISTED_FAULTS]:
+        for row in self.faults.first(changed):
             problem = "the probability of a member changes"
             remedy = f"as in line {int(line[first[member[row]]])}"
-            where = int(line[row])
-            self.faults.add(problem, remedy, line=where, field="probability", value=given[row])
+            self.faults.add(problem, remedy, line=int(line[row]), field="probability", value=given[row])
         total = float(probability.sum())
         if abs(total - 1.0) > 1e-3:
             problem = "the probabilities of the members do not sum to 1"

@@ -173,9 +173,9 @@ def test_hours_without_a_row_are_listed_for_each_station(tmp_path):
         ("", "is empty"),
         ("\n\n", "is empty"),
         (HEADER + "\n", "no rows"),
-        ("station,hour_of_week,arrivals_per_h\na,0,1\n", "mean_charging_min: missing column"),
-        (HEADER + ",station\n", "two columns"),
-        ('station,"' + "x" * 200_000, "not a CSV table"),
+        ("station,hour_of_week,arrivals_per_h\na,0,1\n", "mean_charging_min: no such column"),
+        (HEADER + ",station\n", "appears twice"),
+        ('station,"' + "x" * 200_000, "is not CSV"),
     ],
 )
 def test_a_file_that_is_no_table_of_loads_is_said_to_be_none(tmp_path, content, words):
@@ -184,11 +184,16 @@ def test_a_file_that_is_no_table_of_loads_is_said_to_be_none(tmp_path, content, 
     assert words in faults_of(lambda: read_load(path, ["a"], NEW_YORK))[0]
 
 
-def test_thousands_of_faults_are_cut_to_a_hundred_and_counted(tmp_path):
-    path = write(tmp_path / "load.csv", HEADER, *["x,0,1,60"] * 1000)
+def test_thousands_of_faults_are_cut_to_twenty_and_counted(tmp_path):
+    path = write(tmp_path / "load.csv", HEADER, *["a,168,1,60"] * 1000)
     faults = faults_of(lambda: read_load(path, ["a"], NEW_YORK))
-    assert len(faults) == 101
-    assert "900 more" in faults[-1]
+    assert len(faults) == 21
+    assert "980 more" in faults[-1]
+
+
+def test_an_unknown_station_is_said_once(tmp_path):
+    path = write(tmp_path / "load.csv", HEADER, *["x,0,1,60"] * 1000)
+    assert len(faults_of(lambda: read_load(path, ["a"], NEW_YORK))) == 1
 
 
 def test_a_missing_file_and_an_unknown_zone_are_input_errors(tmp_path):

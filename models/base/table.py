@@ -1,4 +1,4 @@
-"""CSV tables of wind, read column by column; every fault is reported at once.
+"""CSV tables, read column by column; every fault is reported at once.
 
 A column is read through its distinct texts (a record of 26,000 hours has some 40 different speeds), which is
 fast and still lets each faulty line be named.
@@ -21,7 +21,6 @@ from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
-    from datetime import datetime
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -32,7 +31,6 @@ _CHUNK_ROWS = 5_000
 _KNOWN_TEXTS = 100_000
 LISTED_FAULTS = 20
 HOPELESS_FAULTS = 100_000
-FIRST_YEAR, LAST_YEAR = 1800, 2200
 
 
 class Problem(NamedTuple):
@@ -63,9 +61,10 @@ class FaultCollector:
         else:
             self._unlisted += 1
 
-    def count(self, more: int) -> None:
-        """Note that many more faults without telling them."""
-        self._unlisted += more
+    def first(self, wrong: Sequence[int] | NDArray[np.int64]) -> list[int]:
+        """Return the first twenty of `wrong`, for `add`; the rest is counted."""
+        self._unlisted += max(0, len(wrong) - LISTED_FAULTS)
+        return [int(number) for number in wrong[:LISTED_FAULTS]]
 
     def raise_if_hopeless(self) -> None:
         """Raise the faults found so far if there are too many to read on."""
@@ -127,17 +126,18 @@ class Chunk:
             rows = [row for row, text in enumerate(texts) if text in problems]
             if each_text_once:
                 rows = sorted({texts[row]: row for row in reversed(rows)}.values())
-            for row in rows[:LISTED_FAULTS]:
+            for row in faults.first(rows):
                 problem, remedy = problems[texts[row]]
                 faults.add(problem, remedy, line=self.lines[row], field=name, value=texts[row])
-            faults.count(max(0, len(rows) - LISTED_FAULTS))
         return np.fromiter(map(values.__getitem__, texts), np.float64, len(texts))
 
 
 def read_table(
-    path: Path, required: Sequence[str], faults: FaultCollector, *, optional: Sequence[str] = ()
+    path: Path, required: Sequence[str] | None, faults: FaultCollector, *, optional: Sequence[str] = ()
 ) -> Iterator[Chunk]:
     """Yield a CSV file in chunks of rows, with the columns asked for; faults of its shape are collected.
+
+    Without `required` all columns are given, in the order of the file.
 
     Raises
     ------
@@ -199,44 +199,20 @@ def _text(path: Path) -> str:
 
 
 def _places(
-    header: list[str] | None, required: Sequence[str], optional: Sequence[str], faults: FaultCollector
+    header: list[str] | None, required: Sequence[str] | None, optional: Sequence[str], faults: FaultCollector
 ) -> dict[str, int]:
     if header is None:
-        raise InputError(Fault("is empty", faults.file, remedy="a header line and a row for each hour"))
+        raise InputError(Fault("is empty", faults.file, remedy="a header line and rows"))
     names = [cell.strip() for cell in header]
+    required = names if required is None else required
     has = "the file has the columns " + ", ".join(names)
     if len(names) == 1 and re.search(r"[;\t]", names[0]):
         has = "the columns must be separated by commas"
     for name in required:
         if name not in names:
             faults.add("no such column", has, line=1, field=name, value=None)
-    for name in (*required, *optional):
+    for name in dict.fromkeys((*required, *optional)):
         if names.count(name) > 1:
             faults.add("the column appears twice", "name it once", line=1, field=name, value=None)
     faults.raise_if_any()
     return {name: names.index(name) for name in (*required, *optional) if name in names}
-
-
-def check_year(stamp: datetime) -> Problem | None:
-    """Return what is wrong with a time that no record of wind can have."""
-    if FIRST_YEAR <= stamp.year <= LAST_YEAR:
-        return None
-    return Problem("the time is out of range", f"a year from {FIRST_YEAR} to {LAST_YEAR}")
-
-
-def parse_number(text: str) -> float | Problem:
-    """Read a finite decimal number."""
-    try:
-        value = float(text) if "_" not in text else math.nan
-    except ValueError:
-        hint = "write the decimals after a point" if re.fullmatch(r"[-+]?\d+,\d+", text) else "a number"
-        return Problem("not a number", f"{hint}, or list the text under missing")
-    return value if math.isfinite(value) else Problem("not a finite number", "list the text under missing")
-
-
-def parse_direction(text: str) -> float | Problem:
-    """Read a direction in degrees, 0 to 360."""
-    value = parse_number(text)
-    if isinstance(value, float) and not 0.0 <= value <= 360.0:
-        return Problem("direction out of range", "degrees from 0 to 360, or list the text under variable")
-    return value
