@@ -34,7 +34,7 @@ from skyway.planner.evaluation.evaluate import (
     season_days,
 )
 from skyway.planner.exact.exact import ExactSearch
-from skyway.planner.online.rolling import RollingRobust
+from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.problem.problem import Problem
 from skyway.planner.problem.request import Request
 from skyway.planner.problem.speeds import TrueSpeeds

@@ -17,7 +17,6 @@ from skyway.link.wire.signing import Signing
 from skyway.missions.examples import NEW_YORK
 from skyway.models.composition.composition import State
 from skyway.models.scenario.file import read_scenario
-from skyway.planner.online.replan import ReplanSettings
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request
@@ -158,15 +157,13 @@ class Stage:
         self.supervisor = None
 
     def job(self) -> DeliveryJob:
-        settings = ReplanSettings() if self.story.supervised else None
         return DeliveryJob(
             composition=self.composition,
             scenario=newyork(),
             request=self.request,
             forecast=self.forecast,
             drag=drag_of(newyork().drone(self.story.drone), self.story.payload_kg),
-            planner=self.story.planner,
-            replanning=settings,
+            replanning=self.story.supervised,
             asking="once" if self.operator.present else "never",
         )
 

@@ -19,9 +19,9 @@ from skyway.models.composition.composition import State
 from skyway.models.composition.file import to_json
 from skyway.planner.evaluation.evaluate import Realizations, Rolling, evaluate, fly_policy
 from skyway.planner.online.energy_belief import EnergyBelief
-from skyway.planner.online.replan import Grounded, GroundReplanner
-from skyway.planner.online.replan_flight import Airborne, FlightReplanner
-from skyway.planner.online.rolling import RollingRobust
+from skyway.planner.online.evaluated import RollingRobust
+from skyway.planner.online.information import FlightMemory, Information
+from skyway.planner.online.policy import OnlinePolicy
 from skyway.planner.plan import plan
 from skyway.planner.problem.error_model import Errors
 from skyway.planner.problem.problem import Problem
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from benchmarks.fuzz_cases import Case
     from skyway.models.composition.composition import Composition
     from skyway.models.wind.ensemble import WindEnsemble
-    from skyway.planner.online.replan import Decision
+    from skyway.planner.online.information import Decision
 
 WAYS = {"evaluate": 0.3, "ground": 0.3, "air": 0.3, "rolling": 0.03, "replanned": 0.07}
 """How a request is carried on, and how often; deciding at every stop and with every new wind takes by far the longest."""
@@ -149,8 +149,8 @@ def _present_plan(online: Online) -> Composition | None:
     return composition
 
 
-def _ground(online: Online) -> GroundReplanner:
-    return GroundReplanner(online.case.scenario, online.case.request, online.planner)
+def _policy(online: Online) -> OnlinePolicy:
+    return OnlinePolicy(online.case.scenario, online.case.request)
 
 
 def _on_the_ground(online: Online) -> Iterator[tuple[str, float]]:
@@ -159,17 +159,20 @@ def _on_the_ground(online: Online) -> Iterator[tuple[str, float]]:
     begin = case.request.state
     where = begin.station if begin.station is not None and rng.random() < 0.5 else str(rng.choice(ids))
     some = frozenset(str(one) for one in rng.choice(ids, int(rng.integers(0, 4)))) - {where}
-    standing = Grounded(
-        where,
-        begin.time.timestamp() + float(rng.choice([0.0, 700.0, 20_000.0, 200_000.0])),
-        float(rng.choice([1.0, 0.5, 0.21, 0.0, 1.3, -0.2])),
+    known = Information(
+        time_s=begin.time.timestamp() + float(rng.choice([0.0, 700.0, 20_000.0, 200_000.0])),
+        soc=float(rng.choice([1.0, 0.5, 0.21, 0.0, 1.3, -0.2])),
+        forecast=_forecast(online),
+        belief=_belief(rng),
+        station=where,
         visited=frozenset(str(one) for one in rng.choice(ids, int(rng.integers(0, 3)))),
         busy_pads=begin.busy_pads,
         unusable=some,
+        plan=_present_plan(online),
         planned_soc=None if rng.random() < 0.5 else 0.8,
     )
-    decision = _ground(online).decide(standing, _present_plan(online), _forecast(online), _belief(rng))
-    yield from _decided(decision)
+    policy = _policy(online)
+    yield from _decided(policy.on_ground(known, tell=True))
 
 
 def _in_the_air(online: Online) -> Iterator[tuple[str, float]]:
@@ -177,27 +180,29 @@ def _in_the_air(online: Online) -> Iterator[tuple[str, float]]:
     network = case.scenario.network
     ids = [station.id for station in network.stations]
     one = network.stations[int(rng.integers(len(ids)))]
-    flight = FlightReplanner(_ground(online), turned=bool(rng.random() < 0.2))
+    policy, memory = _policy(online), FlightMemory(turned=bool(rng.random() < 0.4))
     soc, time_s = float(rng.choice([1.0, 0.6, 0.25, 0.05, 0.0])), case.request.state.time.timestamp()
     here = one.lat + rng.normal(0.0, 0.02), one.lon + rng.normal(0.0, 0.02)
     via = tuple(str(name) for name in rng.choice(ids, int(rng.integers(0, 3))))
     goal = case.request.destination if rng.random() < 0.5 else str(rng.choice(ids))
     belief, forecast = _belief(rng), _forecast(online)
-    look = flight.watch if rng.random() < 0.2 else flight.decide
     for step in range(6):
-        airborne = Airborne(
-            (float(here[0]), float(here[1])),
-            time_s + 60.0 * step,
-            max(soc - 0.02 * step, 0.0),
-            via,
-            goal,
-            float(rng.choice(SPEEDS_MPS)),
-            tuple(str(name) for name in rng.choice(ids, int(rng.integers(0, 6)))),
-            frozenset(ids[:2]),
+        known = Information(
+            here=(float(here[0]), float(here[1])),
+            time_s=time_s + 60.0 * step,
+            soc=max(soc - 0.02 * step, 0.0),
+            forecast=forecast,
+            belief=belief,
+            via=via,
+            destination=goal,
+            commanded_mps=float(rng.choice(SPEEDS_MPS)),
+            diverts=tuple(str(name) for name in rng.choice(ids, int(rng.integers(0, 6)))),
+            left=frozenset(ids[:2]),
             sudden=bool(rng.random() < 0.3),
             airspeed_limit_mps=float(rng.choice([math.inf, math.inf, 9.0, 0.5])),
+            flight=memory,
         )
-        yield from _decided(look(airborne, forecast, belief))
+        yield from _decided(policy.in_air(known))
 
 
 def _start(online: Online) -> Problem:

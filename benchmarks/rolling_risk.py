@@ -20,7 +20,7 @@ from benchmarks.instances import LONG_FILE, read_instance
 from benchmarks.trials import case_of
 from skyway.planner.evaluation.evaluate import fly_policy
 from skyway.planner.evaluation.statistics import DayBootstrap
-from skyway.planner.online.rolling import RollingRobust
+from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.problem.problem import Problem
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ import argparse
 import math
 import sys
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from statistics import NormalDist
 from typing import TYPE_CHECKING
@@ -25,7 +26,8 @@ from benchmarks.trials import Case, case_of
 from skyway.planner.evaluation.evaluate import NO_ERRORS, fly_policy
 from skyway.planner.evaluation.statistics import DayBootstrap
 from skyway.planner.exact.exact import ExactSearch
-from skyway.planner.online.rolling import RollingRobust, with_measured
+from skyway.planner.online.evaluated import RollingRobust
+from skyway.planner.online.policy import OnlinePolicy
 from skyway.planner.online.turn_back import USUAL_FLIGHT_S
 from skyway.planner.problem.problem import Problem
 from skyway.planner.robust.charge_policy import known_at
@@ -37,7 +39,7 @@ if TYPE_CHECKING:
 
     from benchmarks.instances import Instance
     from skyway.models.queues.sampling import QueuePath
-    from skyway.planner.evaluation.policies import Standing
+    from skyway.planner.online.information import Information
     from skyway.planner.robust.required_soc_kernels import Known
 
 NOTHING, QUEUES, WIND, BOTH = "nothing", "queues", "wind", "both"
@@ -60,19 +62,31 @@ class ToldProblem(Problem):
         return {node: path if node == mine else self.told.get(node, path) for node, path in sampled.items()}
 
 
+class ToldPolicy(OnlinePolicy):
+    """The online policy that is told the queues."""
+
+    queues: dict[int, QueuePath]
+
+    def problem(self, info: Information) -> Problem:
+        """The rest of the delivery, with the true queues."""
+        plain = super().problem(info)
+        now = ToldProblem(plain.scenario, plain.request, plain.drone, info.forecast)
+        now.told = self.queues
+        return now
+
+
 @dataclass(frozen=True)
 class ToldRolling(RollingRobust):
     """`RollingRobust` that is told the queues."""
 
     queues: dict[int, QueuePath] = field(default_factory=dict)
 
-    def problem_at(self, standing: Standing) -> Problem:
-        """The rest of the delivery, with the true queues."""
-        p = self.start
-        request = replace(p.request, state=standing.state())
-        now = ToldProblem(p.scenario, request, p.drone, with_measured(p.ensemble, standing))
-        now.told = self.queues
-        return now
+    @cached_property
+    def policy(self) -> ToldPolicy:
+        """What is flown."""
+        found = ToldPolicy(self.start.scenario, self.start.request, self.parameters, errors=self.errors)
+        found.queues = self.queues
+        return found
 
 
 def fly_told(case: Case, told: str) -> float:
@@ -85,7 +99,7 @@ def fly_told(case: Case, told: str) -> float:
         problem = realizations.problem(drone)
         nodes = np.flatnonzero(problem.network.pads > 0).tolist()
         policy = ToldRolling(
-            start, realizations.errors, realizations.queues(problem, nodes, int(realizations.queue[0]))
+            start, realizations.errors, queues=realizations.queues(problem, nodes, int(realizations.queue[0]))
         )
     return float(fly_policy(realizations, drone, policy, np.array([0]))[0].delivery_s[0])
 

@@ -25,7 +25,7 @@ from benchmarks.deliveries import Scripted, Stage, Story, newyork
 from skyway.link.supervisor import read_journal
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InfeasibleError, InputError
-from skyway.planner.online.replan import DEFAULT_PLANNER
+from skyway.planner.plan import ROBUST
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.sim_stub.faults import parse_fault
 from skyway.sim_stub.transports.channel import Impairment
@@ -112,7 +112,7 @@ def story_of(seed: int) -> tuple[Story, tuple[str, ...]]:
         seed=seed,
         faults=tuple(parse_fault(text) for text in faults),
         impairment=Impairment(0.2, 0.02, 0.005, 0.02, 0.02) if lossy else None,
-        planner=DEFAULT_PLANNER,
+        planner=ROBUST,
     )
     return story, (*faults, *(["upload-loss=0.2"] if lossy else []))
 

@@ -20,7 +20,7 @@ from skyway.planner.evaluation.evaluate import (
     sample_realizations,
     summarise,
 )
-from skyway.planner.online.rolling import RollingRobust
+from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H, Problem
@@ -55,7 +55,7 @@ MAX_STATIONS = {"ies": 200, "pfs-strict": 50, "rolling": 200}
 """Planners that are tried only on networks of up to so many stations: the search that looks at everything, the one that
 goes in circles until its step limit, and the rolling horizon, which plans at every stop of every run."""
 ROLLING = "rolling"
-"""`planner.online.rolling.RollingRobust`: ``robust`` again at every stop."""
+"""`planner.online.evaluated.RollingRobust`: ``robust`` again at every stop."""
 COMPARED_RUNS = 4
 """Runs of each delivery in which times are compared: the clairvoyant are told these, and the rolling horizon flies these alone."""
 PLANNED, NO_ROUTE, WANDERED = "planned", "no-route", "wandered"

@@ -65,10 +65,10 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
     from skyway.calibration_flight import drag_of
     from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor
     from skyway.models.composition.file import save
-    from skyway.planner.online.replan import DEFAULT_PLANNER
+    from skyway.planner.registry import ROBUST
     from skyway.sim_stub.pads import Pads
 
-    planner = options.planner or DEFAULT_PLANNER
+    planner = options.planner or ROBUST
     scenario, request, forecast, composition = _plan(options, planner)
     options.folder.mkdir(parents=True, exist_ok=True)
     save(composition, options.folder / "plan.json", force=True)
@@ -91,7 +91,6 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
         request=request,
         forecast=forecast,
         drag=drag,
-        planner=planner,
         asking="never",
     )
     zone = ZoneInfo(scenario.timezone)
@@ -107,9 +106,9 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
 
 def plan_demo(options: DemoOptions) -> Composition:
     """Return the plan that would be flown."""
-    from skyway.planner.online.replan import DEFAULT_PLANNER
+    from skyway.planner.registry import ROBUST
 
-    return _plan(options, options.planner or DEFAULT_PLANNER)[3]
+    return _plan(options, options.planner or ROBUST)[3]
 
 
 def _plan(options: DemoOptions, planner: str) -> tuple[Scenario, Request, WindEnsemble, Composition]:

@@ -21,7 +21,7 @@ from skyway.link.supervisor.soc.soc_estimator import SocEstimator
 from skyway.link.supervisor.states import ON_GROUND, TABLE, State, Status, Turn
 from skyway.models.base.formatting import duration
 from skyway.models.composition.file import to_json
-from skyway.planner.online.replan import GroundReplanner
+from skyway.planner.online.policy import OnlinePolicy
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -108,10 +108,10 @@ class Context:
     link: LinkWatch = field(default_factory=LinkWatch)
     track: Track = field(default_factory=Track)
 
-    def replanner(self) -> GroundReplanner:
-        """Make what decides at a landing, and what tells what can be reached."""
+    def policy(self) -> OnlinePolicy:
+        """Make what decides on the ground and in the air, and tells what can be reached."""
         m = self.job
-        return GroundReplanner(m.scenario, m.request, m.planner, m.replanning, drag=m.drag)
+        return OnlinePolicy(m.scenario, m.request, m.parameters, drag=m.drag)
 
     # What is asked of the parts most often
 

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from skyway.missions.builder.mission_options import MissionOptions
-from skyway.planner.online.replan import DEFAULT_PLANNER, ReplanSettings
+from skyway.planner.parameters.planner import USUAL
 
 if TYPE_CHECKING:
     from skyway.models.composition.composition import Composition
     from skyway.models.drones.drag import DragModel
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.request import Request
 
 Asking = Literal["each", "once", "never"]
@@ -37,10 +38,10 @@ class DeliveryJob:
         How missions are made, and who releases the package.
     drag : DragModel or None
         Of the drone, for the wind by its tilt; None is not known.
-    planner : str
-        Of replanning.
-    replanning : ReplanSettings or None
-        When a plan is left for another; None flies the plan as it is, whatever comes.
+    replanning : bool
+        Under the online policy; else the plan is flown as it is, whatever comes.
+    parameters : PlannerParameters
+        Of the online policy, and of the planners that it asks.
     asking : str
         ``each`` take-off, ``once``, or ``never``.
     set_parameters : bool
@@ -57,8 +58,8 @@ class DeliveryJob:
     forecast: WindEnsemble
     options: MissionOptions = field(default_factory=MissionOptions)
     drag: DragModel | None = None
-    planner: str = DEFAULT_PLANNER
-    replanning: ReplanSettings | None = field(default_factory=ReplanSettings)
+    replanning: bool = True
+    parameters: PlannerParameters = USUAL
     asking: Asking = "once"
     set_parameters: bool = True
     restore_parameters: bool = True

@@ -62,6 +62,8 @@ class Leg:
         What the vehicle flies.
     commanded_mps : float
         Ground speed it was last told.
+    commanded_s : float
+        When, POSIX seconds.
     start_s, soc_start, told_start, planned_s, planned_soc : float
         Take-off, charge then, and as the vehicle said it; planned flight time and charge at the landing.
     modelled : ModelledUse or None
@@ -78,6 +80,7 @@ class Leg:
     diverts: tuple[str, ...]
     mission: LegMission
     commanded_mps: float
+    commanded_s: float = math.nan
     start_s: float = math.nan
     soc_start: float = math.nan
     told_start: float = math.nan
@@ -91,12 +94,13 @@ class Leg:
     def begin(self, time_s: float, soc: float, told_soc: float) -> None:
         """Begin with the take-off."""
         self.start_s, self.soc_start, self.told_start = time_s, soc, told_soc
+        self.commanded_s = time_s
         if self.modelled is not None:
             self.modelled.begin(time_s)
 
-    def command(self, speed_mps: float) -> None:
-        """Take a ground speed that was sent."""
-        self.commanded_mps = speed_mps
+    def command(self, speed_mps: float, time_s: float) -> None:
+        """Take a ground speed that was sent at an instant, POSIX seconds."""
+        self.commanded_mps, self.commanded_s = speed_mps, time_s
 
     def expect(self, lookahead: Expected) -> None:
         """Take what is expected of it now."""
@@ -121,8 +125,7 @@ def with_places(composition: Composition, scenario: Scenario, stations: Sequence
     more: dict[str, Place] = {}
     for name in stations:
         if name not in composition.stations and name in network.index:
-            s = network.stations[network.index[name]]
-            more[name] = Place(s.lat, s.lon, s.elevation_m, s.name, s.pads)
+            more[name] = Place.of(network.stations[network.index[name]])
     return replace(composition, stations={**composition.stations, **more}) if more else composition
 
 

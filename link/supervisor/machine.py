@@ -89,7 +89,10 @@ class Supervisor:
         on_tick: Callable[[Context], None] | None = None,
     ) -> None:
         rules = job.scenario.rules
-        wind = WindBook(job.forecast, rules.cruise_height_m, rules.wind_profile_exponent, drag=job.drag)
+        wind = WindBook(
+            job.forecast, rules.cruise_height_m, rules.wind_profile_exponent, drag=job.drag,
+            least_members=job.parameters.online.least_members,
+        )  # fmt: skip
         belief = EnergyBelief.first(loaded=job.drag is not None)
         self.context = Context(
             vehicle, clock, journal, pads, operator, job, wind, Status(clock.now_s()), DeliveryProgress(resumed=resume),
@@ -109,9 +112,9 @@ class Supervisor:
         return Start(
             schema=SCHEMA,
             composition=to_json(job.composition),
-            planner=job.planner,
-            supervised=job.replanning is not None,
-            replanning=None if job.replanning is None else asdict(job.replanning),
+            planner=job.composition.planner,
+            supervised=job.replanning,
+            replanning=asdict(job.parameters.online) if job.replanning else None,
             release=job.options.release,
             asking=job.asking,
             forecast=Forecast(members=len(forecast), labels=tuple(forecast.labels), height_m=forecast.height_m),

@@ -146,7 +146,7 @@ class DeliveryProgress:
         """Name the station at a place, of all that are known; None where there is none."""
         if place is None:
             return None
-        known = {s.id: Place(s.lat, s.lon, s.elevation_m, s.name, s.pads) for s in scenario.network.stations}
+        known = {s.id: Place.of(s) for s in scenario.network.stations}
         if self.plan is not None:
             known |= dict(self.plan.stations)
         return station_at(known, *place, AT_STATION_M)

@@ -73,7 +73,7 @@ def _restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
         _, mission = make_leg(ctx, _number(told.ground_speed_mps))
     except (InputError, Turn):
         return None
-    use = ModelledUse.by(ctx.replanner().reach(ctx.job.forecast, ctx.energy.belief))
+    use = ModelledUse.by(ctx.policy().reach(ctx.job.forecast, ctx.energy.belief))
     use.begin(time_s)
     return Leg(
         origin=told.origin or "",

@@ -44,6 +44,8 @@ class WindBook:
         Of the drone; None: it is not known, so its tilt does not measure the wind, and only an estimate of the autopilot itself counts.
     earlier : sequence of WindObservation
         Measured before, as a journal has them.
+    least_members : float
+        See `update_forecast`.
     """
 
     def __init__(
@@ -54,10 +56,11 @@ class WindBook:
         *,
         drag: DragModel | None = None,
         earlier: Sequence[WindObservation] = (),
+        least_members: float = 1.0,
     ) -> None:
         self.base = forecast.at_height(cruise_height_m, exponent)
         self.cruise_height_m, self.exponent = cruise_height_m, exponent
-        self.earlier = tuple(earlier)
+        self.earlier, self._least_members = tuple(earlier), least_members
         self._expected = forecast_of(self.base, exponent)
         self.live = LiveWind(drag=drag, forecast=self._expected, settings=settings_for(self.base))
         self._updated: WindEnsemble = self.base
@@ -143,5 +146,9 @@ class WindBook:
         """Return the forecast brought up to date, at cruise height; at most every half minute anew."""
         if now or time_s >= self._updated_s + UPDATE_EVERY_S:
             self._updated_s = time_s
-            self._updated = update_forecast(self.base, self.observations)
+            self._updated = update_forecast(self.base, self.observations, least_members=self._least_members)
         return self._updated
+
+    def forecast_by_hour(self) -> WindEnsemble:
+        """Return the forecast brought up to date, at cruise height, in its own slots."""
+        return update_forecast(self.base, self.observations, slot_s=self.base.slot_s, least_members=self._least_members)

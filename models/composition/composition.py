@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from skyway.models.base.figure import Figure
+    from skyway.models.network.network import Station
 
 Recharge = Literal["full", "enough"]
 
@@ -48,6 +49,11 @@ class Place:
     elevation_m: float | None = None
     name: str | None = None
     pads: int = 0
+
+    @classmethod
+    def of(cls, station: Station) -> Place:
+        """Return the place of a station of a network."""
+        return cls(station.lat, station.lon, station.elevation_m, station.name, station.pads)
 
 
 CALM_MPS = 0.05

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.planner.evaluation.realizations import Realizations
-    from skyway.planner.online.departure import Departure
+    from skyway.planner.online.information import Departure
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
 
@@ -198,7 +198,7 @@ def _fly_adaptive(
         segments = np.array(way.segments, dtype=np.int64)
         at = now
         while at < until:
-            wanted = max(way.charge, way.need(at))
+            wanted = max(way.charge, way.required(at))
             if charge_at(at) >= wanted - 1e-9:
                 opening = next_opening(problem.air, int(realizations.day[stop_label.run]), segments, at)
                 if opening <= at + 1e-6:

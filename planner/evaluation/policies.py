@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
-    from skyway.planner.online.departure import Departure
+    from skyway.planner.online.information import Departure
     from skyway.planner.problem.request import Request
     from skyway.planner.schedule.itinerary import Itinerary, Leg
 

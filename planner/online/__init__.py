@@ -1,1 +1,1 @@
-"""What to do next on a delivery under way, on the ground and in the air."""
+"""One online policy: what to do next on a delivery under way, on the ground and in the air."""

@@ -17,7 +17,9 @@ momentum theory leaves out, some percent each."""
 WITHIN_SIGMA = 0.02
 """Between the parts of one flight."""
 SOC_SIGMA = 0.006
-"""Of a state of charge told in whole percent."""
+"""Of a state of charge told in whole percent, as flights are learnt from."""
+TOLD_SIGMA = 0.005
+"""The same as landings are judged by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,16 +32,29 @@ class EnergyBelief:
         Mean and standard deviation.
     leg_sigma : float
         By how much it differs from flight to flight.
+    soc_sigma : float
+        Standard deviation of the state of charge that is told.
     """
 
     factor: float = PRIOR_FACTOR
     sigma: float = PRIOR_SIGMA
     leg_sigma: float = LEG_SIGMA
+    soc_sigma: float = TOLD_SIGMA
 
     @classmethod
     def first(cls, *, loaded: bool) -> EnergyBelief:
         """Return the belief before the first flight; `loaded` where the model counts the airspeed."""
         return cls(LOADED_FACTOR, LOADED_SIGMA, LOADED_LEG_SIGMA) if loaded else cls()
+
+    @classmethod
+    def evenly(cls, share: float, factor: float = 1.0) -> EnergyBelief:
+        """Return the belief in a factor that lies evenly within a share of another, the same in all flights; the charge is known."""
+        return cls(factor, factor * share / math.sqrt(3.0), 0.0, 0.0)
+
+    @property
+    def share(self) -> float:
+        """By which share of the mean it may be more or less: of an even distribution of the same standard deviation."""
+        return math.sqrt(3.0) * self.sigma / self.factor
 
     def learnt(self, used_soc: float, expected_soc: float) -> EnergyBelief:
         """Return the belief about the drone after a whole flight.
@@ -54,6 +69,10 @@ class EnergyBelief:
     def in_flight(self, used_soc: float, expected_soc: float) -> EnergyBelief:
         """Return the belief about the rest of a flight of which so much has been flown."""
         return _updated(self.next_flight(), used_soc, expected_soc, WITHIN_SIGMA)
+
+    def times(self, load: float) -> EnergyBelief:
+        """Return the same belief about a model that says `load` times less."""
+        return EnergyBelief(load * self.factor, load * self.sigma, load * self.leg_sigma, self.soc_sigma)
 
     def next_flight(self) -> EnergyBelief:
         """Return the belief about another flight than those it was learnt from."""

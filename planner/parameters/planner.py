@@ -8,6 +8,7 @@ from skyway.models.base.parameters import Parameters
 from skyway.planner.parameters.baselines import IesParameters, PfsParameters
 from skyway.planner.parameters.evaluation import EvaluationParameters
 from skyway.planner.parameters.exact import ExactParameters
+from skyway.planner.parameters.online import OnlineParameters
 from skyway.planner.parameters.robust import RobustParameters
 from skyway.planner.parameters.simulation import ScheduleParameters
 
@@ -21,6 +22,7 @@ class PlannerParameters(Parameters):
     pfs: PfsParameters = field(default_factory=PfsParameters)
     ies: IesParameters = field(default_factory=IesParameters)
     schedule: ScheduleParameters = field(default_factory=ScheduleParameters)
+    online: OnlineParameters = field(default_factory=OnlineParameters)
     evaluation: EvaluationParameters = field(default_factory=EvaluationParameters)
 
 

@@ -61,10 +61,7 @@ def compose(
         for segment in leg.segments:
             named |= {int(network.tail[segment]), int(network.head[segment])}
     named |= {network.index[key] for service in services for key in service.diverts}
-    stations = {
-        s.id: Place(s.lat, s.lon, s.elevation_m, s.name, s.pads)
-        for s in (network.stations[node] for node in sorted(named))
-    }
+    stations = {network.stations[node].id: Place.of(network.stations[node]) for node in sorted(named)}
     return Composition(
         id=f"{planner}-{network.stations[problem.origin].id}-{network.stations[problem.destination].id}",
         planner=planner,

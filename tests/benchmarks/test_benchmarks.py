@@ -30,7 +30,7 @@ from benchmarks.trials import ROLLING, case_of, contenders  # noqa: E402
 from skyway.models.base.errors import InputError  # noqa: E402
 from skyway.models.base.parameters import with_settings  # noqa: E402
 from skyway.planner.evaluation.evaluate import NO_ERRORS, fly_policy  # noqa: E402
-from skyway.planner.online.rolling import RollingRobust  # noqa: E402
+from skyway.planner.online.evaluated import RollingRobust  # noqa: E402
 from skyway.planner.parameters.planner import PlannerParameters  # noqa: E402
 from skyway.planner.plan import plan  # noqa: E402
 from skyway.planner.problem.problem import Problem  # noqa: E402

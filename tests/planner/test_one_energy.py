@@ -16,8 +16,8 @@ from skyway.missions.checks.weather import ForecastWind
 from skyway.models.base.errors import InfeasibleError
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.kernels import land
-from skyway.planner.online.diverts import Reach
 from skyway.planner.online.energy_belief import EnergyBelief
+from skyway.planner.online.reach import Reach
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import Problem
 

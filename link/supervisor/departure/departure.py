@@ -48,7 +48,7 @@ def next_service(ctx: Context, speed_mps: float | None = None) -> DroneService:
     service = ctx.delivery.plan.services[0]
     if speed_mps is not None:
         return replace(service, diverts=ctx.delivery.diverts, ground_speed_mps=speed_mps)
-    reach = ctx.replanner().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief)
+    reach = ctx.policy().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief)
     way = reach.way(service.origin, service.via, service.destination)
     cruise_s = float(reach.expected(reach.along(way, ctx.now_s).time_s[:, -1]))
     speed = min(service.distance_m / max(cruise_s, 1.0), reach.drone.max_ground_speed_mps)
@@ -164,7 +164,7 @@ def _upload(ctx: Context, kind: MissionKind, part: Part | None) -> str:
 
 
 def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
-    reach = ctx.replanner().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief.next_flight())
+    reach = ctx.policy().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief.next_flight())
     flown = reach.to_the_end(reach.way(service.origin, service.via, service.destination), ctx.now_s, climbs=True)
     return Leg(
         origin=service.origin,

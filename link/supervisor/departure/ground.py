@@ -12,35 +12,38 @@ from skyway.link.supervisor.progress import UNUSABLE_S
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base.errors import InputError, LinkError
 from skyway.models.base.formatting import percent
-from skyway.planner.online.replan import Decision, Grounded
+from skyway.planner.online.information import Decision, Information
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
 
 POLL_S = 10.0
+_UNTOLD_S = 300.0
 
 
 def replanning(ctx: Context) -> After:
     """Decide where to fly next, with how much charge, and when."""
     if ctx.conversation.stays:
         return State.STOPPED, f"stopped at {ctx.delivery.station} as asked: the drone stands disarmed"
-    standing = _standing(ctx)
-    planner = ctx.replanner()
-    forecast = ctx.wind.forecast(ctx.now_s, now=True)
-    if ctx.job.replanning is None:
-        decision = _as_planned(ctx, standing)
+    known = information(ctx)
+    if not ctx.job.replanning:
+        decision = _as_planned(ctx, known)
     else:
-        decision = planner.decide(standing, ctx.delivery.plan, forecast, ctx.energy.belief)
+        policy = ctx.policy()
+        decision = policy.on_ground(known, tell=True)
     figures = dict(decision.figures) | {"wind_source": ctx.wind.source, "soc_source": ctx.battery.source}
     ctx.note(Decided(action=decision.action, where="ground", figures=figures), decision.reason)
     ctx.tell(f"{decision.action}: {decision.reason}")
     if decision.composition is not None:
         ctx.delivery.take_plan(with_places(decision.composition, ctx.job.scenario, decision.diverts))
+    elif decision.departure is not None and decision.departure.segments:
+        ctx.wait_until(ctx.now_s + _UNTOLD_S)
+        return State.REPLANNING, "the next leg cannot be flown in any wind of the forecast: look again"
     ctx.delivery.prepare(decision.diverts, decision.charge_to)
     if decision.action == "stop":
         return _stopped(ctx, decision)
     ctx.note_plan(decision.reason)
-    if decision.action == "wait":
+    if decision.action == "wait" and decision.charge_to is None:
         rest(ctx)
         ctx.wait_until(max(decision.until_s or 0.0, ctx.now_s + POLL_S))
         return State.REPLANNING, "the wait is over: decide again"
@@ -73,30 +76,36 @@ def _look_again(ctx: Context) -> str:
         ctx.wait(ASK_AGAIN_S)
 
 
-def _standing(ctx: Context) -> Grounded:
+def information(ctx: Context) -> Information:
     """What is known where the drone stands."""
     ctx.delivery.forget_unusable(ctx.now_s)
     station = _look_again(ctx)
     busy: dict[str, int] = {}
-    ahead = (
-        () if ctx.delivery.plan is None else tuple(service.destination for service in ctx.delivery.plan.services[:3])
-    )
-    for name in (station, *ahead):
+    plan = ctx.delivery.plan
+    next_station = None if plan is None or not plan.services else plan.services[0].destination
+    for one in ctx.job.scenario.network.stations:
+        if one.pads == 0:
+            continue
         try:
-            status = ctx.pads.status(name)
+            status = ctx.pads.status(one.id)
         except (LinkError, InputError):
             continue
-        busy[name] = status.busy
+        busy[one.id] = status.busy + status.waiting
         full = status.busy >= status.pads and status.holding_free == 0 and status.pads > 0
-        if full and name != ctx.delivery.station and ahead and name == ahead[0]:
-            ctx.delivery.avoid(name, ctx.now_s)
-    return Grounded(
-        station,
-        ctx.now_s,
-        ctx.battery.soc,
-        frozenset(ctx.delivery.visited),
-        busy,
-        frozenset(ctx.delivery.unusable),
+        if full and one.id == next_station and one.id != ctx.delivery.station:
+            ctx.delivery.avoid(one.id, ctx.now_s)
+    return Information(
+        time_s=ctx.now_s,
+        soc=ctx.battery.soc,
+        forecast=ctx.wind.forecast_by_hour(),
+        near_forecast=ctx.wind.forecast(ctx.now_s, now=True),
+        belief=ctx.energy.belief,
+        station=station,
+        visited=frozenset(ctx.delivery.visited),
+        left=frozenset(ctx.delivery.visited) - {station},
+        busy_pads=busy,
+        unusable=frozenset(ctx.delivery.unusable),
+        plan=plan,
         planned_soc=_planned(ctx),
     )
 
@@ -109,14 +118,12 @@ def _planned(ctx: Context) -> float | None:
     return next((stop.soc_to for stop in stops if stop.station == ctx.delivery.station and stop.recharge_s > 0.0), None)
 
 
-def _as_planned(ctx: Context, standing: Grounded) -> Decision:
+def _as_planned(ctx: Context, known: Information) -> Decision:
     """Fly the plan as it is, whatever comes: what supervision is compared with."""
     if ctx.delivery.plan is None:
         return Decision("stop", "no plan leads on from here: make one, and fly it")
     service = ctx.delivery.plan.services[0]
     stop = next((s for s in ctx.delivery.plan.stops if s.station == service.origin), None)
-    target = (
-        stop.soc_to if stop is not None and stop.soc_to > standing.soc + 0.01 and not ctx.delivery.charged else None
-    )
+    target = stop.soc_to if stop is not None and stop.soc_to > known.soc + 0.01 and not ctx.delivery.charged else None
     return Decision("continue", f"as planned to {service.destination}", {}, ctx.delivery.plan, service.destination, None, target,
                     service.diverts or (service.origin,))  # fmt: skip

@@ -14,14 +14,17 @@ from skyway.link.supervisor.observed.link_watch import request_telemetry
 from skyway.link.supervisor.states import State
 from skyway.models.base.errors import InputError, LinkError
 from skyway.models.base.formatting import speed_text
-from skyway.planner.online.replan_flight import Airborne, FlightReplanner
+from skyway.planner.online.information import FlightMemory, Information
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
+    from skyway.link.supervisor.legs import Leg
     from skyway.models.drones.telemetry import TelemetrySample
-    from skyway.planner.online.replan import Decision
+    from skyway.planner.online.information import Decision
 
 DECIDE_EVERY_S = 10.0
+OBEYED_AFTER_S, DISOBEYED_MPS = 30.0, 2.0
+"""So long after an order it flies as fast as it was told, to so much."""
 SUDDEN_S = 15.0
 """So long a loss of charge counts as sudden."""
 LANDING_SHARE, MIN_DOUBTED_SOC = 2.0, 0.1
@@ -36,7 +39,7 @@ def flying(ctx: Context) -> After:
         return State.HOLDING, "the drone is in the air, and its leg is not known"
     request_telemetry(ctx)
     _free_pad(ctx, leg.origin)
-    replanner = _replanner(ctx)
+    memory = FlightMemory()
     decided_s = ctx.now_s
     while True:
         refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
@@ -45,7 +48,7 @@ def flying(ctx: Context) -> After:
         if ctx.vehicle.changing or not (_due(ctx, decided_s) and _climbed(ctx)):
             continue
         decided_s = ctx.now_s
-        decision = _decide(ctx, replanner)
+        decision = _decide(ctx, memory)
         if decision is None:
             continue
         after = _act(ctx, decision)
@@ -59,10 +62,6 @@ def _free_pad(ctx: Context, station: str) -> None:
         ctx.pads.release(station, ctx.observed.system)
     except (LinkError, InputError) as error:
         ctx.note(PadAnswered(), f"the pad at {station} could not be given back: {error}")
-
-
-def _replanner(ctx: Context) -> FlightReplanner | None:
-    return None if ctx.job.replanning is None else FlightReplanner(ctx.replanner())
 
 
 def _due(ctx: Context, decided_s: float) -> bool:
@@ -86,23 +85,37 @@ def _landing(ctx: Context, s: TelemetrySample) -> bool:
 # Deciding
 
 
-def airborne(ctx: Context) -> Airborne | None:
-    """What is known of the flight; None while the position or the charge is not."""
+def information(ctx: Context, memory: FlightMemory) -> Information | None:
+    """What is known in the air; None while the position or the charge is not."""
     leg, place = ctx.delivery.leg, ctx.place
     if leg is None or place is None or not math.isfinite(ctx.battery.soc):
         return None
-    return Airborne(
+    return Information(
         here=place,
         time_s=ctx.now_s,
         soc=ctx.battery.soc,
+        forecast=ctx.wind.forecast(ctx.now_s),
+        belief=ctx.energy.now(leg, ctx.battery.soc),
+        visited=frozenset(ctx.delivery.visited),
+        unusable=frozenset(ctx.delivery.unusable),
         via=_ahead(ctx),
         destination=leg.destination,
-        commanded_mps=leg.commanded_mps,
+        commanded_mps=_obeyed_mps(ctx, leg),
         diverts=tuple(dict.fromkeys((*leg.diverts, leg.origin, *leg.via))),
-        behind=frozenset((leg.origin, *ctx.delivery.visited)),
+        left=frozenset((leg.origin, *ctx.delivery.visited)),
         sudden=ctx.now_s < ctx.battery.lost_s + SUDDEN_S,
         airspeed_limit_mps=_airspeed_limit(ctx),
+        flight=memory,
     )
+
+
+def _obeyed_mps(ctx: Context, leg: Leg) -> float:
+    """Ground speed that it was told; what it flies where that has long been another, so that it is told again."""
+    s, told_mps = ctx.observed.sample, leg.commanded_mps
+    if s is None or ctx.lean.limited or not ctx.now_s > leg.commanded_s + OBEYED_AFTER_S:
+        return told_mps
+    flown_mps = math.hypot(s.vel_north_mps, s.vel_east_mps)
+    return flown_mps if abs(flown_mps - told_mps) > DISOBEYED_MPS else told_mps
 
 
 def _airspeed_limit(ctx: Context) -> float:
@@ -130,11 +143,11 @@ def _ahead(ctx: Context) -> tuple[str, ...]:
     return leg.via[piece:] if len(way) == len(leg.via) + 2 else ()
 
 
-def _decide(ctx: Context, replanner: FlightReplanner | None) -> Decision | None:
-    known = airborne(ctx)
-    if replanner is None or known is None:
+def _decide(ctx: Context, memory: FlightMemory) -> Decision | None:
+    known = information(ctx, memory)
+    if not ctx.job.replanning or known is None:
         return None
-    decision = replanner.decide(known, ctx.wind.forecast(ctx.now_s), ctx.energy.now(ctx.delivery.leg, ctx.battery.soc))
+    decision = ctx.policy().in_air(known)
     look_ahead(ctx, decision.figures)
     if decision.action != "continue":
         _tell(ctx, decision)
@@ -160,7 +173,7 @@ def _act(ctx: Context, decision: Decision) -> After | None:
         except LinkError as error:
             ctx.note(SpeedNote(), f"the ground speed of {speed_text(decision.speed_mps)} was not accepted: {error}")
         else:
-            leg.command(decision.speed_mps)
+            leg.command(decision.speed_mps, ctx.now_s)
         return None
     if decision.action == "station" and decision.station is not None:
         after = turn(ctx, decision.station, State.FLYING)
@@ -191,7 +204,7 @@ def diverting(ctx: Context) -> After:
         after = turn(ctx, ctx.divert.station, State.DIVERTING)
         if after[0] is not State.DIVERTING:
             return after
-    replanner, decided_s = FlightReplanner(ctx.replanner(), turned=True), ctx.now_s
+    memory, decided_s = FlightMemory(turned=True), ctx.now_s
     while True:
         refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
         if landed(ctx):
@@ -199,19 +212,19 @@ def diverting(ctx: Context) -> After:
         if ctx.vehicle.changing or not (_due(ctx, decided_s) and _climbed(ctx)):
             continue
         decided_s = ctx.now_s
-        end = _watch(ctx, replanner)
+        end = _watch(ctx, memory)
         if end is not None:
             return end
 
 
-def _watch(ctx: Context, replanner: FlightReplanner) -> After | None:
+def _watch(ctx: Context, memory: FlightMemory) -> After | None:
     """Keep expected against actual up to date; turn again only where the battery would be empty before."""
-    known = airborne(ctx)
+    known = information(ctx, memory)
     if known is None or ctx.delivery.leg is None or ctx.delivery.leg.destination == "here":
         return None
-    decision = replanner.watch(known, ctx.wind.forecast(ctx.now_s), ctx.energy.now(ctx.delivery.leg, ctx.battery.soc))
+    decision = ctx.policy().in_air(known)
     look_ahead(ctx, decision.figures)
-    if decision.action == "continue" or ctx.job.replanning is None:
+    if decision.action == "continue" or not ctx.job.replanning:
         return None
     _tell(ctx, decision)
     if decision.action == "speed":

@@ -11,6 +11,7 @@ from skyway.link.supervisor.journal.entries import Turned, Uploaded
 from skyway.link.supervisor.legs import turn_leg, with_places
 from skyway.link.supervisor.states import State, Turn
 from skyway.link.vehicle.divert import Diversion, Refuge
+from skyway.models.base import geodesy
 from skyway.models.base.errors import LinkError, VehicleTimeoutError
 
 if TYPE_CHECKING:
@@ -38,9 +39,9 @@ def turn(ctx: Context, station: str, state: State) -> After:
     plan = with_places(ctx.delivery.plan, ctx.job.scenario, [station])
     last = station == ctx.job.request.destination
     home_ground = s.alt_msl_m - s.height_m
-    here = (*ctx.place, s.height_m)
+    here, speed_mps = (*ctx.place, s.height_m), _speed_mps(ctx, ctx.place, station)
     mission = turn_leg(
-        plan, station, here, home_ground, leg.commanded_mps, ctx.vehicle.family, ctx.job.options,
+        plan, station, here, home_ground, speed_mps, ctx.vehicle.family, ctx.job.options,
         last=last, home=leg.mission.document.mission.home,
     )  # fmt: skip
     try:
@@ -54,10 +55,19 @@ def turn(ctx: Context, station: str, state: State) -> After:
     if not outcome.verified:
         return _reposition(ctx, station, plan, mission)
     ctx.vehicle.changes()
+    leg.command(speed_mps, ctx.now_s)
     ctx.delivery.take_leg(replace(leg, destination=station, via=(), mission=mission, last=last, lookahead=None))
     ctx.divert.done()
     ctx.note(Turned(destination=station, begun=False), f"diverted to {station}")
     return state, f"diverted to {station}"
+
+
+def _speed_mps(ctx: Context, here: tuple[float, float], station: str) -> float:
+    """Ground speed of the planned airspeed on the way to a station, in the wind as it is known now."""
+    reach = ctx.policy().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief)
+    way = reach.way(here, (), station)
+    cruise_s = float(reach.expected(reach.along(way, ctx.now_s).time_s[:, -1]))
+    return round(min(geodesy.distance_m(*way[0], *way[1]) / max(cruise_s, 1.0), reach.drone.max_ground_speed_mps), 1)
 
 
 def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> After:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
     from skyway.models.drones.airspeed_load import AirspeedLoad
-    from skyway.planner.online.diverts import Reach
+    from skyway.planner.online.reach import Reach
 
 
 @dataclass(slots=True)
@@ -37,7 +37,7 @@ class ModelledUse:
     @classmethod
     def by(cls, reach: Reach) -> ModelledUse:
         """Return that of a flight which what can be reached is worked out by."""
-        return cls(reach.soc_per_s, reach.soc_climb - reach.soc_per_s * reach.rules.climb_s, reach.load)
+        return cls(reach.soc_per_s, reach.power.soc_fixed(reach.rules.climb_s, reach.rules.descent_s), reach.load)
 
     @property
     def total(self) -> float:

@@ -29,6 +29,7 @@ SLOT_S = 600.0
 """Observations are averaged over so long."""
 REPRESENTATION_MPS = 0.7
 """How far the mean of a slot along a track is from the wind that the forecast means."""
+HALVINGS = 20
 MAX_SLOTS = 20_000
 
 
@@ -86,6 +87,7 @@ def update_forecast(
     residual: ResidualModel | None = None,
     *,
     slot_s: float = SLOT_S,
+    least_members: float = 1.0,
 ) -> WindEnsemble:
     """Weight and shift the members of a forecast by what was measured.
 
@@ -99,6 +101,9 @@ def update_forecast(
         How the truth differs from the right member.
     slot_s : float
         The updated forecast has slots at most so long.
+    least_members : float
+        The weights are flattened until they are worth so many equal ones: a few members that fit what was measured now would else
+        stand for all that may come in the hours after.
 
     Returns
     -------
@@ -124,7 +129,25 @@ def update_forecast(
         points = middle, np.full(fine.slots, lat), np.full(fine.slots, lon)
         shift[:, :, site] = np.einsum("tk,mkc->mtc", model.covariance(points, where), pressed)
     moved = replace(fine, north=fine.north + shift[..., 0], east=fine.east + shift[..., 1])
-    return moved.weighted(likelihood) if float((moved.probability * likelihood).sum()) > 0.0 else moved
+    if not float((moved.probability * likelihood).sum()) > 0.0:
+        return moved
+    return moved.weighted(_flattened(moved.probability, likelihood, least_members))
+
+
+def worth(weights: NDArray[np.float64]) -> float:
+    """Return how many equal weights some weights are worth: (sum w)^2 / sum w^2 (L. Kish, "Survey Sampling", 1965)."""
+    return float(weights.sum() ** 2 / (weights**2).sum())
+
+
+def _flattened(probability: NDArray[np.float64], likelihood: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """Return the greatest power of likelihoods, at most 1, with which the members are worth at least so many."""
+    if worth(probability * likelihood) >= min(least, worth(probability)):
+        return likelihood
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        power = 0.5 * (low + high)
+        low, high = (power, high) if worth(probability * likelihood**power) >= least else (low, power)
+    return likelihood**low
 
 
 def _misses(ensemble: WindEnsemble, observations: Sequence[WindObservation]) -> NDArray[np.float64]:

@@ -78,7 +78,7 @@ ConstantWind = Annotated[
     str | None,
     typer.Option("--wind", help="One constant wind at cruise height instead of a forecast: 8@270.", show_default=False),
 ]
-Planner = Annotated[str, typer.Option("--planner", help="Planner for replanning. Without it: the plan's.")]
+Planner = Annotated[str, typer.Option("--planner", hidden=True, help="No longer used: one online policy decides.")]
 NoReplan = Annotated[bool, typer.Option("--no-replan", help="Fly the plan unchanged; never replan.")]
 Release = Annotated[Literal["gripper", "operator"], typer.Option("--release", help="How the package is released.")]
 Elevation = Annotated[
@@ -111,6 +111,7 @@ def fly(
     elevation: Elevation = None,
     keep_parameters: Keep = False,
     no_restore: NoRestore = False,
+    settings: options.Settings = None,
     as_json: AsJson = False,
 ) -> None:
     """Fly a plan (the help text is `FLY_HELP`)."""
@@ -120,12 +121,12 @@ def fly(
     from skyway.link.supervisor import DeliveryJob
     from skyway.missions.builder.mission_options import MissionOptions
     from skyway.models.composition.file import load
-    from skyway.planner.online.replan import DEFAULT_PLANNER, ReplanSettings
 
     _refuse_together(
         manual=manual, yes=yes, journal=journal, resume=resume, keep=keep_parameters, no_restore=no_restore
     )
     options.refuse_overwriting(journal, report, force=False)
+    parameters = options.planner_parameters(settings)
     begun = None if resume is None else _begun(resume)
     composition = load(plan)
     region = flying.scenario_of(composition, scenario)
@@ -145,8 +146,8 @@ def fly(
             forecast=options.wind_forecast(region, begun or now, wind, forecast, None, None),
             options=how,
             drag=drag_model,
-            planner=planner or DEFAULT_PLANNER,
-            replanning=None if no_replan else ReplanSettings(),
+            replanning=not no_replan,
+            parameters=parameters,
             asking="never" if yes else "each" if manual else "once",
             set_parameters=not keep_parameters,
             restore_parameters=not no_restore,

@@ -178,6 +178,10 @@ def test_a_battery_that_drops_makes_it_divert_with_the_reason(tmp_path):
     assert "below the reserve with probability" in turned[0].reason
     assert turned[0].data["divert_soc"] > turned[0].data["soc_land"]
     assert not stage.craft.autopilot.crashed
+    back = [one.data for one in events(stage, "track") if one.state == "diverting" and one.data["height_m"] > 50.0]
+    assert len(back) > 9
+    slower = [one["commanded_mps"] - one["ground_speed_mps"] for one in back[6:-3]]
+    assert all(abs(mps) < 2.5 for mps in slower), slower  # it flies as fast as it was told, not as on the way there
 
 
 def test_a_take_off_is_not_begun_without_a_word_where_one_is_asked_for(tmp_path):

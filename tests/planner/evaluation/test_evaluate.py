@@ -26,7 +26,7 @@ from skyway.planner.evaluation.evaluate import (
 )
 from skyway.planner.evaluation.flights import DELIVERED, GAVE_UP, Flown, schedules
 from skyway.planner.evaluation.statistics import DayBootstrap, Estimate
-from skyway.planner.online.departure import Departure
+from skyway.planner.online.information import Departure
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request

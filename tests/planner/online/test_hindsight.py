@@ -10,11 +10,13 @@ from benchmarks.loads import scaled_to
 from skyway.models.composition.composition import State
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.exact.exact import ExactSearch
+from skyway.planner.online.energy_belief import EnergyBelief
 from skyway.planner.online.hindsight import Hindsight
 from skyway.planner.problem.error_model import NO_ERRORS, USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
 
+KNOWN = EnergyBelief.evenly(0.005)
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 
 
@@ -61,7 +63,9 @@ def test_a_vehicle_that_has_shown_what_it_takes_needs_that_and_little_more(nobod
     way = problem.network.first[problem.origin], problem.network.first[problem.origin] + 1
     segments = tuple(range(*way))
     known = {
-        energy: Hindsight(problem, USUAL_ERRORS, energy=energy).need(segments, problem.depart_s)
+        energy: Hindsight(problem, USUAL_ERRORS, belief=EnergyBelief.evenly(0.005, energy)).need(
+            segments, problem.depart_s
+        )
         for energy in (0.96, 1.04)
     }
     unsure = Hindsight(problem, USUAL_ERRORS).need(segments, problem.depart_s)
@@ -76,7 +80,7 @@ def test_over_a_station_it_lands_where_the_rest_is_too_far(nobody):
     over = int(problem.network.head[first[0]])
     for soc, lands in ((0.9, False), (problem.reserve + problem.soc_fixed + 90.0 * problem.soc_per_s, True)):
         above = problem.standing_at(over, problem.depart_s + 300.0, soc, in_flight=True)
-        step = Hindsight(above, USUAL_ERRORS, energy=1.0).choose()
+        step = Hindsight(above, USUAL_ERRORS, belief=KNOWN).choose()
         assert (step.segments == ()) is lands
         assert math.isfinite(step.arrival_s)
 
@@ -103,8 +107,8 @@ def against_the_wind(world, **state):
 
 def test_a_flight_for_which_the_battery_may_not_do_is_begun_where_it_can_turn_back(nobody):
     problem = against_the_wind(nobody)
-    step = Hindsight(problem, USUAL_ERRORS, energy=1.0).choose()
-    assert Hindsight(problem, USUAL_ERRORS, energy=1.0).need(step.segments, problem.depart_s) > 1.0
+    step = Hindsight(problem, USUAL_ERRORS, belief=KNOWN).choose()
+    assert Hindsight(problem, USUAL_ERRORS, belief=KNOWN).need(step.segments, problem.depart_s) > 1.0
     assert step.turn_back is not None
     network = problem.network
     assert int(network.head[step.turn_back.back]) == problem.origin
@@ -117,4 +121,4 @@ def test_it_is_not_begun_where_others_have_taken_the_room_to_come_back(nobody):
     full = station.pads + station.holding_spots
     for there, behind in ((full, 0), (full - 1, 1)):
         problem = against_the_wind(nobody, busy_pads={"bellevue": there})
-        assert Hindsight(problem, USUAL_ERRORS, energy=1.0, behind=behind).choose().turn_back is None
+        assert Hindsight(problem, USUAL_ERRORS, belief=KNOWN, behind=behind).choose().turn_back is None

@@ -12,7 +12,7 @@ from skyway.models.composition.composition import State
 from skyway.models.flight.kernels import land, slot_end, slot_of
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.evaluation.evaluate import NO_ERRORS, Errors, fly_policy, sample_realizations, season_days
-from skyway.planner.online.departure import Departure
+from skyway.planner.online.information import Departure
 from skyway.planner.online.turn_back import LIKELY, TurnBacks
 from skyway.planner.online.turn_back_kernels import out_or_back
 from skyway.planner.problem.problem import HORIZON_H, Problem

@@ -26,7 +26,7 @@ from skyway.planner.evaluation.evaluate import (
     season_days,
 )
 from skyway.planner.explain import alternatives, charge_ranges, stop_names, stop_reasons, wait_and_see
-from skyway.planner.online.rolling import RollingRobust
+from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.plan import alternative_plans, plan
 from skyway.planner.problem.objective import Objective
 from skyway.planner.problem.problem import HORIZON_H, Problem

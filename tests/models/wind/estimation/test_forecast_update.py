@@ -11,7 +11,7 @@ from skyway.models.base.geodesy import direct
 from skyway.models.wind.ensemble import WindEnsemble
 from skyway.models.wind.estimation.field import ResidualModel, WindField, WindObservation
 from skyway.models.wind.estimation.filter import WindEstimate
-from skyway.models.wind.estimation.forecast_update import SlotAverages, refined, update_forecast
+from skyway.models.wind.estimation.forecast_update import SlotAverages, refined, update_forecast, worth
 from skyway.models.wind.forecast import analogue_ensemble, truth_series
 
 START_S = 1_700_000_000.0
@@ -43,6 +43,16 @@ def test_members_like_what_was_measured_gain_weight():
     after = update_forecast(before, [seen(before.north[member, 0, 0], before.east[member, 0, 0])])
     assert after.probability[member] == after.probability.max()
     assert after.probability.sum() == pytest.approx(1.0)
+
+
+def test_one_measurement_leaves_weight_on_as_many_members_as_are_asked_for():
+    many = ensemble(members=40)
+    windy = [seen(9.0, 0.0, variance=0.1)]
+    sharp, flat = (update_forecast(many, windy, least_members=least).probability for least in (1.0, 12.0))
+    assert worth(sharp) < 12.0
+    assert worth(flat) == pytest.approx(12.0, rel=1e-3)
+    assert np.all(np.diff(flat[np.argsort(sharp)]) >= -1e-12)  # the order is what was measured
+    assert flat.sum() == pytest.approx(1.0)
 
 
 def test_each_member_is_moved_by_its_own_residual_which_fades_with_the_horizon():

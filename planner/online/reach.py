@@ -19,6 +19,7 @@ from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.kernels import airborne_times
 from skyway.models.flight.rules import air_between
 from skyway.models.wind.triangle import along_across
+from skyway.planner.parameters.planner import USUAL
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,12 +31,8 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.online.energy_belief import EnergyBelief
+    from skyway.planner.parameters.online import OnlineParameters
 
-POINT_EVERY_M = 500.0
-"""Distance between the points of a leg at which diverts are looked for."""
-MAX_DIVERTS = 16
-BESIDE_M = 1500.0
-"""Stations so near to a way are beside it."""
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
 
@@ -90,6 +87,10 @@ class Reach:
         Planned airspeed; the drone's cruise airspeed by default.
     load : AirspeedLoad, optional
         How its power changes with airspeed; by default it does not.
+    parameters : OnlineParameters
+        Of the online policy.
+    watched : bool
+        A real flight: it takes `manoeuvres_s` longer, most of it before the touch-down, and its wind is not known better than `wind_spread`.
     """
 
     def __init__(
@@ -102,15 +103,21 @@ class Reach:
         *,
         airspeed_mps: float | None = None,
         load: AirspeedLoad | None = None,
+        parameters: OnlineParameters = USUAL.online,
+        watched: bool = False,
     ) -> None:
-        self.load = load
+        self.load, self.parameters = load, parameters
         self.network, self.rules = scenario.network, scenario.rules
         self.wind = forecast.at_height(self.rules.cruise_height_m, self.rules.wind_profile_exponent)
         self.drone, self.belief = drone, belief
         self.airspeed_mps = airspeed_mps if airspeed_mps is not None else drone.cruise_airspeed_mps
-        power = FlightPower.of(drone, payload_kg)
+        self.power = power = FlightPower.of(drone, payload_kg)
         self.soc_per_s = power.soc_per_s
-        self.soc_climb, self.soc_descent = power.soc_climb(self.rules.climb_s), power.soc_descent(self.rules.descent_s)
+        manoeuvres_s = parameters.manoeuvres_s if watched else 0.0
+        self._wind_spread = parameters.wind_spread if watched else 0.0
+        self.descent_s = self.rules.descent_s + manoeuvres_s
+        self.soc_climb = power.soc_climb(self.rules.climb_s)
+        self.soc_descent = power.soc_descent(self.rules.descent_s) + power.soc_per_s * manoeuvres_s
         self.pads = np.flatnonzero(self.network.pads > 0)
 
     def winds(
@@ -156,7 +163,7 @@ class Reach:
         length, bearing = geodesy.inverse(*here, lat, lon)
         start = np.full(len(nodes), here[0]), np.full(len(nodes), here[1])
         flown = self._cruise(start, bearing, length, time_s, in_turn=False)
-        return Flown(flown.time_s + self.rules.descent_s, flown.soc + self.soc_descent)
+        return Flown(flown.time_s + self.descent_s, flown.soc + self.soc_descent)
 
     def along(self, points: Sequence[Place], time_s: float) -> Flown:
         """Fly along a way: to each of its points after the first, shape (members, points - 1); no climb, no descent."""
@@ -169,9 +176,7 @@ class Reach:
         """Fly a way to touch-down at its end, shape (members,): with a climb first where it begins on the ground."""
         climb_s, climb_soc = (self.rules.climb_s, self.soc_climb) if climbs else (0.0, 0.0)
         flown = self.along(way, time_s + climb_s)
-        return Flown(
-            flown.time_s[:, -1] + climb_s + self.rules.descent_s, flown.soc[:, -1] + climb_soc + self.soc_descent
-        )
+        return Flown(flown.time_s[:, -1] + climb_s + self.descent_s, flown.soc[:, -1] + climb_soc + self.soc_descent)
 
     def mean_load(self, way: Sequence[Place], time_s: float) -> float:
         """Power over that of the model, averaged over the cruise of a way."""
@@ -183,7 +188,8 @@ class Reach:
         """Probability of landing below a charge, over members and energy, shape (n,); `cost` has shape (members, n)."""
         from scipy.special import ndtr
 
-        spread = np.maximum(np.hypot(cost * self.belief.sigma, 0.005), 1e-9)
+        sigma = math.hypot(self.belief.sigma, self._wind_spread * self.belief.factor)
+        spread = np.maximum(np.hypot(cost * sigma, self.belief.soc_sigma), 1e-9)
         below = ndtr((cost * self.belief.factor - (soc - floor_soc)) / spread)
         return np.asarray(np.einsum("m,m...->...", self.wind.probability, below))
 
@@ -223,11 +229,12 @@ class Reach:
 
     def cover(
         self, way: Sequence[Place], time_s: float, soc: float, *, floor_soc: float, epsilon: float,
-        destination: str, not_at: frozenset[str] = frozenset(), climbs: bool = True,
+        destination: str, not_at: frozenset[str] = frozenset(), climbs: bool = True, reserve_soc: float = 0.0,
     ) -> DivertCover:  # fmt: skip
         """Find divert stations for every point of a leg.
 
         The destination itself counts, where it has pads, from the point on from which no other station is nearer in time.
+        The reserve is kept by the destination from the start, or by another station from each point.
 
         Parameters
         ----------
@@ -241,8 +248,10 @@ class Reach:
             Where the leg ends.
         not_at : frozenset of str
             Stations that do not count: those known to be unusable.
+        reserve_soc : float
+            The destination, or a divert from each point, lands below this with no more than `epsilon`.
         """
-        points = _points(way)
+        points = _points(way, self.parameters.point_every_m)
         places = [place for place, _ in points]
         begins = time_s + (self.rules.climb_s if climbs else 0.0)
         flown = self.along(places, begins)
@@ -255,12 +264,14 @@ class Reach:
         nodes = nodes[nodes != ends_at]
         safe = np.zeros((len(points), len(nodes)), dtype=bool)
         nearest = np.zeros(len(points), dtype=bool)
+        keeps = self.p_below(soc, used[:, -1:] + self.soc_descent, reserve_soc)[0] <= epsilon
+        floor_soc = floor_soc if keeps else max(floor_soc, reserve_soc)
         mean_s = self.expected(spent)
         for row, place in enumerate(places):
             if not len(nodes):
                 break
             flight = self.to_stations(place, begins + float(mean_s[row]), nodes)
-            left_s = float(mean_s[-1] - mean_s[row]) + self.rules.descent_s
+            left_s = float(mean_s[-1] - mean_s[row]) + self.descent_s
             nearest[row] = self.network.pads[ends_at] > 0 and left_s <= float(self.expected(flight.time_s).min())
             cost = used[:, row, None] + flight.soc
             near = np.flatnonzero(self.p_below(soc, cost, floor_soc) <= epsilon)
@@ -268,8 +279,10 @@ class Reach:
             safe[row, near[self.clear(place, nodes[near])]] = True
         uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
         gap = float(points[uncovered[0]][1]) if len(uncovered) else None
-        chosen = _fewest(safe)
-        chosen += [k for k in self._beside(places, nodes, safe) if k not in chosen][: MAX_DIVERTS - len(chosen)]
+        chosen = _fewest(safe, self.parameters.max_diverts)
+        chosen += [k for k in self._beside(places, nodes, safe) if k not in chosen][
+            : self.parameters.max_diverts - len(chosen)
+        ]
         return DivertCover(tuple(self.network.stations[nodes[k]].id for k in chosen), gap)
 
     def _beside(self, places: Sequence[Place], nodes: NDArray[np.int64], safe: NDArray[np.bool_]) -> list[int]:
@@ -280,18 +293,18 @@ class Reach:
             station = self.network.stations[nodes[k]]
             north, east = geodesy.local_offsets_m(lat, lon, station.lat, station.lon)
             off = float(np.hypot(north, east).min())
-            if off <= BESIDE_M:
+            if off <= self.parameters.beside_m:
                 found.append((off, int(k)))
         return [k for _, k in sorted(found)]
 
 
-def _points(way: Sequence[Place]) -> list[tuple[Place, float]]:
-    """Points of a way not farther apart than `POINT_EVERY_M`, with the distance flown to each."""
+def _points(way: Sequence[Place], every_m: float) -> list[tuple[Place, float]]:
+    """Points of a way not farther apart than `every_m`, with the distance flown to each."""
     found: list[tuple[Place, float]] = [(way[0], 0.0)]
     flown = 0.0
     for before, after in pairwise(way):
         length = geodesy.distance_m(*before, *after)
-        parts = max(1, math.ceil(length / POINT_EVERY_M))
+        parts = max(1, math.ceil(length / every_m))
         inner = geodesy.along(*before, *after, parts - 1)
         found += [(point, flown + length * (k + 1) / parts) for k, point in enumerate(inner)]
         flown += length
@@ -299,11 +312,11 @@ def _points(way: Sequence[Place]) -> list[tuple[Place, float]]:
     return found
 
 
-def _fewest(safe: NDArray[np.bool_]) -> list[int]:
+def _fewest(safe: NDArray[np.bool_], most: int) -> list[int]:
     """Return few columns that together cover every row that any column covers (greedily)."""
     left = safe.any(axis=1)
     chosen: list[int] = []
-    while left.any() and len(chosen) < MAX_DIVERTS:
+    while left.any() and len(chosen) < most:
         gain = safe[left].sum(axis=0)
         best = int(np.argmax(gain))
         chosen.append(best)

@@ -1,4 +1,4 @@
-"""Plans beside each other from one place and time: the rest of the present one, with charges that fit what is known now."""
+"""The plan that is told with a step: what most probably follows it, with charges that fit what is known now."""
 
 from __future__ import annotations
 
@@ -8,19 +8,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base.errors import AuditError, InfeasibleError
 from skyway.models.base.weighted import weighted_quantile
-from skyway.planner.schedule.itinerary import Leg, fly_expected, fly_sampled, stop_nodes
+from skyway.planner.schedule.composing import compose
+from skyway.planner.schedule.itinerary import Leg, fly_expected, fly_sampled, stop_nodes, typical_member
 from skyway.planner.schedule.outcome import outcome
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from skyway.models.composition.composition import Composition
+    from skyway.models.network.network import Network
+    from skyway.planner.online.following import Step
+    from skyway.planner.online.hindsight import Hindsight
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
-
-SAMPLES = 4
-"""Sampled queues that each member of the forecast is flown with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +67,8 @@ def best_charges(problem: Problem, itinerary: Itinerary, epsilon: float) -> Cand
     )
     lean = tuple(replace(leg, charge_to=need) for leg, need in zip(itinerary, needed, strict=True))
     found = [
-        Candidate(one, outcome(problem, *fly_sampled(problem, one, SAMPLES))) for one in dict.fromkeys((lean, raised))
+        Candidate(one, outcome(problem, *fly_sampled(problem, one, problem.parameters.online.told_queues)))
+        for one in dict.fromkeys((lean, raised))
     ]
     surest = max(one.outcome.p_success for one in found)
     good = [one for one in found if one.outcome.p_success >= surest - epsilon]
@@ -98,6 +103,33 @@ def needed_charges(problem: Problem, itinerary: Itinerary, epsilon: float) -> li
     return needed[::-1]
 
 
+def told_plan(seen: Hindsight, step: Step, charge_to: float | None, epsilon: float) -> Composition | None:
+    """Compose a plan that begins with a step; None where no wind of the forecast lets it be flown as a whole.
+
+    Parameters
+    ----------
+    seen : Hindsight
+        What the step was chosen by.
+    charge_to : float or None
+        Charge that the step leaves with; None: it does not charge.
+    epsilon : float
+        Charges of later legs may be too low in this share of the forecast.
+    """
+    p = seen.problem
+    first = Leg(step.segments, charge_to)
+    for later in dict.fromkeys((seen.onward(step), ())):
+        whole = (first, *later)
+        found = best_charges(p, whole, epsilon) if later else None
+        itinerary = whole if found is None else (first, *found.itinerary[1:])
+        try:
+            member, course = typical_member(p, itinerary)
+            result = outcome(p, *fly_sampled(p, itinerary, p.parameters.online.told_queues))
+            return compose(p, itinerary, course, member, result, planner="online", planning_time_s=0.0)
+        except (InfeasibleError, AuditError):
+            continue
+    return None
+
+
 def itinerary_of(problem: Problem, composition: Composition) -> Itinerary | None:
     """Return the decisions of a composition that begins where the problem does; None where it does not fit."""
     network = problem.network
@@ -108,18 +140,23 @@ def itinerary_of(problem: Problem, composition: Composition) -> Itinerary | None
         if legs and service.origin != where:
             return None
         names = [where, *service.via, service.destination]
-        segments = [_segment(problem, a, b) for a, b in pairwise(names)]
-        if any(segment is None for segment in segments):
+        segments = segments_of(network, names)
+        if not segments:
             return None
         stop = stops.get(service.origin)
         charge = stop.soc_to if stop is not None and stop.recharge_s > 0.0 else None
-        legs.append(Leg(tuple(s for s in segments if s is not None), charge))
+        legs.append(Leg(segments, charge))
         where = service.destination
     return tuple(legs) or None
 
 
-def _segment(problem: Problem, tail: str, head: str) -> int | None:
-    network = problem.network
+def segments_of(network: Network, names: Sequence[str]) -> tuple[int, ...]:
+    """Return the segments of a way over some stations; empty where one is missing."""
+    found = [_segment(network, a, b) for a, b in pairwise(names)]
+    return () if any(one is None for one in found) else tuple(one for one in found if one is not None)
+
+
+def _segment(network: Network, tail: str, head: str) -> int | None:
     if tail not in network.index or head not in network.index:
         return None
     begin, end = network.first[network.index[tail]], network.first[network.index[tail] + 1]

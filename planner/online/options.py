@@ -17,16 +17,8 @@ from skyway.models.base import geodesy
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from skyway.planner.online.diverts import Flown, Place, Reach
-    from skyway.planner.online.onward import Onward
-
-EMPTY_SOC = 0.03
-"""Below this nothing is sure to fly."""
-AIRSPEED_SHARES = (0.8, 0.9, 1.1)
-SLOWEST_MPS = 8.0
-"""Airspeeds that are looked at besides the planned one."""
-NEVER_S = 48 * 3600.0
-"""A delivery of which no way is known that it arrives counts as one that takes so much longer."""
+    from skyway.planner.online.hindsight import Hindsight
+    from skyway.planner.online.reach import Flown, Place, Reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +73,17 @@ class Floors:
     half: float
 
 
+def along_way(way: Sequence[Place], distance_m: float) -> Place:
+    """Return the point of a way after so many metres, or its end."""
+    for a, b in pairwise(way):
+        length = geodesy.distance_m(*a, *b)
+        if length >= distance_m:
+            lat, lon = geodesy.direct(*a, geodesy.bearing_deg(*a, *b), distance_m)
+            return float(lat), float(lon)
+        distance_m -= length
+    return way[-1]
+
+
 def going_on(
     reach: Reach, way: Sequence[Place], station: str, time_s: float, soc: float, floors: Floors
 ) -> tuple[Option, Flown]:
@@ -95,7 +98,7 @@ def going_on(
         soc - float(reach.expected(flown.soc)) * reach.belief.factor,
         float(reach.p_below(soc, cost, floors.reserve)[0]),
         float(reach.p_below(soc, cost, floors.half)[0]),
-        float(reach.p_below(soc, cost, EMPTY_SOC)[0]),
+        float(reach.p_below(soc, cost, reach.parameters.empty_soc)[0]),
         length,
     )
     return option, flown
@@ -107,8 +110,8 @@ def other_airspeeds(
     """Return the outcome of flying on slower or faster, where it is known what that costs."""
     if reach.load is None:
         return []
-    speeds = (share * reach.airspeed_mps for share in AIRSPEED_SHARES)
-    fit = [speed for speed in speeds if SLOWEST_MPS <= speed <= reach.drone.max_airspeed_mps]
+    speeds = (share * reach.airspeed_mps for share in reach.parameters.airspeed_shares)
+    fit = [speed for speed in speeds if reach.parameters.min_airspeed_mps <= speed <= reach.drone.max_airspeed_mps]
     return [going_on(reach.at_airspeed(speed), way, station, time_s, soc, floors)[0] for speed in fit]
 
 
@@ -123,7 +126,9 @@ def other_stations(
         return []
     flown = reach.to_stations(here, time_s, nodes)
     times, costs = reach.expected(flown.time_s), reach.expected(flown.soc) * reach.belief.factor
-    low, lower, empty = (reach.p_below(soc, flown.soc, floor) for floor in (floors.reserve, floors.half, EMPTY_SOC))
+    low, lower, empty = (
+        reach.p_below(soc, flown.soc, floor) for floor in (floors.reserve, floors.half, reach.parameters.empty_soc)
+    )
     length, _ = geodesy.inverse(*here, reach.network.lat[nodes], reach.network.lon[nodes])
     return [
         Option(
@@ -152,7 +157,7 @@ def earliest_s(reach: Reach, option: Option, destination: str) -> float:
     return option.lands_s + length / reach.drone.max_ground_speed_mps + reach.rules.climb_s + reach.rules.descent_s
 
 
-def arriving(option: Option, onward: Onward) -> float:
+def arriving(option: Option, onward: Hindsight) -> float:
     """Expected arrival of the delivery by way of an option, POSIX seconds."""
     found = onward.arrival_s(option.station, option.lands_s, option.soc)
-    return found if math.isfinite(found) else option.lands_s + NEVER_S
+    return found if math.isfinite(found) else option.lands_s + onward.parameters.never_s

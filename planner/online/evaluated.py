@@ -1,0 +1,83 @@
+"""The online policy in sampled realizations: what `evaluate` and the benchmarks fly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from skyway.models.wind.estimation.field import WindObservation
+from skyway.models.wind.estimation.forecast_update import update_forecast
+from skyway.planner.online.energy_belief import EnergyBelief
+from skyway.planner.online.information import Information
+from skyway.planner.online.policy import OnlinePolicy
+from skyway.planner.problem.error_model import USUAL_ERRORS, Errors
+
+if TYPE_CHECKING:
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.evaluation.policies import Standing
+    from skyway.planner.online.information import Departure
+    from skyway.planner.problem.problem import Problem
+
+
+def with_measured(forecast: WindEnsemble, standing: Standing, variance: float) -> WindEnsemble:
+    """Bring a forecast up to date with the wind measured at its sites now, at the height of measurement; `variance` of a component, m2/s2."""
+    north, east = standing.wind
+    seen = [
+        WindObservation(standing.time_s, lat, lon, float(n), float(e), variance)
+        for lat, lon, n, e in zip(forecast.site_lat.tolist(), forecast.site_lon.tolist(), north, east, strict=True)
+    ]
+    return update_forecast(forecast, seen, slot_s=forecast.slot_s)
+
+
+@dataclass(frozen=True)
+class RollingRobust:
+    """The online policy as `planner.evaluation.evaluate.fly_policy` flies it: at every stop, and over the stations on its way.
+
+    Attributes
+    ----------
+    start : Problem
+        As at the departure, with a forecast that does not hold the realizations.
+    errors : Errors
+        What the truth has beyond the forecast.
+    """
+
+    start: Problem
+    errors: Errors = USUAL_ERRORS
+
+    @cached_property
+    def policy(self) -> OnlinePolicy:
+        """What is flown."""
+        p = self.start
+        request = replace(p.request, drone=p.drone.id)
+        return OnlinePolicy(p.scenario, request, p.parameters, errors=self.errors)
+
+    def leave(self, standing: Standing) -> Departure | None:
+        """How to leave a stop."""
+        return self.policy.on_ground(self.information(standing)).departure
+
+    def over(self, flying: Standing, rest: tuple[int, ...]) -> tuple[int, ...]:
+        """Segments to go on with over a station."""
+        network = self.start.network
+        names = [network.stations[int(network.head[one])].id for one in rest]
+        info = replace(self.information(flying), via=tuple(names[:-1]), destination=names[-1])
+        return self.policy.in_air(info).segments
+
+    def information(self, standing: Standing) -> Information:
+        """What is known at a stop, or over a station."""
+        known, p = not math.isnan(standing.energy), self.start.parameters
+        return Information(
+            time_s=standing.time_s,
+            soc=standing.soc,
+            forecast=with_measured(self.start.ensemble, standing, p.online.site_variance),
+            belief=EnergyBelief.evenly(p.robust.learned_error, standing.energy)
+            if known
+            else EnergyBelief.evenly(self.errors.energy),
+            measured=True,
+            watched=False,
+            station=standing.station,
+            visited=frozenset(standing.visited),
+            busy_pads=standing.busy,
+            behind=standing.behind,
+        )

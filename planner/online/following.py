@@ -1,0 +1,289 @@
+"""What becomes of a step in a future: how it is flown there, where it lands if the rest is too much, and the best that can follow."""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base import geodesy
+from skyway.models.flight.kernels import NEVER, slot_end, slot_of
+from skyway.models.queues.sampling import no_queue
+from skyway.planner.exact.exact import ExactSearch
+from skyway.planner.online.futures import draw_futures, flight_in
+from skyway.planner.online.turn_back import TurnBacks
+from skyway.planner.problem.flight_table import table_land
+from skyway.planner.robust.charge_policy import known_at
+from skyway.planner.robust.free_capacity import likely_free
+from skyway.planner.robust.required_soc_kernels import flight_energy
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from skyway.planner.online.energy_belief import EnergyBelief
+    from skyway.planner.online.futures import Future
+    from skyway.planner.online.turn_back_kernels import TurnBack
+    from skyway.planner.problem.error_model import Errors
+    from skyway.planner.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class Step:
+    """A flight and how to begin it.
+
+    Attributes
+    ----------
+    segments : tuple of int
+        Flown without a landing between, if all goes well; empty: land here.
+    charge : float
+        Take-off with at least this charge.
+    sure : int
+        Segments up to the first station at which it can land if need be: its charge must be enough for these.
+    last : int
+        Segments up to the last such station before the end.
+    arrival_s : float
+        Expected arrival of the delivery, POSIX seconds.
+    turning : Turning or None
+        How it may turn back on the first segment, for which its charge need not be enough then.
+    """
+
+    segments: tuple[int, ...]
+    charge: float
+    sure: int = 0
+    last: int = 0
+    arrival_s: float = math.inf
+    turn_back: TurnBack | None = None
+
+
+class Following:
+    """Follows steps from one state in futures drawn from what is known there.
+
+    Parameters
+    ----------
+    problem : Problem
+        From that state on, with the forecast of that moment. In flight, the origin is the node that the drone is over.
+    errors : Errors
+        Gusts that no forecast tells.
+    belief : EnergyBelief
+        About the next flight.
+    futures : int
+        How many are drawn.
+    measured : bool
+        The wind is measured at every change, so that it thinks again then.
+    watched : bool
+        A flight that would not keep the reserve is turned elsewhere while it can be: it is worth a try with what most probably is enough.
+
+    Attributes
+    ----------
+    arrives : bool
+        A way on was found in some future.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        errors: Errors,
+        belief: EnergyBelief,
+        futures: int,
+        *,
+        measured: bool = True,
+        watched: bool = False,
+    ) -> None:
+        self.parameters = online = problem.parameters.online
+        sigma = math.hypot(belief.sigma, online.wind_spread * belief.factor) if watched else belief.sigma
+        self.unsure, self._measured, self._watched = replace(belief, sigma=sigma).share, measured, watched
+        self._doubt = online.doubt_sigmas * belief.leg_sigma / belief.factor if watched else 0.0
+        self.arrives = False
+        self.problem = problem if belief.factor == 1.0 else heavier(problem, belief.factor)
+        self._later_margin = online.later_margin + online.later_sigmas * belief.leg_sigma / belief.factor
+        self._margins: dict[tuple[tuple[int, ...], int], float] = {}
+        self._count = futures
+        # The forecast of the moment is shifted and weighted by what was measured already. Where the hour was not measured, the next one is
+        # no less sure than it.
+        known = known_at(
+            problem,
+            errors,
+            measured=measured,
+            epsilon=online.p_begin if watched else problem.epsilon / online.energy_shares,
+        )
+        self._known = known._replace(measured=False)
+        self.turns = TurnBacks(self.problem, self._known, self.unsure)
+
+    @cached_property
+    def futures(self) -> list[Future]:
+        """Drawn evenly by probability."""
+        return draw_futures(self.problem, self._known, self.unsure, self._count)
+
+    def need(self, segments: Iterable[int], time_s: float) -> float:
+        """Charge with which a flight that takes off at a time keeps the reserve: most probably if watched, else in all but a share."""
+        p = self.problem
+        cost = float(p.soc_per_s), float(p.soc_fixed)
+        still = np.zeros(p.air.north.shape[2])
+        energy, _ = flight_energy(self._known, 0, np.asarray(segments, dtype=np.int64), time_s, still, still, cost)
+        return p.reserve + (1.0 if self._watched else 1.0 + self.unsure) * energy
+
+    @cached_property
+    def likely_free_at(self) -> NDArray[np.bool_]:
+        """Where a drone can count on a place to land and a pad to wait for, shape (nodes,)."""
+        return likely_free(self.problem, self.problem.epsilon / self.parameters.commitments, self._away_s)
+
+    @cached_property
+    def _away_s(self) -> NDArray[np.float64]:
+        """How long a flight to each node takes at least, about, shape (nodes,)."""
+        p = self.problem
+        distance, _ = geodesy.inverse(p.network.lat[p.origin], p.network.lon[p.origin], p.network.lat, p.network.lon)
+        return np.asarray(p.air.climb_s + p.air.descent_s + distance / p.air.airspeed_mps)
+
+    def _margin(self, rest: tuple[int, ...], time_s: float) -> float:
+        """Charge beyond what a flight takes, as a share, with which it will be begun at a time.
+
+        As if the wind of that hour were known as that of this one is now.
+        """
+        air = self.problem.air
+        now = slot_of(air, self.problem.depart_s)
+        into = (time_s - air.start_s) % air.slot_s // self.parameters.phase_s
+        key = rest, int(into)
+        if key not in self._margins:
+            at = air.start_s + now * air.slot_s + into * self.parameters.phase_s
+            need = self.need(rest, at) - self.problem.reserve
+            flights = [flight_in(future.table, rest, at, 0) for future in self.futures]
+            taken = [self._taken(down - off) for off, down in flights if down < NEVER]
+            known = taken and need < NEVER
+            self._margins[key] = max(need / float(np.mean(taken)) - 1.0, 0.0) if known else math.inf
+        return self._margins[key]
+
+    def _taken(self, flight_s: float) -> float:
+        return float(self.problem.soc_fixed + self.problem.soc_per_s * flight_s)
+
+    def _used(self, future: Future, segments: tuple[int, ...], off_s: float, down_s: float) -> float:
+        """Charge that a flight takes in a future; where it is watched gusts count too, for nothing else covers them."""
+        flight_s = down_s - off_s
+        if self._watched:
+            flight_s = (1.0 + future.slowed(segments, off_s)) * flight_s + self.parameters.manoeuvres_s
+        return future.energy * self._taken(flight_s)
+
+    def _search(self, problem: Problem, future: Future, stops: NDArray[np.bool_] | None = None) -> ExactSearch:
+        margin = self._later_margin * problem.soc_per_s
+        return ExactSearch(problem, future.queues, speeds=future.careful, margin_soc_per_s=margin, stops=stops)
+
+    def _follow(self, step: Step, future: Future) -> float:
+        """Arrival in a future after a step, POSIX seconds."""
+        p = self.problem
+        if not step.segments:
+            return self._stay(future)
+        off = p.depart_s
+        if step.charge > p.soc + 1e-9 and not p.in_flight:
+            off = self._charged_s(future, step.charge)
+            if self._measured and off >= self.new_wind_s:
+                return self._stay(future)  # by then it will have thought again
+        if step.turn_back is None:
+            return self._through(step, future, off)
+        trial = self.turns.trial(step.segments[0], step.turn_back, step.charge, off)
+        if trial is None:
+            return math.inf
+        through = self._through(step, future, off)
+        if trial.there == 1.0:
+            return through
+        back = self._arrival(future, p.origin, off + trial.back_s, trial.soc) + self.parameters.stop_s
+        return trial.there * through + (1.0 - trial.there) * back
+
+    def _through(self, step: Step, future: Future, off: float) -> float:
+        """Arrival in a future after a flight that gets as far as it can, taking off at a time."""
+        p = self.problem
+        head = p.network.head
+        flyable = False
+        for count in range(len(step.segments), 0, -1):
+            node = int(head[step.segments[count - 1]])
+            if count < len(step.segments) and not self.likely_free_at[node]:
+                continue
+            begun, down = flight_in(
+                future.table, step.segments[:count], off, 0 if p.in_flight else self.parameters.hold_slots
+            )
+            if down >= NEVER:
+                continue
+            off, flyable = begun, True
+            used = self._used(future, step.segments[:count], off, down)
+            soc = step.charge - used
+            if count == len(step.segments) and step.last and not self._goes_on(step, future, off, soc, down):
+                continue
+            if soc >= p.reserve + self._doubt * used or (step.turn_back is not None and count == 1):
+                soc = max(soc, p.reserve)
+                if node == p.destination:
+                    self.arrives = True
+                    return float(future.queues[node].land_time(down))
+                return self._arrival(future, node, down, soc) + self.parameters.stop_s
+        if self._watched and flyable and not p.in_flight:
+            spent = self.parameters.turned_share * max(step.charge - p.reserve, 0.0)
+            back_s = off + spent / (future.energy * p.soc_per_s)
+            return self._arrival(future, p.origin, back_s, step.charge - spent) + self.parameters.stop_s
+        return p.depart_s + self.parameters.stuck_s
+
+    def _goes_on(self, step: Step, future: Future, off_s: float, soc: float, down_s: float) -> bool:
+        """Whether it will fly on over the last station on its way, if that would end at a time with a charge."""
+        p = self.problem
+        way, rest = step.segments[: step.last], step.segments[step.last :]
+        as_off = (
+            float(table_land(future.table, np.asarray(way, dtype=np.int64), off_s)) - p.air.climb_s - p.air.descent_s
+        )
+        return soc >= p.reserve + self._margin(rest, as_off) * future.energy * self._taken(down_s - as_off)
+
+    @cached_property
+    def new_wind_s(self) -> float:
+        """When the wind is measured again."""
+        return float(slot_end(self.problem.air, slot_of(self.problem.air, self.problem.depart_s)))
+
+    def _charged_s(self, future: Future, charge: float) -> float:
+        """When it has a charge at the station where it stands."""
+        p = self.problem
+        time, level = p.curve(p.origin)
+        pad = float(future.queues[p.origin].pad_time(p.depart_s))
+        return pad + float(np.interp(charge, level, time) - np.interp(p.soc, level, time))
+
+    def _stay(self, future: Future) -> float:
+        """Arrival if it lands here, or stays where it stands until the next wind."""
+        p = self.problem
+        if p.in_flight:
+            landing = p.air.climb_s + p.air.descent_s
+            soc = p.soc - future.energy * self._taken(landing)
+            return self._arrival(future, p.origin, p.depart_s + landing, soc)
+        until = self.new_wind_s
+        if until == NEVER:
+            return p.depart_s + self.parameters.stuck_s
+        queue = future.queues[p.origin]
+        pad = float(queue.pad_time(p.depart_s)) if p.has_pads(p.origin) else math.inf
+        soc = p.soc
+        if until > pad:
+            time, level = p.curve(p.origin)
+            soc = float(np.interp(np.interp(soc, level, time) + until - pad, time, level))
+            queue = no_queue()
+        after = p.standing_at(p.origin, until, soc)
+        return self._best_s(after, replace(future, queues=future.queues.with_path(p.origin, queue)))
+
+    def _arrival(self, future: Future, node: int, time_s: float, soc: float) -> float:
+        """Best arrival in a future of a drone that lands at a station."""
+        p = self.problem
+        landed = float(future.queues[node].land_time(time_s))
+        return self._best_s(p.standing_at(node, landed, soc), future)
+
+    def _best_s(self, after: Problem, future: Future) -> float:
+        """Best arrival in a future from a later state."""
+        search = self._search(after, future)
+        if not search.find():
+            return self.problem.depart_s + self.parameters.stuck_s
+        self.arrives = True
+        return search.best_s
+
+
+def heavier(problem: Problem, energy: float) -> Problem:
+    """Return the same problem for a vehicle whose flights take a multiple of the energy."""
+    moved = copy(problem)
+    moved.soc_per_s, moved.soc_fixed = energy * problem.soc_per_s, energy * problem.soc_fixed
+    per_s, fixed = problem.empty_cost
+    moved.__dict__["empty_cost"] = energy * per_s, energy * fixed
+    return moved

@@ -1,0 +1,256 @@
+"""The online policy: what to do next on a delivery under way, under what is known now; each answer with a sentence.
+
+On the ground hindsight optimisation chooses the next step (`planner.online.hindsight`); then the gate of a departure raises its
+charge, lets it wait for the wind, or closes the leg, and the next best step is looked for (`planner.online.departure_gate`). In the
+air see `planner.online.in_air`. `planner.online.evaluated` has the same object fly in sampled realizations.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skyway.models.base.formatting import duration, percent
+from skyway.models.base.units import S_PER_H, from_posix
+from skyway.models.composition.composition import State
+from skyway.models.drones.airspeed_load import AirspeedLoad
+from skyway.planner.online.departure_gate import DepartureGate, Gated
+from skyway.planner.online.following import Step
+from skyway.planner.online.hindsight import Hindsight
+from skyway.planner.online.in_air import FlightDecision
+from skyway.planner.online.information import Decision, Departure
+from skyway.planner.online.reach import Reach
+from skyway.planner.online.told_plan import itinerary_of, told_plan
+from skyway.planner.parameters.planner import USUAL
+from skyway.planner.problem.error_model import USUAL_ERRORS
+from skyway.planner.problem.problem import Problem
+
+if TYPE_CHECKING:
+    from skyway.models.drones.drag import DragModel
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.online.energy_belief import EnergyBelief
+    from skyway.planner.online.information import Action, Information
+    from skyway.planner.online.reach import Place
+    from skyway.planner.parameters.planner import PlannerParameters
+    from skyway.planner.problem.error_model import Errors
+    from skyway.planner.problem.request import Request
+
+
+class OnlinePolicy:
+    """Decides at every landing and again before each take-off, and in the air.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The region.
+    request : Request
+        As at the departure; the drone is named.
+    parameters : PlannerParameters
+        Its part `online` says how careful it is.
+    errors : Errors
+        Gusts that no forecast tells.
+    drag : DragModel, optional
+        Of the drone: it tells how the energy depends on airspeed.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        request: Request,
+        parameters: PlannerParameters = USUAL,
+        *,
+        errors: Errors = USUAL_ERRORS,
+        drag: DragModel | None = None,
+    ) -> None:
+        self.scenario, self.request, self.errors = scenario, request, errors
+        self.all_parameters, self.parameters = parameters, parameters.online
+        self.drone = scenario.drone(request.drone or "")
+        self.load = None if drag is None else AirspeedLoad(drag)
+
+    # What both need
+
+    def reach(self, forecast: WindEnsemble, belief: EnergyBelief, *, watched: bool = True) -> Reach:
+        """Return what can be flown under a forecast; `watched` counts what real flights take longer."""
+        request = self.request
+        return Reach(
+            self.scenario, forecast, self.drone, request.payload_kg, belief, airspeed_mps=request.airspeed_mps,
+            load=self.load, parameters=self.parameters,
+            watched=watched,
+        )  # fmt: skip
+
+    def problem(self, info: Information) -> Problem:
+        """The rest of the delivery from a station."""
+        network = self.scenario.network
+        scenario = self.scenario
+        if info.unusable:
+            stations = [replace(one, pads=0) if one.id in info.unusable else one for one in network.stations]
+            scenario = replace(scenario, network=replace(network, stations=tuple(stations)))
+        soc = min(max(info.soc, 0.0), 1.0)
+        visited = info.visited | info.unusable
+        state = State(from_posix(info.time_s), info.station, None, soc, busy_pads=info.busy_pads, visited=visited)
+        return Problem(
+            scenario, replace(self.request, state=state), self.drone, info.forecast, parameters=self.all_parameters
+        )
+
+    def hindsight(self, info: Information, futures: int | None = None, *, start: Place | None = None) -> Hindsight:
+        """Compare next steps from a station, or from over one; `start` is where the way begins whose airspeed counts."""
+        now = self.problem(info)
+        kept: tuple[int, ...] = ()
+        in_flight = bool(info.destination)
+        if in_flight:
+            now = now.standing_at(now.origin, info.time_s, info.soc, in_flight=True)
+        elif info.plan is not None and info.plan.services:
+            itinerary = itinerary_of(now, info.plan)
+            kept = itinerary[0].segments if itinerary else ()
+            if info.plan.services[0].destination in info.unusable:
+                kept = ()
+        belief = info.belief if in_flight else info.belief.next_flight()
+        if self.load is not None and info.station is not None:
+            reach = self.reach(info.forecast, belief)
+            load = reach.mean_load(reach.way(start or info.station, (), self.request.destination), info.time_s)
+            belief = belief.times(load)
+        return Hindsight(
+            now, self.errors, belief, behind=info.behind, futures=futures, kept=kept,
+            margin=self.clear_gain_s, measured=info.measured, watched=info.watched, left=info.left,
+        )  # fmt: skip
+
+    def clear_gain_s(self, left_s: float) -> float:
+        """By how much another way must be earlier, by how long the delivery still takes."""
+        return max(self.parameters.margin_s, self.parameters.margin_share * left_s)
+
+    # The two questions
+
+    def in_air(self, info: Information) -> Decision:
+        """Return what to do in flight; asked about every ten seconds, and over stations on the way."""
+        return FlightDecision(self, info).decide()
+
+    def on_ground(self, info: Information, *, tell: bool = False) -> Decision:
+        """Return what to do at a station: leave for where, with how much charge; wait; or stop.
+
+        `tell` adds the plan from there to a decision to leave, for those who show it and make missions of it.
+        """
+        if self.request.destination in info.unusable:
+            return self._stopped(info, f"{self.request.destination} cannot be used now")
+        seen = self.hindsight(info)
+        p = seen.problem
+        gate = DepartureGate(self, info)
+        closed: list[tuple[Step, Gated]] = []
+        step = seen.choose()
+        while step.segments and len(closed) < self.parameters.max_closed:
+            gated = gate.check(step, p)
+            if gated.hopeless and 0 < step.sure < len(step.segments):
+                step = replace(step, segments=step.segments[: step.sure], last=0)
+                gated = gate.check(step, p)
+            full = float(p.curve(p.origin)[1][-1]) if p.has_pads(p.origin) else info.soc
+            if gated.soc is not None and gated.soc <= max(full, info.soc) + 1e-9:
+                decision = self._leaving(info, seen, step, gated, gated.soc)
+                if not tell:
+                    return decision
+                first = Step(step.segments, info.soc if decision.charge_to is None else decision.charge_to)
+                plan = told_plan(seen, first, decision.charge_to, self.parameters.epsilon_later)
+                return replace(decision, composition=plan)
+            if gated.soc is not None:
+                why = f"the leg needs {percent(gated.soc)}, and there is no pad here"
+                gated = replace(gated, soc=None, why=why)
+            closed.append((step, gated))
+            seen.close(step.segments[(step.sure or len(step.segments)) - 1])
+            step = seen.choose()
+        return self._staying(info, seen, gate, closed)
+
+    def _leaving(self, info: Information, seen: Hindsight, step: Step, gated: Gated, least: float) -> Decision:
+        """Leave as a step says, with the charge that the gate asks for."""
+        p, parameters = seen.problem, self.parameters
+        charge = max(step.charge, least)  # of one that may turn back it is what is worth the try
+        sure = step.segments[: step.sure]
+
+        def required(time_s: float) -> float:
+            if step.turn_back is None:
+                return max(seen.need(sure, time_s), least)
+            return max(step.charge, least) if seen.turns.in_time(step.turn_back, step.charge, time_s) else math.inf
+
+        needs = max(charge, required(info.time_s))
+        if needs <= 1.0:
+            charge = needs
+        look_s = info.time_s + parameters.look_s if self._waits(info, p) or not seen.roomy_way else math.inf
+        departure = Departure(step.segments, step.charge, required, look_s, step.turn_back)
+        names = gated.names
+        figures = {
+            "next": names[-1],
+            "via": list(names[1:-1]),
+            "soc": info.soc,
+            "needed_soc": least,
+            "planned_soc": step.charge,
+            "arrival_mean_s": step.arrival_s,
+            "energy_factor": info.belief.factor,
+            "energy_sigma": info.belief.sigma,
+            "turns_back": step.turn_back is not None,
+        }
+        wanted = charge if charge > info.soc + 0.5 * parameters.charge_step else None
+        station = names[-1]
+        if wanted is None and gated.held:
+            until_s = min(seen.new_wind_s, info.time_s + 2.0 * parameters.look_s)
+            return Decision(
+                "wait", gated.held, figures | dict(gated.figures), station=station, diverts=gated.diverts,
+                charge_to=self._charged_by(info, p, until_s), until_s=until_s, departure=departure,
+            )  # fmt: skip
+        planned = None if info.plan is None or not info.plan.services else info.plan.services[0]
+        same = planned is not None and (planned.destination, *planned.via) == (names[-1], *names[1:-1])
+        reason = f"next {station}, {duration(step.arrival_s - info.time_s)} to the delivery"
+        reason += ", as planned" if same else ": it arrives earliest by what is known now"
+        if step.turn_back is not None:
+            reason += "; it turns back where the gusts are too much"
+        action: Action = "continue" if same else "station"
+        if wanted is not None:
+            reason += f"; charge from {percent(info.soc)} to {percent(wanted)}"
+        before = info.planned_soc
+        if before is not None and abs((wanted or info.soc) - max(before, info.soc)) > parameters.charge_step:
+            action = "charge" if action == "continue" else action
+            reason += f" instead of {percent(before)}" if wanted is not None else f"; no charging to {percent(before)}"
+        return Decision(
+            action, reason, figures | {"new_plan": not same}, station=station, charge_to=wanted, diverts=gated.diverts,
+            departure=departure,
+        )  # fmt: skip
+
+    def _waits(self, info: Information, p: Problem) -> bool:
+        """Whether all pads are taken where it stands."""
+        return p.has_pads(p.origin) and info.busy_pads.get(info.station or "", 0) >= p.network.pads[p.origin]
+
+    def _staying(
+        self, info: Information, seen: Hindsight, gate: DepartureGate, closed: list[tuple[Step, Gated]]
+    ) -> Decision:
+        """Wait for other wind or room, charging meanwhile; stop where no later hour of the forecast lets it leave."""
+        why = closed[0][1].why if closed else ""
+        if closed:
+            later = [wait_s for step, _ in closed if (wait_s := gate.later(step, seen.problem)) is not None]
+            if not later:
+                return self._stopped(info, why)
+            why += f"; in {duration(min(later))} the forecast lets it fly on"
+        elif not seen.arrives:
+            return self._stopped(info, "no way leads to the destination in the winds of the next hours")
+        p = seen.problem
+        look_s = info.time_s + self.parameters.look_s if self._waits(info, p) or not seen.roomy_way else math.inf
+        until_s = min(seen.new_wind_s, max(look_s, info.time_s + self.parameters.look_s), info.time_s + S_PER_H)
+        charge = self._charged_by(info, p, until_s)
+        reason = "wait for other wind or room: to leave now would not deliver earlier" if not why else f"{why}: wait"
+        if charge is not None:
+            reason += f"; charge from {percent(info.soc)} to {percent(charge)} meanwhile"
+        departure = Departure((), 1.0, lambda _: math.inf, look_s)
+        figures = {"station": info.station, "soc": info.soc}
+        return Decision("wait", reason, figures, charge_to=charge, until_s=until_s, departure=departure)
+
+    def _charged_by(self, info: Information, p: Problem, until_s: float) -> float | None:
+        """Charge that it can have at a time while it waits; None where it cannot charge."""
+        if not p.has_pads(p.origin):
+            return None
+        time, level = p.curve(p.origin)
+        reached = float(np.interp(np.interp(info.soc, level, time) + until_s - info.time_s, time, level))
+        return reached if reached > info.soc + self.parameters.charge_step else None
+
+    @staticmethod
+    def _stopped(info: Information, why: str) -> Decision:
+        departure = Departure((), 1.0, lambda _: math.inf)
+        return Decision("stop", why, {"station": info.station, "soc": info.soc}, departure=departure)
