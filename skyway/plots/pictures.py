@@ -52,7 +52,9 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 def check_format(path: Path, field: str) -> None:
     """Refuse a picture of a format that is not drawn; the `InputError` names the option or parameter."""
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise InputError(Fault("is not a picture format", field=field, value=path.name, remedy="FILE.png, FILE.svg or FILE.pdf"))
+        raise InputError(
+            Fault("is not a picture format", field=field, value=path.name, remedy="FILE.png, FILE.svg or FILE.pdf")
+        )
 
 
 def plain_axes(axes: Any) -> None:

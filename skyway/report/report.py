@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
+from skyway.link.supervisor import read_journal
+from skyway.models.base.files import write_atomically
+from skyway.models.composition.file import load, to_json
+from skyway.report.document import flight_report
+from skyway.report.flight_report import FlightReport, Sources, Station
+from skyway.report.map import Zone
+from skyway.report.page import page
+from skyway.report.picture import picture
+from skyway.report.series import log_series
+from skyway.scenarios import BUILT_IN, load_scenario
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
     from skyway.models.scenario.scenario import Scenario
-    from skyway.report.flight_report import FlightReport
-    from skyway.report.map import Zone
 
 
 def flight(journal: Path, *, logs: Sequence[Path] = (), plan: Path | None = None) -> FlightReport:
@@ -30,14 +41,6 @@ def flight(journal: Path, *, logs: Sequence[Path] = (), plan: Path | None = None
     InputError
         A file cannot be read, or is not what it should be.
     """
-    from msgspec.structs import replace
-
-    from skyway.link.supervisor import read_journal
-    from skyway.models.composition.file import load, to_json
-    from skyway.report.document import flight_report
-    from skyway.report.flight_report import Sources
-    from skyway.report.series import log_series
-
     records = read_journal(journal).records
     document = flight_report(records, None if plan is None else to_json(load(plan)))
     series = replace(document.series, log=log_series(logs)) if logs else document.series
@@ -75,10 +78,6 @@ def write_report(
     InputError
         A file cannot be read, or the page cannot be written.
     """
-    from skyway.models.base.files import write_atomically
-    from skyway.report.page import page
-    from skyway.report.picture import picture
-
     document = flight(journal, logs=logs, plan=plan)
     scenario = scenario or _built_in(document)
     zones = None if scenario is None else _zones(scenario)
@@ -95,8 +94,6 @@ def _built_in(document: FlightReport) -> Scenario | None:
 
     No path out of the journal is opened: it may come from anybody.
     """
-    from skyway.scenarios import BUILT_IN, load_scenario
-
     source = document.delivery.scenario
     if source.path != BUILT_IN:
         return None
@@ -106,8 +103,6 @@ def _built_in(document: FlightReport) -> Scenario | None:
 
 def _add_stations(document: FlightReport, scenario: Scenario) -> None:
     """Put the other stations of the scenario beside those that the plan names."""
-    from skyway.report.flight_report import Station
-
     known = document.planned.stations
     for station in scenario.network.stations:
         known.setdefault(station.id, Station(station.lat, station.lon, station.name))
@@ -115,8 +110,6 @@ def _add_stations(document: FlightReport, scenario: Scenario) -> None:
 
 def _zones(scenario: Scenario) -> list[Zone]:
     """Return the no-fly zones that the plan knew."""
-    from skyway.report.map import Zone
-
     zones = scenario.network.zones
     if zones is None:
         return []

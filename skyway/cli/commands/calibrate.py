@@ -10,13 +10,12 @@ import typer
 
 from skyway.cli import options
 from skyway.cli.log_options import Columns, LogFile, System, VehicleKind, open_any, towards
-from skyway.cli.views.calibration import Air, air_report, energy_report, tell_air, tell_energy
 from skyway.models.base.errors import Fault, InputError, one_line
-from skyway.models.base.files import write_atomically
 from skyway.models.base.formatting import percent
 from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
+    from skyway.cli.views.calibration import Air
     from skyway.link.logs.common.vehicle_kind import Kind
     from skyway.models.calibration.energy import EnergyFit, ModelName, PowerRecord
     from skyway.models.drones.drone import Drone
@@ -48,8 +47,10 @@ def calibrate_wind(
       skyway calibrate wind flight.tlog -o drag.toml
       skyway calibrate wind hover.ulg --wind 4@230
     """
+    from skyway.cli.views.calibration import Air, air_report, tell_air
     from skyway.link.replay.replay import choose_system, flight_blocks
     from skyway.link.replay.vehicle import no_wind, vehicle_of
+    from skyway.models.base.files import write_atomically
 
     options.refuse_overwriting(output, force=force)
     opened = open_any(log, columns)
@@ -76,6 +77,7 @@ def _air_of(air: Blocks, wind: str | None) -> Air:
     """Find the drag in what was flown on rotors, the airspeed sensor in what was flown on wings."""
     import numpy as np
 
+    from skyway.cli.views.calibration import Air
     from skyway.link.replay.monitors import PERIOD_S
     from skyway.models.calibration.airspeed import identify_airspeed
     from skyway.models.calibration.wind import fit_known_wind, identify_drag
@@ -126,6 +128,8 @@ def calibrate_energy(
       skyway calibrate energy flight1.tlog flight2.tlog --mass 4.69 --payload 0 --payload 0.8 -o drones.toml
       skyway calibrate energy m100_*.csv --mass 3.68 --id m100 --name "DJI Matrice 100" --battery 130 -o m100.toml
     """
+    from skyway.cli.views.calibration import energy_report, tell_energy
+    from skyway.models.base.files import write_atomically
     from skyway.models.calibration.energy import MODELS, calibrated, drone_file, fit_energy, published_errors
 
     options.refuse_overwriting(output, force=force)

@@ -11,29 +11,13 @@ import typer
 from skyway.cli import options
 from skyway.cli.connection_options import Link, Yes
 from skyway.cli.option_groups import with_groups
-from skyway.cli.views.link import (
-    ClearReport,
-    DownloadReport,
-    ParameterState,
-    PartDifference,
-    PartPlanned,
-    PartSent,
-    UploadReport,
-    VehicleIdentity,
-    VerifyReport,
-    count_of,
-    on_board,
-    progress,
-    show_outcome,
-    show_plan,
-    size_of,
-)
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from skyway.cli.views.link import ParameterState
     from skyway.link.protocol.parameters import ParameterCheck
     from skyway.link.protocol.verified import Part, UploadOutcome
     from skyway.link.vehicle.vehicle import Identity, Vehicle
@@ -95,6 +79,7 @@ def upload(
       skyway upload delivery.plan --connect /dev/ttyUSB0,57600 --yes
       skyway upload delivery.waypoints --connect tcp:127.0.0.1:5760 --system 2 --parameters delivery.param --yes
     """
+    from skyway.cli.views.link import PartSent, UploadReport, VehicleIdentity, show_outcome
     from skyway.link.protocol.parameter_file import read_required
 
     document, parts = _read_parts(file)
@@ -135,6 +120,8 @@ def _check_parameters(
     vehicle: Vehicle, wanted: Sequence[Parameter], *, yes: bool, as_json: bool
 ) -> list[ParameterState]:
     """Read the parameters that a mission needs; with consent set those that will not do, and read them back."""
+    from skyway.cli.views.link import ParameterState
+
     rows = []
     for check in vehicle.check_required(wanted):
         state, value = _parameter_state(vehicle, check, yes=yes)
@@ -159,6 +146,7 @@ def _parameter_state(vehicle: Vehicle, check: ParameterCheck, *, yes: bool) -> t
 def _show_dry_run(
     vehicle: Vehicle, identity: Identity, parts: list[Part], checks: list[ParameterState], *, as_json: bool
 ) -> None:
+    from skyway.cli.views.link import PartDifference, PartPlanned, UploadReport, VehicleIdentity, show_plan
     from skyway.link.protocol.verified import kind_of
 
     rows = []
@@ -176,6 +164,8 @@ def _show_dry_run(
 
 def _send(vehicle: Vehicle, parts: list[Part]) -> list[UploadOutcome]:
     """Upload part by part, up to the first that is not verified."""
+    from skyway.cli.views.link import progress
+
     outcomes: list[UploadOutcome] = []
     try:
         for part in parts:
@@ -202,6 +192,7 @@ def download(
     --------
       skyway download -o vehicle.plan --connect udpin:127.0.0.1:14540
     """
+    from skyway.cli.views.link import DownloadReport
     from skyway.link.protocol.mission_words import MissionKind
     from skyway.missions import write
     from skyway.missions.items.document import MissionDocument
@@ -239,6 +230,7 @@ def clear(
     --------
       skyway clear --kind all --yes --connect udpin:127.0.0.1:14540
     """
+    from skyway.cli.views.link import ClearReport, VehicleIdentity, count_of, size_of
     from skyway.link.protocol.mission_words import MissionKind
 
     kinds = list(MissionKind) if kind is Kind.ALL else [MissionKind[kind.name]]
@@ -266,6 +258,7 @@ def verify(link: Link, file: MissionFile, as_json: options.AsJson = False) -> No
     --------
       skyway verify delivery.plan --connect udpin:127.0.0.1:14540
     """
+    from skyway.cli.views.link import PartDifference, VerifyReport, on_board
     from skyway.link.protocol.verified import kind_of
 
     _, parts = _read_parts(file)

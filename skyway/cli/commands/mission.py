@@ -13,7 +13,6 @@ from skyway.cli.options import FamilyName
 from skyway.cli.views.sheet import Column, Sheet
 from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.files import write_atomically
 from skyway.models.base.formatting import distance_text, duration, energy_text, percent, probability, stored_degrees
 from skyway.models.base.json_text import json_text
 from skyway.models.base.units import parse_instant
@@ -104,6 +103,7 @@ def _write_export(export: Export, parameters: str, output: Path, *, force: bool)
     """Write every mission of an export and its parameters, or nothing."""
     from skyway.missions import write
     from skyway.missions.files.mission_file import files_of
+    from skyway.models.base.files import write_atomically
 
     count = len(export.documents)
     targets = [

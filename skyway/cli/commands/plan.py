@@ -12,7 +12,6 @@ from skyway.cli import completion, options
 from skyway.cli.option_groups import with_groups
 from skyway.cli.request_options import ConditionOptions, RequestOptions
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.files import write_atomically
 from skyway.models.base.formatting import duration
 from skyway.models.base.json_text import json_text
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST
@@ -69,6 +68,7 @@ def plan(
       skyway plan my-scenario --from depot --to clinic --payload 1.2 -o plan.json --plot plan.png
     """
     from skyway.cli.views import plan_reasons
+    from skyway.models.base.files import write_atomically
     from skyway.models.composition.file import save, to_json
     from skyway.planner.report import plan_report
 

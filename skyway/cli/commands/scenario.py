@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import msgspec
 import typer
 
 from skyway.cli import options
@@ -198,7 +197,8 @@ def check(
     say(f"{world.path}: {world.name}: {len(world.network)} stations, {drones}, {record}: ready to plan")
 
 
-class ScenarioCheck(msgspec.Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScenarioCheck:
     """What a check of a scenario found."""
 
     schema: str = "skyway.scenario-check/1"

@@ -1,0 +1,157 @@
+"""Report of an updated forecast, and its output."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import typer
+
+from skyway.models.base.formatting import wind_text
+from skyway.models.base.units import from_posix, iso, parse_instant
+from skyway.models.composition.composition import Wind
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from skyway.cli.commands.forecast import Update
+    from skyway.models.wind.ensemble import WindEnsemble
+
+SHOWN_H = (0, 1, 2, 3, 6, 12)
+
+
+class Measured(msgspec.Struct, frozen=True, kw_only=True):
+    """A wind that was measured, at the height of the sites."""
+
+    t: str
+    lat: float
+    lon: float
+    north_mps: float
+    east_mps: float
+    sigma_mps: float
+
+
+class SiteWind(msgspec.Struct, frozen=True, kw_only=True):
+    """Wind at a site at the departure."""
+
+    site: str
+    speed_mps: float
+    from_deg: float
+    sigma_mps: float
+
+
+class SlotWind(msgspec.Struct, frozen=True, kw_only=True):
+    """Wind of an hour (`models.wind.summary`), and the spread of the members about their mean vector."""
+
+    speed_mps: float
+    p10_mps: float
+    p90_mps: float
+    from_deg: float | None
+    sigma_mps: float
+
+    @property
+    def wind(self) -> Wind:
+        """The same without the spread of the vectors."""
+        return Wind(self.speed_mps, self.from_deg, self.p10_mps, self.p90_mps)
+
+
+class HourWind(msgspec.Struct, frozen=True, kw_only=True):
+    """Wind at the centre of the network, at cruise height, so many hours after the departure."""
+
+    hours: int
+    before: SlotWind
+    after: SlotWind
+
+
+class ForecastReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What an update did: measured winds, wind at each site, hours before and after, probability of each member."""
+
+    schema: str = "skyway.forecast-update/1"
+    depart: str
+    height_m: float
+    observations: list[Measured]
+    field: list[SiteWind]
+    hours: list[HourWind]
+    members: dict[str, float]
+
+
+def report_of(update: Update) -> ForecastReport:
+    """Work out what is told: the winds measured, at each site now, and before and after by hour."""
+    return ForecastReport(
+        depart=iso(from_posix(round(update.depart_s, 3))),
+        height_m=update.before.height_m,
+        observations=[
+            Measured(
+                t=iso(from_posix(round(one.time_s, 3))),
+                lat=round(one.lat_deg, 6),
+                lon=round(one.lon_deg, 6),
+                north_mps=round(one.north_mps, 3),
+                east_mps=round(one.east_mps, 3),
+                sigma_mps=round(math.sqrt(one.variance), 3),
+            )
+            for one in update.seen
+        ],
+        field=_field(update),
+        hours=_hours(update),
+        members=dict(zip(update.after.labels, update.after.probability.round(6).tolist(), strict=True)),
+    )
+
+
+def _hours(update: Update) -> list[HourWind]:
+    from skyway.plots.wind_summary import over_region
+
+    regions = [(one, *over_region(one, update.world)) for one in (update.before, update.after)]
+    found = []
+    for hour in SHOWN_H:
+        time_s = update.depart_s + 3600.0 * hour
+        if time_s < update.after.start_s + update.after.slots * update.after.slot_s:
+            before, after = (_slot(one, north, east, one.slot_at(time_s)) for one, north, east in regions)
+            found.append(HourWind(hours=hour, before=before, after=after))
+    return found
+
+
+def _slot(ensemble: WindEnsemble, north: Any, east: Any, slot: int) -> SlotWind:
+    from skyway.models.wind.summary import summary_of
+
+    found = summary_of(north[:, slot], east[:, slot], ensemble.probability)
+    off = (north[:, slot] - found.north_mps) ** 2 + (east[:, slot] - found.east_mps) ** 2
+    return SlotWind(
+        speed_mps=round(found.mean_mps, 3),
+        p10_mps=round(found.p10_mps, 3),
+        p90_mps=round(found.p90_mps, 3),
+        from_deg=None if found.from_deg is None else round(found.from_deg, 1),
+        sigma_mps=round(math.sqrt(0.5 * float(ensemble.probability @ off)), 3),
+    )
+
+
+def _field(update: Update) -> list[SiteWind]:
+    """All observations fused, and how sure that is."""
+    import numpy as np
+
+    from skyway.models.wind.estimation.field import WindField
+    from skyway.models.wind.estimation.live import forecast_of
+
+    mean = forecast_of(update.before)
+    expected = [mean(one.time_s, one.lat_deg, one.lon_deg, math.nan) for one in update.seen]
+    fused = WindField(update.seen, np.array(expected).reshape(-1, 2))
+    found = []
+    for site in update.world.wind_sites:
+        now = fused.at(update.depart_s, site.lat, site.lon, mean(update.depart_s, site.lat, site.lon, math.nan))
+        speed, sigma = round(now.speed_mps, 3), round(now.sigma_mps, 3)
+        found.append(SiteWind(site=site.id, speed_mps=speed, from_deg=round(now.from_deg, 1), sigma_mps=sigma))
+    return found
+
+
+def tell(report: ForecastReport, output: Path | None) -> None:
+    """Print it."""
+    count = len(report.observations)
+    what = "1 measurement" if count == 1 else f"{count} measurements"
+    depart = iso(from_posix(round(parse_instant(report.depart).timestamp())))
+    typer.echo(f"{len(report.members)} members updated with {what} of 10 minutes, for {depart}")
+    for row in report.field:
+        typer.echo(f"  {row.site}: {wind_text(row.speed_mps, row.from_deg, row.sigma_mps)} at {report.height_m:g} m")
+    typer.echo("  at the centre of the network, at cruise height, before and after:")
+    for hour in report.hours:
+        typer.echo(f"  +{hour.hours:2d} h: {hour.before.wind}  →  {hour.after.wind}")
+    typer.echo("use -o FILE to write it" if output is None else f"written to {output}: skyway plan --forecast {output}")

@@ -1,0 +1,207 @@
+"""What ``skyway watch`` shows: a row for each vehicle, in a table or as JSON."""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import msgspec
+import typer
+
+from skyway.cli.views.sheet import width
+from skyway.models.base.formatting import duration, height_text, percent, place_text, speed_text, wind_text
+from skyway.models.base.json_text import json_text
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from skyway.link.protocol.connection import Connection
+    from skyway.link.telemetry.vehicle_monitor import VehicleMonitor
+    from skyway.link.wire.frames import Rejected
+
+_EVERY_S, _LINE_EVERY_S, _ASK_EVERY_S = 0.5, 1.0, 5.0
+WIDE = 110
+"""Columns from which on the table has a row for each vehicle."""
+_SILENT_S = 5.0
+_UNKNOWN = "unknown"
+
+
+class VehicleRow(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known of a vehicle; None is unknown."""
+
+    system: int
+    autopilot: str
+    mode: str
+    armed: bool
+    lat: float | None
+    lon: float | None
+    height_m: float | None
+    ground_speed_mps: float | None
+    soc: float | None
+    wind_mps: float | None
+    wind_from_deg: float | None
+    item: float | None
+    mission: str
+    time: str | None
+    clock: str
+    silent_s: float
+    loss: float
+    doubts: list[str]
+    rejected: Rejected
+    conflict: bool
+
+
+def _row(vehicle: VehicleMonitor) -> VehicleRow:
+    latest = vehicle.live.latest
+    sample = vehicle.live.sample
+    north, east = latest("wind_north_mps"), latest("wind_east_mps")
+    return VehicleRow(
+        system=vehicle.system,
+        autopilot=vehicle.family.name,
+        mode=vehicle.mode,
+        armed=vehicle.armed,
+        lat=_known(latest("lat_deg"), 7),
+        lon=_known(latest("lon_deg"), 7),
+        height_m=_known(latest("height_m"), 1),
+        ground_speed_mps=_known(math.hypot(latest("vel_north_mps"), latest("vel_east_mps")), 1),
+        soc=_known(latest("soc"), 3),
+        wind_mps=_known(math.hypot(north, east), 1),
+        wind_from_deg=_known(math.degrees(math.atan2(-east, -north)) % 360.0, 0),
+        item=_known(latest("mission_item"), 0),
+        mission=vehicle.mission_state,
+        time=None if sample is None else _instant(sample.time_s),
+        clock=vehicle.live.clock.base.source,
+        silent_s=round(vehicle.silent_s, 1),
+        loss=round(vehicle.live.loss, 3),
+        doubts=[
+            *(f"{name}: {why}" for name, why in vehicle.live.doubts.items()),
+            *(str(check) for check in vehicle.rates.checks if check.measured_hz and not check.ok),
+        ],
+        rejected=vehicle.connection.rejected,
+        conflict=vehicle.connection.conflict is not None,
+    )
+
+
+def _instant(posix_s: float) -> str:
+    return datetime.fromtimestamp(posix_s, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _known(value: float, digits: int) -> float | None:
+    return None if math.isnan(value) else round(value, digits)
+
+
+_COLUMNS = ("vehicle", "mode", "position", "height", "speed", "charge", "wind", "mission", "link", "doubts")
+
+
+def _cells(row: VehicleRow) -> list[str]:
+    """The same for a person, in the order of the columns."""
+    silent = row.silent_s > _SILENT_S
+    place = _UNKNOWN if row.lat is None or row.lon is None else place_text(row.lat, row.lon)
+    from_deg = row.wind_from_deg
+    wind = _UNKNOWN if row.wind_mps is None or from_deg is None else wind_text(row.wind_mps, from_deg)
+    item = "" if row.item is None else f"item {row.item:.0f}"
+    state = "" if row.mission == _UNKNOWN else row.mission
+    return [
+        f"{row.system} {row.autopilot}",
+        f"{row.mode}{', armed' if row.armed else ''}",
+        place,
+        height_text(row.height_m),
+        speed_text(row.ground_speed_mps),
+        percent(row.soc),
+        wind,
+        " ".join(word for word in (item, state) if word) or _UNKNOWN,
+        f"silent for {duration(row.silent_s)}" if silent else percent(1 - row.loss),
+        "; ".join(row.doubts),
+    ]
+
+
+class Watched:
+    """All vehicles on a connection, met as they come; nothing here waits for an answer."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self.vehicles: dict[int, VehicleMonitor] = {}
+        self.strange: dict[int, int] = {}
+        self._asked_s: dict[int, float] = {}
+
+    def run_for(self, duration_s: float) -> None:
+        """Take what comes, and ask those for telemetry that give none."""
+        self.connection.run_for(duration_s)
+        now = self.connection.clock.now_s()
+        for system, peer in list(self.connection.peers.items()):
+            if system not in self.vehicles and system not in self.strange:
+                self._meet(system, peer.autopilot)
+        for system, vehicle in self.vehicles.items():
+            fresh = vehicle.live.sample is not None and not math.isnan(vehicle.live.sample.roll_rad)
+            if not fresh and now >= self._asked_s.get(system, -math.inf) + _ASK_EVERY_S:
+                self._asked_s[system] = now
+                vehicle.nudge_telemetry()
+
+    def _meet(self, system: int, autopilot: int) -> None:
+        from skyway.link.telemetry.vehicle_monitor import VehicleMonitor
+        from skyway.missions.autopilots.registry import family_of
+
+        if family_of(autopilot) is None:
+            self.strange[system] = autopilot
+        else:
+            self.vehicles[system] = VehicleMonitor(self.connection, system)
+
+    def rows(self) -> list[VehicleRow]:
+        """Return what is known of each vehicle, in the order of their ids."""
+        return [_row(self.vehicles[system]) for system in sorted(self.vehicles)]
+
+    def remarks(self) -> list[str]:
+        """What is wrong with the connection itself, for a person."""
+        said = [f"vehicle {n}: unknown autopilot {kind}" for n, kind in self.strange.items()]
+        rejected = self.connection.rejected
+        counts = (rejected.unsigned, rejected.forged, rejected.replayed, rejected.elsewhere)
+        words = ("unsigned", "forged", "replayed", "from another address")
+        if rejected.untrusted:
+            told = ", ".join(f"{count} {word}" for count, word in zip(counts, words, strict=True) if count)
+            said.append(f"packets rejected: {told}")
+        if self.connection.conflict is not None:
+            said.append(str(self.connection.conflict))
+        return said
+
+
+def show(watched: Watched, end_s: float, *, as_json: bool) -> None:
+    """Show the vehicles until a time: as a live table on a terminal, else line by line."""
+    from rich.console import Console
+    from rich.live import Live
+
+    clock = watched.connection.clock
+    if Console().is_terminal and not as_json:
+        with Live(_table(watched), auto_refresh=False) as live:
+            while clock.now_s() < end_s:
+                watched.run_for(min(_EVERY_S, end_s - clock.now_s()))
+                live.update(_table(watched), refresh=True)
+        return
+    told: list[str] = []
+    while clock.now_s() < end_s:
+        watched.run_for(min(_LINE_EVERY_S, end_s - clock.now_s()))
+        for row in watched.rows():
+            typer.echo(json_text(row) if as_json else "  ".join(_cells(row)))
+        fresh = [remark for remark in watched.remarks() if remark not in told]
+        told += fresh
+        for remark in fresh:
+            typer.echo(remark, err=True)
+
+
+def _table(watched: Watched) -> Table:
+    from rich.table import Table
+
+    rows = watched.rows()
+    table = Table(caption="\n".join(watched.remarks()) or None, caption_style="bold red")
+    if rows and (width() or WIDE) < WIDE:  # a narrow terminal: a line for each value, nothing broken within words
+        table.add_column("vehicle")
+        for row in rows:
+            table.add_column(_cells(row)[0], overflow="fold")
+        for name, *values in zip(_COLUMNS[1:], *(_cells(row)[1:] for row in rows), strict=True):
+            table.add_row(name, *values)
+        return table
+    for name in _COLUMNS if rows else ("waiting for a heartbeat",):
+        table.add_column(name, overflow="fold")
+    for row in rows:
+        table.add_row(*_cells(row))
+    return table
