@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,27 +34,27 @@ if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetryTrack
 
 PACKED = {
-    "a": ("<i2", 32, 1.0),
-    "b": ("i1", 1, 1.0),
-    "B": ("u1", 1, 1.0),
-    "g": ("<f2", 1, 1.0),
-    "h": ("<i2", 1, 1.0),
-    "H": ("<u2", 1, 1.0),
-    "i": ("<i4", 1, 1.0),
-    "I": ("<u4", 1, 1.0),
-    "f": ("<f4", 1, 1.0),
-    "d": ("<f8", 1, 1.0),
-    "n": ("S4", 1, 1.0),
-    "N": ("S16", 1, 1.0),
-    "Z": ("S64", 1, 1.0),
-    "c": ("<i2", 1, 0.01),
-    "C": ("<u2", 1, 0.01),
-    "e": ("<i4", 1, 0.01),
-    "E": ("<u4", 1, 0.01),
-    "L": ("<i4", 1, 1e-7),
-    "M": ("u1", 1, 1.0),
-    "q": ("<i8", 1, 1.0),
-    "Q": ("<u8", 1, 1.0),
+    "a": ("32<i2", 1.0),
+    "b": ("i1", 1.0),
+    "B": ("u1", 1.0),
+    "g": ("<f2", 1.0),
+    "h": ("<i2", 1.0),
+    "H": ("<u2", 1.0),
+    "i": ("<i4", 1.0),
+    "I": ("<u4", 1.0),
+    "f": ("<f4", 1.0),
+    "d": ("<f8", 1.0),
+    "n": ("S4", 1.0),
+    "N": ("S16", 1.0),
+    "Z": ("S64", 1.0),
+    "c": ("<i2", 0.01),
+    "C": ("<u2", 0.01),
+    "e": ("<i4", 0.01),
+    "E": ("<u4", 0.01),
+    "L": ("<i4", 1e-7),
+    "M": ("u1", 1.0),
+    "q": ("<i8", 1.0),
+    "Q": ("<u8", 1.0),
 }
 """Type and factor of each letter of a format."""
 GPS_EPOCH_S = 315_964_800.0
@@ -75,8 +75,8 @@ class MessageFormat:
 
 _WATCHED = np.array([name.encode() for name in sorted(WATCHED)])
 _SIZES = np.full(256, -1, dtype=np.int64)
-for _letter, (_kind, _count, _) in PACKED.items():
-    _SIZES[ord(_letter)] = np.dtype((_kind, (_count,)) if _count > 1 else _kind).itemsize
+for _letter, (_kind, _) in PACKED.items():
+    _SIZES[ord(_letter)] = np.dtype(_kind).itemsize
 
 
 def _text(part: bytes) -> str:
@@ -90,14 +90,10 @@ def _format(body: bytes) -> tuple[int, MessageFormat] | None:
     names = columns.split(",") if columns else []
     if len(names) != len(letters) or len(set(names)) != len(names) or not set(letters) <= PACKED.keys():
         return None
-    parts: list[Any] = [
-        (field, PACKED[letter][0], PACKED[letter][1]) if PACKED[letter][1] > 1 else (field, PACKED[letter][0])
-        for field, letter in zip(names, letters, strict=True)
-    ]
-    layout = np.dtype(parts) if parts else np.dtype([])
+    layout = np.dtype([(field, PACKED[letter][0]) for field, letter in zip(names, letters, strict=True)])
     if layout.itemsize != length - 3:
         return None
-    factor = {field: PACKED[letter][2] for field, letter in zip(names, letters, strict=True)}
+    factor = {field: PACKED[letter][1] for field, letter in zip(names, letters, strict=True)}
     return body[0], MessageFormat(name, layout, factor)
 
 

@@ -65,7 +65,7 @@ def _hear(stream: BinaryIO, place: int, memory: ScanState) -> bool:
         data = np.frombuffer(stream.read(wanted), dtype=np.uint8)
         state, clock, kept = memory.state.copy(), memory.clock.copy(), memory.kept.copy()
         state[kernels.POS] = 0
-        found = kernels.read_one(data, state, clock, kept, crc_extras(), kernels.CRC_TABLE)
+        found = kernels.read_one(data, state, clock, kept, crc_extras())
         if state[kernels.POS] < len(data) - kernels.MARGIN or len(data) < wanted:
             memory.state[:], memory.clock[:], memory.kept[:] = state, clock, kept
             return bool(found >= 0)
@@ -85,7 +85,7 @@ def frame_within(head: bytes) -> bool:
         if (
             data[at - kernels.STAMP_SIZE] == 0
             and extras[number] >= 0
-            and kernels.frame_is_good(data, at, total, extras, kernels.CRC_TABLE)
+            and kernels.frame_is_good(data, at, total, extras)
         ):
             return True
     return False

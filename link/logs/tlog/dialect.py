@@ -14,20 +14,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-_CODES = {
-    "b": "i1",
-    "B": "u1",
-    "h": "<i2",
-    "H": "<u2",
-    "i": "<i4",
-    "I": "<u4",
-    "q": "<i8",
-    "Q": "<u8",
-    "f": "<f4",
-    "d": "<f8",
-}
-
-
 @dataclass(frozen=True, slots=True)
 class MessageType:
     """One type of message.
@@ -79,5 +65,5 @@ def message_type(name: str) -> MessageType:
         if code == "c":
             fields.append((field, f"S{max(count, 1)}"))
         else:
-            fields.append((field, _CODES[code], count) if count else (field, _CODES[code]))
+            fields.append((field, f"<{code}", count) if count else (field, f"<{code}"))
     return MessageType(int(kind.id), name, np.dtype(fields))

@@ -119,7 +119,7 @@ def read_frames(
         The file cannot be read.
     """
     memory = memory or ScanState()
-    extras, table = crc_extras(), kernels.CRC_TABLE
+    extras = crc_extras()
     buffer = np.empty(max(chunk_bytes, 1 << 16), dtype=np.uint8)
     try:
         with path.open("rb") as stream:
@@ -131,7 +131,7 @@ def read_frames(
                 final = size < len(buffer)
                 out = _rows(size // 8 + 64)
                 count = kernels.scan_chunk(
-                    buffer, size, base, final, memory.state, memory.clock, memory.kept, extras, table, out
+                    buffer, size, base, final, memory.state, memory.clock, memory.kept, extras, out
                 )
                 yield Frames(buffer, base, *(column[:count] for column in out))
                 cut = max(int(memory.state[kernels.POS]) - kernels.KEPT_BACK, 0)

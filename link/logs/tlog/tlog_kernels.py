@@ -90,13 +90,10 @@ def _message_id(data: NDArray[np.uint8], at: int) -> int:
 
 
 @compiled
-def frame_is_good(
-    data: NDArray[np.uint8], at: int, total: int, crc_extra: NDArray[np.int16], table: NDArray[np.int64]
-) -> bool:
+def frame_is_good(data: NDArray[np.uint8], at: int, total: int, crc_extra: NDArray[np.int16]) -> bool:
     """Whether a frame that begins at `at` and has `total` bytes passes the checks; an unknown type always does.
 
-    Takes any bytes, and any place in them: a frame that is cut off is not good. `crc_extra` and `table` are those of
-    `scan_chunk`.
+    Takes any bytes, and any place in them: a frame that is cut off is not good. `crc_extra` is that of `scan_chunk`.
     """
     # Bytes behind the payload, and the message type, by version; unknown incompatible flags are refused.
     tail = CHECKSUM_BYTES
@@ -114,8 +111,8 @@ def frame_is_good(
     crc = 0xFFFF
     end = at + total - tail
     for place in range(at + 1, end):
-        crc = (crc >> 8) ^ table[(crc ^ data[place]) & 0xFF]
-    crc = (crc >> 8) ^ table[(crc ^ extra) & 0xFF]
+        crc = (crc >> 8) ^ CRC_TABLE[(crc ^ data[place]) & 0xFF]
+    crc = (crc >> 8) ^ CRC_TABLE[(crc ^ extra) & 0xFF]
     # As it is sent, least significant byte first.
     return (int(data[end]) | (int(data[end + 1]) << 8)) == crc
 
@@ -206,7 +203,6 @@ def _buffered_message(
     state: NDArray[np.int64],
     kept: NDArray[np.uint8],
     crc_extra: NDArray[np.int16],
-    table: NDArray[np.int64],
 ) -> int:
     """Read one message through the parser's buffer; a good frame ends up at kept[FRAME:].
 
@@ -246,7 +242,7 @@ def _buffered_message(
             for step in range(total):
                 kept[FRAME + step] = kept[step]
             _drop(kept, total, have, state)
-            if frame_is_good(kept, FRAME, total, crc_extra, table):
+            if frame_is_good(kept, FRAME, total, crc_extra):
                 return total
             _bad(state, total)
             return 0
@@ -292,7 +288,6 @@ def scan_chunk(
     clock: NDArray[np.float64],
     kept: NDArray[np.uint8],
     crc_extra: NDArray[np.int16],
-    table: NDArray[np.int64],
     out: tuple[NDArray[Any], ...],
 ) -> int:
     """Find the messages of a chunk.
@@ -318,8 +313,6 @@ def scan_chunk(
         The parser's buffer; a complete frame is laid from `FRAME` on.
     crc_extra : ndarray of int16, shape (65536,)
         Extra byte of each message type, -1 where the type is unknown.
-    table : ndarray of int64, shape (256,)
-        `CRC_TABLE`.
     out : tuple of ndarray
         Filled, each of one length: offset in the log (-1 where a frame is not in one piece), time in POSIX seconds, id,
         system, component, length of each frame.
@@ -341,14 +334,14 @@ def scan_chunk(
             if total >= state[EXPECTED]:
                 state[POS] = at + total
                 state[EXPECTED] = AROUND_2_BYTES if data[at] == MAGIC_2 else AROUND_1_BYTES
-                if frame_is_good(data, at, total, crc_extra, table):
+                if frame_is_good(data, at, total, crc_extra):
                     _record(data, at, total, base + at, row, state, clock, out)
                     row += 1
                 else:
                     _bad(state, total)
                 continue
         # Otherwise through the buffer: damage, or the ends of a chunk.
-        found = _buffered_message(data, size, state, kept, crc_extra, table)
+        found = _buffered_message(data, size, state, kept, crc_extra)
         if found < 0:
             state[ENDED] = 1
         elif found > 0:
@@ -365,7 +358,6 @@ def read_one(
     clock: NDArray[np.float64],
     kept: NDArray[np.uint8],
     crc_extra: NDArray[np.int16],
-    table: NDArray[np.int64],
 ) -> int:
     """Read one message, stamp and all, as `scan_chunk` does.
 
@@ -375,7 +367,7 @@ def read_one(
     """
     size = len(data)
     _take_stamp(data, size, size, state, clock)
-    found = _buffered_message(data, size, state, kept, crc_extra, table)
+    found = _buffered_message(data, size, state, kept, crc_extra)
     if found > 0:
         state[HAVE_LAST] = 1
         state[LAST_BAD] = 0
