@@ -1,4 +1,4 @@
-"""Monitors of a flight: wind, battery, legs; the same live and over a log. The same live and over a log, piece by piece.
+"""Monitors of a flight: wind, battery, legs; the same live and over a log, piece by piece.
 
 Every monitor takes the rows of whole seconds and says what it notices at the time when it can know it.
 """
