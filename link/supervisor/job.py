@@ -48,8 +48,6 @@ class DeliveryJob:
         Set parameters that a leg needs, told before the take-off and asked for with it.
     restore_parameters : bool
         Give the vehicle back at the end what was set.
-    manual_pads : bool
-        Charging is done by people.
     """
 
     composition: Composition
@@ -63,7 +61,6 @@ class DeliveryJob:
     asking: Asking = "once"
     set_parameters: bool = True
     restore_parameters: bool = True
-    manual_pads: bool = False
 
 
 @dataclass(frozen=True, slots=True)

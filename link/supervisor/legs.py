@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from skyway.models.composition.composition import Composition, DroneService
     from skyway.models.scenario.scenario import Scenario
 
-IN_FLIGHT = "in-flight"
-
 
 @dataclass(frozen=True, slots=True)
 class LegMission:

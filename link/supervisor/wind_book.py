@@ -42,8 +42,6 @@ class WindBook:
         Where it is flown, and how wind grows with height.
     drag : DragModel or None
         Of the drone; None: it is not known, so its tilt does not measure the wind, and only an estimate of the autopilot itself counts.
-    earlier : sequence of WindObservation
-        Measured before, as a journal has them.
     least_members : float
         See `update_forecast`.
     """
@@ -55,12 +53,12 @@ class WindBook:
         exponent: float,
         *,
         drag: DragModel | None = None,
-        earlier: Sequence[WindObservation] = (),
         least_members: float = 1.0,
     ) -> None:
         self.base = forecast.at_height(cruise_height_m, exponent)
         self.cruise_height_m, self.exponent = cruise_height_m, exponent
-        self.earlier, self._least_members = tuple(earlier), least_members
+        self._least_members = least_members
+        self.earlier: tuple[WindObservation, ...] = ()
         self._expected = forecast_of(self.base, exponent)
         self.live = LiveWind(drag=drag, forecast=self._expected, settings=settings_for(self.base))
         self._updated: WindEnsemble = self.base
@@ -143,7 +141,7 @@ class WindBook:
         return "held" if self.earlier else "forecast"
 
     def forecast(self, time_s: float, *, now: bool = False) -> WindEnsemble:
-        """Return the forecast brought up to date, at cruise height; at most every half minute anew."""
+        """Return the forecast brought up to date, at cruise height; worked out again at most every half minute."""
         if now or time_s >= self._updated_s + UPDATE_EVERY_S:
             self._updated_s = time_s
             self._updated = update_forecast(self.base, self.observations, least_members=self._least_members)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from skyway.link.supervisor.flight.lookahead import look_ahead
 from skyway.link.supervisor.flight.pilot_intervention import landed, refuse_foreign
 from skyway.link.supervisor.flight.turn import intend, land_here, turn
 from skyway.link.supervisor.journal.entries import Decided, GaugeNote, PadAnswered, SpeedNote
+from skyway.link.supervisor.journal.parts import Expected
 from skyway.link.supervisor.legs import cross_track_m
 from skyway.link.supervisor.observed.link_watch import request_telemetry
 from skyway.link.supervisor.states import State
@@ -17,6 +17,8 @@ from skyway.models.base.formatting import speed_text
 from skyway.planner.online.information import FlightMemory, Information
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from skyway.link.supervisor.context import After, Context
     from skyway.link.supervisor.legs import Leg
     from skyway.models.drones.telemetry import TelemetrySample
@@ -40,18 +42,20 @@ def flying(ctx: Context) -> After:
     request_telemetry(ctx)
     _free_pad(ctx, leg.origin)
     memory = FlightMemory()
+    return _until_landed(ctx, lambda: _fly_on(ctx, memory)) or (State.LANDED, "landed and disarmed")
+
+
+def _until_landed(ctx: Context, decide: Callable[[], After | None]) -> After | None:
+    """Watch a flight, and decide every ten seconds of its cruise; None once it has landed."""
     decided_s = ctx.now_s
     while True:
         refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
         if landed(ctx):
-            return State.LANDED, "landed and disarmed"
+            return None
         if ctx.vehicle.changing or not (_due(ctx, decided_s) and _climbed(ctx)):
             continue
         decided_s = ctx.now_s
-        decision = _decide(ctx, memory)
-        if decision is None:
-            continue
-        after = _act(ctx, decision)
+        after = decide()
         if after is not None:
             return after
 
@@ -143,15 +147,41 @@ def _ahead(ctx: Context) -> tuple[str, ...]:
     return leg.via[piece:] if len(way) == len(leg.via) + 2 else ()
 
 
-def _decide(ctx: Context, memory: FlightMemory) -> Decision | None:
+def _fly_on(ctx: Context, memory: FlightMemory) -> After | None:
+    """Decide and do it; None flies on."""
     known = information(ctx, memory)
     if not ctx.job.replanning or known is None:
         return None
     decision = ctx.policy().in_air(known)
     look_ahead(ctx, decision.figures)
-    if decision.action != "continue":
-        _tell(ctx, decision)
-    return decision
+    if decision.action == "continue":
+        return None
+    _tell(ctx, decision)
+    return _act(ctx, decision)
+
+
+def look_ahead(ctx: Context, figures: Mapping[str, Any]) -> None:
+    """Keep with the leg what a decision expects of it."""
+    leg, place = ctx.delivery.leg, ctx.place
+    if leg is None or place is None:
+        return
+    left_s = figures.get("left_s")
+    leg.expect(
+        Expected(
+            destination=leg.destination,
+            left_s=left_s,
+            late_s=None if left_s is None else ctx.now_s - leg.start_s + float(left_s) - leg.planned_s,
+            soc_land=figures.get("soc_land"),
+            planned_soc_land=leg.planned_soc,
+            p_below_reserve=figures.get("p_below_reserve"),
+            cross_track_m=cross_track_m(leg.mission.way, *place),
+            commanded_mps=leg.commanded_mps,
+            believed_north_mps=figures.get("wind_north_mps"),
+            believed_east_mps=figures.get("wind_east_mps"),
+            energy_factor=figures.get("energy_factor"),
+            limited=ctx.lean.said(leg.commanded_mps) if ctx.lean.limited else None,
+        )
+    )
 
 
 def _tell(ctx: Context, decision: Decision) -> None:
@@ -204,17 +234,9 @@ def diverting(ctx: Context) -> After:
         after = turn(ctx, ctx.divert.station, State.DIVERTING)
         if after[0] is not State.DIVERTING:
             return after
-    memory, decided_s = FlightMemory(turned=True), ctx.now_s
-    while True:
-        refuse_foreign(ctx, ctx.tick(), _WAY_MODES)
-        if landed(ctx):
-            return State.LANDED, "landed and disarmed after a divert"
-        if ctx.vehicle.changing or not (_due(ctx, decided_s) and _climbed(ctx)):
-            continue
-        decided_s = ctx.now_s
-        end = _watch(ctx, memory)
-        if end is not None:
-            return end
+    memory = FlightMemory(turned=True)
+    end = _until_landed(ctx, lambda: _watch(ctx, memory))
+    return end or (State.LANDED, "landed and disarmed after a divert")
 
 
 def _watch(ctx: Context, memory: FlightMemory) -> After | None:

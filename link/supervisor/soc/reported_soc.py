@@ -61,7 +61,7 @@ class ReportedSoc:
         return max(self.soc - rate_per_s * max(time_s - self.at_s, 0.0), 0.0)
 
     def forget(self) -> None:
-        """Begin anew: the battery was measured, or another one put in."""
+        """Begin again: the battery was measured, or another one put in."""
         self.soc, self.at_s, self.held_s, self.contradicted = math.nan, -math.inf, math.nan, False
         self._met_s, self._fell = -math.inf, (math.nan, -math.inf)
 

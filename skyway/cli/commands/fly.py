@@ -151,7 +151,6 @@ def fly(
             asking="never" if yes else "each" if manual else "once",
             set_parameters=not keep_parameters,
             restore_parameters=not no_restore,
-            manual_pads=service is None,
         )
 
     view = view_for(as_json=as_json, zone=ZoneInfo(region.timezone))
