@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import UTC, tzinfo
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -131,10 +131,6 @@ class FlightSummary(msgspec.Struct, frozen=True, kw_only=True):
     flights: int
     journal: str
     report: str | None
-
-    def to_json(self) -> dict[str, Any]:
-        """Return it as ``skyway.fly/1``."""
-        return msgspec.structs.asdict(self)
 
 
 def summary(outcome: Outcome, journal: Path, report: Path | None) -> FlightSummary:

@@ -40,8 +40,7 @@ _HEAD, _SHOWN_HEAD = "Examples\n    --------\n", "\b\n    Examples:\n"
 def add_command(app: typer.Typer, name: str) -> None:
     """Add a command to a command line: a function, or a group of commands, of its name in its module."""
     module = next(commands[name] for commands in GROUPS.values() if name in commands)
-    home = import_module(f"skyway.cli.commands.{module}")
-    command = getattr(home, name)
+    command = getattr(import_module(f"skyway.cli.commands.{module}"), name)
     if isinstance(command, typer.Typer):
         app.add_typer(command, name=name)
         added = command.registered_commands
@@ -49,7 +48,7 @@ def add_command(app: typer.Typer, name: str) -> None:
         app.command(name)(command)
         added = app.registered_commands[-1:]
     for one in added:
-        one.help = getattr(home, "FLY_HELP", None) or (one.callback.__doc__ or "").replace(_HEAD, _SHOWN_HEAD)
+        one.help = (one.callback.__doc__ or "").replace(_HEAD, _SHOWN_HEAD)
 
 
 class GroupedCommands(TyperGroup):

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skyway.cli import options
-from skyway.cli.option_groups import with_groups
 from skyway.models.base.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -121,7 +120,3 @@ def own_names(given: Sequence[str], family: Family) -> dict[str, tuple[str, str]
         settings[key].need("read", None, "").called(name, unit)  # refuses a unit of something else
         found[key] = (name, unit)
     return found
-
-
-linked = with_groups
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]

@@ -10,7 +10,8 @@ from zoneinfo import ZoneInfo
 import typer
 
 from skyway.cli import options
-from skyway.cli.connection_options import AsJson, Link, linked
+from skyway.cli.connection_options import Link
+from skyway.cli.option_groups import with_groups
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import file_error
 from skyway.models.base.json_text import json_text
@@ -28,93 +29,61 @@ if TYPE_CHECKING:
     from skyway.models.composition.composition import Composition
     from skyway.models.queues.pad_service import PadService
 
-FLY_HELP = """Fly a plan leg by leg, measure the wind on the way, and replan where that is better.
 
-Before each leg the preflight checks run, the mission is uploaded and read back, and every point of the route has a divert
-station. Parameters to be set are listed with the request for take-off: once, or before each take-off with --manual. They
-are restored at the end. Everything is written to a journal; --resume continues an interrupted flight. Ctrl-C stops the
-delivery on the ground, or at the next landing; pressed twice in the air, skyway stops commanding the vehicle.
-
-\b
-Examples:
-  skyway fly plan.json --connect udpin:127.0.0.1:14540 --pads tcp:127.0.0.1:5790 --drag drag.toml
-  skyway fly plan.json --connect /dev/ttyUSB0,57600 --pads manual --manual
-  skyway fly plan.json --connect tcp:127.0.0.1:5760 --pads tcp:127.0.0.1:5790 --resume recordings/delivery.jsonl
-"""
-
-Plan = Annotated[Path, typer.Argument(help="Plan, as written by skyway plan -o.")]
-PadAddress = Annotated[
-    str, typer.Option("--pads", help="Pad service tcp:HOST:PORT, or manual: people charge the drone.")
-]
-Manual = Annotated[bool, typer.Option("--manual", help="Ask for confirmation before each take-off.")]
-Unattended = Annotated[bool, typer.Option("--yes", help="Take off without asking. For simulations.")]
-JournalFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--journal", help="Journal to write. Without it: a new file in the folder of --record.", show_default=False
-    ),
-]
-Resume = Annotated[
-    Path | None, typer.Option("--resume", help="Continue the delivery of this journal.", show_default=False)
-]
-Report = Annotated[
-    Path | None, typer.Option("--report", help="Write a report when the flight ends: FILE.html.", show_default=False)
-]
-Drag = Annotated[
-    Path | None,
-    typer.Option(
-        "--drag", help="Drag of the drone, from skyway calibrate wind: wind is estimated from tilt.", show_default=False
-    ),
-]
-ScenarioFolder = Annotated[
-    Path | None,
-    typer.Option("--scenario", help="Scenario folder. Without it: the one named in the plan.", show_default=False),
-]
-ForecastFile = Annotated[
-    Path | None,
-    typer.Option("--forecast", help="Forecast file. Without it: the scenario's forecast.", show_default=False),
-]
-ConstantWind = Annotated[
-    str | None,
-    typer.Option("--wind", help="One constant wind at cruise height instead of a forecast: 8@270.", show_default=False),
-]
-Planner = Annotated[str, typer.Option("--planner", hidden=True, help="No longer used: one online policy decides.")]
-NoReplan = Annotated[bool, typer.Option("--no-replan", help="Fly the plan unchanged; never replan.")]
-Release = Annotated[Literal["gripper", "operator"], typer.Option("--release", help="How the package is released.")]
-Elevation = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--elevation", help="STATION=METRES: ground height that the plan lacks; repeatable.", show_default=False
-    ),
-]
-Keep = Annotated[bool, typer.Option("--keep-parameters", help="Set no parameters; stop if one is unsuitable.")]
-NoRestore = Annotated[bool, typer.Option("--no-restore", help="Leave changed parameters as they are at the end.")]
-
-
-@linked
+@with_groups
 def fly(
-    plan: Plan,
+    plan: Annotated[Path, typer.Argument(help="Plan, as written by skyway plan -o.")],
     link: Link,
-    pads: PadAddress = "manual",
-    manual: Manual = False,
-    yes: Unattended = False,
-    journal: JournalFile = None,
-    resume: Resume = None,
-    report: Report = None,
-    drag: Drag = None,
-    scenario: ScenarioFolder = None,
-    forecast: ForecastFile = None,
-    wind: ConstantWind = None,
-    planner: Planner = "",
-    no_replan: NoReplan = False,
-    release: Release = "gripper",
-    elevation: Elevation = None,
-    keep_parameters: Keep = False,
-    no_restore: NoRestore = False,
+    pads: Annotated[
+        str, typer.Option(help="Pad service tcp:HOST:PORT, or manual: people charge the drone.")
+    ] = "manual",
+    manual: Annotated[bool, typer.Option("--manual", help="Ask for confirmation before each take-off.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Take off without asking. For simulations.")] = False,
+    journal: Annotated[
+        Path | None, typer.Option(help="Journal to write. Without it: a new file in the folder of --record.")
+    ] = None,
+    resume: Annotated[Path | None, typer.Option(help="Continue the delivery of this journal.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Write a report when the flight ends: FILE.html.")] = None,
+    drag: Annotated[
+        Path | None, typer.Option(help="Drag of the drone, from skyway calibrate wind: wind is estimated from tilt.")
+    ] = None,
+    scenario: Annotated[
+        Path | None, typer.Option(help="Scenario folder. Without it: the one named in the plan.")
+    ] = None,
+    forecast: Annotated[Path | None, typer.Option(help="Forecast file. Without it: the scenario's forecast.")] = None,
+    wind: Annotated[
+        str | None, typer.Option(help="One constant wind at cruise height instead of a forecast: 8@270.")
+    ] = None,
+    planner: Annotated[
+        str, typer.Option("--planner", hidden=True, help="No longer used: one online policy decides.")
+    ] = "",
+    no_replan: Annotated[bool, typer.Option("--no-replan", help="Fly the plan unchanged; never replan.")] = False,
+    release: Annotated[Literal["gripper", "operator"], typer.Option(help="How the package is released.")] = "gripper",
+    elevation: Annotated[
+        list[str] | None, typer.Option(help="STATION=METRES: ground height that the plan lacks; repeatable.")
+    ] = None,
+    keep_parameters: Annotated[
+        bool, typer.Option("--keep-parameters", help="Set no parameters; stop if one is unsuitable.")
+    ] = False,
+    no_restore: Annotated[
+        bool, typer.Option("--no-restore", help="Leave changed parameters as they are at the end.")
+    ] = False,
     settings: options.Settings = None,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
-    """Fly a plan (the help text is `FLY_HELP`)."""
+    """Fly a plan leg by leg, measure the wind on the way, and replan where that is better.
+
+    Before each leg the preflight checks run, the mission is uploaded and read back, and every point of the route has a divert
+    station. Parameters to be set are listed with the request for take-off: once, or before each take-off with --manual. They
+    are restored at the end. Everything is written to a journal; --resume continues an interrupted flight. Ctrl-C stops the
+    delivery on the ground, or at the next landing; pressed twice in the air, skyway stops commanding the vehicle.
+
+    Examples
+    --------
+      skyway fly plan.json --connect udpin:127.0.0.1:14540 --pads tcp:127.0.0.1:5790 --drag drag.toml
+      skyway fly plan.json --connect /dev/ttyUSB0,57600 --pads manual --manual
+      skyway fly plan.json --connect tcp:127.0.0.1:5760 --pads tcp:127.0.0.1:5790 --resume recordings/delivery.jsonl
+    """
     from skyway import flying
     from skyway.cli.console import Console
     from skyway.cli.views.flight import view_for
@@ -309,14 +278,9 @@ def _end(outcome: Outcome, journal: Path, report: Path | None, *, as_json: bool)
     from skyway import flying
 
     if as_json:
-        typer.echo(json_text(flying.summary(outcome, journal, report).to_json()))
+        typer.echo(json_text(flying.summary(outcome, journal, report)))
     else:
         typer.echo(outcome.reason if outcome.delivered else f"{outcome.state}: {outcome.reason}")
         typer.echo(f"journal: {journal}" + ("" if report is None else f"; report: {report}"))
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("fly", help=FLY_HELP)(fly)
