@@ -10,7 +10,7 @@ from msgspec.structs import asdict
 
 from skyway.models.base import geodesy
 from skyway.models.wind.estimation.field import WindObservation
-from skyway.models.wind.estimation.forecast_update import update_forecast
+from skyway.models.wind.estimation.forecast_update import SLOT_S, update_forecast
 from skyway.models.wind.estimation.live import LiveWind, forecast_of, settings_for
 from skyway.models.wind.summary import Passage, WindSummary, summarise_wind
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 UPDATE_EVERY_S = 30.0
 SAME_ERROR = 100.0
 """An autopilot's wrong wind is wrong in the same way each time: so many reports of it count as one."""
+FADES_S = 3600.0
+"""A measurement so old leaves its weight on `least_members` members of the forecast."""
 MIN_HEIGHT_SHARE = 0.6
 """Below this share of the cruise height the wind is not that of the forecast."""
 
@@ -43,7 +45,7 @@ class WindBook:
     drag : DragModel or None
         Of the drone; None: it is not known, so its tilt does not measure the wind, and only an estimate of the autopilot itself counts.
     least_members : float
-        See `update_forecast`.
+        See `update_forecast`: it grows to this in the hour after the last measurement.
     """
 
     def __init__(
@@ -144,9 +146,16 @@ class WindBook:
         """Return the forecast brought up to date, at cruise height; worked out again at most every half minute."""
         if now or time_s >= self._updated_s + UPDATE_EVERY_S:
             self._updated_s = time_s
-            self._updated = update_forecast(self.base, self.observations, least_members=self._least_members)
+            self._updated = self._update(time_s)
         return self._updated
 
-    def forecast_by_hour(self) -> WindEnsemble:
+    def forecast_by_hour(self, time_s: float) -> WindEnsemble:
         """Return the forecast brought up to date, at cruise height, in its own slots."""
-        return update_forecast(self.base, self.observations, slot_s=self.base.slot_s, least_members=self._least_members)
+        return self._update(time_s, slot_s=self.base.slot_s)
+
+    def _update(self, time_s: float, *, slot_s: float = SLOT_S) -> WindEnsemble:
+        """Bring the forecast up to date: what fits a measurement tells of the next minutes, and less of the hours after."""
+        seen = self.observations
+        age_s = time_s - max((one.time_s for one in seen), default=-math.inf)
+        least = self._least_members ** min(max(age_s / FADES_S, 0.0), 1.0)
+        return update_forecast(self.base, seen, slot_s=slot_s, least_members=least)

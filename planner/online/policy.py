@@ -158,6 +158,7 @@ class OnlinePolicy:
                 gated = replace(gated, soc=None, why=why)
             closed.append((step, gated))
             seen.close(step.segments[(step.sure or len(step.segments)) - 1])
+            seen.arrives = False
             step = seen.choose()
         return self._staying(info, seen, gate, closed)
 
@@ -222,13 +223,13 @@ class OnlinePolicy:
     def _staying(
         self, info: Information, seen: Hindsight, gate: DepartureGate, closed: list[tuple[Step, Gated]]
     ) -> Decision:
-        """Wait for other wind or room, charging meanwhile; stop where no later hour of the forecast lets it leave."""
+        """Wait for other wind or room, charging meanwhile; stop where no later hour of the forecast, and no other way, lets it leave."""
         why = closed[0][1].why if closed else ""
         if closed:
             later = [wait_s for step, _ in closed if (wait_s := gate.later(step, seen.problem)) is not None]
-            if not later:
+            if not later and not seen.arrives:
                 return self._stopped(info, why)
-            why += f"; in {duration(min(later))} the forecast lets it fly on"
+            why += f"; in {duration(min(later))} the forecast lets it fly on" if later else "; another way may open"
         elif not seen.arrives:
             return self._stopped(info, "no way leads to the destination in the winds of the next hours")
         p = seen.problem

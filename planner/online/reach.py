@@ -186,12 +186,15 @@ class Reach:
 
     def p_below(self, soc: float, cost: NDArray[np.float64], floor_soc: float) -> NDArray[np.float64]:
         """Probability of landing below a charge, over members and energy, shape (n,); `cost` has shape (members, n)."""
+        return np.asarray(np.einsum("m,m...->...", self.wind.probability, self._below(soc, cost, floor_soc)))
+
+    def _below(self, soc: float, cost: NDArray[np.float64], floor_soc: float) -> NDArray[np.float64]:
+        """Probability of landing below a charge in each member, shape of `cost`."""
         from scipy.special import ndtr
 
         sigma = math.hypot(self.belief.sigma, self._wind_spread * self.belief.factor)
         spread = np.maximum(np.hypot(cost * sigma, self.belief.soc_sigma), 1e-9)
-        below = ndtr((cost * self.belief.factor - (soc - floor_soc)) / spread)
-        return np.asarray(np.einsum("m,m...->...", self.wind.probability, below))
+        return np.asarray(ndtr((cost * self.belief.factor - (soc - floor_soc)) / spread))
 
     def expected(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean over the members of something of shape (members, …)."""
@@ -208,9 +211,9 @@ class Reach:
     # Legs
 
     def where_flown(self, way: Sequence[Place], time_s: float) -> Reach:
-        """Return the same for those members alone in which the wind lets the drone leave for this way now.
+        """Return the same for those members alone in which the wind along this way, or at this place, lets the drone fly now.
 
-        In the others it waits on the ground; where it waits in all of them, all count.
+        In the others it waits on the ground, or would not have come here; where none is left, all count.
         """
         places = np.array(way)
         north, east = self.winds(places[:, 0], places[:, 1], np.full(len(places), time_s))
@@ -234,7 +237,8 @@ class Reach:
         """Find divert stations for every point of a leg.
 
         The destination itself counts, where it has pads, from the point on from which no other station is nearer in time.
-        The reserve is kept by the destination from the start, or by another station from each point.
+        The reserve is kept by the destination from the start, or by another station from each point, in the winds in which it is
+        flown that far.
 
         Parameters
         ----------
@@ -264,8 +268,9 @@ class Reach:
         nodes = nodes[nodes != ends_at]
         safe = np.zeros((len(points), len(nodes)), dtype=bool)
         nearest = np.zeros(len(points), dtype=bool)
-        keeps = self.p_below(soc, used[:, -1:] + self.soc_descent, reserve_soc)[0] <= epsilon
-        floor_soc = floor_soc if keeps else max(floor_soc, reserve_soc)
+        at_end = used[:, -1:] + self.soc_descent
+        keeps = self.p_below(soc, at_end, reserve_soc)[0] <= epsilon
+        flown_on = self if keeps else self._not_hopeless(soc, at_end, reserve_soc)
         mean_s = self.expected(spent)
         for row, place in enumerate(places):
             if not len(nodes):
@@ -274,7 +279,8 @@ class Reach:
             left_s = float(mean_s[-1] - mean_s[row]) + self.descent_s
             nearest[row] = self.network.pads[ends_at] > 0 and left_s <= float(self.expected(flight.time_s).min())
             cost = used[:, row, None] + flight.soc
-            near = np.flatnonzero(self.p_below(soc, cost, floor_soc) <= epsilon)
+            sure = self.p_below(soc, cost, floor_soc) <= epsilon
+            near = np.flatnonzero(sure & (keeps or flown_on.p_below(soc, cost, reserve_soc) <= epsilon))
             near = near[np.argsort(self.expected(cost)[near])][:12]
             safe[row, near[self.clear(place, nodes[near])]] = True
         uncovered = np.flatnonzero(~(safe.any(axis=1) | nearest))
@@ -284,6 +290,15 @@ class Reach:
             : self.parameters.max_diverts - len(chosen)
         ]
         return DivertCover(tuple(self.network.stations[nodes[k]].id for k in chosen), gap)
+
+    def _not_hopeless(self, soc: float, at_end: NDArray[np.float64], reserve_soc: float) -> Reach:
+        """Return the same for those members alone in which a leg is flown to its end: in the others it is turned before."""
+        hopeless = self._below(soc, at_end, reserve_soc)[:, 0] > self.parameters.p_hopeless
+        if not float(self.wind.probability @ ~hopeless) > 0.0:
+            return self
+        same = copy(self)
+        same.wind = self.wind.weighted((~hopeless).astype(np.float64))
+        return same
 
     def _beside(self, places: Sequence[Place], nodes: NDArray[np.int64], safe: NDArray[np.bool_]) -> list[int]:
         """Return stations that lie beside a way and are safe from a part of it, the nearest first: a drone may recharge there."""

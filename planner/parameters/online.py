@@ -52,8 +52,8 @@ class OnlineParameters(Parameters):
     )  # fmt: skip
 
     least_members: float = parameter(
-        8.0, "members of the forecast that its weights are worth at least, after the wind was measured in flight: else the few that "
-        "fit it best stand for all that may come in the hours after", 1, 1000,
+        8.0, "members of the forecast that its weights are worth at least, an hour after the wind was measured in flight: else the few that "
+        "fitted it best stand for all that may come", 1, 1000,
     )  # fmt: skip
 
     # Energy of watched flights

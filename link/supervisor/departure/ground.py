@@ -97,7 +97,7 @@ def information(ctx: Context) -> Information:
     return Information(
         time_s=ctx.now_s,
         soc=ctx.battery.soc,
-        forecast=ctx.wind.forecast_by_hour(),
+        forecast=ctx.wind.forecast_by_hour(ctx.now_s),
         near_forecast=ctx.wind.forecast(ctx.now_s, now=True),
         belief=ctx.energy.belief,
         station=station,

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from skyway.link.supervisor.journal.entries import ParameterNote
 from skyway.link.supervisor.observed.link_watch import ask
-from skyway.models.base.errors import CommandRefusedError, LinkError, VehicleTimeoutError
+from skyway.models.base.errors import CommandRefusedError, LinkError, ParameterAbsentError, VehicleTimeoutError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -124,10 +124,18 @@ def apply(ctx: Context) -> None:
         setting = ParameterNote(name=one.name, done="setting", before=one.before, after=one.after)
         reason = f"{one.name} is set from {one.before:g} to {one.after:g}: {one.why}"
         _note(ctx, setting, reason)
-        ask(ctx, partial(ctx.vehicle.set_parameter, one.name, one.after))
+        ask(ctx, partial(_set, ctx, one))
         ctx.note(replace(setting, done="set"), f"{one.name} is {one.after:g}, read back")
     if proposed:
         ctx.tell(f"{_count(len(proposed))} set and read back")
+
+
+def _set(ctx: Context, one: ParameterChange) -> None:
+    """Set one that was read before: if it now seems absent, its answers were lost."""
+    try:
+        ctx.vehicle.set_parameter(one.name, one.after)
+    except ParameterAbsentError:
+        raise VehicleTimeoutError(f"set {one.name}", 0.0) from None
 
 
 def restore_all(vehicle: Vehicle, changes: ParameterChanges, tell: Callable[[str, str, str, float], None]) -> str:

@@ -18,6 +18,8 @@ from skyway.link.supervisor.wind_book import WindBook
 from skyway.missions.autopilots.registry import family_named
 from skyway.models.drones.drag import DragModel
 from skyway.models.drones.telemetry import TelemetrySample
+from skyway.models.wind.estimation.field import WindObservation
+from skyway.models.wind.estimation.forecast_update import worth
 from skyway.sim_stub.plant.airframe import Airframe
 from skyway.sim_stub.plant.physics import STEP_S, Body, Demand
 from skyway.sim_stub.plant.wind_truth import ConstantWind, Gusts
@@ -229,3 +231,12 @@ def test_what_the_autopilot_says_of_the_wind_counts_for_less_where_full_lean_con
 
 def velocity(speed_mps, from_deg):
     return -speed_mps * math.cos(math.radians(from_deg)), -speed_mps * math.sin(math.radians(from_deg))
+
+
+def test_a_measurement_tells_of_the_next_minutes_and_less_of_the_hours_after():
+    begin = datetime.fromisoformat("2013-07-10T14:00-04:00")
+    seen = WindObservation(begin.timestamp() + 300.0, 40.75, -73.97, 9.0, 0.0, 0.3)
+    book = WindBook(newyork().forecast(begin, 3.0), 60.0, 0.14, earlier=(seen,), least_members=8.0)
+    now, later = (worth(book.forecast_by_hour(seen.time_s + age_s).probability) for age_s in (0.0, 3600.0))
+    assert now < later
+    assert later == pytest.approx(8.0, rel=1e-3)

@@ -470,3 +470,16 @@ def test_who_waits_for_the_wind_does_not_fly_to_and_fro_meanwhile(policy, newyor
         end = int(seen.problem.network.head[chosen.segments[-1]])
         staying = np.mean([seen._stay(future) for future in seen.futures])
         assert end == seen.problem.destination or chosen.arrival_s < staying - policy.parameters.min_gain_s
+
+
+def test_a_wind_in_which_it_could_not_have_come_here_turns_no_flight(policy):
+    calm, storm = wind(4.0, 20.0), wind(25.0, 20.0)
+    both = replace(
+        calm,
+        north=np.concatenate([np.repeat(calm.north, 19, axis=0), storm.north]),
+        east=np.concatenate([np.repeat(calm.east, 19, axis=0), storm.east]),
+        probability=np.full(20, 0.05),
+        labels=tuple(map(str, range(20))),
+    )
+    figures = policy.in_air(known_at(0.1, 0.95, both, SURE)).figures
+    assert figures["p_below_reserve"] < 0.001
