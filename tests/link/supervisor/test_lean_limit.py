@@ -236,7 +236,8 @@ def velocity(speed_mps, from_deg):
 def test_a_measurement_tells_of_the_next_minutes_and_less_of_the_hours_after():
     begin = datetime.fromisoformat("2013-07-10T14:00-04:00")
     seen = WindObservation(begin.timestamp() + 300.0, 40.75, -73.97, 9.0, 0.0, 0.3)
-    book = WindBook(newyork().forecast(begin, 3.0), 60.0, 0.14, earlier=(seen,), least_members=30.0)
+    book = WindBook(newyork().forecast(begin, 3.0), 60.0, 0.14, least_members=30.0)
+    book.earlier = (seen,)
     now, later = (worth(book.forecast_by_hour(seen.time_s + age_s).probability) for age_s in (0.0, 3600.0))
     assert now < later
     assert later == pytest.approx(30.0, rel=1e-3)
