@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from skyway.link.supervisor.context import Context
     from skyway.link.supervisor.legs import LegMission
-    from skyway.models.composition.composition import Composition, DroneService
+    from skyway.models.composition.composition import DroneService
 
 Verdict = Literal["ok", "no", "unknown"]
 AT_PLACE_M = 60.0
@@ -110,7 +110,7 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
         yield Check("position", "unknown", "the drone does not report its position: wait for a GPS fix", waits=True)
         return
     away = geodesy.distance_m(*place, station.lat, station.lon)
-    doubt = _doubts(ctx).get("position")
+    doubt = ctx.vehicle.live.doubts.get("position")
     if away > AT_PLACE_M:
         yield Check(
             "position",
@@ -148,11 +148,6 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
         yield Check("home", "ok", moves)
 
 
-def _doubts(ctx: Context) -> dict[str, str]:
-    live = getattr(ctx.vehicle, "live", None)
-    return dict(live.doubts) if live is not None else {}
-
-
 def _battery(ctx: Context, service: DroneService) -> Check:
     wanted = ctx.delivery.charge_to if ctx.delivery.charge_to is not None else service.soc_depart
     if not math.isfinite(ctx.battery.soc) or (
@@ -162,7 +157,7 @@ def _battery(ctx: Context, service: DroneService) -> Check:
             "battery", "unknown", "the drone does not report its state of charge: check its battery monitor", waits=True
         )
     said = f"{percent(ctx.battery.soc)}, {percent(wanted)} needed to fly to {service.destination}"
-    doubt = _doubts(ctx).get("soc")
+    doubt = ctx.vehicle.live.doubts.get("soc")
     if doubt is not None and ("stuck" in doubt or "know" in doubt):
         return Check("battery", "unknown", f"the reported charge: {doubt}", waits=True)
     return Check("battery", "ok" if ctx.battery.soc >= wanted - SOC_SLACK else "no", said)
@@ -173,20 +168,13 @@ def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:
     if plan is None:
         return
     wind = ctx.wind.forecast(ctx.now_s, now=True)
-    speeds = []
-    for name in (service.origin, *service.via, service.destination):
-        north, east = wind.wind_at(plan.stations[name].lat, plan.stations[name].lon, wind.slot_at(ctx.now_s))
-        speeds.append(np.hypot(north, east))
-    highest = np.max(speeds, axis=0)
+    places = [plan.stations[name] for name in (service.origin, *service.via, service.destination)]
+    way, slot = [(place.lat, place.lon) for place in places], wind.slot_at(ctx.now_s)
+    highest = np.max([np.hypot(*wind.wind_at(*point, slot)) for point in way], axis=0)
     p_over = float(wind.probability @ (highest > drone.wind_limit_mps))
-    told = ctx.wind.on_way(_way(plan, service), ctx.now_s, service.distance_m / max(service.ground_speed_mps, 1.0))
+    told = ctx.wind.on_way(way, ctx.now_s, service.distance_m / max(service.ground_speed_mps, 1.0))
     said = f"{told} ({ctx.wind.origin}), above the limit of {drone.wind_limit_mps:g} m/s with probability {probability(p_over)}"
     yield Check("wind", "no" if p_over > 0.5 else "ok", said, waits=True)
-
-
-def _way(plan: Composition, service: DroneService) -> list[tuple[float, float]]:
-    places = [plan.stations[name] for name in (service.origin, *service.via, service.destination)]
-    return [(place.lat, place.lon) for place in places]
 
 
 def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:
