@@ -208,11 +208,8 @@ class ParameterAbsentError(LinkError):
     ----------
     names : sequence of str
         What was asked for: one name, or all that a setting is known by.
-    meaning : str
-        Which setting, in words; empty where it is not known.
     """
 
-    def __init__(self, names: Sequence[str], meaning: str = "") -> None:
-        known = f"{meaning} (known as {' or '.join(names)})" if meaning else " or ".join(names)
-        super().__init__(f"the vehicle has no parameter {known}: it answers for others")
-        self.names, self.meaning = tuple(names), meaning
+    def __init__(self, names: Sequence[str]) -> None:
+        super().__init__(f"the vehicle has no parameter {' or '.join(names)}: it answers for others")
+        self.names = tuple(names)

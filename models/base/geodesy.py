@@ -115,15 +115,15 @@ def local_offsets_m(
     return length * np.cos(angle), length * np.sin(angle)
 
 
-def coordinate_faults(lat: float, lon: float, *, file: str | None = None, line: int | None = None) -> list[Fault]:
+def coordinate_faults(lat: float, lon: float, *, file: str | None = None) -> list[Fault]:
     """Return what is wrong with a position in degrees: out of range, or not a number."""
     faults = []
     hint = "degrees, not ten-millionths of them" if 1e5 < abs(lat) < 1e9 else "degrees from -90 to 90"
     if not -90.0 <= lat <= 90.0:
         hint = "lat and lon may be swapped" if abs(lat) <= 180.0 and abs(lon) <= 90.0 else hint
-        faults.append(Fault("latitude out of range", file, line, "lat", lat, hint))
+        faults.append(Fault("latitude out of range", file, None, "lat", lat, hint))
     if not -180.0 <= lon <= 180.0:
-        faults.append(Fault("longitude out of range", file, line, "lon", lon, "degrees from -180 to 180"))
+        faults.append(Fault("longitude out of range", file, None, "lon", lon, "degrees from -180 to 180"))
     return faults
 
 

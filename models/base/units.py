@@ -39,14 +39,14 @@ SPEED_UNITS_MPS = {
 """Metres per second in one of each unit that an input may name."""
 
 
-def parse_instant(text: str, *, field: str = "time", file: str | None = None, line: int | None = None) -> datetime:
+def parse_instant(text: str, *, field: str = "time", file: str | None = None) -> datetime:
     """Read an ISO 8601 instant that says its offset.
 
     Parameters
     ----------
     text : str
         For example ``2013-07-10T14:00-04:00`` or ``2013-07-10T18:00Z``.
-    field, file, line
+    field, file
         Named in the error.
 
     Returns
@@ -63,9 +63,9 @@ def parse_instant(text: str, *, field: str = "time", file: str | None = None, li
     try:
         instant = datetime.fromisoformat(text.strip())
     except ValueError:
-        raise InputError(Fault("not an ISO 8601 time", file, line, field, text, example)) from None
+        raise InputError(Fault("not an ISO 8601 time", file, None, field, text, example)) from None
     if instant.tzinfo is None:
-        raise InputError(Fault("the time has no UTC offset", file, line, field, text, example))
+        raise InputError(Fault("the time has no UTC offset", file, None, field, text, example))
     return utc(instant)
 
 

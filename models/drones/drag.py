@@ -123,7 +123,6 @@ def thrust_acceleration(
     roll_rad: NDArray[np.float64],
     pitch_rad: NDArray[np.float64],
     yaw_rad: NDArray[np.float64],
-    up_mps2: NDArray[np.float64] | float = 0.0,
 ) -> NDArray[np.float64]:
     """Horizontal acceleration (north, east) that a tilted thrust gives while it holds the vehicle up, shape (n, 2).
 
@@ -133,7 +132,7 @@ def thrust_acceleration(
     cos_pitch, sin_pitch = np.cos(pitch_rad), np.sin(pitch_rad)
     cos_yaw, sin_yaw = np.cos(yaw_rad), np.sin(yaw_rad)
     up = cos_roll * cos_pitch
-    held = np.where(up > math.cos(MAX_TILT_RAD), (GRAVITY_MPS2 + up_mps2) / np.maximum(up, 0.1), np.nan)
+    held = np.where(up > math.cos(MAX_TILT_RAD), GRAVITY_MPS2 / np.maximum(up, 0.1), np.nan)
     north = -(cos_roll * sin_pitch * cos_yaw + sin_roll * sin_yaw) * held
     east = -(cos_roll * sin_pitch * sin_yaw - sin_roll * cos_yaw) * held
     return np.stack([north, east], axis=1)

@@ -101,28 +101,3 @@ class MomentumEnergy:
         """Electrical power in watts."""
         slope, offset = self.coefficients[phase]
         return float(slope * mass_kg**1.5 / math.sqrt(self.air_density_kg_m3) + offset)
-
-
-@dataclass(frozen=True, slots=True)
-class ScaledEnergy:
-    """Another model's power times a factor: what flights have shown a drone to need.
-
-    Parameters
-    ----------
-    model : EnergyModel
-        The other model.
-    factor : float
-        Above 0.
-    """
-
-    model: EnergyModel
-    factor: float
-
-    @property
-    def name(self) -> str:
-        """The model's name in files."""
-        return f"{self.model.name} x {self.factor:.3f}"
-
-    def power_w(self, mass_kg: float, phase: Phase = "cruise") -> float:
-        """Electrical power in watts."""
-        return self.factor * self.model.power_w(mass_kg, phase)

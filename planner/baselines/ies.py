@@ -43,8 +43,6 @@ class ExhaustiveSearch:
         The search stops after this time; `complete` is False then.
     progress : callable, optional
         Called about every second with (sequences looked at, best delivery time so far in seconds).
-    single_segments : bool
-        See `StopLabels`.
 
     Attributes
     ----------
@@ -63,7 +61,6 @@ class ExhaustiveSearch:
         *,
         time_limit_s: float = math.inf,
         progress: Callable[[int, float], None] | None = None,
-        single_segments: bool = False,
     ) -> None:
         self.problem = problem
         self._queues = queues
@@ -72,9 +69,7 @@ class ExhaustiveSearch:
         self.complete = True
         self.labels_expanded = 0
         needed = needed_at_destination(problem, TrueSpeeds(problem.air), 0.0, math.inf)
-        self._stop_labels = StopLabels(
-            problem, queues, whole_subnetwork(problem, queues), needed, single_segments=single_segments
-        )
+        self._stop_labels = StopLabels(problem, queues, whole_subnetwork(problem, queues), needed)
         self._best: tuple[list[StopLabel], float] | None = None
         self._deadline = math.inf
         self._last_progress = 0.0

@@ -97,8 +97,6 @@ class StopLabels:
         See `planner.exact.escape.needed_at_destination`.
     margin_soc_per_s : float
         A landing after T seconds in the air keeps the reserve and this much times T.
-    single_segments : bool
-        Land at the end of every segment, as the forward searches do, instead of overflying stations.
 
     Attributes
     ----------
@@ -114,13 +112,11 @@ class StopLabels:
         needed: NDArray[np.float64],
         *,
         margin_soc_per_s: float = 0.0,
-        single_segments: bool = False,
     ) -> None:
         self.problem = problem
         self.queues = queues
         self.subnetwork = subnetwork
         self.table = subnetwork.table
-        self.single_segments = single_segments
         self.best_s = math.inf
         self.costs = costs_of(problem, margin_soc_per_s)
         self._needed = needed
@@ -212,11 +208,8 @@ class StopLabels:
             end = begin
         slots = range(int(table_slot(table, begin)), int(table_slot(table, max(end, begin))) + 1)
         tables = [self._flight_pieces(stop_label.node, slot, useful) for slot in slots]
-        adjacent = set(table.head[table.first[stop_label.node] : table.first[stop_label.node + 1]].tolist())
 
         def pieces(node: int) -> NDArray[np.float64]:
-            if self.single_segments and node not in adjacent:
-                return np.empty((0, 4))
             joined = np.concatenate([found[offset[node] : offset[node + 1]] for offset, found in tables])
             return only_at(joined, begin) if at_once else joined
 

@@ -51,7 +51,7 @@ CHOOSING, PROMISING = range(2)
 _GUSTS = 0x47
 
 
-def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float, margin: float = 0.0) -> Known:
+def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float) -> Known:
     """What a drone of a problem knows at every stop; see `planner.robust.required_soc_kernels.Known`.
 
     The members are smoothed with a normal kernel whose bandwidth falls with their number as Silverman's ("Density
@@ -71,7 +71,7 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
         gust_time_s=errors.gust_time_s,
         energy_error=errors.energy,
         epsilon=epsilon,
-        margin=margin,
+        margin=0.0,
         full=problem.request.recharge == "full",
         worst_members=parameters.worst_members,
         steady_sigmas=parameters.steady_sigmas,

@@ -72,11 +72,10 @@ class ConsistencyMonitor:
         return "overconfident" if self.mean > high else "underconfident" if self.mean < low else "consistent"
 
 
-def chi2_band(count: float, dimensions: int = 2) -> tuple[float, float]:
-    """95 % band of the mean of `count` independent chi-squared values with so many degrees of freedom."""
+def chi2_band(count: float) -> tuple[float, float]:
+    """95 % band of the mean of `count` independent chi-squared values with two degrees of freedom."""
     from scipy.special import gammaincinv  # scipy.stats takes ten times as long to import
 
     if count <= 0.0:
         return 0.0, math.inf
-    shape = 0.5 * dimensions * count
-    return float(gammaincinv(shape, 0.025)) * 2.0 / count, float(gammaincinv(shape, 0.975)) * 2.0 / count
+    return float(gammaincinv(count, 0.025)) * 2.0 / count, float(gammaincinv(count, 0.975)) * 2.0 / count

@@ -28,8 +28,17 @@ def single_member_problem(seed, recharge, *, utilisation=0.0, mean_mps=None):
 
 
 def solved_by_ies(problem):
-    queues = problem.queue_paths(range(len(problem.network)), 0)
-    search = ExhaustiveSearch(problem, queues, single_segments=True)
+    """Whether there is a way that lands at the end of every segment, as the forward searches do."""
+    search = ExhaustiveSearch(problem, problem.queue_paths(range(len(problem.network)), 0))
+    stops = search._stop_labels
+    table, pieces_from = stops.table, stops.pieces_from
+
+    def single_segments(stop, useful):
+        pieces = pieces_from(stop, useful)
+        adjacent = set(table.head[table.first[stop.node] : table.first[stop.node + 1]].tolist())
+        return lambda node: pieces(node) if node in adjacent else np.empty((0, 4))
+
+    stops.pieces_from = single_segments
     try:
         search.solve()
     except NoRouteError:
