@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import subprocess
 import sys
 import time
 from pathlib import Path
 
-from benchmarks.figure import Figure, machine
+from benchmarks.tables.figure import Figure, machine
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS: dict[str, tuple[str, list[str]]] = {
-    "missions": ("bench_missions", []),
-    "sim": ("bench_sim", ["--seconds", "3"]),
-    "link": ("bench_link", []),
-    "many": ("bench_many", []),
-    "logs": ("bench_logs", []),
-    "rolling": ("bench_rolling", ["--deliveries", "12"]),
-    "why": ("rolling_why", ["--deliveries", "6"]),
-    "risk": ("rolling_risk", ["--deliveries", "6", "--gusts", "200"]),
+    "missions": ("link.bench_missions", []),
+    "sim": ("link.bench_sim", ["--seconds", "3"]),
+    "link": ("link.bench_link", []),
+    "many": ("link.bench_many", []),
+    "logs": ("link.bench_logs", []),
+    "rolling": ("planners.bench_rolling", ["--deliveries", "12"]),
+    "why": ("planners.rolling_why", ["--deliveries", "6"]),
+    "risk": ("planners.rolling_risk", ["--deliveries", "6", "--gusts", "200"]),
 }
 """Benchmarks that print their own figures, each run as a process of its own."""
 MEASURED = ("speed", "ies", "exact", "robust", "evaluate", "promises", "gap")
@@ -29,33 +30,9 @@ MEASURED = ("speed", "ies", "exact", "robust", "evaluate", "promises", "gap")
 
 def measured(name: str) -> list[Figure]:
     """Run one benchmark that returns figures."""
-    if name == "speed":
-        from benchmarks import bench_speed
-
-        return bench_speed.measure()
-    if name == "ies":
-        from benchmarks import bench_ies
-
-        return bench_ies.measure()
-    if name == "exact":
-        from benchmarks import bench_exact
-
-        return bench_exact.measure()
-    if name == "robust":
-        from benchmarks import bench_robust
-
-        return bench_robust.measure()
-    if name == "promises":
-        from benchmarks import bench_promises
-
-        return bench_promises.measure()
-    if name == "gap":
-        from benchmarks import bench_gap
-
-        return bench_gap.measure()
-    from benchmarks import bench_evaluate
-
-    return bench_evaluate.measure()
+    module = importlib.import_module(f"benchmarks.planners.bench_{name}")
+    figures: list[Figure] = module.measure()
+    return figures
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -90,9 +67,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _run_script(module: str, arguments: list[str]) -> None:
-    if not (ROOT / "benchmarks" / f"{module}.py").exists():
-        print("  not here yet")
-        return
     command = [sys.executable, "-m", f"benchmarks.{module}", *arguments]
     done = subprocess.run(command, cwd=ROOT, check=False, capture_output=True, text=True)
     print("\n".join(f"  {line}" for line in done.stdout.splitlines()))

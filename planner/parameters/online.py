@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from skyway.models.base.parameters import Parameters, parameter
 
-_FAULTS = "deliveries through faults (`benchmarks.supervision`, decision 72)"
-_ROLLING = "30 instead of 10 futures gained nothing in 500 deliveries (`benchmarks.bench_rolling`)"
+_FAULTS = "deliveries through faults (`benchmarks.link.supervision`, decision 72)"
+_ROLLING = "30 instead of 10 futures gained nothing in 500 deliveries (`benchmarks.planners.bench_rolling`)"
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class OnlineParameters(Parameters):
     )
     energy_shares: float = parameter(
         4.0, "flights that may need more than they were charged for, among which it does too: not many are begun with no more than "
-        "what they need", 1, 100, measured="landings below the reserve in `benchmarks.rolling_risk`",
+        "what they need", 1, 100, measured="landings below the reserve in `benchmarks.planners.rolling_risk`",
     )  # fmt: skip
 
     least_members: float = parameter(

@@ -11,22 +11,14 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT))
 
-from benchmarks import (  # noqa: E402
-    bench_gap,
-    bench_planners,
-    bench_promises,
-    bench_rolling,
-    pictures,
-    report,
-    rolling_risk,
-    rolling_why,
-)
-from benchmarks.figure import Figure, machine  # noqa: E402
-from benchmarks.instances import FOLDER, make_instance, make_long, read_instance  # noqa: E402
-from benchmarks.melbourne import melbourne  # noqa: E402
-from benchmarks.networks import geometric, random_pairs  # noqa: E402
-from benchmarks.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows  # noqa: E402
-from benchmarks.trials import ROLLING, case_of, contenders  # noqa: E402
+from benchmarks.cases.instances import FOLDER, make_instance, make_long, read_instance  # noqa: E402
+from benchmarks.cases.melbourne import melbourne  # noqa: E402
+from benchmarks.cases.networks import geometric, random_pairs  # noqa: E402
+from benchmarks.planners import bench_gap, bench_planners, bench_promises, bench_rolling, rolling_risk, rolling_why  # noqa: E402
+from benchmarks.planners.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows  # noqa: E402
+from benchmarks.planners.trials import ROLLING, case_of, contenders  # noqa: E402
+from benchmarks.tables import pictures, report  # noqa: E402
+from benchmarks.tables.figure import Figure, machine  # noqa: E402
 from skyway.models.base.errors import InputError  # noqa: E402
 from skyway.models.base.parameters import with_settings  # noqa: E402
 from skyway.planner.evaluation.evaluate import NO_ERRORS, fly_policy  # noqa: E402
@@ -106,8 +98,8 @@ def test_a_search_that_was_cut_off_is_counted_and_never_averaged_into_delivery_t
 
 def test_a_small_benchmark_writes_table_results_and_figures(tmp_path, monkeypatch):
     few = [rival for rival in contenders(46) if rival.planner in {"pfs-charge-aware", "shortest"}]
-    monkeypatch.setattr("benchmarks.trials.contenders", lambda _: few)
-    monkeypatch.setattr("benchmarks.trials.CLAIRVOYANT_PLANNERS", ("ies",))
+    monkeypatch.setattr("benchmarks.planners.trials.contenders", lambda _: few)
+    monkeypatch.setattr("benchmarks.planners.trials.CLAIRVOYANT_PLANNERS", ("ies",))
     size = bench_planners.Size((FOLDER / "new-york-0.5.json",), 2, 3, (4,), 1, 0.5)
     told = []
     written = bench_planners.run(size, tmp_path / "out", progress=told.append)
@@ -133,7 +125,7 @@ def test_figures_are_left_out_where_there_is_nothing_to_draw(tmp_path):
 
 
 def test_an_instance_whose_data_are_not_here_is_left_out_with_its_reason(tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmarks.melbourne.DATA", tmp_path)
+    monkeypatch.setattr("benchmarks.cases.melbourne.DATA", tmp_path)
     melbourne.cache_clear()
     told = []
     size = bench_planners.Size((FOLDER / "melbourne-0.5.json",), 1, 1, (), 1, 0.5)
@@ -176,7 +168,7 @@ def long_instance():
 
 def test_a_long_measurement_goes_on_where_it_was_broken_off(tmp_path, monkeypatch):
     few = tuple(one for one in bench_rolling.RIVALS if one.label in {"robust, rolling horizon", "pfs, full"})
-    monkeypatch.setattr("benchmarks.bench_rolling.RIVALS", few)
+    monkeypatch.setattr("benchmarks.planners.bench_rolling.RIVALS", few)
     instance = read_instance(FOLDER / "new-york-0.5-125.json").cut(3, 1)
     told = []
     bench_rolling.run(instance.cut(1, 1), tmp_path / "rows.jsonl", progress=told.append)

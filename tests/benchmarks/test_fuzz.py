@@ -11,9 +11,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT))
 
-from benchmarks import fuzz  # noqa: E402
-from benchmarks.fuzz_cases import draw  # noqa: E402
-from benchmarks.fuzz_online import WAYS, draw_online  # noqa: E402
+from benchmarks.fuzz import __main__ as fuzz  # noqa: E402
+from benchmarks.fuzz.cases import draw  # noqa: E402
+from benchmarks.fuzz.online import WAYS, draw_online  # noqa: E402
 from skyway.planner.plan import plan  # noqa: E402
 from skyway.planner.registry import PLANNERS  # noqa: E402
 

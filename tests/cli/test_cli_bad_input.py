@@ -89,7 +89,11 @@ WRONG = {
     "truth out of the record": ("--actual-wind", "2012-07-10", "(got '2012-07-10'); the record covers 2013-01-01"),
     "truth at the record's end": ("--actual-wind", "2013-12-30", "nearest day without a gap is 2013-12-"),
     "forecast missing": ("--forecast", "nope.csv", "nope.csv: no such file"),
-    "picture format": ("--plot", "x.gif", "--plot: is not a picture format (got 'x.gif'); FILE.png, FILE.svg or FILE.pdf"),
+    "picture format": (
+        "--plot",
+        "x.gif",
+        "--plot: is not a picture format (got 'x.gif'); FILE.png, FILE.svg or FILE.pdf",
+    ),
     "folder of the output": ("-o", "nowhere/plan.json", "nowhere: no such folder"),
     "start is the end": ("--to", "bellevue", "--to: start and destination are the same"),
     "in a no-fly zone": ("--to", "40.6413,-73.7781", "--to: lies in the no-fly zone John F. Kennedy"),

@@ -14,7 +14,7 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from benchmarks.deliveries import Stage, Story
+from benchmarks.link.deliveries import Stage, Story
 from skyway.cli.views.flight import FlightView
 from skyway.flying import line_of
 from skyway.link.supervisor import read_journal

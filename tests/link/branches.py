@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Hashable
     from pathlib import Path
 
-    from benchmarks.deliveries import Stage
+    from benchmarks.link.deliveries import Stage
 
 Case = TypeVar("Case")
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from branches import Branches
 
-from benchmarks.deliveries import Stage, Story
+from benchmarks.link.deliveries import Stage, Story
 from skyway.link.supervisor import read_journal
 from skyway.link.wire.frames import FrameReader
 from skyway.models.queues.pad_service import PadServiceError

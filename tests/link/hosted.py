@@ -2,7 +2,7 @@
 
 import contextlib
 
-from benchmarks.relay import Relay
+from benchmarks.link.relay import Relay
 from skyway.link.protocol.opening import open_connection
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.missions.autopilots.wire import WireItem

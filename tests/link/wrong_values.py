@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from branches import Branches
 
-from benchmarks.deliveries import Scripted, Stage, Story
+from benchmarks.link.deliveries import Scripted, Stage, Story
 from skyway.link.supervisor import read_journal
 from skyway.link.wire import frames
 from skyway.link.wire.messages import Message

@@ -45,9 +45,9 @@ def planners(
 def _benchmark() -> Any:
     """Import the benchmark; it stands beside the packages in a checkout and is in no wheel."""
     root = Path(skyway.__file__).resolve().parent.parent
-    if not (root / "benchmarks" / "bench_planners.py").is_file():
+    if not (root / "benchmarks" / "planners" / "bench_planners.py").is_file():
         remedy = "clone the repository and install it with: pip install -e ."
         raise InputError(Fault("the benchmarks come with the source, not with the installed package", remedy=remedy))
     if str(root) not in sys.path:
         sys.path.append(str(root))
-    return importlib.import_module("benchmarks.bench_planners")
+    return importlib.import_module("benchmarks.planners.bench_planners")

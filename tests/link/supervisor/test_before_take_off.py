@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.deliveries import Scripted, Stage, Story, newyork
+from benchmarks.link.deliveries import Scripted, Stage, Story, newyork
 from skyway.link.supervisor import NobodyThere, read_journal
 from skyway.link.supervisor.departure.parameter_changes import changes_of
 from skyway.link.supervisor.observed.vehicle_texts import TextLog

@@ -11,7 +11,7 @@ from datetime import datetime
 import numpy as np
 import pytest
 
-from benchmarks.deliveries import Stage, Story, newyork
+from benchmarks.link.deliveries import Stage, Story, newyork
 from skyway.link.supervisor import read_journal
 from skyway.link.supervisor.flight.lean import LeanWatch, airspeed_at_lean
 from skyway.link.supervisor.wind_book import WindBook

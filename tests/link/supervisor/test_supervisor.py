@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from states_picture import drawn_edges, picture
 from supervision_page import PAGE, PICTURE, drawn
 
-from benchmarks.deliveries import Scripted, Stage, Story, newyork
+from benchmarks.link.deliveries import Scripted, Stage, Story, newyork
 from skyway.link.supervisor import State, read_journal
 from skyway.link.supervisor.journal.entries import Start, StateEntered
 from skyway.link.supervisor.journal.file import Journal

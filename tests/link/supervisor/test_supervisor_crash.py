@@ -6,7 +6,7 @@ from copy import copy
 import pytest
 from wrong_values import staged
 
-from benchmarks.deliveries import Stage, Story
+from benchmarks.link.deliveries import Stage, Story
 from skyway.link.supervisor import read_journal
 from skyway.sim_stub.faults import parse_fault
 

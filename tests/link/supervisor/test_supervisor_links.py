@@ -5,7 +5,7 @@ import random
 import pytest
 from cut_links import DIRECTIONS, DURATIONS_S, Cut, Moment, cut_stage, fly_cut, fly_each_cut, moments_of
 
-from benchmarks.deliveries import Story
+from benchmarks.link.deliveries import Story
 from skyway.link.supervisor import read_journal
 
 AUTOPILOTS = ("px4", "ardupilot")

@@ -4,8 +4,8 @@ import random
 
 import pytest
 
-from benchmarks.deliveries import Stage, Story
-from benchmarks.supervision import tell
+from benchmarks.link.deliveries import Stage, Story
+from benchmarks.link.supervision import tell
 from skyway.sim_stub.faults import parse_fault
 
 

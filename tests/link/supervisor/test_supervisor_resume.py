@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from benchmarks.deliveries import Stage, Story
+from benchmarks.link.deliveries import Stage, Story
 from skyway.link.supervisor import read_journal
 
 

@@ -8,7 +8,7 @@ from failing_packs import CAPACITY_J, HOVER_W, LANDING_S, MOMENTS_S
 from failing_packs import fly as fly_battery
 from wrong_values import KINDS, PACKETS, Wrong, fields_read, fly_each_wrong, fly_wrong
 
-from benchmarks.deliveries import Story
+from benchmarks.link.deliveries import Story
 from skyway.link.supervisor.observed.vehicle_state import flies
 from skyway.link.supervisor.soc.reported_soc import ReportedSoc
 from skyway.link.supervisor.soc.voltage import VoltageWatch, open_voltage

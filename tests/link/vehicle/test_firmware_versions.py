@@ -3,7 +3,7 @@
 import pytest
 from wires import LAT, LON, Scene, bad_radio
 
-from benchmarks.deliveries import Stage, Story
+from benchmarks.link.deliveries import Stage, Story
 from skyway.link.protocol.parameter_file import read_required
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.missions.autopilots.registry import FAMILIES, family_named

@@ -7,7 +7,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pytest
 
-from benchmarks.loads import scaled_to
+from benchmarks.cases.loads import scaled_to
 from skyway.models.base.errors import InputError
 from skyway.models.queues.load import IDLE_CHARGING_S, PadLoad, hours_of_week
 from skyway.models.queues.load_files import read_load, read_occupancy

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.loads import scaled_to
+from benchmarks.cases.loads import scaled_to
 from skyway.models.queues.load import PadLoad
 from skyway.models.queues.sampling import QueuePath, expected_paths, no_queue, pack, sample_path, sample_sets
 from skyway.models.queues.transient import STEP_S, forecast_waits

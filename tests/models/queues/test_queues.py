@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from benchmarks.loads import scaled_to
+from benchmarks.cases.loads import scaled_to
 from skyway.models.base.errors import InputError
 from skyway.models.queues.load import PadLoad
 from skyway.models.queues.transient import (

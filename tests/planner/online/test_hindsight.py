@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from benchmarks.loads import scaled_to
+from benchmarks.cases.loads import scaled_to
 from skyway.models.composition.composition import State
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.exact.exact import ExactSearch

@@ -1,0 +1,1 @@
+"""Networks, loads and deliveries that benchmarks are run on."""

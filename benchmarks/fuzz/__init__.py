@@ -1,0 +1,1 @@
+"""Random requests that planners must answer or refuse."""

@@ -1,0 +1,1 @@
+"""How fast links, logs, missions and the simulator are; supervised deliveries."""
