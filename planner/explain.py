@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import NoRouteError
-from skyway.models.base.weighted import weighted_quantile
+from skyway.models.base.statistics import weighted_quantile
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.problem.speeds import TrueSpeeds
 from skyway.planner.robust.robust import RobustSearch
@@ -17,7 +17,7 @@ from skyway.planner.schedule.outcome import later
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN
 
 if TYPE_CHECKING:
-    from skyway.models.base.figure import Figure
+    from skyway.models.base.statistics import Figure
     from skyway.planner.result import PlanResult
     from skyway.planner.robust.robust import Candidate, RobustAnswer
 

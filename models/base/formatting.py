@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from datetime import tzinfo
     from zoneinfo import ZoneInfo
 
-    from skyway.models.base.figure import Figure
+    from skyway.models.base.statistics import Figure
     from skyway.models.composition.composition import Composition
 
 STEPS_S = (1, 2, 5, 10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from skyway.models.base.figure import Figure
+    from skyway.models.base.statistics import Figure
     from skyway.models.network.network import Station
 
 Recharge = Literal["full", "enough"]

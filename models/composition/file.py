@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import msgspec
 
 from skyway.models.base.errors import Fault, InputError, one_line
-from skyway.models.base.figure import Figure
 from skyway.models.base.files import read_text, write_atomically
+from skyway.models.base.statistics import Figure
 from skyway.models.base.units import J_PER_WH, iso, parse_instant
 from skyway.models.composition import schema
 from skyway.models.composition.composition import (

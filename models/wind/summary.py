@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.base.weighted import weighted_quantile
+from skyway.models.base.statistics import weighted_quantile
 from skyway.models.composition.composition import CALM_MPS, Wind
 from skyway.models.wind.interpolation import idw_weights
 from skyway.models.wind.triangle import height_factor, speed_from, vector

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import AuditError, InfeasibleError
-from skyway.models.base.weighted import weighted_quantile
+from skyway.models.base.statistics import weighted_quantile
 from skyway.planner.schedule.composing import compose
 from skyway.planner.schedule.itinerary import Leg, fly_expected, fly_sampled, stop_nodes, typical_member
 from skyway.planner.schedule.outcome import outcome

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.base.weighted import weighted_quantile
+from skyway.models.base.statistics import weighted_quantile
 from skyway.models.queues.sampling import no_queue, pack
 from skyway.planner.problem.kernel_inputs import check_itinerary, check_runs
 from skyway.planner.schedule.gust_kernels import no_disturbance

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.base.figure import Figure, certain
-from skyway.models.base.weighted import weighted_quantile
+from skyway.models.base.statistics import Figure, certain, weighted_quantile
 from skyway.planner.schedule.precision import Crossed
 from skyway.planner.schedule.schedule_kernels import READY, ROOM, SOC_LANDING, TAKE_OFF, TOUCH_DOWN
 

@@ -24,8 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.models.base.figure import CONFIDENCE, Figure
-from skyway.models.base.weighted import weighted_quantile
+from skyway.models.base.statistics import CONFIDENCE, Figure, weighted_quantile
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

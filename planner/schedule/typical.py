@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from skyway.models.base.weighted import weighted_quantile
+from skyway.models.base.statistics import weighted_quantile
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.base.weighted import weighted_quantile
+from skyway.models.base.statistics import weighted_quantile
 from skyway.planner.schedule.itinerary import fly_sampled
 from skyway.planner.schedule.schedule_kernels import PAD, READY, SOC_LANDING, SOC_TAKE_OFF, TAKE_OFF, TOUCH_DOWN
 

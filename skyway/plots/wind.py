@@ -8,8 +8,8 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from skyway.models.base.formatting import date_clock
+from skyway.models.base.statistics import weighted_quantile
 from skyway.models.base.units import from_posix
-from skyway.models.base.weighted import weighted_quantile
 from skyway.models.wind.marginal import SECTORS, SPEED_EDGES_MPS, rose
 from skyway.plots.pictures import CALM, INK, MUTED, ROUTE, new_figure, plain_axes, save_figure
 from skyway.plots.wind_summary import over_region

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 
 from skyway.models.base.geodesy import about, middle_longitude, wrapped
+from skyway.models.base.statistics import weighted_quantile
 from skyway.models.base.units import from_posix, iso
-from skyway.models.base.weighted import weighted_quantile
 from skyway.models.wind.interpolation import idw_weights
 from skyway.models.wind.summary import summary_of
 from skyway.models.wind.triangle import speed_from

@@ -12,8 +12,8 @@ from rich.cells import cell_len
 
 from skyway.cli.views.plan import schedule_sheet
 from skyway.cli.views.sheet import NO_NUMBER, Column, Sheet, wrapped
-from skyway.models.base.figure import Figure
 from skyway.models.base.formatting import about, between, by, duration, later_text, minutes, percent, share, spent
+from skyway.models.base.statistics import Figure
 from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, Stop, Wind
 
 COMMANDS = {

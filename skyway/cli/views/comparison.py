@@ -13,7 +13,7 @@ from skyway.models.composition.file import to_json
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from skyway.models.base.figure import Figure
+    from skyway.models.base.statistics import Figure
     from skyway.planner.explain import RobustGain
     from skyway.planner.report import ComparisonReport
 

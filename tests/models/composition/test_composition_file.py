@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skyway.models.base.errors import AuditError, InputError
-from skyway.models.base.figure import Figure
+from skyway.models.base.statistics import Figure
 from skyway.models.composition.composition import (
     ArrivalDistribution,
     Composition,

@@ -1,8 +1,14 @@
-"""A sampled figure with its uncertainty."""
+"""Sampled figures with their uncertainty, and weighted statistics."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 CONFIDENCE = 0.95
 """Of every interval: it holds the figure of very many simulated deliveries about that often."""
@@ -49,3 +55,11 @@ class Figure:
 def certain(value: float) -> Figure:
     """Return a figure that nothing sampled goes into."""
     return Figure(value, value, value)
+
+
+def weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64], q: float) -> float:
+    """Least value at or below which at least a share q of the weight lies."""
+    order = np.argsort(values, kind="stable")
+    share = np.cumsum(weights[order])
+    index = int(np.searchsorted(share, q * share[-1] * (1.0 - 1e-12)))
+    return float(values[order][min(index, len(order) - 1)])
