@@ -21,7 +21,7 @@ from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H, Problem, check_apart
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, PLANNERS, ROBUST, forecast_planner
 from skyway.planner.result import Comparison, PlanResult
-from skyway.planner.robust.charge_policy import realization_of, simulate_fixed, typical_fixed
+from skyway.planner.robust.out_of_sample import realization_of, simulate_fixed, typical_fixed
 from skyway.planner.robust.robust import RobustSearch
 from skyway.planner.schedule.audit import Realization, audit
 from skyway.planner.schedule.composing import compose

@@ -13,7 +13,7 @@ import numpy as np
 
 from skyway.models.base.formatting import distance_text, duration, percent, wind_text, with_unit
 from skyway.models.calibration.energy import VERTICAL_MPS
-from skyway.models.drones.energy import PHASES, Phase
+from skyway.models.drones.power import PHASES, Phase
 from skyway.models.drones.telemetry import COLUMN, TelemetryTrack
 from skyway.models.wind.estimation.blocks import is_flying, is_trusted
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.drones.energy import PHASES
+from skyway.models.drones.power import PHASES
 from skyway.models.flight.energy import FlightPower
 
 if TYPE_CHECKING:
     from skyway.link.replay.replay import Replay
     from skyway.models.drones.drone import Drone
-    from skyway.models.drones.energy import Phase
+    from skyway.models.drones.power import Phase
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from skyway.link.replay.flight_monitor import Listener
     from skyway.models.drones.airspeed import AirspeedModel
     from skyway.models.drones.drag import DragModel
-    from skyway.models.drones.energy import Phase
+    from skyway.models.drones.power import Phase
     from skyway.models.drones.telemetry import TelemetryTrack
     from skyway.models.wind.estimation.drag_monitor import DragCheck
     from skyway.models.wind.estimation.field import WindObservation

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from skyway.missions.builder.leg_builder import LegBuilder
 from skyway.missions.builder.mission_options import MissionOptions
-from skyway.missions.items.altitude_frames import Frame
-from skyway.missions.items.commands import Command
+from skyway.missions.builder.recharge_holds import hold_notes, recharge_hold
 from skyway.missions.items.document import MissionDocument
-from skyway.missions.items.mission import MissionItem
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.formatting import duration, percent
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from skyway.missions.autopilots.family import Dialect
+    from skyway.missions.items.mission import MissionItem
     from skyway.missions.items.parameters import Parameter
-    from skyway.models.composition.composition import Composition, Stop
+    from skyway.models.composition.composition import Composition
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +74,7 @@ def leg_mission(
     build.check_elevations((service,))
     document = build.leg(service, last=index == legs - 1)
     parameters = dialect.parameters(build.needs((service,), document))
-    return Export((document,), parameters, build.warnings((service,)), _hold_notes(composition, (index,)))
+    return Export((document,), parameters, build.warnings((service,)), hold_notes(composition, (index,)))
 
 
 def whole_mission(composition: Composition, dialect: Dialect, options: MissionOptions | None = None) -> Export:
@@ -105,7 +102,7 @@ def whole_mission(composition: Composition, dialect: Dialect, options: MissionOp
         items += build.way(service, ground)
     items += build.delivery()
     export = _one_document(build, items, min(build.ground_m(service.origin) for service in services))
-    return replace(export, notes=_hold_notes(composition, range(len(services))))
+    return replace(export, notes=hold_notes(composition, range(len(services))))
 
 
 def armed_mission(composition: Composition, dialect: Dialect, options: MissionOptions | None = None) -> Export:
@@ -125,10 +122,7 @@ def armed_mission(composition: Composition, dialect: Dialect, options: MissionOp
     items = build.departure(services[0], ground)
     for number, service in enumerate(services):
         if number > 0:
-            # never 0: ArduPilot takes that as a time of day and waits until midnight UTC
-            seconds = max(1, math.ceil(_hold_s(composition, number)))
-            hold = MissionItem(Command.NAV_DELAY, Frame.MISSION, float(seconds))
-            items += [hold, *dialect.leave_armed_hold(build.above(service, ground))]
+            items += [recharge_hold(composition, number), *dialect.leave_armed_hold(build.above(service, ground))]
         items += build.way(service, ground)
     items += build.delivery()
     export = _one_document(build, items, ground)
@@ -167,40 +161,3 @@ def _mission_per_leg(composition: Composition, dialect: Dialect, options: Missio
         tuple(dict.fromkeys(warning for export in exports for warning in export.warnings)),
         tuple(note for export in exports for note in export.notes),
     )
-
-
-def _stop_before(composition: Composition, number: int) -> Stop | None:
-    """Return the stop before a leg, or None where the plan has none."""
-    service = composition.services[number]
-    landed = composition.services[number - 1].arrive if number else None
-    for stop in composition.stops:
-        in_time = stop.arrive <= service.depart and (landed is None or stop.arrive >= landed)
-        if stop.station == service.origin and in_time:
-            return stop
-    return None
-
-
-def _hold_s(composition: Composition, number: int) -> float:
-    """Seconds on the pad before a leg: wait, recharge and hold."""
-    stop = _stop_before(composition, number)
-    if stop is not None:
-        return stop.wait_s + stop.recharge_s + stop.hold_s
-    before = composition.services[number - 1].arrive
-    return max(0.0, (composition.services[number].depart - before).total_seconds())
-
-
-def _hold_notes(composition: Composition, numbers: Iterable[int]) -> tuple[str, ...]:
-    """Return what the plan does on the ground before these legs: nothing in a mission that disarms says so."""
-    notes = []
-    for number in numbers:
-        stop = _stop_before(composition, number)
-        if stop is None:
-            continue
-        parts = [f"wait {duration(stop.wait_s)} for a pad"] if stop.wait_s else []
-        if stop.recharge_s:
-            parts.append(f"charge {duration(stop.recharge_s)} to {percent(stop.soc_to)}")
-        if stop.hold_s:
-            parts.append(f"stay {duration(stop.hold_s)}")
-        parts.append(f"then arm for leg {number + 1} with at least {percent(stop.soc_to)}")
-        notes.append(f"at {stop.station}: {', '.join(parts)}")
-    return tuple(notes)

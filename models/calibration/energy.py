@@ -14,7 +14,7 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.units import S_PER_MIN
-from skyway.models.drones.energy import M100_COEFFICIENTS, PHASES, EnduranceEnergy, EnergyModel, MomentumEnergy, Phase
+from skyway.models.drones.power import M100_COEFFICIENTS, PHASES, EnduranceEnergy, EnergyModel, MomentumEnergy, Phase
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

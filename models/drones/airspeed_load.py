@@ -1,7 +1,7 @@
 """Power of a multirotor over airspeed, relative to hover.
 
 In forward flight less power goes into holding the drone up, and more into drag and into the blades: the power dips at medium
-speed and rises beyond it. The energy models (`models.drones.energy`) are those of hover or of a mean cruise, and tell nothing of it; what
+speed and rises beyond it. The energy models (`models.drones.power`) are those of hover or of a mean cruise, and tell nothing of it; what
 is missing is drag, which the drone's own lean tells (`models.drones.drag`).
 
 Source: momentum theory in forward flight (Glauert), blades and their rise with the advance ratio from J. G. Leishman,

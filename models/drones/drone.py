@@ -7,7 +7,7 @@ from functools import cached_property
 
 from skyway.models.base.units import J_PER_WH, S_PER_H, S_PER_MIN
 from skyway.models.drones.charging import ChargingCurve
-from skyway.models.drones.energy import EnduranceEnergy, EnergyModel
+from skyway.models.drones.power import EnduranceEnergy, EnergyModel
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.fields import Table, read_toml
 from skyway.models.base.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
 from skyway.models.drones.drone import BUILT_IN, Drone
-from skyway.models.drones.energy import M100_COEFFICIENTS, PHASES, EnergyModel, MomentumEnergy, Phase
+from skyway.models.drones.power import M100_COEFFICIENTS, PHASES, EnergyModel, MomentumEnergy, Phase
 
 if TYPE_CHECKING:
     from pathlib import Path

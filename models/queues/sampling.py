@@ -3,7 +3,7 @@
 Given the others, our drone joins the same line and is served first come, first served: when it arrives after
 the first k of them it gets the pad that is free after k assignments. A path keeps these times for every k, so
 that any time of arrival finds its answer and nobody overtakes. (Independent draws per arrival would let a
-later arrival start earlier.) The others are what `models.queues.transient` computes with: Poisson arrivals, a charging
+later arrival start earlier.) The others are what `models.queues.waiting_times` computes with: Poisson arrivals, a charging
 drone leaves at a rate 1 / mean charging time, both by the hour. They do not notice our drone.
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from skyway.models.base.units import S_PER_H
 from skyway.models.jit.compiled import compiled, compiled_lean
-from skyway.models.queues.transient import TAIL_H, present_at
+from skyway.models.queues.waiting_times import TAIL_H, present_at
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -140,7 +140,7 @@ def sample_sets(
 
     Each station draws from a stream of its own, made from the seed and its index, so that it gets the same
     path whichever other stations are asked for. Where the pads were not seen, the path begins with a number of drones
-    drawn as `models.queues.transient.settled` says.
+    drawn as `models.queues.waiting_times.settled` says.
 
     Parameters
     ----------

@@ -151,7 +151,7 @@ def transient_distributions(
 ) -> tuple[Floats, float]:
     """Compute the distributions of the number of drones present at some times.
 
-    Takes a distribution, rates from 0 up and ascending times from `begin_s` on, all finite; `models.queues.transient`
+    Takes a distribution, rates from 0 up and ascending times from `begin_s` on, all finite; `models.queues.waiting_times`
     checks them.
 
     Parameters
@@ -265,7 +265,7 @@ def expected_waits(distribution: Floats, pads: int, services: Floats, slot_s: fl
     over k >= 1 of p[c + k - 1](t) M_k(t), with M_k of `_earlier` worked out backwards in time; after the last slot M_k
     = k / (c b).
 
-    Takes rates above 0 and ascending times from the first slot on; `models.queues.transient` checks them.
+    Takes rates above 0 and ascending times from the first slot on; `models.queues.waiting_times` checks them.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Label setting for one deadline, guided by the lower bounds of a relaxation.
 
 Labels are stops (`planner.exact.stop_labels`): at one station, the charge the drone can leave with as a function of time. One that
-another label of the same station covers (its charge is nowhere higher at any time) is dropped: whatever the drone does
+another label of the same station dominates (covers: its charge is nowhere higher at any time) is dropped: whatever the drone does
 from it, from the other one it can do at the same time with no less charge, and arriving earlier or with more charge is
 never worse, for flights and queues are first in, first out and the drone may always stay. One that nowhere has the charge
 that the guide asks for is dropped, too: nothing that follows it is on time.
@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.planner.exact.dominance import Settled
 from skyway.planner.exact.flight_functions import flights_from
 from skyway.planner.exact.relaxation import run_backward
 from skyway.planner.exact.relaxation_grid_kernels import slack
 from skyway.planner.exact.stop_label_kernels import stop_labels_after
 from skyway.planner.exact.stop_labels import StopLabel, come_by_s, only_at
 from skyway.planner.problem.flight_table import table_slot
-from skyway.planner.schedule.profile_kernels import covers, upper_profile
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,28 +53,6 @@ class Label:
             stop_labels.append(label.stop_label)
             label = label.parent
         return stop_labels[::-1]
-
-
-@dataclass(frozen=True, eq=False)
-class _Envelope:
-    """The best of all settled labels of a station, at each time."""
-
-    z: NDArray[np.float64]
-    h: NDArray[np.float64]
-    g: NDArray[np.float64]
-
-    def covers_parts(self, stop_label: StopLabel) -> bool:
-        """Return whether neither the potential nor the landed charge of a stop label is anywhere higher."""
-        if len(stop_label.z) and (not len(self.z) or not covers(self.z[:, :2], stop_label.z[:, :2], 0.0)):
-            return False
-        return bool(covers(self.h[:, :2], stop_label.h[:, :2], 0.0))
-
-
-def _upper(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Upper envelope of two profiles either of which may be empty."""
-    if not len(a) or not len(b):
-        return b if len(b) else a
-    return upper_profile(a, b)
 
 
 class Round:
@@ -134,7 +112,7 @@ class Round:
         self.complete = True
         self.labels_expanded = 0
         self.best: tuple[list[StopLabel], float] | None = None
-        self._settled: dict[int, _Envelope] = {}
+        self._settled = Settled()
         self._flights: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._heap: list[tuple[float, int, Label]] = []
         self._count = 0
@@ -182,20 +160,6 @@ class Round:
         )
         return Label(stop_label, label.parent, guide, spare) if spare >= 0.0 else None
 
-    def _settle(self, stop_label: StopLabel) -> bool:
-        """Add a stop label to what is known of its station; false where that covers it already."""
-        known = self._settled.get(stop_label.node)
-        if known is None:
-            self._settled[stop_label.node] = _Envelope(stop_label.z, stop_label.h, stop_label.g)
-            return True
-        # Potential and landed charge are cheap to compare and settle most; the charge to leave with decides.
-        if known.covers_parts(stop_label) or covers(known.g, stop_label.g, 0.0):
-            return False
-        self._settled[stop_label.node] = _Envelope(
-            _upper(known.z, stop_label.z), upper_profile(known.h, stop_label.h), upper_profile(known.g, stop_label.g)
-        )
-        return True
-
     def _flights_from(self, node: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Arrival functions from a station over all slots in which it is left on time."""
         if node not in self._flights:
@@ -210,7 +174,7 @@ class Round:
     def _expand(self, label: Label) -> Label | None:
         """Expand a label; returns the best successor that is still to be expanded."""
         stop_label, stop_labels = label.stop_label, self.stop_labels
-        if not self._settle(stop_label):
+        if not self._settled.add(stop_label):
             return None
         self.labels_expanded += 1
         subnetwork, guide = stop_labels.subnetwork, self.guide

@@ -16,7 +16,7 @@ from skyway.models.base.units import MPS_PER_KMH, S_PER_H
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.sampling import QueuePath, no_queue, sample_sets
-from skyway.models.queues.transient import STEP_S, forecast_waits
+from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 from skyway.models.wind.interpolation import idw_weights
 from skyway.planner.parameters.planner import USUAL
 

@@ -1,14 +1,12 @@
-"""Charge policy: a route whose charges are decided at each stop, and its out-of-sample simulation.
+"""Charge policy: a route whose charges are decided at each stop.
 
-The rule is that of `planner.robust.charge_kernels`. It is judged out of sample: each member of the forecast is flown as the
-truth by a drone whose forecast lacks that member and its neighbours, with sampled queues, gusts and errors of energy.
+The rule is that of `planner.robust.charge_kernels`; it is judged by `planner.robust.out_of_sample`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from datetime import date
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -16,21 +14,26 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.queues.sampling import pack
-from skyway.models.wind.ensemble import evenly
 from skyway.models.wind.estimation.field import ResidualModel
 from skyway.planner.lookahead.flight_kernels import escape_cost
 from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.problem.kernel_inputs import check_runs, check_shape
 from skyway.planner.robust.charge_kernels import fly_by_required_soc
 from skyway.planner.robust.free_capacity import present_in, room_at
+from skyway.planner.robust.out_of_sample import (
+    CHOOSING,
+    PROMISING,
+    OutOfSample,
+    left_out,
+    queue_sets,
+    simulated_realizations,
+)
 from skyway.planner.robust.required_soc_kernels import Known, required_soc_tables
-from skyway.planner.schedule.audit import Realization
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
-from skyway.planner.schedule.itinerary import fly_as_it_stands, held_in_the_air, legs_of, place_nodes
+from skyway.planner.schedule.itinerary import held_in_the_air, legs_of
 from skyway.planner.schedule.no_route import grounded_leg, never_leaves
-from skyway.planner.schedule.outcome import outcome
-from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN, Queues
-from skyway.planner.schedule.typical import Runs, typical_schedule
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, Queues
+from skyway.planner.schedule.typical import typical_schedule
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,16 +42,10 @@ if TYPE_CHECKING:
 
     from skyway.models.base.errors import NoRouteError
     from skyway.models.queues.sampling import QueuePath
-    from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
-    from skyway.planner.schedule.outcome import Outcome
     from skyway.planner.schedule.typical import Typical
-
-CHOOSING, PROMISING = range(2)
-"""Sets of realizations: one to compare routes in, and one to count the promises of the chosen route in."""
-_GUSTS = 0x47
 
 
 def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float) -> Known:
@@ -77,83 +74,6 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
         steady_sigmas=parameters.steady_sigmas,
         learned_error=parameters.learned_error,
     )
-
-
-def _queues(problem: Problem) -> tuple[int, int]:
-    """Sampled sets of queues in each of ``CHOOSING`` and ``PROMISING``."""
-    return problem.parameters.robust.choosing_queues, problem.parameters.robust.promising_queues
-
-
-def left_out(ensemble: WindEnsemble, apart_days: int = 2) -> NDArray[np.float64]:
-    """Forecast for each member as the truth, shape (members, members): the others that are not its neighbours."""
-    labels = ensemble.labels
-    try:
-        days = np.array([date.fromisoformat(label).toordinal() for label in labels])
-        near = np.abs(days[:, None] - days[None]) < apart_days
-    except ValueError:
-        near = np.eye(len(labels), dtype=bool)
-    share = np.where(near, 0.0, ensemble.probability[None])
-    lonely = share.sum(axis=1) <= 0.0
-    share[lonely] = ensemble.probability
-    return np.ascontiguousarray(share / share.sum(axis=1, keepdims=True))
-
-
-def simulated_realizations(
-    problem: Problem,
-    itinerary: Itinerary,
-    errors: Errors,
-    runs: int,
-    max_realizations: int | None = None,
-    sample_set: int = CHOOSING,
-) -> tuple[NDArray[np.int64], Disturbance, list[QueuePath]]:
-    """Realizations in which routes are tried, the same for all of one request: (member of each run, its sky, queue paths).
-
-    Paths are those of the sets at the stop before each flight, in order (set, leg). See `ChargePolicy.simulate`.
-    """
-    count = len(problem.probability)
-    chosen = evenly(count, count if max_realizations is None else max_realizations)
-    members = np.repeat(chosen, max(1, round(runs / len(chosen))))
-    sample = np.arange(len(members)) % _queues(problem)[sample_set]
-    paths = queue_sets(problem, itinerary, sample_set)
-    rng = np.random.default_rng((problem.request.seed, _GUSTS, sample_set))
-    table = rng.integers(0, 2**64, (len(members), 2), dtype=np.uint64)
-    energy = np.asarray(1.0 + errors.energy * (2.0 * table[:, 0] / 2.0**64 - 1.0), dtype=np.float64)
-    return members, Disturbance(sample, energy, table[:, 1], errors.gust_sd, errors.gust_time_s), paths
-
-
-def queue_sets(problem: Problem, itinerary: Itinerary, sample_set: int) -> list[QueuePath]:
-    """Sampled queues at each of `planner.schedule.itinerary.place_nodes`, in order (set, place)."""
-    nodes = place_nodes(problem, itinerary)
-    first = sum(_queues(problem)[:sample_set])
-    sets = problem.queue_sets(nodes, range(first, first + _queues(problem)[sample_set]))
-    return [found[node] for found in sets for node in nodes]
-
-
-def realization_of(problem: Problem, itinerary: Itinerary, typical: Typical) -> Realization:
-    """Return the realization of ``PROMISING`` in which a typical schedule was flown, for its audit."""
-    queues = None
-    if typical.queue is not None:
-        sample = sum(_queues(problem)[:PROMISING]) + typical.queue
-        queues = problem.queue_paths(place_nodes(problem, itinerary), sample)
-    return Realization(typical.member, queues)
-
-
-def simulate_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Runs:
-    """Fly an itinerary as it stands in the realizations in which the promises of a `ChargePolicy` are counted."""
-    members, disturbance, paths = simulated_realizations(problem, itinerary, errors, runs, sample_set=PROMISING)
-    schedule = fly_as_it_stands(problem, itinerary, members, disturbance, paths)
-    weight = problem.probability[members]
-    return Runs(schedule, weight / weight.sum(), members, disturbance.queue)
-
-
-def typical_fixed(problem: Problem, itinerary: Itinerary, runs: Runs) -> Typical:
-    """Choose the typical schedule of an itinerary that is flown as it stands; see `planner.schedule.typical`."""
-    paths = queue_sets(problem, itinerary, PROMISING)
-
-    def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
-        return fly_as_it_stands(problem, itinerary, members, no_disturbance(len(members))._replace(queue=queues), paths)
-
-    return typical_schedule(runs, problem.reserve, fly, problem.parameters.schedule)
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,58 +247,3 @@ class ChargePolicy:
             legs.append(replace(leg, charge_to=leave if charged else None, not_before_s=-math.inf))
             before = float(schedule[number, SOC_LANDING])
         return replace(self, itinerary=tuple(legs))
-
-
-@dataclass(frozen=True, eq=False)
-class OutOfSample(Runs):
-    """A policy flown out of sample, each member the truth of some runs.
-
-    Attributes
-    ----------
-    energy_ratio : ndarray, shape (runs, legs)
-        Energy of each flight as a share of what it was charged for.
-    tables : ndarray
-        See `planner.robust.required_soc_kernels.required_soc_tables`.
-    """
-
-    energy_ratio: NDArray[np.float64]
-    tables: NDArray[np.float64]
-
-    @property
-    def arrival_s(self) -> NDArray[np.float64]:
-        """Arrival of each run, POSIX seconds, infinite where there is none."""
-        return self.schedule[:, -1, TOUCH_DOWN]
-
-    @property
-    def charging(self) -> NDArray[np.float64]:
-        """Share of the runs that charge at the stop before each flight, shape (legs,); the first one counts always."""
-        charged = np.ones(self.schedule.shape[:2], dtype=bool)
-        charged[:, 1:] = self.schedule[:, 1:, SOC_TAKE_OFF] > self.schedule[:, :-1, SOC_LANDING] + 1e-9
-        return np.asarray(self.weight @ charged)
-
-    @property
-    def charge_used(self) -> float:
-        """Mean charge that the flights of a run take together, as SoC."""
-        flown = np.isfinite(self.schedule[:, :, TOUCH_DOWN])
-        used = np.where(flown, self.schedule[:, :, SOC_TAKE_OFF], 0.0) - np.where(
-            flown, self.schedule[:, :, SOC_LANDING], 0.0
-        )
-        return float(self.weight @ used.sum(axis=1))
-
-    def outcome(self, problem: Problem) -> Outcome:
-        """Sum the runs up."""
-        return outcome(problem, self.schedule, self.weight, (self.member, self.queue))
-
-
-def margin_for(simulations: Sequence[OutOfSample], epsilon: float) -> float:
-    """Least margin with which at most a share epsilon of simulated deliveries would have broken the reserve.
-
-    A delivery breaks it where one of its flights takes more energy than was charged for, which the flight's energy ratio
-    tells; the margin is the energy ratio that a share epsilon of the deliveries exceeds, 0 where that is below 1.
-    """
-    worst = np.concatenate([found.energy_ratio.max(axis=1) for found in simulations])
-    weight = np.concatenate([found.weight for found in simulations])
-    order = np.argsort(-worst)
-    above = np.cumsum(weight[order]) / weight.sum()
-    at = int(np.searchsorted(above, epsilon, side="right"))
-    return max(float(worst[order][min(at, len(order) - 1)]) - 1.0, 0.0)

@@ -24,8 +24,9 @@ from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.problem.error_model import USUAL_ERRORS, Errors
 from skyway.planner.problem.mean_value import ExpectedQueues
 from skyway.planner.problem.speeds import MeanSpeeds
-from skyway.planner.robust.charge_policy import PROMISING, ChargePolicy, OutOfSample, known_at, margin_for
+from skyway.planner.robust.charge_policy import ChargePolicy, known_at
 from skyway.planner.robust.free_capacity import blocking_probabilities
+from skyway.planner.robust.out_of_sample import PROMISING, OutOfSample, margin_for
 from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
 
 if TYPE_CHECKING:

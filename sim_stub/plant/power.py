@@ -1,7 +1,7 @@
 """Electrical power of the simulated drone: induced, profile and parasite power, and losses that grow with load.
 
 Momentum theory (Glauert) with the shares of an M200-class quadrotor; Leishman, *Principles of Helicopter
-Aerodynamics*, ch. 2 and 5. This is not the planner's model (`models.drones.energy` is never imported here): it dips at
+Aerodynamics*, ch. 2 and 5. This is not the planner's model (`models.drones.power` is never imported here): it dips at
 medium speed and rises beyond it, where the planner's default is flat.
 """
 

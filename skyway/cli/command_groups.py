@@ -15,6 +15,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
     "Plan": {
         "plan": "plan",
         "compare": "plan",
+        "evaluate": "plan",
         "wind": "scenario",
         "forecast": "forecast",
         "network": "scenario",

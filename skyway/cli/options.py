@@ -16,9 +16,10 @@ from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import Fault, InputError, NoRouteError
 from skyway.models.base.formatting import distance_text
 from skyway.models.base.ranges import percent_faults
+from skyway.planner.registry import PLANNERS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from skyway import settings as settings_tree
     from skyway.models.scenario.scenario import Scenario
@@ -297,3 +298,17 @@ def _sites(scenario: Scenario) -> tuple[tuple[WindSite, ...], float]:
     if scenario.wind_sites:
         return scenario.wind_sites, scenario.measured_at_m
     return (WindSite("site", float(scenario.network.lat.mean()), float(scenario.network.lon.mean())),), 10.0
+
+
+def check_planners(names: Sequence[str], option: str, among: Sequence[str] = PLANNERS) -> None:
+    """Refuse names of planners that are not among some."""
+    known = ", ".join(among)
+    faults = [
+        Fault("no such planner", field=option, value=name, remedy=f"one of {known}")
+        for name in names
+        if name not in among
+    ]
+    if not names:
+        faults = [Fault("no planner named", field=option, remedy=f"one or more of {known}")]
+    if faults:
+        raise InputError(faults)

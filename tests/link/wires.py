@@ -20,6 +20,7 @@ from skyway.sim_stub.transports.lockstep import Lockstep
 from skyway.sim_stub.world import World
 
 LAT, LON = 40.7392, -73.9756
+HEARTBEAT_ID = 0
 FAMILIES = ("px4", "ardupilot")
 
 
@@ -129,7 +130,7 @@ class Scene:
     def quiet(self):
         """Stop telemetry: nothing but the mission protocol costs time."""
         for port in self.vehicle.radio.ports:
-            port.streams = {k: s for k, s in port.streams.items() if s.name == "HEARTBEAT"}
+            port.streams = {k: s for k, s in port.streams.items() if k == HEARTBEAT_ID}
             port.next_due_s = min(s.due_s for s in port.streams.values())
 
 

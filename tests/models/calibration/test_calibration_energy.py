@@ -17,8 +17,8 @@ from skyway.models.calibration.energy import (
     published_errors,
 )
 from skyway.models.drones.drone import M200_V2
-from skyway.models.drones.energy import EnduranceEnergy, MomentumEnergy
 from skyway.models.drones.fleet import read_fleet
+from skyway.models.drones.power import EnduranceEnergy, MomentumEnergy
 from skyway.models.drones.telemetry import TelemetryTrack
 
 M100 = replace(M200_V2, id="m100", name="DJI Matrice 100", mass_kg=3.68, max_payload_kg=1.0)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from skyway.models.drones.drone import M200_V2
-from skyway.models.drones.energy import EnduranceEnergy, MomentumEnergy
+from skyway.models.drones.power import EnduranceEnergy, MomentumEnergy
 
 
 def test_a_drone_flies_no_faster_than_its_autopilot_accepts():

@@ -4,8 +4,8 @@ import pytest
 
 from skyway.models.base.errors import InputError
 from skyway.models.drones.drone import M200_V2
-from skyway.models.drones.energy import MomentumEnergy
 from skyway.models.drones.fleet import read_fleet
+from skyway.models.drones.power import MomentumEnergy
 
 FIELDS = {
     "mass_kg": "4.69",

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from benchmarks.cases.loads import scaled_to
 from skyway.models.queues.load import PadLoad
 from skyway.models.queues.sampling import QueuePath, expected_paths, no_queue, pack, sample_path, sample_sets
-from skyway.models.queues.transient import STEP_S, forecast_waits
+from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 
 NEW_YORK = "America/New_York"
 HOUR = 3600.0

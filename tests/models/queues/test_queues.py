@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from benchmarks.cases.loads import scaled_to
 from skyway.models.base.errors import InputError
 from skyway.models.queues.load import PadLoad
-from skyway.models.queues.transient import (
+from skyway.models.queues.waiting_times import (
     LOST_MASS,
     STEP_S,
     PadQueue,

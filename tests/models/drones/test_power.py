@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skyway.models.drones.drone import M200_V2
-from skyway.models.drones.energy import M100_COEFFICIENTS, PHASES, EnduranceEnergy, MomentumEnergy
+from skyway.models.drones.power import M100_COEFFICIENTS, PHASES, EnduranceEnergy, MomentumEnergy
 
 MODEL = M200_V2.energy_model
 
