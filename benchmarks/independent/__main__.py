@@ -1,0 +1,79 @@
+"""Judge a planner in independent worlds: ``python -m benchmarks.independent --worlds ours,field --requests 10 --days 10``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+from benchmarks.independent import adapter
+from benchmarks.independent.study import PLANNERS, Study, digest, fly_order, orders, read_lines, verdict
+from benchmarks.independent.worlds import worlds
+
+MOST_DAYS = 12
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Fly order by order, each in all worlds; lines are kept as they come, so that a run that was stopped goes on."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.independent", description=__doc__)
+    parser.add_argument("--city", choices=("new-york", "melbourne"), default="new-york")
+    parser.add_argument("--worlds", default="all-of-them", help="names with commas between; default: every one")
+    parser.add_argument("--requests", type=int, default=10)
+    parser.add_argument("--order", default="", help="instead: one, as bellevue,jacobi,2013-07-10T14:00-04:00,0.8")
+    parser.add_argument("--days", type=int, default=10, help="held-out days of each request")
+    parser.add_argument("--runs", type=int, default=5, help="deliveries a day")
+    parser.add_argument("--planner", choices=sorted(PLANNERS), default="robust")
+    parser.add_argument("--seed", type=int, default=18)
+    parser.add_argument(
+        "--out", type=Path, help="JSON lines, one for each request and world; what is there is not flown again"
+    )
+    parser.add_argument("--summary", type=Path, help="JSON, one object for each world")
+    options = parser.parse_args(argv)
+    if not 1 <= options.days <= MOST_DAYS:
+        parser.error(
+            f"--days is 1 to {MOST_DAYS}: of more held-out days, two days apart, nothing is left to forecast a season from"
+        )
+    known = worlds(tuple(site.id for site in adapter.city(options.city).sites))
+    names = list(known) if options.worlds == "all-of-them" else options.worlds.split(",")
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        parser.error(f"no such world: {', '.join(unknown)}; there are {', '.join(known)}")
+    count = 1 if options.order else options.requests
+    study = Study(options.city, options.planner, count, options.days, options.runs, options.seed, options.order)
+    started = time.perf_counter()
+    found = read_lines(options.out, study) if options.out is not None else []
+    if options.out is not None and not options.out.exists():
+        options.out.write_text(json.dumps(asdict(study)) + "\n", encoding="utf-8")
+    done = {(one["world"], one["order"]["seed"]) for one in found}
+    for order in orders(study):
+        missing = [known[name] for name in names if (name, order.seed) not in done]
+        for document in fly_order(study, order, missing) if missing else ():
+            found.append(document)
+            if options.out is not None:
+                with options.out.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(document) + "\n")
+    verdicts = []
+    for name in names:
+        mine = sorted((one for one in found if one["world"] == name), key=lambda one: int(one["order"]["seed"]))
+        if any(one["planned"] for one in mine):
+            verdicts.append((verdict(mine), digest(mine)))
+            print(verdicts[-1][0].line())
+        else:
+            print(f"{name:<20} no order has a plan")
+    if options.summary is not None:
+        documents = [
+            asdict(one) | {"counted_on": known[one.world].counted_on, "deviations": sorted(known[one.world].deviations), "digest": sum_}
+            for one, sum_ in verdicts
+        ]  # fmt: skip
+        options.summary.write_text(
+            json.dumps({"study": asdict(study), "worlds": documents}, indent=1), encoding="utf-8"
+        )
+    print(f"{len(found)} requests in worlds, {time.perf_counter() - started:.0f} s", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

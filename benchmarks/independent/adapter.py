@@ -1,0 +1,206 @@
+"""The only door to the product: its network data, its plans, and its decisions, asked for through public names."""
+
+from __future__ import annotations
+
+import csv
+import math
+import tempfile
+from dataclasses import dataclass, replace
+from datetime import UTC, date, datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+import numpy as np
+
+from benchmarks.cases.melbourne import melbourne as melbourne_scenario
+from benchmarks.cases.networks import new_york as new_york_scenario
+from benchmarks.independent import reports
+from benchmarks.independent.build import City
+from benchmarks.independent.craft import Flying
+from benchmarks.independent.energy import DataSheet, Tabulated
+from benchmarks.independent.ground import Ground, Plane
+from skyway.models.base.errors import InfeasibleError
+from skyway.models.composition.composition import State
+from skyway.models.wind.columns import WindColumns
+from skyway.models.wind.history import read_history
+from skyway.planner.evaluation.evaluate import held_out_forecast, season_days
+from skyway.planner.plan import plan
+from skyway.planner.problem.request import Request
+from skyway.sim_stub.plant.airframe import Airframe
+from skyway.sim_stub.plant.power import PowerModel
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from benchmarks.independent.energy import Power
+    from benchmarks.independent.information import Order
+    from skyway.models.drones.drone import Drone
+    from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.forecast import WindEnsemble
+    from skyway.planner.result import PlanResult
+
+LEVELS = (0.5, 0.8, 0.95)
+GRAVITY = 9.806_65
+DRONES = {"new-york": "m200", "melbourne": "m200-v2"}
+LEAVING_UTC_H = {"new-york": (13, 26), "melbourne": (-2, 11)}
+"""Orders leave between 8 and 21 o'clock local time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """What a plan says of a delivery: seconds after the departure.
+
+    Attributes
+    ----------
+    mean_s : float
+    quantile_s, promised : tuple of float
+        At `LEVELS`, and the probability promised to arrive by then (the level, or more where many arrivals fall on one moment).
+    reserve : float
+        Probability that every landing keeps the reserve.
+    """
+
+    mean_s: float
+    quantile_s: tuple[float, ...]
+    promised: tuple[float, ...]
+    reserve: float
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """A plan for an order, made without some days of the record."""
+
+    scenario: Scenario
+    request: Request
+    forecast: WindEnsemble
+    result: PlanResult
+    promise: Promise
+
+
+def scenario_of(city: str) -> Scenario:
+    """The product's scenario of a city."""
+    return {"new-york": new_york_scenario, "melbourne": melbourne_scenario}[city]()
+
+
+@lru_cache(maxsize=8)
+def told_scenario(city: str, kept_back: str) -> Scenario:
+    """The same as if one of its sites did not exist: its record is read anew from the rows of the others."""
+    scenario = scenario_of(city)
+    if not kept_back:
+        return scenario
+    assert scenario.history is not None
+    sites = tuple(site for site in scenario.wind_sites if site.id != kept_back)
+    columns = WindColumns(
+        time="time_hour", site="origin", speed="wind_speed", from_="wind_dir", speed_unit="mph", time_zone="UTC",
+        calm="direction-0",
+    )  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "told.csv"
+        with Path(scenario.history.source).open(encoding="utf-8", newline="") as raw:
+            rows = csv.reader(raw)
+            head = next(rows)
+            at = head.index("origin")
+            with path.open("w", encoding="utf-8", newline="") as file:
+                csv.writer(file).writerows([head, *(row for row in rows if row[at] != kept_back)])
+        history = read_history(path, columns, sites, scenario.measured_at_m)
+    return replace(scenario, history=history, wind_sites=sites)
+
+
+@lru_cache(maxsize=4)
+def city(name: str) -> City:
+    """A region for the world: positions, pads, segments, strangers, the drone's data sheet, and the raw record."""
+    scenario = scenario_of(name)
+    drone = scenario.drone(DRONES[name])
+    network, rules, load = scenario.network, scenario.rules, scenario.load
+    plane = Plane(float(np.mean(network.lat)), float(np.mean(network.lon)))
+    ground = Ground(
+        ids=tuple(one.id for one in network.stations),
+        plane=plane,
+        xy=plane.xy(network.lat, network.lon),
+        pads=np.array([one.pads for one in network.stations]),
+        spots=np.array([one.holding_spots for one in network.stations]),
+        tail=np.asarray(network.tail),
+        head=np.asarray(network.head),
+        arrivals_per_s=load.arrivals_per_s,
+        charging_s=load.mean_charging_s,
+        timezone=load.timezone,
+    )
+    sheet = DataSheet(
+        mass_kg=drone.mass_kg,
+        payload_kg=drone.max_payload_kg,
+        battery_j=drone.battery_j,
+        empty_s=drone.endurance_empty_s,
+        full_s=drone.endurance_full_s,
+        recharge_s=drone.recharge_full_s,
+        airspeed_mps=drone.cruise_airspeed_mps,
+        max_ground_mps=drone.max_ground_speed_mps,
+    )
+    how = Flying(
+        drone.cruise_airspeed_mps, drone.max_ground_speed_mps, rules.climb_rate_mps, rules.descent_rate_mps,
+        rules.cruise_height_m,
+    )  # fmt: skip
+    sites = reports.new_york() if name == "new-york" else reports.melbourne()
+    return City(
+        name,
+        sites,
+        ground,
+        sheet,
+        how,
+        rules.wind_profile_exponent,
+        lambda kg: plant(drone, kg, how),
+        LEAVING_UTC_H[name],
+    )
+
+
+def plant(drone: Drone, payload_kg: float, how: Flying) -> Power:
+    """Power of the simulated vehicle that is shipped with the product."""
+    frame = Airframe(drone=drone)
+    model = PowerModel.of(frame)
+
+    def law(airspeed_mps: float, climb_mps: float) -> float:
+        drag = frame.drag_n_per_speed(airspeed_mps, payload_kg) * airspeed_mps
+        thrust = math.hypot(frame.mass_kg(payload_kg) * GRAVITY, drag)
+        return model.electrical_w(thrust, airspeed_mps, climb_mps, drag * airspeed_mps)
+
+    return Tabulated(law, how.climb_mps, how.descent_mps)
+
+
+def days_for(name: str, order: Order, count: int, seed: int) -> tuple[date, ...]:
+    """Days of the order's season to be held out of its plan and laid onto it."""
+    return season_days(scenario_of(name), _request(name, order), count, seed=seed)
+
+
+def shift_s(name: str, order: Order, day: date) -> float:
+    """What to add to the order's time for the record's on such a day."""
+    here = datetime.fromtimestamp(order.depart_s, UTC).astimezone(ZoneInfo(scenario_of(name).timezone)).date()
+    return 86_400.0 * (day - here).days
+
+
+def planned(name: str, order: Order, days: Sequence[date], kept_back: str = "") -> Planned | None:
+    """Ask for a robust plan, told the sites but one; None where there is no route."""
+    scenario, request = told_scenario(name, kept_back), _request(name, order)
+    forecast = held_out_forecast(scenario, request, days)
+    try:
+        result = plan(scenario, request, planner="robust", forecast=forecast)
+    except InfeasibleError:
+        return None
+    outcome, start = result.outcome, order.depart_s
+    due = [outcome.quantile_s(level) for level in LEVELS]
+    promise = Promise(
+        outcome.mean_s - start,
+        tuple(one - start for one in due),
+        tuple(outcome.p_by(one) for one in due),
+        outcome.p_success,
+    )
+    return Planned(scenario, request, forecast, result, promise)
+
+
+def _request(name: str, order: Order) -> Request:
+    return Request(
+        state=State(datetime.fromtimestamp(order.depart_s, UTC), order.origin),
+        destination=order.destination,
+        payload_kg=order.payload_kg,
+        drone=DRONES[name],
+        seed=order.seed,
+    )

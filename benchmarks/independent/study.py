@@ -1,0 +1,232 @@
+"""Orders flown in worlds: what was promised beside what became of it, counted by day."""
+
+from __future__ import annotations
+
+import json
+import math
+import zlib
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.independent import adapter, adapter_policies
+from benchmarks.independent.build import setting_for
+from benchmarks.independent.delivery import DELIVERED, STRANDED, deliver
+from benchmarks.independent.information import Order
+from benchmarks.independent.statistics import over_days, percent, wilson
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from datetime import date
+    from pathlib import Path
+
+    from benchmarks.independent.worlds import World
+
+PLANNERS = {"robust": adapter_policies.Robust, "online": adapter_policies.Online}
+RESERVE = 0.2
+PAYLOADS_KG = 0.2, 1.4
+EDGE_S = 12 * 86_400.0
+"""Orders keep so far from the ends of the record."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is flown: so many orders in a city, each on so many days of the record, so many times a day; or the one order that is written."""
+
+    city: str
+    planner: str
+    orders: int
+    days: int
+    runs: int
+    seed: int
+    order: str = ""
+
+
+def orders(study: Study) -> Iterator[Order]:
+    """Draw orders: pairs of stations with pads, hours and days of the record, payloads."""
+    if study.order:
+        yield written(study.order)
+        return
+    city = adapter.city(study.city)
+    ids = [name for name, pads in zip(city.ground.ids, city.ground.pads, strict=True) if pads]
+    first = city.sites[0].time_s[0] + EDGE_S
+    days = int((city.sites[0].time_s[-1] - EDGE_S - first) / 86_400.0)
+    for number in range(study.orders):
+        rng = np.random.default_rng((study.seed, 11, number))
+        start, end = rng.choice(ids, 2, replace=False)
+        midnight = 86_400.0 * (math.floor(first / 86_400.0) + int(rng.integers(days)))
+        depart = midnight + 3600.0 * int(rng.integers(*city.hour))
+        yield Order(str(start), str(end), depart, float(rng.uniform(*PAYLOADS_KG)), number)
+
+
+def written(text: str) -> Order:
+    """Read an order: origin, destination, departure with its UTC offset and payload in kg, with commas between."""
+    origin, destination, depart, payload = text.split(",")
+    return Order(origin, destination, datetime.fromisoformat(depart).timestamp(), float(payload))
+
+
+def fly_order(study: Study, order: Order, worlds: Sequence[World]) -> Iterator[dict[str, Any]]:
+    """Fly one order in several worlds; plans for the same sites are made once. One JSON document a world."""
+    city = adapter.city(study.city)
+    days = adapter.days_for(study.city, order, study.days, study.seed)
+    policies: dict[str, tuple[Any, adapter.Planned] | None] = {}
+    of_run = [day for day in days for _ in range(study.runs)]
+    shift = np.array([adapter.shift_s(study.city, order, day) for day in of_run])
+    seeds: list[tuple[int, ...]] = [
+        (study.seed, order.seed, day.toordinal(), k % study.runs) for k, day in enumerate(of_run)
+    ]
+    for world in worlds:
+        if world.kept_back not in policies:
+            plan = adapter.planned(study.city, order, days, world.kept_back)
+            policies[world.kept_back] = None if plan is None else (PLANNERS[study.planner](plan), plan)
+        found = policies[world.kept_back]
+        document: dict[str, Any] = {"world": world.name, "order": asdict(order), "planned": found is not None}
+        if found is not None:
+            policy, plan = found
+            document |= _flown(world, order, policy, plan.promise, (of_run, shift, seeds), city)
+        yield document
+
+
+def _flown(
+    world: World,
+    order: Order,
+    policy: Any,
+    promise: adapter.Promise,
+    drawn: tuple[list[date], np.ndarray, list[tuple[int, ...]]],
+    city: Any,
+) -> dict[str, Any]:
+    of_run, shift, seeds = drawn
+    flown = deliver(setting_for(world, city, order, shift, seeds), order, policy)
+    return {
+        "promised_mean_s": promise.mean_s,
+        "promised_quantile_s": promise.quantile_s,
+        "promised": promise.promised,
+        "promised_reserve": promise.reserve,
+        "day": [day.toordinal() for day in of_run],
+        "ending": [run.ending for run in flown],
+        "delivery_s": [round(run.time_s - order.depart_s, 1) if run.ending == DELIVERED else None for run in flown],
+        "landings": [[round(soc, 5) for soc in run.landings] for run in flown],
+    }
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a world makes of a planner's promises; shares from 0 to 1, intervals over days.
+
+    Attributes
+    ----------
+    below, below_wilson, below_days
+        Deliveries with a landing below the reserve.
+    lowest : (float, float, float)
+        Lowest charge at a landing: the least of all deliveries, and what one in 1,000 and one in 100 of them is below.
+    on_time : tuple
+        (level, promised, kept, interval) at the levels of the plan's own quantiles.
+    """
+
+    world: str
+    orders: int
+    unplanned: int
+    deliveries: int
+    landings: int
+    below_landings: int
+    lowest: tuple[float, float, float]
+    below_count: int
+    below: float
+    below_wilson: tuple[float, float]
+    below_days: tuple[float, float]
+    promised_below: float
+    stranded: int
+    not_delivered: int
+    mean_min: float
+    mean_days_min: tuple[float, float]
+    promised_mean_min: float
+    on_time: tuple[tuple[float, float, float, tuple[float, float]], ...]
+
+    def line(self) -> str:
+        """One line for people."""
+        times = "  ".join(
+            f"{100 * level:.0f}%: {100 * said:.1f} -> {percent(kept, days, '{:.1f}'.format)}"
+            for level, said, kept, days in self.on_time
+        )
+        return (
+            f"{self.world:<20} {self.orders} of {self.orders + self.unplanned} orders, {self.deliveries:>6} deliveries: below {percent(self.below, self.below_days)} "
+            f"(Wilson {percent(self.below, self.below_wilson)[len(f'{100 * self.below:.2f} ') :]}, "
+            f"promised {100 * self.promised_below:.3f}; of landings {100 * self.below_landings / max(self.landings, 1):.2f}, "
+            f"1 % below SoC {self.lowest[2]:.3f}) stranded {self.stranded} failed {self.not_delivered} "
+            f"mean {self.mean_min:.1f} min [{self.mean_days_min[0]:.1f}, {self.mean_days_min[1]:.1f}] "
+            f"promised {self.promised_mean_min:.1f}  on time {times}"
+        )
+
+
+def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
+    """Sum the orders of one world up."""
+    flown = [one for one in documents if one["planned"]]
+    day = np.array([value for one in flown for value in one["day"]], dtype=np.int64)
+    ending = [value for one in flown for value in one["ending"]]
+    landings = [value for one in flown for value in one["landings"]]
+    below = np.array([any(soc < RESERVE - 1e-9 for soc in socs) for socs in landings], dtype=float)
+    time_s = np.array(
+        [math.nan if value is None else value for one in flown for value in one["delivery_s"]], dtype=float
+    )
+    due = np.array([one["promised_quantile_s"] for one in flown for _ in one["day"]])
+    said = np.array([one["promised"] for one in flown for _ in one["day"]])
+    kept = np.where(np.isnan(time_s), math.inf, time_s)[:, None] <= due + 1e-6
+    weights = np.array([len(one["day"]) for one in flown], dtype=float)
+
+    def mean_of(name: str) -> float:
+        return float(np.average([one[name] for one in flown], weights=weights))
+
+    hits = int(below.sum())
+    mean_days = over_days(time_s, day)
+    return Verdict(
+        world=documents[0]["world"],
+        orders=len(flown),
+        unplanned=len(documents) - len(flown),
+        deliveries=len(ending),
+        landings=sum(len(socs) for socs in landings),
+        below_landings=sum(soc < RESERVE - 1e-9 for socs in landings for soc in socs),
+        lowest=_lowest(landings),
+        below_count=hits,
+        below=float(below.mean()),
+        below_wilson=wilson(hits, len(below)),
+        below_days=over_days(below, day),
+        promised_below=1.0 - mean_of("promised_reserve"),
+        stranded=ending.count(STRANDED),
+        not_delivered=len(ending) - ending.count(DELIVERED) - ending.count(STRANDED),
+        mean_min=float(np.nanmean(time_s)) / 60.0,
+        mean_days_min=(mean_days[0] / 60.0, mean_days[1] / 60.0),
+        promised_mean_min=mean_of("promised_mean_s") / 60.0,
+        on_time=tuple(
+            (level, float(said[:, k].mean()), float(kept[:, k].mean()), over_days(kept[:, k].astype(float), day))
+            for k, level in enumerate(adapter.LEVELS)
+        ),
+    )
+
+
+def _lowest(landings: Sequence[Sequence[float]]) -> tuple[float, float, float]:
+    least = [min(socs) for socs in landings if socs] or [math.nan]
+    low, thousandth, hundredth = np.quantile(least, (0.0, 0.001, 0.01)).tolist()
+    return low, thousandth, hundredth
+
+
+def read_lines(path: Path, study: Study) -> list[dict[str, Any]]:
+    """What was flown before in the same study; a file of another study is refused, a line cut off is flown again."""
+    if not path.exists():
+        return []
+    head, *lines = path.read_text(encoding="utf-8").splitlines()
+    if json.loads(head) != asdict(study):
+        raise SystemExit(f"{path} is of another study: {head}; give another --out")
+    found = []
+    for line in lines:
+        try:
+            found.append(json.loads(line))
+        except json.JSONDecodeError:
+            continue
+    return found
+
+
+def digest(documents: Sequence[dict[str, Any]]) -> str:
+    """Checksum of results: the same seed gives the same."""
+    return f"{zlib.crc32(json.dumps(list(documents), sort_keys=True).encode()):08x}"

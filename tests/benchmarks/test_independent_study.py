@@ -1,0 +1,69 @@
+"""Counting what was promised and kept, and going on where a run was stopped."""
+
+import json
+import math
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from benchmarks.independent import study
+from benchmarks.independent.__main__ import main
+
+STUDY = study.Study("new-york", "robust", 2, 2, 2, 1)
+
+
+def document(number, landings, delivery_s, day=(1, 1, 2, 2)):
+    return {
+        "world": "ours", "order": {"seed": number}, "planned": True, "promised_mean_s": 600.0,
+        "promised_quantile_s": [500.0, 700.0, 900.0], "promised": [0.5, 0.8, 0.95], "promised_reserve": 0.999,
+        "day": list(day), "ending": ["delivered" if one is not None else "stranded" for one in delivery_s],
+        "delivery_s": delivery_s, "landings": landings,
+    }  # fmt: skip
+
+
+def test_a_verdict_counts_deliveries_landings_and_promises():
+    found = study.verdict([
+        document(0, [[0.3, 0.19], [0.2], [0.5], [-0.1]], [480.0, 600.0, 800.0, None]),
+        document(1, [[0.3], [0.25], [0.5], [0.4]], [400.0, 400.0, 400.0, 1000.0]),
+        {"world": "ours", "order": {"seed": 2}, "planned": False},
+    ])  # fmt: skip
+    assert (found.orders, found.unplanned, found.deliveries, found.landings) == (2, 1, 8, 9)
+    assert (found.below_count, found.below_landings, found.stranded, found.not_delivered) == (2, 2, 1, 0)
+    assert found.below == pytest.approx(0.25)
+    assert found.lowest[0] == pytest.approx(-0.1)
+    assert found.mean_min == pytest.approx(np.mean([480, 600, 800, 400, 400, 400, 1000]) / 60.0)
+    assert [kept for _, _, kept, _ in found.on_time] == pytest.approx([4 / 8, 5 / 8, 6 / 8])
+    assert found.promised_below == pytest.approx(0.001)
+    assert "below 25.00" in found.line()
+    assert not math.isnan(found.below_days[0])
+
+
+def test_what_was_flown_is_read_again_but_not_that_of_another_study(tmp_path):
+    path = tmp_path / "flown.jsonl"
+    lines = [json.dumps(asdict(STUDY)), json.dumps(document(0, [[0.3]] * 4, [1.0] * 4)), '{"world": "ours", "or']
+    path.write_text("\n".join(lines), encoding="utf-8")
+    assert [one["order"]["seed"] for one in study.read_lines(path, STUDY)] == [0]
+    other = study.Study("new-york", "robust", 3, 2, 2, 1)
+    with pytest.raises(SystemExit, match="another study"):
+        study.read_lines(path, other)
+    assert study.read_lines(tmp_path / "none", STUDY) == []
+
+
+def test_orders_are_drawn_from_their_seed_within_the_record():
+    first = list(study.orders(STUDY))
+    assert first == list(study.orders(STUDY))
+    more = list(study.orders(study.Study("new-york", "robust", 5, 2, 2, 1)))
+    assert more[:2] == first
+    written = study.Study("new-york", "robust", 1, 2, 2, 1, "bellevue,jacobi,2013-07-10T14:00-04:00,0.8")
+    (one,) = study.orders(written)
+    assert (one.origin, one.destination, one.depart_s, one.payload_kg) == ("bellevue", "jacobi", 1373479200.0, 0.8)
+    assert all(one.origin != one.destination and one.depart_s % 3600.0 == 0.0 for one in more)
+
+
+def test_an_unknown_world_is_refused_with_those_that_there_are(capsys):
+    with pytest.raises(SystemExit):
+        main(["--worlds", "ours,theirs"])
+    told = capsys.readouterr().err
+    assert "no such world: theirs" in told
+    assert "without-JFK" in told
