@@ -85,7 +85,7 @@ def scenario_of(city: str) -> Scenario:
 
 @lru_cache(maxsize=8)
 def told_scenario(city: str, kept_back: str) -> Scenario:
-    """The same as if one of its sites did not exist: its record is read anew from the rows of the others."""
+    """The same as if one of its sites did not exist: its record is read again from the rows of the others."""
     scenario = scenario_of(city)
     if not kept_back:
         return scenario

@@ -55,7 +55,7 @@ class Needs:
         return self._found[key]
 
     def open(self, segments: tuple[int, ...], time_s: float, wind: tuple[tuple[float, float], ...]) -> bool:
-        """Whether the flight keeps the limits if the wind of the reports stays: nobody knows more."""
+        """Whether the flight keeps the limits if the wind of the reports stays, which is all that is known."""
         key = ("open", segments, wind)
         if key not in self._found:
             north, east = (np.array(part).reshape(1, 1, -1) for part in zip(*wind, strict=True))

@@ -23,7 +23,7 @@ class World:
     ----------
     name : str
     kept_back : str
-        Site whose reports nobody is told, though the wind passes through them.
+        Site whose reports are withheld, though the wind passes through them.
     clock : str
         ``hour``: a report is known from the beginning of its hour on; ``observed``: it is a METAR, observed 9 min before its end.
     between, space : str

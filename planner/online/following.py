@@ -49,7 +49,7 @@ class Step:
         Segments up to the last such station before the end.
     arrival_s : float
         Expected arrival of the delivery, POSIX seconds.
-    turning : Turning or None
+    turn_back : TurnBack or None
         How it may turn back on the first segment, for which its charge need not be enough then.
     """
 
@@ -241,9 +241,8 @@ class Following:
     def _charged_s(self, future: Future, charge: float) -> float:
         """When it has a charge at the station where it stands."""
         p = self.problem
-        time, level = p.curve(p.origin)
         pad = float(future.queues[p.origin].pad_time(p.depart_s))
-        return pad + float(np.interp(charge, level, time) - np.interp(p.soc, level, time))
+        return pad + p.charge_time_s(p.origin, p.soc, charge)
 
     def _stay(self, future: Future) -> float:
         """Arrival if it lands here, or stays where it stands until the next wind."""

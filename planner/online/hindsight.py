@@ -113,7 +113,7 @@ class Hindsight(Following):
         best: Step | None = None
         kept: Step | None = None
         for step in steps:
-            arrival = float(np.mean([self._follow(step, future) for future in self.futures]))
+            arrival = self._expected(step)
             if step.segments and int(p.network.head[step.segments[-1]]) in self._left:
                 arrival += max(self._clear(arrival - p.depart_s), self.parameters.return_share * (arrival - p.depart_s))
             if best is None or arrival < best.arrival_s - (0.0 if step.segments else self.parameters.min_gain_s):
@@ -125,12 +125,16 @@ class Hindsight(Following):
         on_the_way = bool(best.segments) and int(p.network.head[best.segments[-1]]) != p.destination
         if not stays and not p.in_flight and (on_the_way or not math.isfinite(best.arrival_s)):
             staying = Step((), p.soc)
-            arrival = float(np.mean([self._follow(staying, future) for future in self.futures]))
+            arrival = self._expected(staying)
             if not best.arrival_s < arrival - self.parameters.min_gain_s:
                 return replace(staying, arrival_s=arrival)
         if kept is not None and kept.arrival_s < best.arrival_s + self._clear(best.arrival_s - p.depart_s):
             return kept
         return best
+
+    def _expected(self, step: Step) -> float:
+        """Mean arrival over the futures after a step, POSIX seconds."""
+        return float(np.mean([self._follow(step, future) for future in self.futures]))
 
     def close(self, segment: int) -> None:
         """Look for no way over a segment any more."""

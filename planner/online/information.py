@@ -137,7 +137,7 @@ class Departure:
         Charge without which the flight is not begun at a time, POSIX seconds.
     look_s : float
         Decide again then, POSIX seconds.
-    turning : Turning or None
+    turn_back : TurnBack or None
         How it may turn back on the first segment.
     """
 

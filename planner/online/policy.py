@@ -176,8 +176,7 @@ class OnlinePolicy:
         needs = max(charge, required(info.time_s))
         if needs <= 1.0:
             charge = needs
-        look_s = info.time_s + parameters.look_s if self._waits(info, p) or not seen.roomy_way else math.inf
-        departure = Departure(step.segments, step.charge, required, look_s, step.turn_back)
+        departure = Departure(step.segments, step.charge, required, self._look_s(info, seen), step.turn_back)
         names = gated.names
         figures = {
             "next": names[-1],
@@ -216,9 +215,11 @@ class OnlinePolicy:
             departure=departure,
         )  # fmt: skip
 
-    def _waits(self, info: Information, p: Problem) -> bool:
-        """Whether all pads are taken where it stands."""
-        return p.has_pads(p.origin) and info.busy_pads.get(info.station or "", 0) >= p.network.pads[p.origin]
+    def _look_s(self, info: Information, seen: Hindsight) -> float:
+        """When to look again: soon where it waits for a pad here or for room elsewhere."""
+        p = seen.problem
+        waits = p.has_pads(p.origin) and info.busy_pads.get(info.station or "", 0) >= p.network.pads[p.origin]
+        return info.time_s + self.parameters.look_s if waits or not seen.roomy_way else math.inf
 
     def _staying(
         self, info: Information, seen: Hindsight, gate: DepartureGate, closed: list[tuple[Step, Gated]]
@@ -233,7 +234,7 @@ class OnlinePolicy:
         elif not seen.arrives:
             return self._stopped(info, "no way leads to the destination in the winds of the next hours")
         p = seen.problem
-        look_s = info.time_s + self.parameters.look_s if self._waits(info, p) or not seen.roomy_way else math.inf
+        look_s = self._look_s(info, seen)
         until_s = min(seen.new_wind_s, max(look_s, info.time_s + self.parameters.look_s), info.time_s + S_PER_H)
         charge = self._charged_by(info, p, until_s)
         reason = "wait for other wind or room: to leave now would not deliver earlier" if not why else f"{why}: wait"

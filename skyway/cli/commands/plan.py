@@ -166,7 +166,8 @@ def evaluate(
     days: Annotated[int, typer.Option(help="Days of the season that the forecast is not told.", min=2, max=60)] = 12,
     runs: Annotated[int, typer.Option(help="Simulated deliveries, shared out over these days.", min=2)] = 1000,
     online: Annotated[
-        bool, typer.Option("--online", help="Fly the online policy, as `fly` does; seconds for each delivery.")
+        bool,
+        typer.Option("--online", help="Fly the online policy, which decides at each stop; seconds for each delivery."),
     ] = False,
     settings: options.Settings = None,
     as_json: options.AsJson = False,
