@@ -14,12 +14,10 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from benchmarks.tables.figure import best_s
 
 SCAN_TARGET_PER_S = 1e6
 PYMAVLINK_TARGET = 10.0
@@ -32,16 +30,6 @@ from skyway.link.logs.tlog.tlog import scan
 index = scan(Path(sys.argv[1]))
 print(index.messages, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
-
-
-def best_s(work: Callable[[], object], runs: int = 5) -> float:
-    """Shortest wall time of several runs."""
-    times = []
-    for _ in range(runs):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return min(times)
 
 
 def made_log(count: int) -> bytes:

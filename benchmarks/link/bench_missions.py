@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import math
 import tempfile
-import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from benchmarks.tables.figure import best_s
 from skyway.missions import check
 from skyway.missions.files import mission_file, plan_writer, waypoints_file
 from skyway.missions.items.altitude_frames import Frame
@@ -18,9 +17,6 @@ from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.mission import Home, Mission, MissionItem
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 ITEMS = 10_000
 READ_TARGET_S = 0.3
@@ -44,16 +40,6 @@ def large_document(count: int = ITEMS) -> MissionDocument:
 def _at(command: Command, lat: float, lon: float, z: float) -> MissionItem:
     point = Point.of_degrees(lat, lon)
     return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, param4=math.nan, x=point.lat_e7, y=point.lon_e7, z=z)
-
-
-def best_s(work: Callable[[], object], runs: int = 5) -> float:
-    """Shortest wall time of several runs."""
-    times = []
-    for _ in range(runs):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return min(times)
 
 
 def measure() -> dict[str, float]:

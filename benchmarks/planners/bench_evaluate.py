@@ -33,13 +33,3 @@ def measure(runs: int = RUNS) -> list[Figure]:
         note = f"{name}, {len(result.itinerary)} flights, {len(days)} days; {worked:.2f} s of processor"
         figures.append(Figure(f"{runs:,} simulated deliveries of a plan", spent, "s", TARGET_S, note))
     return figures
-
-
-def main() -> None:
-    """Print the figures."""
-    for figure in measure():
-        print(figure.line())
-
-
-if __name__ == "__main__":
-    main()

@@ -24,13 +24,3 @@ def measure(*, runs: int = RUNS, time_limit_s: float = TIME_LIMIT_S) -> list[Fig
         what = f"{row.planner}, {row.nodes} nodes: mean execution time"
         figures.append(Figure(what, 1000.0 * row.execution_s, "ms", note=note))
     return figures
-
-
-def main() -> None:
-    """Print the figures."""
-    for figure in measure():
-        print(figure.line())
-
-
-if __name__ == "__main__":
-    main()

@@ -188,13 +188,3 @@ def measure(*, requests: tuple[int, int, int] = (40, 40, 12), budget_s: float = 
     for size, count in zip((1_000, 10_000), requests[1:], strict=True):
         figures += planner_figures(geometric(size, SEED), names, count, budget_s)
     return figures
-
-
-def main() -> None:
-    """Print the figures."""
-    for figure in measure():
-        print(figure.line())
-
-
-if __name__ == "__main__":
-    main()

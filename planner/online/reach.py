@@ -178,6 +178,11 @@ class Reach:
         flown = self.along(way, time_s + climb_s)
         return Flown(flown.time_s[:, -1] + climb_s + self.descent_s, flown.soc[:, -1] + climb_soc + self.soc_descent)
 
+    def ground_speed_mps(self, way: Sequence[Place], distance_m: float, time_s: float) -> float:
+        """Mean ground speed of the planned airspeed along a way of a length, at most the drone's greatest."""
+        cruise_s = float(self.expected(self.along(way, time_s).time_s[:, -1]))
+        return min(distance_m / max(cruise_s, 1.0), self.drone.max_ground_speed_mps)
+
     def mean_load(self, way: Sequence[Place], time_s: float) -> float:
         """Power over that of the model, averaged over the cruise of a way."""
         flown = self.along(way, time_s)

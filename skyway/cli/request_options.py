@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.problem.request import Request
 
+Depart = Annotated[str | None, typer.Option(help="Departure with UTC offset, 2013-07-10T14:00-04:00. Without it: now.")]
 _PLACE = "station id, part of its name, or lat,lon."
 
 
@@ -67,9 +68,7 @@ class ConditionOptions:
     """Where and when it is flown, and in which wind."""
 
     scenario: options.ScenarioArgument = None
-    depart: Annotated[
-        str | None, typer.Option(help="Departure with UTC offset, 2013-07-10T14:00-04:00. Without it: now.")
-    ] = None
+    depart: Depart = None
     wind: Annotated[str | None, typer.Option(help="One constant wind at cruise height, m/s@degrees FROM: 8@270.")] = (
         None
     )

@@ -50,8 +50,7 @@ def next_service(ctx: Context, speed_mps: float | None = None) -> DroneService:
         return replace(service, diverts=ctx.delivery.diverts, ground_speed_mps=speed_mps)
     reach = ctx.policy().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief)
     way = reach.way(service.origin, service.via, service.destination)
-    cruise_s = float(reach.expected(reach.along(way, ctx.now_s).time_s[:, -1]))
-    speed = min(service.distance_m / max(cruise_s, 1.0), reach.drone.max_ground_speed_mps)
+    speed = reach.ground_speed_mps(way, service.distance_m, ctx.now_s)
     return replace(service, diverts=ctx.delivery.diverts, ground_speed_mps=round(speed, 2))
 
 

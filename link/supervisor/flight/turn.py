@@ -66,8 +66,7 @@ def _speed_mps(ctx: Context, here: tuple[float, float], station: str) -> float:
     """Ground speed of the planned airspeed on the way to a station, in the wind as it is known now."""
     reach = ctx.policy().reach(ctx.wind.forecast(ctx.now_s), ctx.energy.belief)
     way = reach.way(here, (), station)
-    cruise_s = float(reach.expected(reach.along(way, ctx.now_s).time_s[:, -1]))
-    return round(min(geodesy.distance_m(*way[0], *way[1]) / max(cruise_s, 1.0), reach.drone.max_ground_speed_mps), 1)
+    return round(reach.ground_speed_mps(way, geodesy.distance_m(*way[0], *way[1]), ctx.now_s), 1)
 
 
 def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> After:

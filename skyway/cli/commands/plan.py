@@ -10,7 +10,7 @@ import typer
 
 from skyway.cli import completion, options
 from skyway.cli.option_groups import with_groups
-from skyway.cli.request_options import ConditionOptions, RequestOptions
+from skyway.cli.request_options import ConditionOptions, Depart, RequestOptions
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import duration
 from skyway.models.base.json_text import json_text
@@ -157,9 +157,7 @@ def compare(
 def evaluate(
     asked: RequestOptions,
     scenario: options.ScenarioArgument = None,
-    depart: Annotated[
-        str | None, typer.Option(help="Departure with UTC offset, 2013-07-10T14:00-04:00. Without it: now.")
-    ] = None,
+    depart: Depart = None,
     planner: Annotated[
         str, typer.Option(help=f"{', '.join((ROBUST, *FORECAST_PLANNERS))}.", autocompletion=completion.planners)
     ] = ROBUST,
