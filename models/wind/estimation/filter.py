@@ -222,7 +222,7 @@ class WindFilter:
         innovation = measured - seen @ self._filter.x
         spread = seen @ self._filter.P @ seen.T + covariance
         nis = (innovation.T @ np.linalg.solve(spread, innovation)).item()
-        self.health.add(nis)
+        self.health.add(min(nis, self.settings.gate))
         self.last_nis = nis
         if nis > self.settings.gate:
             if not self._persuaded(innovation):

@@ -14,7 +14,10 @@ CALM_COUNT, CALM_MEAN = 20, 3.0
 
 
 class ConsistencyMonitor:
-    """Watches the normalised innovations squared, taken before the gate: after it they would be biased low.
+    """Watches the normalised innovations squared, those too that the gate rejects: without them they would be biased low.
+
+    A rejected one counts as the gate (`WindFilter`). So two seconds of a manoeuvre do not outweigh two minutes of good measurements,
+    and measurements that are rejected again and again still show that the filter is wrong.
 
     Parameters
     ----------
