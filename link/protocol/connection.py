@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol
 
-from skyway.link.protocol.exchange import RoundTrip, Target, carry_out
+from skyway.link.protocol.exchange import Carrier, RoundTrip, Target
 from skyway.link.wire.frames import FrameReader, FrameWriter, Rejected
 from skyway.link.wire.transport import UdpSocket
 from skyway.models.base.errors import StationConflictError
@@ -15,14 +15,13 @@ from skyway.models.base.errors import StationConflictError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from skyway.link.protocol.exchange import Exchange, Steps
+    from skyway.link.protocol.exchange import Exchange
     from skyway.link.wire.messages import Message
     from skyway.link.wire.recorder import Recorder
     from skyway.link.wire.signing import Signing
     from skyway.link.wire.transport import Transport
     from skyway.models.base.clock import Clock
 
-T = TypeVar("T")
 HEARTBEAT_S = 1.0
 GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
 _GROUND_STATION, _INVALID_AUTOPILOT = 6, 8
@@ -123,7 +122,7 @@ class SharedClient(Protocol):
         ...
 
 
-class Connection:
+class Connection(Carrier):
     """Frames in and out of one transport.
 
     Parameters
@@ -309,16 +308,6 @@ class Connection:
         system = message.fields.get("target_system", 0)
         component = message.fields.get("target_component", 0)
         return system in (0, self.system) and component in (0, self.component)
-
-    def perform(self, steps: Steps[T]) -> T:
-        """Carry a procedure out.
-
-        Raises
-        ------
-        StationConflictError
-            Another station speaks with our system id.
-        """
-        return carry_out(steps, self._carry_out)
 
     def _carry_out(self, exchange: Exchange) -> None:
         self.refuse_conflict()

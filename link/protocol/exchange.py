@@ -14,8 +14,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from skyway.link.wire.messages import Message
 
 T = TypeVar("T")
@@ -175,15 +173,28 @@ class Question(Exchange):
             self.round_trip.learn(now_s - self._sent_s)
 
 
-def carry_out(steps: Steps[T], one: Callable[[Exchange], None]) -> T:
-    """Have each exchange of a procedure carried out, and return what came of it."""
-    try:
-        while True:
-            try:
-                exchange = next(steps)
-            except StopIteration as end:
-                result: T = end.value
-                return result
-            one(exchange)
-    finally:
-        steps.close()
+class Carrier(ABC):
+    """Who carries exchanges with a vehicle out: the connection itself, or another library on it."""
+
+    def perform(self, steps: Steps[T]) -> T:
+        """Carry a procedure out, and return what came of it.
+
+        Raises
+        ------
+        StationConflictError
+            Another station speaks with our system id.
+        """
+        try:
+            while True:
+                try:
+                    exchange = next(steps)
+                except StopIteration as end:
+                    result: T = end.value
+                    return result
+                self._carry_out(exchange)
+        finally:
+            steps.close()
+
+    @abstractmethod
+    def _carry_out(self, exchange: Exchange) -> None:
+        """Carry one exchange out."""

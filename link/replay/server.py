@@ -5,9 +5,9 @@ from __future__ import annotations
 import selectors
 import socket
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from skyway.models.base.errors import Fault, InputError, LinkError
+from skyway.models.base.errors import LinkError
 from skyway.models.base.json_text import json_text
 
 if TYPE_CHECKING:
@@ -16,40 +16,6 @@ if TYPE_CHECKING:
 TICK_S = 0.02
 MAX_LINE = 4096
 MAX_CLIENTS = 8
-
-
-class Output:
-    """A MAVLink address for sending, as everyone writes it: ``udpout:127.0.0.1:14550``, ``tcp:host:port``.
-
-    Parameters
-    ----------
-    url : str
-        The address.
-
-    Raises
-    ------
-    LinkError, InputError
-        It cannot be opened, or is no address.
-    """
-
-    def __init__(self, url: str) -> None:
-        from pymavlink import mavutil
-
-        try:
-            self._connection: Any = mavutil.mavlink_connection(url)
-        except (OSError, ValueError, IndexError) as error:
-            raise LinkError(f"cannot open {url}: {error}") from error
-        except SystemExit:  # pymavlink's answer to an address without a port
-            remedy = "udpout:127.0.0.1:14550"
-            raise InputError(Fault("is not an address", field="--connect", value=url, remedy=remedy)) from None
-
-    def send(self, data: bytes) -> None:
-        """Send one packet."""
-        self._connection.write(data)
-
-    def close(self) -> None:
-        """Close it."""
-        self._connection.close()
 
 
 class ControlServer:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from skyway.link.protocol.command import AskFor, Command, SetCurrent
 from skyway.link.protocol.download import Download
-from skyway.link.protocol.exchange import carry_out
+from skyway.link.protocol.exchange import Carrier
 from skyway.link.protocol.mission_words import ITEM_FIELDS
 from skyway.link.protocol.parameters import REAL32, ListParameters, ParameterValue, SetParameter
 from skyway.link.protocol.upload import Upload, UploadEnd
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from skyway.link.protocol.connection import Connection, Peer
-    from skyway.link.protocol.exchange import Exchange, Steps
+    from skyway.link.protocol.exchange import Exchange
     from skyway.link.wire.messages import Message
 
 T = TypeVar("T")
@@ -47,7 +47,7 @@ _HEARTBEAT = b"\0\0\0"
 _ERRORS = {"TIMEOUT": UploadEnd.SILENT, "TRANSFER_CANCELLED": UploadEnd.BROKEN, "BUSY": UploadEnd.BROKEN}
 
 
-class MavsdkRunner:
+class MavsdkRunner(Carrier):
     """Speaks with one vehicle by MAVSDK.
 
     Parameters
@@ -123,16 +123,6 @@ class MavsdkRunner:
             except queue.Empty:
                 return
             yield 0 if frame[7:10] == _HEARTBEAT else self.peer.system, frame
-
-    def perform(self, steps: Steps[T]) -> T:
-        """Carry a procedure out.
-
-        Raises
-        ------
-        StationConflictError
-            Another station speaks with our system id.
-        """
-        return carry_out(steps, self._carry_out)
 
     def _carry_out(self, exchange: Exchange) -> None:
         speak = None if isinstance(exchange, Upload) and not exchange.items else self._ways.get(type(exchange))

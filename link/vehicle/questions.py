@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from skyway.link.protocol.command import ACCEPTED, RESULTS, Command, Place
 from skyway.link.protocol.parameters import (
@@ -32,22 +32,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from skyway.link.protocol.connection import Connection
-    from skyway.link.protocol.exchange import Exchange, Steps
+    from skyway.link.protocol.exchange import Carrier, Exchange, Steps
     from skyway.missions.items.parameters import Parameter
 
 E_ = TypeVar("E_", bound="Exchange")
-T = TypeVar("T")
 _REQUEST_MESSAGE, _VERSION, _ANSWERS_S = 512, 148.0, 3.0
 SETS = 4
 """Tries to set a parameter before the value it keeps is its answer."""
-
-
-class ExchangeRunner(Protocol):
-    """Who carries exchanges with a vehicle out: the connection itself, or another library on it."""
-
-    def perform(self, steps: Steps[T]) -> T:
-        """Carry a procedure out."""
-        ...
 
 
 class AskedVehicle(VehicleMonitor):
@@ -61,7 +52,7 @@ class AskedVehicle(VehicleMonitor):
 
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
         super().__init__(connection, system, autopilot)
-        self._runner: ExchangeRunner = connection
+        self._runner: Carrier = connection
         self.own_names: dict[str, tuple[str, str]] = {}
 
     def _do(self, exchange: E_) -> E_:

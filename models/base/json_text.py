@@ -25,6 +25,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [plain(one) for one in value]
     if hasattr(value, "__struct_fields__"):
+        if hasattr(value, "to_json"):  # it says itself how it stands in JSON
+            return value.to_json()
         from msgspec import UNSET
 
         names = zip(value.__struct_encode_fields__, value.__struct_fields__, strict=True)

@@ -97,7 +97,7 @@ def _of(records: tuple[Record, ...], kind: type[E]) -> Iterator[tuple[float, Rec
 
 
 def _delivery(records: tuple[Record, ...], start: entries.Start, planned: dict[str, Any]) -> Delivery:
-    met = next((record for record in records if record.event == entries.Met.EVENT), None)
+    met = next((record for record in records if record.event == entries.Met.event()), None)
     scenario = of.table(planned, "scenario")
     return Delivery(
         origin=of.text(planned, "from"),
@@ -142,7 +142,7 @@ def _reason(records: tuple[Record, ...], *, ended: bool) -> str | None:
 def _last_station(records: tuple[Record, ...]) -> str | None:
     """Where it stood last; None where it has taken off since."""
     for record in reversed(records):
-        if record.event == entries.LegBegun.EVENT:
+        if record.event == entries.LegBegun.event():
             return None
         if (entry := record.entry(entries.Landed) or record.entry(entries.PlanTaken)) is not None:
             return entry.standing.station
@@ -283,7 +283,7 @@ def _stops(records: tuple[Record, ...], start: entries.Start, outcome: Result) -
             stops.append(Stop(station=landed.standing.station, arrive_s=at_s, soc_from=landed.soc))
         elif (begun := record.entry(entries.LegBegun)) and stands:
             stops[-1] = replace(stops[-1], leave_s=at_s, soc_to=begun.soc)
-        elif record.event == entries.StateEntered.EVENT:
+        elif record.event == entries.StateEntered.event():
             if stands:
                 stops[-1] = _counted(stops[-1], entered, at_s)
             entered = (at_s, record.state)
@@ -321,7 +321,7 @@ def _plans(records: tuple[Record, ...]) -> list[PlanInForce]:
 def _contingencies(records: tuple[Record, ...]) -> list[Event]:
     """Return what was not meant to happen: diverts, lost links, foreign commands, reboots, resumes."""
     found = []
-    landings = [at_s for at_s, record in of.timed(records) if record.event == entries.Landed.EVENT]
+    landings = [at_s for at_s, record in of.timed(records) if record.event == entries.Landed.event()]
     for at_s, record in of.timed(records):
         event, changed = record.event, record.entry(entries.Changed)
         foreign = changed is not None and changed.ours is False

@@ -21,10 +21,9 @@ from skyway.models.base.formatting import wind_text
 # The delivery
 
 
-class Start(Entry, frozen=True, kw_only=True):
+class Start(Entry, frozen=True, kw_only=True, tag="start"):
     """The first record: all that a report, or a resume, needs of the beginning."""
 
-    EVENT = "start"
     schema: str | None
     composition: dict[str, Any]
     planner: str | None
@@ -38,36 +37,32 @@ class Start(Entry, frozen=True, kw_only=True):
     payload_kg: float | None
 
 
-class Met(Entry, frozen=True, kw_only=True):
+class Met(Entry, frozen=True, kw_only=True, tag="vehicle"):
     """The vehicle was met."""
 
-    EVENT = "vehicle"
     system: int | None
     autopilot: str | None
     uid: int | None
 
 
-class StateEntered(Entry, frozen=True, kw_only=True):
+class StateEntered(Entry, frozen=True, kw_only=True, tag="state"):
     """A state was entered."""
 
-    EVENT = "state"
     before: str | None
     after: str | None
 
 
-class PlanTaken(Entry, frozen=True, kw_only=True):
+class PlanTaken(Entry, frozen=True, kw_only=True, tag="plan"):
     """A plan came into force: a composition from here on, or none."""
 
-    EVENT = "plan"
     SPREAD: ClassVar[Mapping[str, str]] = {"standing": ""}
     plan: dict[str, Any] | None
     standing: Standing
 
 
-class Decided(Entry, frozen=True, kw_only=True):
+class Decided(Entry, frozen=True, kw_only=True, tag="decision"):
     """Something was decided; `figures` are what it was decided by."""
 
-    EVENT = "decision"
     SPREAD: ClassVar[Mapping[str, str]] = {"figures": ""}
     action: str | None
     where: str | None
@@ -84,18 +79,16 @@ class Decided(Entry, frozen=True, kw_only=True):
         return value if isinstance(value, bool) else None
 
 
-class Resumed(Entry, frozen=True, kw_only=True):
+class Resumed(Entry, frozen=True, kw_only=True, tag="resume"):
     """The program was begun again: `last` record found, or the `mode` the vehicle was found in."""
 
-    EVENT = "resume"
     last: int | None = None
     mode: str | None = None
 
 
-class Ended(Entry, frozen=True, kw_only=True):
+class Ended(Entry, frozen=True, kw_only=True, tag="end"):
     """The last record."""
 
-    EVENT = "end"
     outcome: str | None
     station: str | None
     flights: int | None
@@ -104,35 +97,31 @@ class Ended(Entry, frozen=True, kw_only=True):
 # Before a take-off
 
 
-class ListDone(Entry, frozen=True, kw_only=True):
+class ListDone(Entry, frozen=True, kw_only=True, tag="preflight"):
     """The list was gone through."""
 
-    EVENT = "preflight"
     checks: tuple[Checked, ...]
     failsafes: dict[str, Any]
 
 
-class CheckDone(Entry, frozen=True, kw_only=True):
+class CheckDone(Entry, frozen=True, kw_only=True, tag="check"):
     """An entry of the list was looked at first, or its verdict changed."""
 
-    EVENT = "check"
     name: str | None
     verdict: str | None
     said: str | None
     waits: bool | None
 
 
-class Waiting(Entry, frozen=True, kw_only=True):
+class Waiting(Entry, frozen=True, kw_only=True, tag="waits"):
     """The list waits."""
 
-    EVENT = "waits"
     left_s: float | None
 
 
-class Briefed(Entry, frozen=True, kw_only=True):
+class Briefed(Entry, frozen=True, kw_only=True, tag="briefing"):
     """The operator was told what a take-off is decided by."""
 
-    EVENT = "briefing"
     lines: tuple[str, ...]
     diverts: tuple[str, ...]
     by_itself: tuple[str, ...]
@@ -141,10 +130,9 @@ class Briefed(Entry, frozen=True, kw_only=True):
     parameters: tuple[ParameterToSet, ...]
 
 
-class ParameterNote(Entry, frozen=True, kw_only=True):
+class ParameterNote(Entry, frozen=True, kw_only=True, tag="parameter"):
     """A parameter is about to be set, was set, or was put back."""
 
-    EVENT = "parameter"
     name: str | None = None
     done: str | None = None
     before: float | None = None
@@ -153,28 +141,24 @@ class ParameterNote(Entry, frozen=True, kw_only=True):
     names: tuple[str, ...] = ()
 
 
-class Uploaded(Entry, frozen=True, kw_only=True):
+class Uploaded(Entry, frozen=True, kw_only=True, tag="upload"):
     """A transfer ended."""
 
-    EVENT = "upload"
     part: str | None
     verified: bool | None
     attempts: int | None
 
 
-class StartNote(Entry, frozen=True, kw_only=True):
+class StartNote(Entry, frozen=True, kw_only=True, tag="start"):
     """A take-off was refused, or not begun."""
-
-    EVENT = "start"
 
 
 # The flight
 
 
-class LegBegun(Entry, frozen=True, kw_only=True):
+class LegBegun(Entry, frozen=True, kw_only=True, tag="leg"):
     """A take-off is about to be commanded."""
 
-    EVENT = "leg"
     SPREAD: ClassVar[Mapping[str, str]] = {"standing": ""}
     origin: str | None
     destination: str | None
@@ -191,10 +175,9 @@ class LegBegun(Entry, frozen=True, kw_only=True):
     standing: Standing
 
 
-class Tracked(Entry, frozen=True, kw_only=True):
+class Tracked(Entry, frozen=True, kw_only=True, tag="track"):
     """Where it is, from time to time; winds TOWARDS."""
 
-    EVENT = "track"
     SPREAD: ClassVar[Mapping[str, str]] = {"forecast": "forecast_", "believed": "believed_", "expected": ""}
     lat: float | None
     lon: float | None
@@ -227,10 +210,9 @@ class Tracked(Entry, frozen=True, kw_only=True):
         return f"{wind_text(math.hypot(north, east), from_deg, sigma)}{earlier}"
 
 
-class SpeedLimited(Entry, frozen=True, kw_only=True):
+class SpeedLimited(Entry, frozen=True, kw_only=True, tag="limit"):
     """It leans as far as its autopilot lets it and is slower than commanded, or no longer so."""
 
-    EVENT = "limit"
     limited: bool | None
     lean_deg: float | None
     limit_deg: float | None
@@ -238,19 +220,17 @@ class SpeedLimited(Entry, frozen=True, kw_only=True):
     commanded_mps: float | None
 
 
-class Turned(Entry, frozen=True, kw_only=True):
+class Turned(Entry, frozen=True, kw_only=True, tag="turn"):
     """It is sent elsewhere in flight (no destination: it lands here); `begun` before it is commanded."""
 
-    EVENT = "turn"
     destination: str | None = None
     begun: bool | None = None
     verified: bool | None = None
 
 
-class Landed(Entry, frozen=True, kw_only=True):
+class Landed(Entry, frozen=True, kw_only=True, tag="landed"):
     """It stands."""
 
-    EVENT = "landed"
     SPREAD: ClassVar[Mapping[str, str]] = {"standing": ""}
     soc: Share
     planned: bool | None
@@ -260,20 +240,18 @@ class Landed(Entry, frozen=True, kw_only=True):
     standing: Standing
 
 
-class EnergyLearnt(Entry, frozen=True, kw_only=True):
+class EnergyLearnt(Entry, frozen=True, kw_only=True, tag="energy"):
     """What a flight took, and the belief after it."""
 
-    EVENT = "energy"
     used_soc: float | None
     modelled_soc: float | None
     factor: float | None
     sigma: float | None
 
 
-class Truth(Entry, frozen=True, kw_only=True):
+class Truth(Entry, frozen=True, kw_only=True, tag="truth"):
     """What really blows, in a simulation that knows it; TOWARDS."""
 
-    EVENT = "truth"
     wind_north_mps: float | None
     wind_east_mps: float | None
     soc: Share
@@ -282,10 +260,9 @@ class Truth(Entry, frozen=True, kw_only=True):
 # On the ground
 
 
-class PadAnswered(Entry, frozen=True, kw_only=True):
+class PadAnswered(Entry, frozen=True, kw_only=True, tag="pad"):
     """A pad answered."""
 
-    EVENT = "pad"
     answer: str | None = None
     soc: float | None = None
     to_soc: Share = None
@@ -294,74 +271,62 @@ class PadAnswered(Entry, frozen=True, kw_only=True):
     done_s: float | None = None
 
 
-class CounterSet(Entry, frozen=True, kw_only=True):
+class CounterSet(Entry, frozen=True, kw_only=True, tag="battery"):
     """The vehicle's counter was set."""
 
-    EVENT = "battery"
     soc: Share
     reported: float | None
 
 
-class ReleaseNote(Entry, frozen=True, kw_only=True):
+class ReleaseNote(Entry, frozen=True, kw_only=True, tag="release"):
     """The package was released, or could not be."""
-
-    EVENT = "release"
 
 
 # The vehicle, the link, the operator
 
 
-class Changed(Entry, frozen=True, kw_only=True):
+class Changed(Entry, frozen=True, kw_only=True, tag="change"):
     """Something about the vehicle became different."""
 
-    EVENT = "change"
     what: str | None
     before: str | None
     after: str | None
     ours: bool | None
 
 
-class TextHeard(Entry, frozen=True, kw_only=True):
+class TextHeard(Entry, frozen=True, kw_only=True, tag="text"):
     """The vehicle said something new, or goes on saying it."""
 
-    EVENT = "text"
     text: str | None
     severity: str | None
     count: int | None
 
 
-class GaugeNote(Entry, frozen=True, kw_only=True):
+class GaugeNote(Entry, frozen=True, kw_only=True, tag="gauge"):
     """A pad measured less, or more, than the vehicle said; or charge was lost at once."""
 
-    EVENT = "gauge"
     used_soc: float | None = None
     said_soc: float | None = None
     factor: float | None = None
     fell_soc: float | None = None
 
 
-class LinkNote(Entry, frozen=True, kw_only=True):
+class LinkNote(Entry, frozen=True, kw_only=True, tag="link"):
     """Something about the link."""
 
-    EVENT = "link"
     gone_s: float | None = None
 
 
-class Rebooted(Entry, frozen=True, kw_only=True):
+class Rebooted(Entry, frozen=True, kw_only=True, tag="reboot"):
     """The vehicle has restarted."""
 
-    EVENT = "reboot"
 
-
-class SpeedNote(Entry, frozen=True, kw_only=True):
+class SpeedNote(Entry, frozen=True, kw_only=True, tag="speed"):
     """A ground speed was not taken over."""
 
-    EVENT = "speed"
 
-
-class OperatorNote(Entry, frozen=True, kw_only=True):
+class OperatorNote(Entry, frozen=True, kw_only=True, tag="operator"):
     """The operator was asked, or said something."""
 
-    EVENT = "operator"
     question: str | None = None
     answers: tuple[str, ...] = ()

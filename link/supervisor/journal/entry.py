@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping  # noqa: TC003  the annotations are read at run time
 from functools import cache
 from types import NoneType, UnionType
@@ -11,6 +10,7 @@ from typing import Annotated, Any, ClassVar, Self, Union, get_args, get_origin, 
 import msgspec
 
 from skyway.link.supervisor.journal import fields as of
+from skyway.models.base.json_text import plain
 
 Share = Annotated[float | None, "share"]
 """A number from 0 to 1, or unknown."""
@@ -38,9 +38,9 @@ class Part(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         for name, value in msgspec.structs.asdict(self).items():
             if name in self.SPREAD:
                 inner = value.to_json() if isinstance(value, Part) else dict(value or {})
-                data |= {self.SPREAD[name] + str(key): _plain(one) for key, one in inner.items()}
+                data |= {self.SPREAD[name] + str(key): plain(one) for key, one in inner.items()}
             elif name not in _defaults(type(self)) or value != _defaults(type(self))[name]:
-                data[name] = _plain(value)
+                data[name] = plain(value)
         return data
 
     @classmethod
@@ -60,26 +60,12 @@ class Part(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class Entry(Part, frozen=True, kw_only=True):
-    """What a record of the journal tells besides its sentence.
+    """What a record of the journal tells besides its sentence; the tag of its class is the event of the record."""
 
-    Attributes
-    ----------
-    EVENT : str
-        What kind of record it makes.
-    """
-
-    EVENT: ClassVar[str] = ""
-
-
-def _plain(value: Any) -> Any:
-    """Make a value fit for JSON: what is not finite becomes null."""
-    if isinstance(value, Part):
-        return value.to_json()
-    if isinstance(value, dict):
-        return {str(key): _plain(one) for key, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    @classmethod
+    def event(cls) -> str:
+        """What kind of record it makes."""
+        return str(cls.__struct_config__.tag)
 
 
 @cache

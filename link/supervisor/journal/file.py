@@ -65,7 +65,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
 
     def entry(self, kind: type[E]) -> E | None:
         """Return its data as an entry of a kind; None if it is of another kind."""
-        return kind.read(self.data) if self.event == kind.EVENT else None
+        return kind.read(self.data) if self.event == kind.event() else None
 
 
 _DECODER = msgspec.json.Decoder(Record)
@@ -165,7 +165,7 @@ class Journal:
             n=self.count,
             time=iso(from_posix(round(self.posix_s(), 3))),
             state=str(state),
-            event=entry.EVENT,
+            event=entry.event(),
             flight=flight,
             reason=reason,
             data=entry.to_json(),
@@ -173,7 +173,7 @@ class Journal:
         try:
             self._file.write(msgspec.json.encode(record) + b"\n")
             self._file.flush()
-            if entry.EVENT not in UNSYNCED:
+            if record.event not in UNSYNCED:
                 os.fsync(self._file.fileno())
         except OSError as error:
             raise self._failed(error) from error

@@ -248,11 +248,13 @@ def _serve(
     log: Log, connect: str, control: int | None, factor: float, part: tuple[float, float], system: int | None
 ) -> None:
     from skyway.link.replay.player import Player, packets_of
-    from skyway.link.replay.server import ControlServer, Output, play
+    from skyway.link.replay.server import ControlServer, play
+    from skyway.link.wire.address import parse_address
+    from skyway.link.wire.transport import open_transport
 
     source = packets_of(log, system, *part)
-    output = Output(connect)
-    player = Player(source, output.send, speed=factor)
+    output = open_transport(parse_address(connect))
+    player = Player(source, output.write, speed=factor)
     if factor < 0.0:
         player.position_s = source.end_s
     server = None

@@ -111,7 +111,7 @@ class FlightView:
             self._checks[check.name or ""] = (check.verdict or "", check.said or "")
         elif leg := record.entry(LegBegun):
             self._leg, self._took_off_s = leg, of.instant_s(record.time)
-        elif record.event == Landed.EVENT:
+        elif record.event == Landed.event():
             self._leg, self._took_off_s, self._track = None, None, None
         if record.event == "track":
             self._track = record

@@ -15,7 +15,9 @@ from skyway.link.logs.reader import open_log
 from skyway.link.replay.player import Player, packets_of
 from skyway.link.replay.replay import ReplayOptions, flight_blocks, replay
 from skyway.link.replay.report import Table, replay_report
-from skyway.link.replay.server import ControlServer, Output, play
+from skyway.link.replay.server import ControlServer, play
+from skyway.link.wire.address import parse_address
+from skyway.link.wire.transport import open_transport
 from skyway.models.base.errors import InputError, LinkError
 from skyway.models.base.json_text import plain
 from skyway.models.calibration.airspeed import identify_airspeed
@@ -319,8 +321,8 @@ def test_a_log_is_served_to_a_ground_station_and_obeys_it(tmp_path):
     station = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     station.bind(("127.0.0.1", 0))
     station.settimeout(5.0)
-    output = Output(f"udpout:127.0.0.1:{station.getsockname()[1]}")
-    player = Player(packets_of(open_log(path)), output.send, speed=5.0)
+    output = open_transport(parse_address(f"udpout:127.0.0.1:{station.getsockname()[1]}"))
+    player = Player(packets_of(open_log(path)), output.write, speed=5.0)
     control = ControlServer(player, 0)
     thread = threading.Thread(target=play, args=(player, control), daemon=True)
     thread.start()
@@ -344,8 +346,8 @@ def test_pymavlink_reads_what_is_served_and_pause_seek_speed_and_reverse_are_obe
     path, _ = flight
     log = open_log(path)
     station = mavutil.mavlink_connection("udpin:127.0.0.1:0", dialect="common")
-    output = Output(f"udpout:127.0.0.1:{station.port.getsockname()[1]}")
-    player = Player(packets_of(log), output.send, speed=20.0)
+    output = open_transport(parse_address(f"udpout:127.0.0.1:{station.port.getsockname()[1]}"))
+    player = Player(packets_of(log), output.write, speed=20.0)
     control = ControlServer(player, 0)
     thread = threading.Thread(target=play, args=(player, control), kwargs={"hold": False}, daemon=True)
     thread.start()

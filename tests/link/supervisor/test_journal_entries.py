@@ -27,9 +27,9 @@ def nonsense(rng, depth=2):
 
 def test_every_kind_of_entry_has_a_name_of_its_own():
     assert len(KINDS) > 25
-    assert all(kind.EVENT for kind in KINDS)
+    assert all(kind.event() for kind in KINDS)
     assert (
-        len({kind.EVENT for kind in KINDS if kind is not entries.StartNote}) == len(KINDS) - 1
+        len({kind.event() for kind in KINDS if kind is not entries.StartNote}) == len(KINDS) - 1
     )  # both begin a delivery
 
 
