@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyway.link.wire.frames import FrameWriter
 
@@ -27,7 +27,7 @@ def encode(sample: TelemetrySample, zero_s: float) -> bytes:
     kind, armed = _PLANE if s.fixed_wing == 1.0 else _QUADROTOR, _ARMED if s.armed == 1.0 else 0
     angles = {"roll": _real(s.roll_rad), "pitch": _real(s.pitch_rad), "yaw": _real(s.yaw_rad)}
     speeds = {"airspeed": _real(s.airspeed_mps), "groundspeed": _real(s.ground_speed_mps)}
-    messages = {
+    messages: dict[str, dict[str, Any]] = {
         "HEARTBEAT": {"type": kind, "base_mode": armed, "system_status": _ACTIVE, "mavlink_version": 3},
         "ATTITUDE": {"time_boot_ms": boot_ms, **angles},
         "VFR_HUD": {**speeds, "alt": _real(s.alt_msl_m), "climb": -_real(s.vel_down_mps)},

@@ -17,18 +17,25 @@ if TYPE_CHECKING:
     from skyway.sim_stub.vehicle import Vehicle
     from skyway.sim_stub.wire.ports import Port
 
+_METHODS = {
+    "MISSION_COUNT": "count",
+    "MISSION_ITEM": "item",
+    "MISSION_ITEM_INT": "item",
+    "MISSION_REQUEST_LIST": "request_list",
+    "MISSION_REQUEST": "request",
+    "MISSION_REQUEST_INT": "request",
+    "MISSION_CLEAR_ALL": "clear",
+    "MISSION_SET_CURRENT": "set_current",
+    "MISSION_ACK": "acknowledged",
+    "MISSION_WRITE_PARTIAL_LIST": "write_partial",
+}
+"""Method of a family's server that handles a message: it takes the sender, the mission type and the message."""
 PARTS = (0, 1, 2)
 """Mission types that a vehicle stores: mission, fence, rally."""
 
 
 class MissionServer(ABC):
-    """Answers mission messages; one transfer at a time, timers at wall time.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Whose items they are.
-    """
+    """Answers the mission messages that its family handles; one transfer at a time, timers at wall time."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
@@ -38,29 +45,18 @@ class MissionServer(ABC):
         self.last = 0
         self.heard_s = 0.0
         self.asked_s = 0.0
+        self._obeyed: dict[str, Callable[[Partner, int, Any], None]] = {
+            name: getattr(self, method) for name, method in _METHODS.items() if hasattr(self, method)
+        }
 
     def handlers(self) -> dict[str, object]:
         """Message names with what handles them."""
-        return dict.fromkeys(self._table(), self.hear)
+        return dict.fromkeys(self._obeyed, self.hear)
 
     def hear(self, port: Port, message: Any) -> None:
         """Handle a message of the protocol."""
         kind = getattr(message, "mission_type", MISSION)
-        self._table()[message.get_type()](Partner.of(port, message), kind, message)
-
-    def _table(self) -> dict[str, Callable[[Partner, int, Any], None]]:
-        return {
-            "MISSION_COUNT": self.count,
-            "MISSION_ITEM": self.item,
-            "MISSION_ITEM_INT": self.item,
-            "MISSION_REQUEST_LIST": self.request_list,
-            "MISSION_REQUEST": self.request,
-            "MISSION_REQUEST_INT": self.request,
-            "MISSION_CLEAR_ALL": self.clear,
-            "MISSION_SET_CURRENT": self.set_current,
-            "MISSION_ACK": self.acknowledged,
-            "MISSION_WRITE_PARTIAL_LIST": self.write_partial,
-        }
+        self._obeyed[message.get_type()](Partner.of(port, message), kind, message)
 
     def forget(self) -> None:
         """Drop any transfer, as a reboot does."""
@@ -123,38 +119,6 @@ class MissionServer(ABC):
             message.z,
             message.autocontinue,
         )
-
-    @abstractmethod
-    def count(self, who: Partner, kind: int, message: Any) -> None:
-        """Begin an upload."""
-
-    @abstractmethod
-    def item(self, who: Partner, kind: int, message: Any) -> None:
-        """Take an item."""
-
-    @abstractmethod
-    def request_list(self, who: Partner, kind: int, message: Any) -> None:
-        """Begin a download."""
-
-    @abstractmethod
-    def request(self, who: Partner, kind: int, message: Any) -> None:
-        """Send an item."""
-
-    @abstractmethod
-    def clear(self, who: Partner, kind: int, message: Any) -> None:
-        """Clear items."""
-
-    @abstractmethod
-    def set_current(self, who: Partner, kind: int, message: Any) -> None:
-        """Make an item the current one."""
-
-    @abstractmethod
-    def acknowledged(self, who: Partner, kind: int, message: Any) -> None:
-        """Hear the other side's MISSION_ACK."""
-
-    @abstractmethod
-    def write_partial(self, who: Partner, kind: int, message: Any) -> None:
-        """Begin an upload of some items."""
 
     @abstractmethod
     def tick(self) -> None:

@@ -82,10 +82,6 @@ def euler(w: Any, x: Any, y: Any, z: Any) -> Columns:
     }
 
 
-def _quaternion(fields: Any) -> Columns:
-    return euler(fields["q1"], fields["q2"], fields["q3"], fields["q4"])
-
-
 def _position(fields: Any) -> Columns:
     nowhere = (_numbers(fields["lat"]) == 0) & (_numbers(fields["lon"]) == 0)
     return {
@@ -126,10 +122,6 @@ def wind(north: Any, east: Any) -> Columns:
 
 def _wind(fields: Any) -> Columns:
     return wind(*vector(np.asarray(fields["speed"], dtype=np.float64), fields["direction"]))
-
-
-def _wind_cov(fields: Any) -> Columns:
-    return wind(fields["wind_x"], fields["wind_y"])
 
 
 def _status(fields: Any) -> Columns:
@@ -219,21 +211,13 @@ def _extended(fields: Any) -> Columns:
     return columns
 
 
-def _mission(fields: Any) -> Columns:
-    return {"mission_item": _numbers(fields["seq"])}
-
-
-def _reached(fields: Any) -> Columns:
-    return {"mission_reached": _numbers(fields["seq"])}
-
-
 SPOKEN: Mapping[str, Callable[[Any], Columns]] = {
     "ATTITUDE": _attitude,
-    "ATTITUDE_QUATERNION": _quaternion,
+    "ATTITUDE_QUATERNION": lambda fields: euler(fields["q1"], fields["q2"], fields["q3"], fields["q4"]),
     "GLOBAL_POSITION_INT": _position,
     "VFR_HUD": _hud,
     "WIND": _wind,
-    "WIND_COV": _wind_cov,
+    "WIND_COV": lambda fields: wind(fields["wind_x"], fields["wind_y"]),
     "SYS_STATUS": _status,
     "BATTERY_STATUS": _battery,
     "GPS_RAW_INT": _receiver,
@@ -241,8 +225,8 @@ SPOKEN: Mapping[str, Callable[[Any], Columns]] = {
     "ESTIMATOR_STATUS": _estimator_status,
     "HEARTBEAT": _heartbeat,
     "EXTENDED_SYS_STATE": _extended,
-    "MISSION_CURRENT": _mission,
-    "MISSION_ITEM_REACHED": _reached,
+    "MISSION_CURRENT": lambda fields: {"mission_item": _numbers(fields["seq"])},
+    "MISSION_ITEM_REACHED": lambda fields: {"mission_reached": _numbers(fields["seq"])},
 }
 """Messages that telemetry is made of, and what each says."""
 

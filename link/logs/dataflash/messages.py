@@ -253,10 +253,6 @@ def _airspeed(fields: Fields) -> Columns:
     }
 
 
-def _armed(fields: Fields) -> Columns:
-    return {"armed": (_numbers(fields, "ArmState") > 0.0).astype(np.float64)}
-
-
 def _event(fields: Fields) -> Columns:
     number = _numbers(fields, "Id")
     return {
@@ -280,10 +276,6 @@ def _status(fields: Fields) -> Columns:
 def mode_numbers(fields: Fields) -> NDArray[np.float64]:
     """Mode of each message MODE, in old logs and in new ones."""
     return _numbers(fields, "ModeNum") if "ModeNum" in fields else _numbers(fields, "Mode")
-
-
-def _mode(fields: Fields) -> Columns:
-    return {"mode": mode_numbers(fields)}
 
 
 def hovering(mode: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -311,11 +303,11 @@ SPOKEN: dict[str, tuple[Callable[[Fields], Columns], Callable[[Fields], NDArray[
     "CURR": (_battery, None),
     "BAT": (_battery, _first),
     "ARSP": (_airspeed, _first),
-    "ARM": (_armed, None),
+    "ARM": (lambda fields: {"armed": (_numbers(fields, "ArmState") > 0.0).astype(np.float64)}, None),
     "EV": (_event, None),
     "ERR": (_error, None),
     "STAT": (_status, None),
-    "MODE": (_mode, None),
+    "MODE": (lambda fields: {"mode": mode_numbers(fields)}, None),
 }
 """Messages that telemetry is made of, what each says, and which of them are looked at."""
 _PARTIAL = ("EV", "ERR")

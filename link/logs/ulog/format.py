@@ -34,20 +34,9 @@ _SYNC = np.frombuffer(SYNC, dtype=np.uint8)[3:]
 LOOK_BYTES = 1024 * 1024
 MAX_FIELDS = 2000
 MAX_DEPTH = 8
-_TYPES = {
-    "int8_t": "i1",
-    "uint8_t": "u1",
-    "int16_t": "<i2",
-    "uint16_t": "<u2",
-    "int32_t": "<i4",
-    "uint32_t": "<u4",
-    "int64_t": "<i8",
-    "uint64_t": "<u8",
-    "float": "<f4",
-    "double": "<f8",
-    "bool": "u1",
-    "char": "u1",
-}
+TYPES = {f"{kind}{8 * size}_t": f"<{kind[0]}{size}" for kind in ("int", "uint") for size in (1, 2, 4, 8)}
+TYPES |= {"float": "<f4", "double": "<f8", "bool": "u1", "char": "u1"}
+"""numpy's name of each type of a field."""
 MAX_ARRAY = 0xFFFF
 
 Fields = list[tuple[str, int, str]]
@@ -187,8 +176,8 @@ class ULogContents:
         if name not in WATCHED:
             return
         value = body[1 + size :]
-        if kind in _TYPES and len(value) == np.dtype(_TYPES[kind]).itemsize:
-            self.evidence.parameter(name, float(np.frombuffer(value, dtype=_TYPES[kind])[0]))
+        if kind in TYPES and len(value) == np.dtype(TYPES[kind]).itemsize:
+            self.evidence.parameter(name, float(np.frombuffer(value, dtype=TYPES[kind])[0]))
 
     def columns(
         self, topic: str, data: NDArray[np.uint8], found: Messages
@@ -224,8 +213,8 @@ class ULogContents:
             for one in names:
                 if len(fields) >= MAX_FIELDS:
                     return False
-                if kind in _TYPES:
-                    fields.append((one, _TYPES[kind]))
+                if kind in TYPES:
+                    fields.append((one, TYPES[kind]))
                 elif not self._add_fields(kind, f"{one}.", fields, depth + 1):
                     return False
         return True

@@ -31,10 +31,6 @@ def _numbers(data: dict[str, Any], key: str, default: float = np.nan) -> NDArray
     return np.asarray(data[key], dtype=np.float64) if key in data else np.full(len(data["timestamp"]), default)
 
 
-def _attitude(data: dict[str, Any]) -> Columns:
-    return euler(*(np.asarray(data[f"q[{number}]"], dtype=np.float64) for number in range(4)))
-
-
 def _local(data: dict[str, Any]) -> Columns:
     good = _numbers(data, "v_xy_valid", 1.0) > 0.0
     trusted = good & (_numbers(data, "dead_reckoning", 0.0) == 0.0) & ~(_numbers(data, "evh") > MAX_HORIZONTAL_MPS)
@@ -83,10 +79,6 @@ def _battery(data: dict[str, Any]) -> Columns:
     }
 
 
-def _landed(data: dict[str, Any]) -> Columns:
-    return {"landed": _numbers(data, "landed")}
-
-
 def _status(data: dict[str, Any]) -> Columns:
     columns = {"mode": _numbers(data, "nav_state")}
     if "arming_state" in data:
@@ -129,25 +121,23 @@ _DEFAULT_SOURCE = 1.0
 """The topic ``airspeed`` is that of a sensor."""
 
 
-def _mission(data: dict[str, Any]) -> Columns:
-    return {"mission_item": _numbers(data, "seq_current")}
-
-
 SPOKEN: dict[str, Callable[[dict[str, Any]], Columns]] = {
-    "vehicle_attitude": _attitude,
+    "vehicle_attitude": lambda data: euler(
+        *(np.asarray(data[f"q[{number}]"], dtype=np.float64) for number in range(4))
+    ),
     "vehicle_local_position": _local,
     "vehicle_gps_position": _receiver,
     "sensor_gps": _receiver,
     "estimator_status": _estimator,
     "battery_status": _battery,
-    "vehicle_land_detected": _landed,
+    "vehicle_land_detected": lambda data: {"landed": _numbers(data, "landed")},
     "vehicle_status": _status,
     "vtol_vehicle_status": _vtol,
     "wind": _wind,
     "wind_estimate": _wind,
     "airspeed_validated": _airspeed,
     "airspeed": _airspeed,
-    "mission_result": _mission,
+    "mission_result": lambda data: {"mission_item": _numbers(data, "seq_current")},
 }
 """Topics that telemetry is made of, and what each says."""
 REPLACED = {"airspeed": "airspeed_validated", "wind_estimate": "wind", "sensor_gps": "vehicle_gps_position"}

@@ -24,17 +24,8 @@ MAX_PACKED, MAX_JSON = 1 << 20, 1 << 23
 """Bytes of metadata, packed and unpacked, that are looked at; PX4's are 50 and 160 kB."""
 _MAX_MEMORY = 80 << 20
 """Bytes for unpacking: XZ's highest setting, which PX4 uses, asks for 65 MB."""
-_TYPES = {
-    "uint8_t": "B",
-    "int8_t": "b",
-    "uint16_t": "H",
-    "int16_t": "h",
-    "uint32_t": "I",
-    "int32_t": "i",
-    "uint64_t": "Q",
-    "int64_t": "q",
-    "float": "f",
-}
+_WHOLE = [f"{kind}{bits}_t" for bits in (8, 16, 32, 64) for kind in ("int", "uint")]
+_TYPES = {**dict(zip(_WHOLE, "bBhHiIqQ", strict=True)), "float": "f"}
 _PLACE = re.compile(r"\\(.)|\{(\d{1,3})(?::(?:\.(\d))?)?(m_v|m/s|m\^2|m|C)?\}|</?[a-z]+(?: [^>]*)?>", re.DOTALL)
 _UNITS = {"m_v": " m", "m/s": " m/s", "m^2": " m²", "m": " m", "C": " °C"}
 

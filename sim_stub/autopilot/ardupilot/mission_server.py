@@ -20,7 +20,7 @@ GIVE_UP_S = 8.0
 
 
 class ArduPilotMissionServer(MissionServer):
-    """Mission protocol of ArduPilot."""
+    """Mission protocol of ArduPilot; it keeps no state of a download, so an acknowledgement means nothing to it."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle)
@@ -216,6 +216,3 @@ class ArduPilotMissionServer(MissionServer):
         """Make an item the current one."""
         if self.vehicle.set_mission_current(message.seq):
             self.vehicle.radio.tell_mission_current()
-
-    def acknowledged(self, who: Partner, kind: int, message: Any) -> None:
-        """Nothing: ArduPilot keeps no state of a download."""

@@ -25,7 +25,7 @@ class _State(Enum):
 
 
 class Px4MissionServer(MissionServer):
-    """Mission protocol of PX4."""
+    """Mission protocol of PX4; it does not know uploads of some items, and says nothing."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle)
@@ -223,6 +223,3 @@ class Px4MissionServer(MissionServer):
         else:
             pilot.run.jump(message.seq)
             self.vehicle.radio.tell_mission_current()
-
-    def write_partial(self, who: Partner, kind: int, message: Any) -> None:
-        """PX4 does not know it and says nothing."""
