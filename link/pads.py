@@ -104,20 +104,12 @@ class TcpPads:
 
 @dataclass(slots=True)
 class ManualPads:
-    """Pads operated by people: they are asked to charge, and confirm when it is done.
-
-    Attributes
-    ----------
-    ask : callable
-        Puts a sentence to the operator.
-    pads : mapping
-        How many pads each station has.
-    posix_s : callable
-        The time of now.
-    """
+    """Pads operated by people: they are asked to charge, and confirm when it is done."""
 
     ask: Callable[[str], None]
+    """Puts a sentence to the operator."""
     pads: Mapping[str, int]
+    """How many pads each station has."""
     posix_s: Callable[[], float]
     _asked: dict[tuple[str, str], float] = field(default_factory=dict)
     _done: dict[str, float] = field(default_factory=dict)

@@ -16,50 +16,34 @@ _MAIN = (1, 19)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleConfig:
-    """What one vehicle is made of.
-
-    Attributes
-    ----------
-    lat, lon : float
-        Where it stands at the start, degrees.
-    ground_m : float
-        Height of the ground there above mean sea level.
-    system : int
-        MAVLink system id, 1-255.
-    autopilot : str
-        One of `sim_stub.autopilot.registry.FAMILIES`.
-    firmware : str
-        Version of the autopilot, one of its family's `FIRMWARES`; empty is the usual one.
-    soc : float
-        State of charge at the start.
-    payload_kg : float
-        Package on board.
-    seed : int
-        Seeds gusts and errors; together with the system id.
-    warm : bool
-        It has been on for two minutes: ready to arm at once.
-    power_error : float or None
-        Factor on the power drawn; None draws one within 5 % from the seed.
-    signing_key : bytes or None
-        32 bytes; None speaks unsigned.
-    parameters : tuple of (name, value)
-        Set before the start.
-    """
+    """What one vehicle is made of."""
 
     lat: float
     lon: float
+    """`lat`, `lon`: where it stands at the start, degrees."""
     ground_m: float = 0.0
+    """Height of the ground there above mean sea level."""
     system: int = 1
+    """MAVLink system id, 1-255."""
     autopilot: str = NAMES[0]
+    """One of `sim_stub.autopilot.registry.FAMILIES`."""
     firmware: str = ""
+    """Version of the autopilot, one of its family's `FIRMWARES`; empty is the usual one."""
     soc: float = 1.0
+    """State of charge at the start."""
     payload_kg: float = 0.0
+    """Package on board."""
     seed: int = 1
+    """Seeds gusts and errors; together with the system id."""
     warm: bool = False
+    """It has been on for two minutes: ready to arm at once."""
     power_error: float | None = None
+    """Factor on the power drawn; None draws one within 5 % from the seed."""
     signing_key: bytes | None = None
+    """32 bytes; None speaks unsigned."""
     airframe: Airframe = field(default_factory=Airframe)
     parameters: tuple[tuple[str, float], ...] = ()
+    """Names and values set before the start."""
 
     def __post_init__(self) -> None:
         faults = range_faults("system", self.system, 1, 255, "1 to 255")

@@ -61,31 +61,21 @@ _FORM = re.compile(rf"([a-z-]+)(?:=([\w.-]+))?(?:@(T\+)?{_TIME})?(?:\+{_TIME})?(
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault.
-
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    start_s, end_s : float
-        Simulated time, or seconds after the first take-off.
-    value : float
-        Its strength.
-    word : str
-        Its value as written, for ``pilot=MODE`` and ``pads-taken=STATION``.
-    system : int or None
-        The vehicle it befalls; None is every one.
-    after_take_off : bool
-        Whether its times count from the first take-off of the vehicle.
-    """
+    """One fault."""
 
     kind: str
+    """One of `KINDS`."""
     start_s: float = 0.0
     end_s: float = math.inf
+    """`start_s`, `end_s`: simulated time, or seconds after the first take-off."""
     value: float = 0.0
+    """Its strength."""
     word: str = ""
+    """Its value as written, for ``pilot=MODE`` and ``pads-taken=STATION``."""
     system: int | None = None
+    """The vehicle it befalls; None is every one."""
     after_take_off: bool = False
+    """Whether its times count from the first take-off of the vehicle."""
 
 
 def parse_fault(text: str) -> Fault:
@@ -148,19 +138,13 @@ def _value(kind: str, word: str | None, text: str) -> float:
 
 @dataclass(slots=True)
 class FaultState:
-    """The faults of one vehicle, and which are in force now.
-
-    Attributes
-    ----------
-    faults : tuple of Fault
-        All that befall it.
-    next_change_s : float
-        When the next one begins or ends.
-    """
+    """The faults of one vehicle, and which are in force now."""
 
     faults: tuple[Fault, ...] = ()
+    """All that befall it."""
     active: dict[str, Fault] = field(default_factory=dict)
     next_change_s: float = math.inf
+    """When the next one begins or ends."""
     _took_off_s: float = math.inf
     _begun: set[int] = field(default_factory=set)
     _stuck_percent: int | None = None

@@ -47,33 +47,23 @@ _OPEN: dict[str, Callable[[Address, Vehicle, Impairment, str, BaseSelector], End
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetOptions:
-    """What to simulate.
-
-    Attributes
-    ----------
-    stations : tuple of Station
-        All that are known; vehicles stand at `places`, in turn.
-    vehicles : int
-        How many.
-    first_system : int
-        System id of the first; the others follow.
-    firmware : str
-        Version of the autopilot, as `VehicleConfig` has it.
-    warm : bool
-        All have been on for a while and are ready to arm.
-    """
+    """What to simulate."""
 
     stations: tuple[Station, ...]
+    """All that are known; vehicles stand at `places`, in turn."""
     places: tuple[Station, ...]
     vehicles: int = 1
     first_system: int = 1
+    """System id of the first; the others follow."""
     autopilot: str = NAMES[0]
     firmware: str = ""
+    """Version of the autopilot, as `VehicleConfig` has it."""
     drone: Drone | None = None
     soc: float = 1.0
     payload_kg: float = 0.0
     seed: int = 1
     warm: bool = False
+    """All have been on for a while and are ready to arm."""
     epoch_s: float = 1_373_464_800.0
     wind: WindTruth | None = None
     load: PadLoad | None = None

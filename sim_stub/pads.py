@@ -35,42 +35,29 @@ _MAX_LINE = 1000
 
 @dataclass(eq=False, slots=True)
 class _Customer:
-    """Somebody at a station: another drone, or one of ours.
-
-    Attributes
-    ----------
-    stay_s : float
-        How long another drone charges.
-    end_s : float
-        When it leaves the pad, or when ours is charged; infinite while it waits.
-    vehicle : Vehicle or None
-        Ours; None for another drone.
-    """
+    """Somebody at a station: another drone, or one of ours."""
 
     stay_s: float = 0.0
+    """How long another drone charges."""
     end_s: float = math.inf
+    """When it leaves the pad, or when ours is charged; infinite while it waits."""
     vehicle: Vehicle | None = None
+    """Ours; None for another drone."""
     to_soc: float = 1.0
 
 
 @dataclass(slots=True)
 class _Site:
-    """One station.
-
-    Attributes
-    ----------
-    on_pads, line : list, deque
-        Who stands on the pads and who waits, in order.
-    next_arrival_s : float
-        When the next other drone comes.
-    """
+    """One station."""
 
     station: Station
     row: int
     generator: random.Random
     on_pads: list[_Customer] = field(default_factory=list)
     line: deque[_Customer] = field(default_factory=deque)
+    """`on_pads`, `line`: who stands on the pads and who waits, in order."""
     next_arrival_s: float = math.inf
+    """When the next other drone comes."""
     rates_from_s: float = -math.inf
     rates: tuple[list[float], list[float]] = ((), ())  # type: ignore[assignment]
 

@@ -25,13 +25,7 @@ _MAX_PORTS = 16
 
 
 class Radio:
-    """The ports of one vehicle, and all that goes out on them by itself.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The vehicle.
-    """
+    """The ports of one vehicle, and all that goes out on them by itself."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle

@@ -45,15 +45,7 @@ class Charge(NamedTuple):
 
 
 class Vehicle:
-    """One vehicle; `receive` takes bytes, ports take what it sends, `advance` lets time pass.
-
-    Parameters
-    ----------
-    config : VehicleConfig
-        What it is.
-    world : World
-        Where it is.
-    """
+    """One vehicle; `receive` takes bytes, ports take what it sends, `advance` lets time pass."""
 
     def __init__(self, config: VehicleConfig, world: World) -> None:
         self.config, self.world = config, world

@@ -25,20 +25,12 @@ _MAX_LOG = 100_000
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One thing that happened.
-
-    Attributes
-    ----------
-    sim_s : float
-        When, in simulated time.
-    system : int
-        To which vehicle; 0 to none.
-    text : str
-        Text of the event.
-    """
+    """One thing that happened."""
 
     sim_s: float
+    """When, in simulated time."""
     system: int
+    """To which vehicle; 0 to none."""
     text: str
 
     def __str__(self) -> str:

@@ -53,35 +53,24 @@ class ColumnOf:
 
 @dataclass(frozen=True, slots=True)
 class LogColumns:
-    """Which column of a table is what.
-
-    Attributes
-    ----------
-    time, time_unit : str
-        Column of the time, and ``iso``, ``s``, ``ms`` or ``us``; numbers count from the log's own zero unless they are
-        plainly POSIX seconds.
-    quantities : dict of str to ColumnOf
-        By the names of `TelemetrySample`.
-    quaternion_ned_frd : tuple of str
-        Columns w, x, y, z of the attitude that turns the body (forward, right, down) into north-east-down.
-    quaternion_enu_flu : tuple of str
-        Columns x, y, z, w of the attitude that turns the body (forward, left, up) into east-north-up.
-    velocity_flu : tuple of str
-        Columns of the velocity in that body frame (forward, left, up).
-    payload : ColumnOf or None
-        Mass of the package, kg.
-    vehicle : str
-        What it is (`link.logs.common.vehicle_kind.KINDS`), where the table's author says it.
-    """
+    """Which column of a table is what."""
 
     time: str
     time_unit: str
+    """`time`, `time_unit`: column of the time, and ``iso``, ``s``, ``ms`` or ``us``; numbers count from the log's own
+    zero unless they are plainly POSIX seconds."""
     quantities: dict[str, ColumnOf] = field(default_factory=dict)
+    """By the names of `TelemetrySample`."""
     quaternion_ned_frd: tuple[str, ...] = ()
+    """Columns w, x, y, z of the attitude that turns the body (forward, right, down) into north-east-down."""
     quaternion_enu_flu: tuple[str, ...] = ()
+    """Columns x, y, z, w of the attitude that turns the body (forward, left, up) into east-north-up."""
     velocity_flu: tuple[str, ...] = ()
+    """Columns of the velocity in that body frame (forward, left, up)."""
     payload: ColumnOf | None = None
+    """Mass of the package, kg."""
     vehicle: Kind = "unknown"
+    """What it is (`link.logs.common.vehicle_kind.KINDS`), where the table's author says it."""
 
 
 M100 = LogColumns(

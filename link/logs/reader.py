@@ -136,13 +136,6 @@ def format_of(path: Path) -> str:
 def open_log(path: Path, columns: LogColumns | None = None) -> Log:
     """Open and index a log of any format.
 
-    Parameters
-    ----------
-    path : Path
-        The log.
-    columns : LogColumns, optional
-        For a CSV: which column is what.
-
     Raises
     ------
     InputError

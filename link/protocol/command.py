@@ -28,22 +28,15 @@ RESULTS = {
 
 
 class Place(NamedTuple):
-    """Where a command is to be executed.
-
-    Attributes
-    ----------
-    x, y : int
-        Latitude and longitude in 1e-7 degree.
-    z : float
-        Height, m.
-    frame : int
-        MAV_FRAME: what the height counts from.
-    """
+    """Where a command is to be executed."""
 
     x: int
     y: int
+    """`x`, `y`: latitude and longitude in 1e-7 degree."""
     z: float
+    """Height, m."""
     frame: int
+    """MAV_FRAME: what the height counts from."""
 
 
 class Command(Question):
@@ -61,11 +54,6 @@ class Command(Question):
         For COMMAND_INT.
     give_up_s : float
         Without an answer for so long, it ends.
-
-    Attributes
-    ----------
-    result : int or None
-        MAV_RESULT; None for silence.
     """
 
     def __init__(
@@ -75,6 +63,7 @@ class Command(Question):
         self.number, self.parameters, self.place = number, parameters, place
         self.give_up_s = give_up_s
         self.result: int | None = None
+        """MAV_RESULT; None for silence."""
 
     def ask(self) -> None:
         """Give it."""
@@ -99,13 +88,7 @@ class Command(Question):
 
 
 class AskFor(Question):
-    """Asks for one message (REQUEST_MESSAGE) until it comes; an answer to the command alone is not enough.
-
-    Attributes
-    ----------
-    message : Message or None
-        What came; None for nothing.
-    """
+    """Asks for one message (REQUEST_MESSAGE) until it comes; an answer to the command alone is not enough."""
 
     give_up_s = 6.0
 
@@ -113,6 +96,7 @@ class AskFor(Question):
         super().__init__(target)
         self.name, self.number = name, number
         self.message: Message | None = None
+        """What came; None for nothing."""
 
     def ask(self) -> None:
         """Ask."""
@@ -134,17 +118,13 @@ class SetCurrent(Question):
     ----------
     number : int
         In the autopilot's numbering; ArduPilot's 0 is the beginning.
-
-    Attributes
-    ----------
-    confirmed : bool
-        Whether the vehicle says so.
     """
 
     def __init__(self, target: Target, number: int) -> None:
         super().__init__(target)
         self.number = number
         self.confirmed = False
+        """Whether the vehicle says so."""
 
     def ask(self) -> None:
         """Ask."""

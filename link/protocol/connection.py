@@ -39,39 +39,28 @@ _GUEST_S = 0.002
 
 @dataclass(slots=True)
 class Peer:
-    """One vehicle on a connection.
-
-    Attributes
-    ----------
-    system, component : int
-        Of its autopilot.
-    autopilot, kind : int
-        MAV_AUTOPILOT and MAV_TYPE of its heartbeat.
-    met_s, heard_s : float
-        When it was heard first and last, by the connection's clock.
-    received, lost : int
-        Packets, and gaps in their numbers.
-    texts : list of (severity, text)
-        What it said, the newest last; only the last ones are kept.
-    said : int
-        How many texts it has said in all.
-    latest : dict
-        Newest message of each name.
-    """
+    """One vehicle on a connection."""
 
     system: int
     component: int
+    """`system`, `component`: of its autopilot."""
     autopilot: int = 0
     kind: int = 0
+    """`autopilot`, `kind`: MAV_AUTOPILOT and MAV_TYPE of its heartbeat."""
     version: int = 2
     met_s: float = -math.inf
     heard_s: float = -math.inf
+    """`met_s`, `heard_s`: when it was heard first and last, by the connection's clock."""
     received: int = 0
     lost: int = 0
+    """`received`, `lost`: packets, and gaps in their numbers."""
     sequence: int | None = None
     texts: list[tuple[int, str]] = field(default_factory=list)
+    """What it said, severity and text, the newest last; only the last ones are kept."""
     said: int = 0
+    """How many texts it has said in all."""
     latest: dict[str, Message] = field(default_factory=dict)
+    """Newest message of each name."""
     round_trip: RoundTrip = field(default_factory=RoundTrip)
     text_s: float = -math.inf
     _text: tuple[int, int] = (0, 0)
@@ -137,15 +126,6 @@ class Connection(Carrier):
         Ours.
     signing : Signing or None
         With a key, only well signed packets are believed.
-
-    Attributes
-    ----------
-    conflict : StationConflictError or None
-        Set once another ground station is heard with our id; nothing is said to a vehicle then.
-    namesake : bool
-        A vehicle has our id; it cannot be told from ourselves.
-    shared_client : SharedClient or None
-        Another sender on this connection; our own heartbeats pause meanwhile.
     """
 
     def __init__(
@@ -164,8 +144,11 @@ class Connection(Carrier):
         self.peers: dict[int, Peer] = {}
         self.listeners: list[Callable[[Peer, Message], None]] = []
         self.conflict: StationConflictError | None = None
+        """Set once another ground station is heard with our id; nothing is said to a vehicle then."""
         self.namesake = False
+        """A vehicle has our id; it cannot be told from ourselves."""
         self.shared_client: SharedClient | None = None
+        """Another sender on this connection; our own heartbeats pause meanwhile."""
         self._writer = FrameWriter(system, GROUND_COMPONENT, signing=signing)
         self._routed = transport if isinstance(transport, UdpSocket) else None
         self._reader = FrameReader(signing, datagrams=self._routed is not None)

@@ -27,22 +27,7 @@ def wire_item(message: Message) -> WireItem:
 
 
 class Download(Exchange):
-    """Reads what a vehicle holds, item by item in order: PX4 ends the transfer at any other.
-
-    Parameters
-    ----------
-    target : Target
-        The vehicle.
-    kind : MissionKind
-        What to read.
-
-    Attributes
-    ----------
-    items : tuple of WireItem or None
-        What it holds; None where it could not be read.
-    problem : str
-        Why not.
-    """
+    """Reads what a vehicle holds, item by item in order: PX4 ends the transfer at any other."""
 
     def __init__(
         self,
@@ -54,7 +39,9 @@ class Download(Exchange):
         super().__init__(target)
         self.kind = kind
         self.items: tuple[WireItem, ...] | None = None
+        """What it holds; None where it could not be read."""
         self.problem = ""
+        """Why not."""
         self._got: list[WireItem] = []
         self._count: int | None = None
         self._tries = 0
@@ -143,13 +130,7 @@ class Download(Exchange):
 
 
 class Clear(Question):
-    """Clears what a vehicle holds of one kind; to ask twice does no harm.
-
-    Attributes
-    ----------
-    answer : int or None
-        MAV_MISSION_RESULT; None for silence.
-    """
+    """Clears what a vehicle holds of one kind; to ask twice does no harm."""
 
     give_up_s, soonest_s = GIVE_UP_S, 0.0
 
@@ -157,6 +138,7 @@ class Clear(Question):
         super().__init__(target)
         self.kind = kind
         self.answer: int | None = None
+        """MAV_MISSION_RESULT; None for silence."""
 
     def ask(self) -> None:
         """Ask."""

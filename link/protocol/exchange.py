@@ -32,16 +32,11 @@ _LONGEST_RETRY_S = 3.0
 
 @dataclass(slots=True)
 class RoundTrip:
-    """How long an answer takes, learnt as TCP does it (RFC 6298).
-
-    Attributes
-    ----------
-    mean_s, spread_s : float
-        Smoothed; NaN before the first.
-    """
+    """How long an answer takes, learnt as TCP does it (RFC 6298)."""
 
     mean_s: float = math.nan
     spread_s: float = 0.0
+    """`mean_s`, `spread_s`: smoothed; NaN before the first."""
     _unclear: int = 0
     _slower: float = 1.0
 
@@ -89,13 +84,7 @@ class Target:
 
 
 class Exchange(ABC):
-    """One question with its answers.
-
-    Parameters
-    ----------
-    target : Target
-        Who is asked.
-    """
+    """One question with its answers."""
 
     def __init__(self, target: Target) -> None:
         self.target, self.round_trip = target, target.round_trip
@@ -127,18 +116,12 @@ class Exchange(ABC):
 
 
 class Question(Exchange):
-    """An exchange whose question is put again until it is answered or given up.
-
-    Attributes
-    ----------
-    give_up_s : float
-        Without an answer for so long, it ends.
-    soonest_s : float
-        The question is put again after no shorter time.
-    """
+    """An exchange whose question is put again until it is answered or given up."""
 
     give_up_s = 5.0
+    """Without an answer for so long, it ends."""
     soonest_s = 0.1
+    """The question is put again after no shorter time."""
 
     def __init__(self, target: Target) -> None:
         super().__init__(target)

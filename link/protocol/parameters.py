@@ -39,21 +39,14 @@ _WHOLE = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
 
 @dataclass(frozen=True, slots=True)
 class ParameterValue:
-    """A parameter as the vehicle has it.
-
-    Attributes
-    ----------
-    name : str
-        The autopilot's name.
-    value : float
-        In the autopilot's unit.
-    kind : int
-        MAV_PARAM_TYPE.
-    """
+    """A parameter as the vehicle has it."""
 
     name: str
+    """The autopilot's name."""
     value: float
+    """In the autopilot's unit."""
     kind: int
+    """MAV_PARAM_TYPE."""
 
 
 def read_value(message: Message, *, bytewise: bool) -> ParameterValue:
@@ -83,15 +76,7 @@ def same_value(wanted: float, actual: float, kind: int) -> bool:
 
 
 class SetParameter(Question):
-    """Sets one parameter and waits for the value that it got.
-
-    Attributes
-    ----------
-    found : ParameterValue or None
-        What the vehicle answered; None for silence.
-    refused : int or None
-        MAV_PARAM_ERROR, where it says that it does not take the value.
-    """
+    """Sets one parameter and waits for the value that it got."""
 
     def __init__(
         self,
@@ -106,7 +91,9 @@ class SetParameter(Question):
         _check_name(name)
         self.name, self.value, self.kind, self.bytewise = name, value, kind, bytewise
         self.found: ParameterValue | None = None
+        """What the vehicle answered; None for silence."""
         self.refused: int | None = None
+        """MAV_PARAM_ERROR, where it says that it does not take the value."""
 
     def ask(self) -> None:
         """Set it."""
@@ -133,13 +120,6 @@ class ReadParameters(Exchange):
     answer comes and those to a name asked for before it do not, round after round, so often that losses do not explain it
     (`_CHANCE`, by the share of answers that this link loses), the vehicle has no such parameter. Where nothing comes at
     all for `GIVE_UP_S`, the link is lost, and nothing is known.
-
-    Attributes
-    ----------
-    found : dict
-        What came, by name.
-    absent : set
-        Names of parameters that the vehicle does not have.
     """
 
     def __init__(self, target: Target, names: Sequence[str], *, bytewise: bool) -> None:
@@ -148,7 +128,9 @@ class ReadParameters(Exchange):
             _check_name(name)
         self.bytewise = bytewise
         self.found: dict[str, ParameterValue] = {}
+        """What came, by name."""
         self.absent: set[str] = set()
+        """Names of parameters that the vehicle does not have."""
         self._silent = dict.fromkeys(names, 0)
         self._round: tuple[str, ...] = ()
         self._answered = self._lost = self._missed = 0
@@ -225,21 +207,15 @@ def _check_name(name: str) -> None:
 
 
 class ListParameters(Exchange):
-    """Reads all parameters, and asks by number for those that did not arrive.
-
-    Attributes
-    ----------
-    found : dict
-        By number.
-    total : int or None
-        How many there are; None as long as nothing has come.
-    """
+    """Reads all parameters, and asks by number for those that did not arrive."""
 
     def __init__(self, target: Target, *, bytewise: bool) -> None:
         super().__init__(target)
         self.bytewise = bytewise
         self.found: dict[int, ParameterValue] = {}
+        """By number."""
         self.total: int | None = None
+        """How many there are; None as long as nothing has come."""
         self._heard_s = 0.0
 
     @property
@@ -282,21 +258,14 @@ class ListParameters(Exchange):
 
 @dataclass(frozen=True, slots=True)
 class ParameterCheck:
-    """One required parameter compared with the vehicle's value.
-
-    Attributes
-    ----------
-    wanted : Parameter
-        What a mission relies on, as this vehicle's firmware has it; the first way where it has none.
-    actual : float or None
-        What the vehicle has; None where it has no such parameter, or did not answer.
-    absent : bool
-        It answers, and has a parameter of none of the names.
-    """
+    """One required parameter compared with the vehicle's value."""
 
     wanted: Parameter
+    """What a mission relies on, as this vehicle's firmware has it; the first way where it has none."""
     actual: float | None
+    """What the vehicle has; None where it has no such parameter, or did not answer."""
     absent: bool = False
+    """It answers, and has a parameter of none of the names."""
 
     @property
     def ok(self) -> bool:

@@ -60,19 +60,6 @@ class Upload(Exchange):
         What they are.
     progress : callable or None
         Told how many items have been asked for, and of how many.
-
-    Attributes
-    ----------
-    end : UploadEnd
-        How it ended.
-    answer : int
-        MAV_MISSION_RESULT of the last acknowledgement.
-    asked : int
-        Number of the item asked for last; -1 before the first.
-    sent : int
-        Greatest number sent; -1 before the first.
-    heard_s : float
-        When the vehicle was last heard in this transfer.
     """
 
     def __init__(
@@ -87,13 +74,18 @@ class Upload(Exchange):
         self.items = tuple(items)
         self.kind = kind
         self.end = UploadEnd.RUNNING
+        """How it ended."""
         self.answer = ACCEPTED
+        """MAV_MISSION_RESULT of the last acknowledgement."""
         self.asked = self.sent = self._furthest = -1
+        """`sent`: greatest number sent; -1 before the first."""
+        """`asked`: number of the item asked for last; -1 before the first."""
         self.guessed = False
         self._progress = progress
         self._tries = 0
         self._times = [0] * len(self.items)
         self.heard_s = self._begun_s = self._sent_s = self._moved_s = 0.0
+        """`heard_s`: when the vehicle was last heard in this transfer."""
         self._doubt_s = math.inf
         self._busy = self._listed = False
 

@@ -35,16 +35,12 @@ class AskVerdict(Exchange):
     ----------
     since_s : float
         When the mission was taken over, by the connection's clock.
-
-    Attributes
-    ----------
-    refused : bool or None
-        What its state says; None where it does not tell.
     """
 
     def __init__(self, target: Target, since_s: float) -> None:
         super().__init__(target)
         self.refused: bool | None = None
+        """What its state says; None where it does not tell."""
         self._since_s, self._end_s = since_s, 0.0
         self._tries = 0
         self._told = False

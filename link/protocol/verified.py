@@ -49,38 +49,26 @@ class UploadState(Enum):
 
 @dataclass(frozen=True, slots=True)
 class UploadOutcome:
-    """How an upload ended, and what the vehicle holds now.
-
-    Attributes
-    ----------
-    state : UploadState
-        Verified: it was read back and means the same. Refused: the vehicle holds what it held, or it has taken what
-        was sent and says that it will not fly it. Rolled back: what it held was sent again and read back. Unknown:
-        see `holds`; a start is blocked.
-    kind : MissionKind
-        What was sent.
-    holds : str
-        What the vehicle holds, or may hold, for a person.
-    reason : str
-        Why it is not verified; empty where it is.
-    items : tuple of int
-        Our numbers of the items that a refusal concerns.
-    differences : tuple of Difference
-        Found when reading back last.
-    attempts : int
-        Transfers begun.
-    infeasible : bool
-        It was taken, read back the same, and the vehicle says that it will not fly it.
-    """
+    """How an upload ended, and what the vehicle holds now."""
 
     state: UploadState
+    """Verified: it was read back and means the same. Refused: the vehicle holds what it held, or it has taken what was
+    sent and says that it will not fly it. Rolled back: what it held was sent again and read back. Unknown: see `holds`;
+    a start is blocked."""
     kind: MissionKind
+    """What was sent."""
     holds: str
+    """What the vehicle holds, or may hold, for a person."""
     reason: str = ""
+    """Why it is not verified; empty where it is."""
     items: tuple[int, ...] = ()
+    """Our numbers of the items that a refusal concerns."""
     differences: tuple[Difference, ...] = ()
+    """Found when reading back last."""
     attempts: int = 0
+    """Transfers begun."""
     infeasible: bool = False
+    """It was taken, read back the same, and the vehicle says that it will not fly it."""
 
     @property
     def blocks_start(self) -> bool:
@@ -99,33 +87,20 @@ class UploadOutcome:
 
 @dataclass(frozen=True, slots=True)
 class UploadJob:
-    """What to upload, to whom, and how.
-
-    Attributes
-    ----------
-    target : Target
-        The vehicle.
-    family : Family
-        The vehicle's.
-    part : Mission, Geofence or RallyPoints
-        What it shall hold.
-    current : int
-        Our number of the item that shall be flown first.
-    may_roll_back : callable
-        Whether what was there before may be put back now: only while disarmed.
-    texts : callable
-        What the vehicle has said so far, the newest last.
-    progress : callable or None
-        Told (what is done, items done, items).
-    """
+    """What to upload, to whom, and how."""
 
     target: Target
     family: Family
     part: Part
+    """What it shall hold."""
     current: int = 0
+    """Our number of the item that shall be flown first."""
     may_roll_back: Callable[[], bool] = field(default=lambda: False)
+    """Whether what was there before may be put back now: only while disarmed."""
     texts: Callable[[], Sequence[str]] = field(default=tuple)
+    """What the vehicle has said so far, the newest last."""
     progress: Callable[[str, int, int], None] | None = None
+    """Told (what is done, items done, items)."""
 
     @property
     def kind(self) -> MissionKind:

@@ -78,31 +78,23 @@ class Thinned(Generic[Rows]):
 
 @dataclass(slots=True)
 class WindTally:
-    """Sums over all estimates to which something was measured.
-
-    Attributes
-    ----------
-    count : int
-    doubted : int
-        Estimates that the filter's own health called inconsistent, which count nowhere else.
-    north, east : float
-        Sums of the wind, m/s.
-    nis : float
-        Sum of the normalised innovations squared.
-    off_north, off_east, off_squared, expected_north, expected_east : float
-        Sums of estimate minus forecast, of its square, and of the forecast.
-    """
+    """Sums over all estimates to which something was measured."""
 
     count: int = 0
     doubted: int = 0
+    """Estimates that the filter's own health called inconsistent, which count nowhere else."""
     north: float = 0.0
     east: float = 0.0
+    """`north`, `east`: sums of the wind, m/s."""
     nis: float = 0.0
+    """Sum of the normalised innovations squared."""
     off_north: float = 0.0
     off_east: float = 0.0
     off_squared: float = 0.0
     expected_north: float = 0.0
     expected_east: float = 0.0
+    """`off_north`, `off_east`, `off_squared`, `expected_north`, `expected_east`: sums of estimate minus forecast, of
+    its square, and of the forecast."""
 
     def add(self, course: FilteredWind) -> None:
         """Add a piece of the course."""
@@ -130,19 +122,13 @@ class FlightMonitor:
         The filter, with the drag and the forecast it is to use.
     listener : callable, optional
         Told each whole second: telemetry rows, and the filter's course over the same seconds.
-
-    Attributes
-    ----------
-    legs, battery : LegWatch, BatteryWatch
-    tally : WindTally
-    end_s : float
-        Time of the newest sample.
     """
 
     def __init__(self, wind: LiveWind, listener: Listener | None = None) -> None:
         self.wind = wind
         self.legs, self.battery, self.tally = LegWatch(), BatteryWatch(), WindTally()
         self.end_s = math.nan
+        """Time of the newest sample."""
         self._seconds = Seconds()
         self._wind_watch, self._trust_watch = WindWatch(wind), TrustWatch()
         self._window = math.nan

@@ -35,54 +35,37 @@ MAX_LEGS = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """A message of a monitor.
-
-    Attributes
-    ----------
-    time_s : float
-        When it could be known.
-    kind : str
-        ``wind``, ``battery`` or ``mission``.
-    text : str
-        For a person.
-    event : bool
-        Whether it is worth keeping; otherwise it is only the present state.
-    """
+    """A message of a monitor."""
 
     time_s: float
+    """When it could be known."""
     kind: Kind
+    """``wind``, ``battery`` or ``mission``."""
     text: str
+    """For a person."""
     event: bool = True
+    """Whether it is worth keeping; otherwise it is only the present state."""
 
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """One flight, from leaving the ground to landing.
-
-    Attributes
-    ----------
-    start_s, end_s : float
-        Times as in the log.
-    distance_m : float
-        Flown over the ground.
-    from_lat, from_lon, to_lat, to_lon : float
-        NaN where not known.
-    soc_start, soc_end : float
-        State of charge, 0 to 1.
-    energy_j : float
-        Taken from the battery; NaN where power is not known.
-    """
+    """One flight, from leaving the ground to landing."""
 
     start_s: float
     end_s: float
+    """`start_s`, `end_s`: times as in the log."""
     distance_m: float
+    """Flown over the ground."""
     from_lat: float
     from_lon: float
     to_lat: float
     to_lon: float
+    """`from_lat`, `from_lon`, `to_lat`, `to_lon`: NaN where not known."""
     soc_start: float
     soc_end: float
+    """`soc_start`, `soc_end`: state of charge, 0 to 1."""
     energy_j: float
+    """Taken from the battery; NaN where power is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,16 +155,11 @@ class _OpenLeg:
 
 
 class LegWatch:
-    """Finds the flights and what each phase of them takes.
-
-    Attributes
-    ----------
-    legs : list of Leg
-        Those that are over, at most `MAX_LEGS`.
-    """
+    """Finds the flights and what each phase of them takes."""
 
     def __init__(self) -> None:
         self.legs: list[Leg] = []
+        """Those that are over, at most `MAX_LEGS`."""
         self._leg: _OpenLeg | None = None
         self._item = math.nan
         self._up = False

@@ -34,16 +34,11 @@ MAX_SPEED = 1000.0
 
 
 class Packets(ABC):
-    """What of a log is played, a window of it in memory at a time.
-
-    Attributes
-    ----------
-    start_s, end_s : float
-        First and last time.
-    """
+    """What of a log is played, a window of it in memory at a time."""
 
     def __init__(self, start_s: float, end_s: float) -> None:
         self.start_s, self.end_s = start_s, end_s
+        """`start_s`, `end_s`: first and last time."""
         self._held: list[Packet] = []
         self._reach = (math.inf, -math.inf)
 
@@ -109,25 +104,16 @@ def packets_of(log: Log, system: int | None = None, from_s: float = -math.inf, t
 
 @dataclass(slots=True)
 class Player:
-    """Plays packets in time.
-
-    Attributes
-    ----------
-    source : Packets
-    send : callable
-        Takes the bytes of each packet.
-    speed : float
-        Seconds of the log to a second; negative plays backwards; infinite plays all at once.
-    position_s : float
-        Where in the log it is.
-    paused : bool
-    """
+    """Plays packets in time."""
 
     source: Packets
     send: Callable[[bytes], object]
+    """Takes the bytes of each packet."""
     speed: float = 1.0
+    """Seconds of the log to a second; negative plays backwards; infinite plays all at once."""
     paused: bool = False
     position_s: float = field(default=math.nan)
+    """Where in the log it is."""
 
     def __post_init__(self) -> None:
         if math.isnan(self.position_s):

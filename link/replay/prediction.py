@@ -18,28 +18,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Energy of a flight by a drone file.
-
-    Attributes
-    ----------
-    drone : Drone
-        By whose energy model.
-    mass_kg : float
-        Take-off mass.
-    predicted_j : dict of Phase to float
-        By the time in each phase.
-    measured_j : float
-        What the log says; NaN where it has no power.
-    predicted_soc, measured_soc : float
-        Share of the nameplate energy that was used; the measured one is NaN where the log has no state of charge.
-    """
+    """Energy of a flight by a drone file."""
 
     drone: Drone
     mass_kg: float
+    """Take-off mass."""
     predicted_j: dict[Phase, float]
+    """By the time in each phase."""
     measured_j: float
+    """What the log says; NaN where it has no power."""
     predicted_soc: float
     measured_soc: float
+    """`predicted_soc`, `measured_soc`: share of the nameplate energy that was used; the measured one is NaN where the
+    log has no state of charge."""
 
     @property
     def total_j(self) -> float:

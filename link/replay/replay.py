@@ -45,70 +45,44 @@ MAX_BLOCKS = 7_200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replay:
-    """Replay of one vehicle of a log.
-
-    Attributes
-    ----------
-    summary : LogSummary
-        The whole log.
-    system : int or None
-        Whose; None where no vehicle gave telemetry.
-    vehicle : Vehicle
-        What it is.
-    seconds : TelemetryTrack
-        One row a second, fewer of a very long log.
-    wind : FilteredWind
-        The filter's course where something was measured and the filter is consistent, thinned likewise.
-    tally : WindTally
-        Sums over the whole course.
-    measured : dict of str to int
-        Measurements of each kind.
-    rejected : int
-        Those that the gate did not let pass.
-    forecast : bool
-        Whether a wind was expected.
-    drag : DragModel or None
-        In use; None where tilt tells nothing.
-    drag_source : str
-        ``given``, ``identified`` (from the whole log, so not as live), ``nominal`` or ``none``.
-    drag_reason : str
-        What this flight tells about it; empty where it was given.
-    drag_check : DragCheck
-        Whether the drag in use fits, by the last minutes.
-    airspeed : AirspeedModel
-        Of the sensor of a plane.
-    airspeed_source : str
-        ``given``, ``identified`` (from the whole log) or ``plain`` (as the sensor says).
-    observations : tuple of WindObservation
-        Averages over slots, for `models.wind.estimation.forecast_update`.
-    legs : tuple of Leg
-    phases : dict of Phase to PhaseEnergy
-    soc : (float, float)
-        First and last known state of charge.
-    events : tuple of LogEvent
-        Of this vehicle and of the monitors.
-    """
+    """Replay of one vehicle of a log."""
 
     summary: LogSummary
     system: int | None
+    """Whose; None where no vehicle gave telemetry."""
     vehicle: Vehicle
     seconds: TelemetryTrack
+    """One row a second, fewer of a very long log."""
     wind: FilteredWind
+    """The filter's course where something was measured and the filter is consistent, thinned likewise."""
     tally: WindTally
+    """Sums over the whole course."""
     measured: dict[str, int]
+    """Measurements of each kind."""
     rejected: int
+    """Those that the gate did not let pass."""
     forecast: bool
+    """Whether a wind was expected."""
     drag: DragModel | None
+    """In use; None where tilt tells nothing."""
     drag_source: str
+    """``given``, ``identified`` (from the whole log, so not as live), ``nominal`` or ``none``."""
     drag_reason: str
+    """What this flight tells about it; empty where it was given."""
     drag_check: DragCheck
+    """Whether the drag in use fits, by the last minutes."""
     airspeed: AirspeedModel
+    """Of the sensor of a plane."""
     airspeed_source: str
+    """``given``, ``identified`` (from the whole log) or ``plain`` (as the sensor says)."""
     observations: tuple[WindObservation, ...]
+    """Averages over slots, for `models.wind.estimation.forecast_update`."""
     legs: tuple[Leg, ...]
     phases: dict[Phase, PhaseEnergy]
     soc: tuple[float, float]
+    """First and last known state of charge."""
     events: tuple[LogEvent, ...]
+    """Of this vehicle and of the monitors."""
 
 
 def choose_system(summary: LogSummary, system: int | None) -> int | None:
@@ -131,33 +105,21 @@ def choose_system(summary: LogSummary, system: int | None) -> int | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayOptions:
-    """Which part of a log is gone through, and what is known beforehand.
-
-    Attributes
-    ----------
-    system : int or None
-        Vehicle; by default the first.
-    vehicle : str or None
-        What it is, where the log does not say it.
-    from_s, to_s : float
-        Part of the log, in its own time.
-    drag : DragModel or None
-        Of this drone; by default identified from the flight, or else a nominal one.
-    airspeed : AirspeedModel or None
-        Of its sensor; by default identified from a flight on wings, or else as the sensor says.
-    forecast : callable or None
-        As `models.wind.estimation.live.LiveWind` takes it; by default nothing is expected.
-    settings : WindFilterSettings or None
-        How the wind strays from it.
-    """
+    """Which part of a log is gone through, and what is known beforehand."""
 
     system: int | None = None
+    """Vehicle; by default the first."""
     vehicle: Kind | None = None
+    """What it is, where the log does not say it."""
     from_s: float = -math.inf
     to_s: float = math.inf
+    """`from_s`, `to_s`: part of the log, in its own time."""
     drag: DragModel | None = None
+    """Of this drone; by default identified from the flight, or else a nominal one."""
     airspeed: AirspeedModel | None = None
+    """Of its sensor; by default identified from a flight on wings, or else as the sensor says."""
     forecast: Forecast | None = None
+    """As `models.wind.estimation.live.LiveWind` takes it; by default nothing is expected."""
     settings: WindFilterSettings | None = None
 
 

@@ -340,12 +340,7 @@ def _prediction(made: Prediction) -> PredictedEnergy:
 
 
 class Table:
-    """Writes a row a second as the replay goes: the vehicle's own quantities, and the wind estimated then.
-
-    Parameters
-    ----------
-    stream : binary file
-    """
+    """Writes a row a second as the replay goes: the vehicle's own quantities, and the wind estimated then."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self._text = io.TextIOWrapper(stream, encoding="utf-8", newline="", write_through=True)

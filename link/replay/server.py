@@ -19,15 +19,7 @@ MAX_CLIENTS = 8
 
 
 class ControlServer:
-    """Listens for commands on a TCP port of this machine.
-
-    Parameters
-    ----------
-    player : Player
-        Obeys them.
-    port : int
-        0 takes any.
-    """
+    """Listens for commands on a TCP port of this machine."""
 
     def __init__(self, player: Player, port: int) -> None:
         self._player = player
@@ -94,15 +86,7 @@ class ControlServer:
 
 
 def play(player: Player, control: ControlServer | None, *, hold: bool = False) -> int:
-    """Play to the end on the wall clock; returns the packets sent.
-
-    Parameters
-    ----------
-    player : Player
-    control : ControlServer or None
-    hold : bool
-        Stay at the end for further commands.
-    """
+    """Play to the end on the wall clock, and with `hold` stay there for commands; returns the packets sent."""
     sent = 0
     last = time.monotonic()
     while hold or not player.ended:

@@ -64,11 +64,7 @@ def no_wind(vehicle: Vehicle) -> str:
 class VehicleView:
     """Telemetry of one vehicle, piece by piece, without what its kind cannot measure.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    doubted : tuple of (float, float)
-        From when to when the log says that the position is not to be trusted.
+    `doubted` are the times, from and to, in which the log says that the position is not to be trusted.
     """
 
     def __init__(self, vehicle: Vehicle, doubted: tuple[tuple[float, float], ...] = ()) -> None:

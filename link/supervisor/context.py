@@ -49,41 +49,6 @@ class Context:
     """A delivery under way: what it was given, and one owner for each part of what becomes of it.
 
     A part is written by its own methods alone; every state reads all of them (decision 0075).
-
-    Attributes
-    ----------
-    vehicle, clock, journal, pads, operator, job
-        What the delivery was given; `job` says what is to be delivered, and how.
-    wind : WindBook
-        The forecast, and what was measured since.
-    on_tick : callable or None
-        Told after each second.
-    status : Status
-        The state of the delivery.
-    delivery : DeliveryProgress
-        The plan, the leg, and the stations.
-    observed : VehicleState
-        What the vehicle has told of itself.
-    battery : SocEstimator
-        How much charge there is.
-    energy : EnergyLearning
-        How much energy flights take.
-    lean : LeanWatch
-        Whether its lean limits its speed.
-    divert : Divert
-        Where it is sent instead of its destination.
-    conversation : Conversation
-        Questions, answers, Ctrl-C.
-    parameters : ParameterChanges
-        What was changed on the vehicle, and is about to be.
-    failsafes : Failsafes
-        What the vehicle does by itself.
-    texts : TextLog
-        What the vehicle says in words.
-    link : LinkWatch
-        What was not answered.
-    track : Track
-        Where it was, in the journal.
     """
 
     vehicle: Vehicle
@@ -98,6 +63,7 @@ class Context:
     energy: EnergyLearning
     conversation: Conversation
     on_tick: Callable[[Context], None] | None = None
+    """Told after each second."""
     observed: VehicleState = field(default_factory=VehicleState)
     battery: SocEstimator = field(default_factory=SocEstimator)
     lean: LeanWatch = field(default_factory=LeanWatch)

@@ -16,24 +16,15 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Conversation:
-    """The conversation with one operator.
-
-    Attributes
-    ----------
-    operator : Operator
-        Who watches.
-    question : str or None
-        What was asked and is not answered.
-    stays : bool
-        The operator wants the vehicle to stay at the next landing.
-    asked_once : bool
-        A take-off of this delivery was allowed.
-    """
+    """The conversation with one operator."""
 
     operator: Operator
     question: str | None = None
+    """What was asked and is not answered."""
     stays: bool = False
+    """The operator wants the vehicle to stay at the next landing."""
     asked_once: bool = False
+    """A take-off of this delivery was allowed."""
     _words: list[str] = field(default_factory=list)
     _interrupts: int = 0
 

@@ -22,66 +22,40 @@ Asking = Literal["each", "once", "never"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeliveryJob:
-    """One delivery to be supervised.
-
-    Attributes
-    ----------
-    composition : Composition
-        The plan.
-    scenario : Scenario
-        Where it was made.
-    request : Request
-        What was asked, the drone named.
-    forecast : WindEnsemble
-        Wind as it is expected at the start.
-    options : MissionOptions
-        How missions are made, and who releases the package.
-    drag : DragModel or None
-        Of the drone, for the wind by its tilt; None is not known.
-    replanning : bool
-        Under the online policy; else the plan is flown as it is, whatever comes.
-    parameters : PlannerParameters
-        Of the online policy, and of the planners that it asks.
-    asking : str
-        ``each`` take-off, ``once``, or ``never``.
-    set_parameters : bool
-        Set parameters that a leg needs, told before the take-off and asked for with it.
-    restore_parameters : bool
-        Give the vehicle back at the end what was set.
-    """
+    """One delivery to be supervised."""
 
     composition: Composition
     scenario: Scenario
     request: Request
+    """What was asked, the drone named."""
     forecast: WindEnsemble
+    """Wind as it is expected at the start."""
     options: MissionOptions = field(default_factory=MissionOptions)
+    """How missions are made, and who releases the package."""
     drag: DragModel | None = None
+    """Of the drone, for the wind by its tilt; None is not known."""
     replanning: bool = True
+    """Under the online policy; else the plan is flown as it is, whatever comes."""
     parameters: PlannerParameters = USUAL
+    """Of the online policy, and of the planners that it asks."""
     asking: Asking = "once"
+    """``each`` take-off, ``once``, or ``never``."""
     set_parameters: bool = True
+    """Set parameters that a leg needs, told before the take-off and asked for with it."""
     restore_parameters: bool = True
+    """Give the vehicle back at the end what was set."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a supervised delivery ended.
-
-    Attributes
-    ----------
-    state : str
-        The last state.
-    reason : str
-        A sentence.
-    station : str or None
-        Where the vehicle stands, as far as that is a station.
-    flights : int
-        How many were flown.
-    """
+    """How a supervised delivery ended."""
 
     state: str
+    """The last state."""
     reason: str
+    """A sentence."""
     station: str | None
+    """Where the vehicle stands, as far as that is a station."""
     flights: int
 
     @property

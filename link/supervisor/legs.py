@@ -27,67 +27,48 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LegMission:
-    """What is uploaded for one leg.
-
-    Attributes
-    ----------
-    document : MissionDocument
-        Mission, fence and rally points.
-    parameters : tuple of Parameter
-        What it needs of the vehicle.
-    way : tuple of (lat, lon)
-        The points that it passes, beginning and end included.
-    """
+    """What is uploaded for one leg."""
 
     document: MissionDocument
+    """Mission, fence and rally points."""
     parameters: tuple[Parameter, ...]
+    """What it needs of the vehicle."""
     way: tuple[tuple[float, float], ...]
+    """The points that it passes, latitude and longitude, beginning and end included."""
 
 
 @dataclass(slots=True)
 class Leg:
-    """The leg under way.
-
-    Attributes
-    ----------
-    origin, destination : str
-        Station ids; the origin is None for one begun in the air.
-    via : tuple of str
-        Stations overflown.
-    diverts : tuple of str
-        Stations inside its fence that it may go to instead.
-    mission : LegMission
-        What the vehicle flies.
-    commanded_mps : float
-        Ground speed it was last told.
-    commanded_s : float
-        When, POSIX seconds.
-    start_s, soc_start, told_start, planned_s, planned_soc : float
-        Take-off, charge then, and as the vehicle said it; planned flight time and charge at the landing.
-    modelled : ModelledUse or None
-        Charge that it should have taken so far.
-    last, learns : bool
-        It ends at the destination; the energy of the whole flight is to be learnt.
-    lookahead : Expected or None
-        What was expected of it last.
-    """
+    """The leg under way."""
 
     origin: str
     destination: str
+    """`origin`, `destination`: station ids; the origin is None for one begun in the air."""
     via: tuple[str, ...]
+    """Stations overflown."""
     diverts: tuple[str, ...]
+    """Stations inside its fence that it may go to instead."""
     mission: LegMission
+    """What the vehicle flies."""
     commanded_mps: float
+    """Ground speed it was last told."""
     commanded_s: float = math.nan
+    """When, POSIX seconds."""
     start_s: float = math.nan
     soc_start: float = math.nan
     told_start: float = math.nan
     planned_s: float = math.nan
     planned_soc: float = math.nan
+    """`start_s`, `soc_start`, `told_start`, `planned_s`, `planned_soc`: take-off, charge then, and as the vehicle said
+    it; planned flight time and charge at the landing."""
     modelled: ModelledUse | None = None
+    """Charge that it should have taken so far."""
     last: bool = False
+    """It ends at the destination."""
     learns: bool = True
+    """The energy of the whole flight is to be learnt."""
     lookahead: Expected | None = None
+    """What was expected of it last."""
 
     def begin(self, time_s: float, soc: float, told_soc: float) -> None:
         """Begin with the take-off."""

@@ -54,27 +54,7 @@ STEPS: Mapping[State, Callable[[Context], After]] = {
 
 
 class Supervisor:
-    """Takes one delivery to its end.
-
-    Parameters
-    ----------
-    job : DeliveryJob
-        The plan, and how to go about it.
-    vehicle : Vehicle
-        Over any driver.
-    clock : Clock
-        The wall's, or a simulation's.
-    pads : PadService
-        What the stations offer.
-    operator : Operator
-        Who watches.
-    journal : Journal
-        Where everything is written.
-    resume : bool
-        The journal has a delivery under way: go on with it.
-    on_tick : callable, optional
-        Told after each second, for a live view.
-    """
+    """Takes one delivery to its end; with `resume` the one that the journal has under way."""
 
     def __init__(
         self,

@@ -37,15 +37,10 @@ class Operator(Protocol):
 
 @dataclass(slots=True)
 class NobodyThere:
-    """For dry runs: lines are shown, nobody answers.
-
-    Attributes
-    ----------
-    show : callable
-        Takes a line.
-    """
+    """For dry runs: lines are shown, nobody answers."""
 
     show: Callable[[str], None] = lambda _: None
+    """Takes a line."""
     interrupts: int = 0
     present: bool = False
 

@@ -22,45 +22,30 @@ UNUSABLE_S = 900.0
 
 @dataclass(slots=True)
 class DeliveryProgress:
-    """The progress of one delivery; written by the methods here alone.
-
-    Attributes
-    ----------
-    resumed : bool
-        It was begun by an earlier run of the program.
-    plan : Composition or None
-        From where the vehicle stands, or from the leg under way, on.
-    leg : Leg or None
-        Uploaded, or under way.
-    flight : int
-        Flights begun.
-    station : str or None
-        Where it stands; None in the air and away from stations.
-    visited : set of str
-        Stations landed at.
-    landed_at : str or None
-        Where the last flight ended, once that is written down.
-    diverts : tuple of str
-        Stations that the next leg may go to instead.
-    charge_to : float or None
-        Charge to leave with.
-    charged : bool
-        It has been charged here.
-    unusable : dict
-        Stations that could not be used, and since when, POSIX seconds.
-    """
+    """The progress of one delivery; written by the methods here alone."""
 
     resumed: bool = False
+    """It was begun by an earlier run of the program."""
     plan: Composition | None = None
+    """From where the vehicle stands, or from the leg under way, on."""
     leg: Leg | None = None
+    """Uploaded, or under way."""
     flight: int = 0
+    """Flights begun."""
     station: str | None = None
+    """Where it stands; None in the air and away from stations."""
     visited: set[str] = field(default_factory=set)
+    """Stations landed at."""
     landed_at: str | None = None
+    """Where the last flight ended, once that is written down."""
     diverts: tuple[str, ...] = ()
+    """Stations that the next leg may go to instead."""
     charge_to: float | None = None
+    """Charge to leave with."""
     charged: bool = False
+    """It has been charged here."""
     unusable: dict[str, float] = field(default_factory=dict)
+    """Stations that could not be used, and since when, POSIX seconds."""
 
     # The plan
 

@@ -41,24 +41,16 @@ class State(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What holds in a state.
-
-    Attributes
-    ----------
-    following : tuple of State
-        What may come next; empty for an end.
-    longest_s : float
-        How long it may last.
-    overdue : State or None
-        Where it goes when it lasts longer.
-    meaning : str
-        One line for people.
-    """
+    """What holds in a state."""
 
     following: tuple[State, ...]
+    """What may come next; empty for an end."""
     longest_s: float
+    """How long it may last."""
     overdue: State | None
+    """Where it goes when it lasts longer."""
     meaning: str
+    """One line for people."""
 
 
 _S = State
@@ -186,21 +178,13 @@ class Turn(Exception):  # noqa: N818  not an error: the next state, from whereve
 
 @dataclass(slots=True)
 class Status:
-    """The state of one delivery; written by `enter` alone.
-
-    Attributes
-    ----------
-    state : State
-        Now.
-    before : State
-        The state before a lost link or a hold.
-    entered_s : float
-        When the present state began, by the clock.
-    """
+    """The state of one delivery; written by `enter` alone."""
 
     entered_s: float = 0.0
+    """When the present state began, by the clock."""
     state: State = State.CONNECTING
     before: State = State.CONNECTING
+    """The state before a lost link or a hold."""
 
     def enter(self, after: State, now_s: float) -> None:
         """Enter the next state, if the table has the way there.

@@ -26,16 +26,11 @@ _MOTIONS = {"attitude": ("roll_rad", "pitch_rad", "yaw_rad"), "position": ("lat_
 
 
 class DataQuality:
-    """Data quality of one vehicle.
-
-    Attributes
-    ----------
-    words : dict
-        What is doubtful about a quantity, by its name.
-    """
+    """Data quality of one vehicle."""
 
     def __init__(self) -> None:
         self.words: dict[str, str] = {}
+        """What is doubtful about a quantity, by its name."""
         self._known: dict[str, tuple[float, float]] = {}
         self._until_s: dict[str, float] = {}
         self._still: dict[str, tuple[tuple[float, ...], float]] = {}

@@ -33,28 +33,16 @@ _STEP_S = 5.0
 
 
 class LiveTelemetry:
-    """The telemetry of one vehicle.
-
-    Parameters
-    ----------
-    system : int
-        System id of the vehicle.
-
-    Attributes
-    ----------
-    clock : VehicleClock
-        Where times come from.
-    sample : TelemetrySample or None
-        The newest.
-    reached : list of int
-        Items reached, in the autopilot's numbering, each once (PX4 says so ten times).
-    """
+    """The telemetry of one vehicle."""
 
     def __init__(self, system: int) -> None:
         self.system = system
         self.clock = VehicleClock()
+        """Where times come from."""
         self.sample: TelemetrySample | None = None
+        """The newest."""
         self.reached: list[int] = []
+        """Items reached, in the autopilot's numbering, each once (PX4 says so ten times)."""
         self._assembler = Assembler(system)
         self._doubts = DataQuality()
         self._plausible = Plausible()

@@ -29,25 +29,17 @@ _WITHIN = 0.35
 
 @dataclass(frozen=True, slots=True)
 class RateCheck:
-    """How often one kind of message comes.
-
-    Attributes
-    ----------
-    message : str
-        Its name.
-    wanted_hz, measured_hz : float
-        As it was asked for, and as the vehicle sent it then; losses of the radio do not count as not sent.
-    corrected_hz : float or None
-        As it was sent after it was asked for again; None where that was not needed.
-    ok : bool
-        Whether it comes as often as wanted, in the end.
-    """
+    """How often one kind of message comes."""
 
     message: str
     wanted_hz: float
     measured_hz: float
+    """`wanted_hz`, `measured_hz`: as it was asked for, and as the vehicle sent it then; losses of the radio do not
+    count as not sent."""
     corrected_hz: float | None
+    """As it was sent after it was asked for again; None where that was not needed."""
     ok: bool
+    """Whether it comes as often as wanted, in the end."""
 
     def __str__(self) -> str:
         text = f"{self.message}: {self.measured_hz:.1f} of {self.wanted_hz:g} a second"
@@ -63,16 +55,12 @@ class RateKeeper:
     ----------
     live : LiveTelemetry
         Its clock and its losses: rates are in the vehicle's own seconds, whatever speed a simulation runs at.
-
-    Attributes
-    ----------
-    wanted_hz : dict of message id to float
-        What was asked for.
     """
 
     def __init__(self, live: LiveTelemetry) -> None:
         self.live = live
         self.wanted_hz: dict[int, float] = {}
+        """What was asked for."""
         self._asked_hz: dict[int, float] = {}
         self._rounds: dict[int, int] = {}
         self._checks: dict[int, RateCheck] = {}

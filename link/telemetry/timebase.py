@@ -92,19 +92,13 @@ class _Drift:
 
 
 class VehicleClock:
-    """The clock of one vehicle.
-
-    Attributes
-    ----------
-    offset_s : float or None
-        POSIX seconds at its boot, by SYSTEM_TIME; None while it does not know the time.
-    reboots : int
-        How often its time has begun again.
-    """
+    """The clock of one vehicle."""
 
     def __init__(self) -> None:
         self.offset_s: float | None = None
+        """POSIX seconds at its boot, by SYSTEM_TIME; None while it does not know the time."""
         self.reboots = 0
+        """How often its time has begun again."""
         self._newest_boot_s = 0.0
         self._begin()
 

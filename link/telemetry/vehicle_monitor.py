@@ -42,44 +42,31 @@ _IDS_AT = 6
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Where a vehicle counts heights from, and returns to.
-
-    Attributes
-    ----------
-    lat_deg, lon_deg : float
-        WGS-84.
-    alt_msl_m : float
-        Above mean sea level.
-    """
+    """Where a vehicle counts heights from, and returns to."""
 
     lat_deg: float
     lon_deg: float
+    """`lat_deg`, `lon_deg`: WGS-84."""
     alt_msl_m: float
+    """Above mean sea level."""
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """Something about a vehicle became different.
-
-    Attributes
-    ----------
-    what : str
-        ``mode``, ``armed``, ``mission``, ``fence``, ``rally points`` (what it holds of these) or ``boot``.
-    before, after : str
-        For a person; of a mission its id and number of items. Where a vehicle tells no ids, a different number of items
-        is noticed, and the words of one that has any for it.
-    ours : bool
-        Whether an order of ours in the seconds before, or since it was last told otherwise, asks for it. What is not ours did the vehicle by itself (the end of
-        a mission, a failsafe), its pilot, or another ground station: the texts tell more.
-    time_s : float
-        When we heard of it, POSIX seconds.
-    """
+    """Something about a vehicle became different."""
 
     what: str
+    """``mode``, ``armed``, ``mission``, ``fence``, ``rally points`` (what it holds of these) or ``boot``."""
     before: str
     after: str
+    """`before`, `after`: for a person; of a mission its id and number of items. Where a vehicle tells no ids, a
+    different number of items is noticed, and the words of one that has any for it."""
     ours: bool
+    """Whether an order of ours in the seconds before, or since it was last told otherwise, asks for it. What is not
+    ours did the vehicle by itself (the end of a mission, a failsafe), its pilot, or another ground station: the texts
+    tell more."""
     time_s: float
+    """When we heard of it, POSIX seconds."""
 
     def __str__(self) -> str:
         by = "" if self.ours else " (not commanded by this program)"
@@ -98,17 +85,6 @@ class VehicleMonitor:
     autopilot : str or None
         Name of its family where its heartbeat shall not decide.
 
-    Attributes
-    ----------
-    peer : Peer
-        What the connection knows of it.
-    family : Family
-        Its autopilot's.
-    live : LiveTelemetry
-        Its telemetry.
-    rates : RateKeeper
-        Whether telemetry comes as often as it was asked for.
-
     Raises
     ------
     VehicleTimeoutError
@@ -120,13 +96,17 @@ class VehicleMonitor:
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
         self.connection = connection
         self.peer: Peer = _find(connection, system)
+        """What the connection knows of it."""
         family = family_named(autopilot) if autopilot else family_of(self.peer.autopilot)
         if family is None:
             remedy = f"say which one it resembles with --autopilot {' or '.join(FAMILIES)}"
             raise InputError(Fault("an autopilot that skyway does not know", value=self.peer.autopilot, remedy=remedy))
         self.family = family
+        """Its autopilot's."""
         self.live = LiveTelemetry(self.peer.system)
+        """Its telemetry."""
         self.rates = RateKeeper(self.live)
+        """Whether telemetry comes as often as it was asked for."""
         self._addressed = {"target_system": self.peer.system, "target_component": self.peer.component}
         self._new: list[TelemetrySample] = []
         self._changes: list[Change] = []

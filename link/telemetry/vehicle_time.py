@@ -18,13 +18,6 @@ class VehicleTime:
     Between samples it goes on with the wall; while nothing is heard too. It never goes back, and never stands still: where it
     was ahead of the vehicle, as after a change of the simulation's speed, it goes on at half speed until it is not. So what waits
     for an instant never waits forever. Time-outs stay the wall's.
-
-    Parameters
-    ----------
-    vehicle : Seen
-        Whose time.
-    clock : Clock
-        The wall's.
     """
 
     def __init__(self, vehicle: VehicleMonitor, clock: Clock) -> None:

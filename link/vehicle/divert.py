@@ -33,19 +33,13 @@ _OWN_MODES = {"flying": ("guided", "hold"), "landing": ("land",)}
 
 @dataclass(frozen=True, slots=True)
 class Refuge:
-    """Where to land instead.
-
-    Attributes
-    ----------
-    lat_deg, lon_deg : float
-        WGS-84.
-    height_m : float
-        To fly there at, above home.
-    """
+    """Where to land instead."""
 
     lat_deg: float
     lon_deg: float
+    """`lat_deg`, `lon_deg`: WGS-84."""
     height_m: float
+    """To fly there at, above home."""
 
     def __post_init__(self) -> None:
         if not (abs(self.lat_deg) <= 90.0 and abs(self.lon_deg) <= 180.0 and math.isfinite(self.height_m)):
@@ -69,28 +63,15 @@ class DivertState(StrEnum):
 
 
 class Diversion:
-    """One vehicle on its way to a refuge.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        In the air.
-    refuge : Refuge
-        Where it shall land.
-
-    Attributes
-    ----------
-    state : DivertState
-        How far it has come. Taken over: it is in a mode that is not ours, by a pilot or a failsafe of its own;
-        nothing is commanded any more. Overdue: it does not arrive, or does not land, in any sensible time.
-    reason : str
-        Why it was taken over or is overdue; empty otherwise.
-    """
+    """One vehicle on its way to a refuge."""
 
     def __init__(self, vehicle: Vehicle, refuge: Refuge) -> None:
         self.vehicle, self.refuge = vehicle, refuge
         self.state = DivertState.ORDERED
+        """How far it has come. Taken over: it is in a mode that is not ours, by a pilot or a failsafe of its own;
+        nothing is commanded any more. Overdue: it does not arrive, or does not land, in any sensible time."""
         self.reason = ""
+        """Why it was taken over or is overdue; empty otherwise."""
         self._orders = 0
         self._before = ""
         self._order_s = self._end_s = math.nan

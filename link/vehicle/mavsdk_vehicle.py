@@ -48,14 +48,7 @@ _ERRORS = {"TIMEOUT": UploadEnd.SILENT, "TRANSFER_CANCELLED": UploadEnd.BROKEN, 
 
 
 class MavsdkRunner(Carrier):
-    """Speaks with one vehicle by MAVSDK.
-
-    Parameters
-    ----------
-    connection : Connection
-        The bytes; it sends no heartbeats while MAVSDK sends them with the same ids.
-    peer : Peer
-        The vehicle.
+    """Speaks with one vehicle by MAVSDK, which sends the heartbeats of the connection meanwhile.
 
     Raises
     ------

@@ -42,18 +42,13 @@ SETS = 4
 
 
 class AskedVehicle(VehicleMonitor):
-    """One vehicle on a connection that is asked; arguments and errors as of `VehicleMonitor`.
-
-    Attributes
-    ----------
-    own_names : dict
-        Name and unit of settings, by their key, for firmware that calls them by a name that skyway does not know.
-    """
+    """One vehicle on a connection that is asked; arguments and errors as of `VehicleMonitor`."""
 
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
         super().__init__(connection, system, autopilot)
         self._runner: Carrier = connection
         self.own_names: dict[str, tuple[str, str]] = {}
+        """Name and unit of settings, by their key, for firmware that calls them by a name that skyway does not know."""
 
     def _do(self, exchange: E_) -> E_:
         def steps() -> Steps[None]:

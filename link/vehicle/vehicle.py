@@ -60,30 +60,20 @@ TYPES = {1: "plane", 2: "quadrotor", 3: "coaxial", 4: "helicopter", 13: "hexarot
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who a vehicle is.
-
-    Attributes
-    ----------
-    system : int
-        MAVLink system id.
-    autopilot : str
-        Name of its family.
-    kind : int
-        MAV_TYPE.
-    version : str
-        Of the flight software, such as ``4.6.0``; empty where it does not tell.
-    capabilities : int
-        MAV_PROTOCOL_CAPABILITY bits; 0 where it does not tell.
-    uid : int
-        Hardware id; 0 where it does not tell.
-    """
+    """Who a vehicle is."""
 
     system: int
+    """MAVLink system id."""
     autopilot: str
+    """Name of its family."""
     kind: int
+    """MAV_TYPE."""
     version: str = ""
+    """Of the flight software, such as ``4.6.0``; empty where it does not tell."""
     capabilities: int = 0
+    """MAV_PROTOCOL_CAPABILITY bits; 0 where it does not tell."""
     uid: int = 0
+    """Hardware id; 0 where it does not tell."""
 
     @property
     def words(self) -> tuple[str, ...]:

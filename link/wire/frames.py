@@ -37,19 +37,13 @@ _UNSIGNED_ALLOWED = frozenset({109, 166})
 
 @dataclass(slots=True)
 class FrameWriter:
-    """Builds our frames on one connection.
-
-    Attributes
-    ----------
-    system, component : int
-        Ours.
-    version : int
-        MAVLink 1 or 2.
-    """
+    """Builds our frames on one connection."""
 
     system: int
     component: int
+    """`system`, `component`: ours."""
     version: int = 2
+    """MAVLink 1 or 2."""
     sequence: int = 0
     signing: Signing | None = None
 
@@ -73,23 +67,16 @@ class FrameWriter:
 
 @dataclass(slots=True)
 class Rejected:
-    """Packets not taken, counted by why.
-
-    Attributes
-    ----------
-    checksum : int
-        Damaged on the way.
-    unsigned, forged, replayed : int
-        Without a signature, with a wrong one, with an old one.
-    elsewhere : int
-        In the name of a vehicle that speaks from another address.
-    """
+    """Packets not taken, counted by why."""
 
     checksum: int = 0
+    """Damaged on the way."""
     unsigned: int = 0
     forged: int = 0
     replayed: int = 0
+    """`unsigned`, `forged`, `replayed`: without a signature, with a wrong one, with an old one."""
     elsewhere: int = 0
+    """In the name of a vehicle that speaks from another address."""
 
     @property
     def untrusted(self) -> int:
@@ -104,22 +91,15 @@ class Rejected:
 
 @dataclass(slots=True)
 class FrameReader:
-    """Finds messages in bytes; what is no message is skipped, and nothing makes it grow.
-
-    Attributes
-    ----------
-    rejected : Rejected
-        What was not taken.
-    heard_signed : bool
-        Whether anybody signs.
-    datagrams : bool
-        Frames never go on in the next bytes: what looks like the beginning of one there does not hold up the next.
-    """
+    """Finds messages in bytes; what is no message is skipped, and nothing makes it grow."""
 
     signing: Signing | None = None
     datagrams: bool = False
+    """Frames never go on in the next bytes: what looks like the beginning of one there does not hold up the next."""
     heard_signed: bool = False
+    """Whether anybody signs."""
     rejected: Rejected = field(default_factory=Rejected)
+    """What was not taken."""
     _rest: bytes = b""
 
     def feed(self, data: bytes) -> Iterator[tuple[bytes, Message | None]]:

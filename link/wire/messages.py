@@ -40,28 +40,17 @@ class MessageKind:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message received.
-
-    Attributes
-    ----------
-    name : str
-        Such as ``HEARTBEAT``.
-    system, component : int
-        Who sent it.
-    fields : dict
-        By name, in the units of the wire.
-    payload : bytes
-        As it came.
-    version : int
-        MAVLink 1 or 2.
-    """
+    """A message received."""
 
     name: str
     system: int
     component: int
+    """`system`, `component`: who sent it."""
     fields: dict[str, Any]
+    """By name, in the units of the wire."""
     payload: bytes = b""
     version: int = 2
+    """MAVLink 1 or 2."""
     sequence: int = 0
 
     def __getitem__(self, name: str) -> Any:

@@ -36,11 +36,6 @@ class Recorder:
     max_bytes : int
         Size at which the next file is begun.
 
-    Attributes
-    ----------
-    problem : str
-        Why it ended before it was closed; empty where it did not.
-
     Raises
     ------
     InputError
@@ -54,6 +49,7 @@ class Recorder:
         self._written = 0
         self._last_us = 0
         self.problem = ""
+        """Why it ended before it was closed; empty where it did not."""
         self.paths: list[Path] = []
         self._file: FileIO | None = self._open()
 

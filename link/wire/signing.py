@@ -22,22 +22,15 @@ _MAX_SENDERS = 64
 
 @dataclass(slots=True)
 class Signing:
-    """The signing state of one connection.
-
-    Attributes
-    ----------
-    key : bytes
-        32 bytes; never shown.
-    timestamp : int
-        Newest signing time seen or used.
-    last : dict
-        Newest time by (system, component, link): what is not newer is a replay.
-    """
+    """The signing state of one connection."""
 
     key: bytes = field(repr=False)
+    """32 bytes; never shown."""
     timestamp: int = 0
+    """Newest signing time seen or used."""
     link_id: int = 0
     last: dict[tuple[int, int, int], int] = field(default_factory=dict, repr=False)
+    """Newest time by (system, component, link): what is not newer is a replay."""
 
     def __post_init__(self) -> None:
         if len(self.key) != 32:

@@ -79,13 +79,7 @@ def open_transport(address: Address) -> Transport:
 
 
 class UdpSocket:
-    """UDP: `udpout` speaks first to one address, `udpin` answers those who spoke.
-
-    Parameters
-    ----------
-    address : Address
-        Address of the connection.
-    """
+    """UDP: `udpout` speaks first to one address, `udpin` answers those who spoke."""
 
     def __init__(self, address: Address) -> None:
         family, target = resolve(address, socket.SOCK_DGRAM)

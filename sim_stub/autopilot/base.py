@@ -28,13 +28,7 @@ _YAW_REACHED_DEG = 2.0
 
 
 class Autopilot(Family):
-    """One autopilot.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        What it flies.
-    """
+    """One autopilot."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle

@@ -88,27 +88,19 @@ class Climb:
 
 @dataclass(slots=True)
 class Fly:
-    """Go to a place, and stay there for a while where that is asked.
-
-    Attributes
-    ----------
-    radius_m : float
-        The place counts as reached within it.
-    stay_s : float
-        Time to stay once there; infinite is forever.
-    yaw_deg : float or None
-        Heading to take; None looks along the way.
-    pass_mps : float
-        Speed to keep when it is reached, for a waypoint that is only passed.
-    """
+    """Go to a place, and stay there for a while where that is asked."""
 
     lat: float
     lon: float
     alt_m: float
     radius_m: float = 2.0
+    """The place counts as reached within it."""
     stay_s: float = 0.0
+    """Time to stay once there; infinite is forever."""
     yaw_deg: float | None = None
+    """Heading to take; None looks along the way."""
     pass_mps: float = 0.0
+    """Speed to keep when it is reached, for a waypoint that is only passed."""
     speed_mps: float | None = None
     arrived_s: float | None = None
     distance_m: float = math.inf
@@ -209,27 +201,18 @@ class ReturnHome:
 
 @dataclass(slots=True)
 class Circle:
-    """Go to the nearest point of the edge, fly the turns, looking at the centre.
-
-    Attributes
-    ----------
-    lat, lon, alt_m : float
-        Centre, degrees, and height above mean sea level.
-    radius_m, speed_mps : float
-        Of the circle, and along it.
-    turns : float
-        How many.
-    clockwise : bool
-        Seen from above.
-    """
+    """Go to the nearest point of the edge, fly the turns, looking at the centre."""
 
     lat: float
     lon: float
     alt_m: float
+    """`lat`, `lon`, `alt_m`: centre, degrees, and height above mean sea level."""
     radius_m: float
     speed_mps: float
+    """`radius_m`, `speed_mps`: of the circle, and along it."""
     turns: float
     clockwise: bool = True
+    """Seen from above."""
     turned_rad: float = 0.0
     edge: Fly | None = None
     done: bool = False

@@ -15,18 +15,12 @@ _LEVELS = ("ok", "low", "critical", "emergency")
 
 @dataclass(slots=True)
 class Failsafes:
-    """State of the failsafes of one vehicle.
-
-    Attributes
-    ----------
-    battery_level : int
-        0 fine, 1 low, 2 critical, 3 emergency; never falls while armed.
-    active : dict
-        Failsafes in force with the action taken.
-    """
+    """State of the failsafes of one vehicle."""
 
     battery_level: int = 0
+    """0 fine, 1 low, 2 critical, 3 emergency; never falls while armed."""
     active: dict[str, Action] = field(default_factory=dict)
+    """Failsafes in force with the action taken."""
     position_lost_s: float | None = None
     breaches: int = 0
 

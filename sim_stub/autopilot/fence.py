@@ -18,21 +18,14 @@ _CIRCLES = {Command.FENCE_CIRCLE_INCLUSION: True, Command.FENCE_CIRCLE_EXCLUSION
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A polygon or circle.
-
-    Attributes
-    ----------
-    inclusion : bool
-        The vehicle must be inside rather than outside.
-    corners : tuple of (lat, lon)
-        Of a polygon; of a circle its centre alone.
-    radius_m : float
-        0 for a polygon.
-    """
+    """A polygon or circle."""
 
     inclusion: bool
+    """The vehicle must be inside rather than outside."""
     corners: tuple[tuple[float, float], ...]
+    """Of a polygon, latitude and longitude; of a circle its centre alone."""
     radius_m: float = 0.0
+    """0 for a polygon."""
 
     def contains(self, lat: float, lon: float) -> bool:
         """Whether a point lies inside."""
@@ -51,16 +44,11 @@ class Area:
 
 @dataclass(frozen=True, slots=True)
 class Fence:
-    """All areas of a fence.
-
-    Attributes
-    ----------
-    consistent : bool
-        False where the vertex counts of the items disagree: no area is then enforced.
-    """
+    """All areas of a fence."""
 
     areas: tuple[Area, ...] = ()
     consistent: bool = True
+    """False where the vertex counts of the items disagree: no area is then enforced."""
 
     @classmethod
     def from_items(cls, items: Sequence[Item]) -> Fence:

@@ -108,29 +108,21 @@ RELATIVE_FRAMES = frozenset({Frame.RELATIVE, Frame.RELATIVE_INT, Frame.TERRAIN, 
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """One item.
-
-    Attributes
-    ----------
-    command, frame : int
-        MAV_CMD, MAV_FRAME.
-    p1, p2, p3, p4 : float
-        Parameters, NaN allowed where the autopilot allows it.
-    x, y : int
-        Latitude and longitude in 1e-7 degrees, or plain numbers in frame MISSION.
-    z : float
-        Height in metres in the item's frame.
-    """
+    """One item."""
 
     command: int
     frame: int = Frame.RELATIVE
+    """`command`, `frame`: MAV_CMD, MAV_FRAME."""
     p1: float = 0.0
     p2: float = 0.0
     p3: float = 0.0
     p4: float = 0.0
+    """`p1`, `p2`, `p3`, `p4`: parameters, NaN allowed where the autopilot allows it."""
     x: int = 0
     y: int = 0
+    """`x`, `y`: latitude and longitude in 1e-7 degrees, or plain numbers in frame MISSION."""
     z: float = 0.0
+    """Height in metres in the item's frame."""
     autocontinue: int = 1
 
     @property

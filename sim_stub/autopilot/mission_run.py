@@ -31,27 +31,18 @@ class MissionState(IntEnum):
 
 @dataclass(slots=True)
 class MissionRun:
-    """Where a vehicle is in its mission.
-
-    Attributes
-    ----------
-    items : list of Item
-        In the vehicle's own numbering.
-    current : int
-        The item in progress or next.
-    behaviour : Behaviour or None
-        What the current item has it do; None before it is begun.
-    pending : list of int
-        DO and CONDITION items that run beside the current one.
-    state : MissionState
-        As reported.
-    """
+    """Where a vehicle is in its mission."""
 
     items: list[Item] = field(default_factory=list)
+    """In the vehicle's own numbering."""
     current: int = 0
+    """The item in progress or next."""
     behaviour: Behaviour | None = None
+    """What the current item has it do; None before it is begun."""
     pending: list[int] = field(default_factory=list)
+    """DO and CONDITION items that run beside the current one."""
     state: MissionState = MissionState.NO_MISSION
+    """As reported."""
     repeats: dict[int, int] = field(default_factory=dict)
     condition_s: float | None = None
     hold: Fly | None = None

@@ -17,21 +17,14 @@ _RANGE = {INT8: (-128, 127), INT16: (-32768, 32767), INT32: (-(2**31), 2**31 - 1
 
 @dataclass(slots=True)
 class Parameter:
-    """One parameter.
-
-    Attributes
-    ----------
-    name : str
-        At most 16 characters.
-    kind : int
-        MAV_PARAM_TYPE.
-    value : float
-        Integers are kept whole; 32-bit floats as their nearest 32-bit value.
-    """
+    """One parameter."""
 
     name: str
+    """At most 16 characters."""
     kind: int
+    """MAV_PARAM_TYPE."""
     value: float
+    """Integers are kept whole; 32-bit floats as their nearest 32-bit value."""
 
 
 def as_float32(value: float) -> float:

@@ -15,42 +15,27 @@ from skyway.models.drones.drone import M200_V2, Drone
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Airframe:
-    """What flies.
-
-    Attributes
-    ----------
-    drone : Drone
-        Published constants.
-    drag_area_m2 : float
-        Quadratic drag: coefficient times area.
-    payload_drag_area_m2 : float
-        Added by a package under the drone.
-    rotor_drag_ns_m : float
-        Linear drag of the rotors, N per m/s.
-    disc_area_m2 : float
-        Area swept by all propellers.
-    blade_tip_mps : float
-        Tip speed of the propellers in hover.
-    attitude_lag_s : float
-        Time constant with which the attitude follows what is asked.
-    max_tilt_deg : float
-        The flight controller asks for no more.
-    max_accel_mps2 : float
-        Horizontal acceleration that it asks for at most.
-    yaw_rate_dps : float
-        How fast it turns.
-    """
+    """What flies."""
 
     drone: Drone = M200_V2
     drag_area_m2: float = 0.0395
+    """Quadratic drag: coefficient times area."""
     payload_drag_area_m2: float = 0.006
+    """Added by a package under the drone."""
     rotor_drag_ns_m: float = 0.20
+    """Linear drag of the rotors, N per m/s."""
     disc_area_m2: float = 0.586
+    """Area swept by all propellers."""
     blade_tip_mps: float = 110.0
+    """Tip speed of the propellers in hover."""
     attitude_lag_s: float = 0.22
+    """Time constant with which the attitude follows what is asked."""
     max_tilt_deg: float = 25.0
+    """The flight controller asks for no more."""
     max_accel_mps2: float = 2.5
+    """Horizontal acceleration that it asks for at most."""
     yaw_rate_dps: float = 60.0
+    """How fast it turns."""
 
     def mass_kg(self, payload_kg: float) -> float:
         """All-up mass."""

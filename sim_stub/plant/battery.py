@@ -20,28 +20,20 @@ _CELL_V = (3.20, 3.35, 3.52, 3.62, 3.69, 3.77, 3.87, 4.03, 4.14, 4.30)
 
 @dataclass(slots=True)
 class Battery:
-    """One flight battery (all packs together).
-
-    Attributes
-    ----------
-    capacity_j : float
-        Nameplate energy.
-    curve : ChargingCurve
-        Charging without a limit of the pad.
-    soc : float
-        True state of charge, 0-1.
-    resistance_ohm, nominal_ohm : float
-        Internal resistance of all packs together; of sound ones.
-    current_a : float
-        Drawn at present; negative while charging.
-    """
+    """One flight battery (all packs together)."""
 
     capacity_j: float
+    """Nameplate energy."""
     curve: ChargingCurve
+    """Charging without a limit of the pad."""
     soc: float = 1.0
+    """True state of charge, 0-1."""
     resistance_ohm: float = 0.025
+    """Internal resistance of all packs together."""
     nominal_ohm: float = 0.025
+    """Of sound ones."""
     current_a: float = 0.0
+    """Drawn at present; negative while charging."""
     power_w: float = 0.0
 
     @classmethod

@@ -31,29 +31,20 @@ _MAX_VERTICAL_ACCEL = 3.0
 
 @dataclass(slots=True)
 class Demand:
-    """What the flight controller asks of the airframe for one step.
-
-    Attributes
-    ----------
-    north_mps, east_mps, up_mps : float
-        Wanted ground velocity.
-    yaw_deg : float or None
-        Wanted heading; None leaves it.
-    level : bool
-        Keep level instead of holding a horizontal velocity: there is no position to hold.
-    motors : bool
-        Off means falling.
-    max_lean_deg : float
-        The autopilot's own limit.
-    """
+    """What the flight controller asks of the airframe for one step."""
 
     north_mps: float = 0.0
     east_mps: float = 0.0
     up_mps: float = 0.0
+    """`north_mps`, `east_mps`, `up_mps`: wanted ground velocity."""
     yaw_deg: float | None = None
+    """Wanted heading; None leaves it."""
     level: bool = False
+    """Keep level instead of holding a horizontal velocity: there is no position to hold."""
     motors: bool = True
+    """Off means falling."""
     max_lean_deg: float = 80.0
+    """The autopilot's own limit."""
 
 
 def metres_per_degree(lat: float) -> tuple[float, float]:
@@ -74,41 +65,33 @@ def offset_m(lat: float, lon: float, to_lat: float, to_lon: float) -> tuple[floa
 
 @dataclass(slots=True)
 class Body:
-    """Where the airframe is and how it moves.
-
-    Attributes
-    ----------
-    lat, lon, alt_m : float
-        Degrees, and metres above mean sea level.
-    north_mps, east_mps, up_mps : float
-        Velocity over the ground.
-    roll, pitch, yaw : float
-        Radians, NED convention: nose down is negative pitch.
-    grounded : bool
-        Stands on the ground.
-    thrust_n, airspeed_mps, drag_w : float
-        Of the last step: thrust, horizontal speed through the air, drag times airspeed.
-    """
+    """Where the airframe is and how it moves."""
 
     airframe: Airframe
     lat: float
     lon: float
     alt_m: float
+    """`lat`, `lon`, `alt_m`: degrees, and metres above mean sea level."""
     payload_kg: float = 0.0
     north_mps: float = 0.0
     east_mps: float = 0.0
     up_mps: float = 0.0
+    """`north_mps`, `east_mps`, `up_mps`: velocity over the ground."""
     roll: float = 0.0
     pitch: float = 0.0
     yaw: float = 0.0
+    """`roll`, `pitch`, `yaw`: radians, NED convention: nose down is negative pitch."""
     roll_rate: float = 0.0
     pitch_rate: float = 0.0
     yaw_rate: float = 0.0
     grounded: bool = True
+    """Stands on the ground."""
     impact_mps: float = 0.0
     thrust_n: float = 0.0
     airspeed_mps: float = 0.0
     drag_w: float = 0.0
+    """`thrust_n`, `airspeed_mps`, `drag_w`: of the last step: thrust, horizontal speed through the air, drag times
+    airspeed."""
     _force_north: float = 0.0
     _force_east: float = 0.0
     _known_drag_north: float = 0.0

@@ -22,25 +22,17 @@ _FUSED_M = 5.0
 
 @dataclass(slots=True)
 class Positioning:
-    """Fix and estimate of one vehicle.
-
-    Attributes
-    ----------
-    body : Body
-        Where it truly is.
-    bearing_rad : float
-        Direction in which glitches go.
-    patience_s : float
-        Time for which the estimator rejects a fix that is far off.
-    fix_m, estimate_m : float
-        How far fix and estimate are off.
-    """
+    """Fix and estimate of one vehicle."""
 
     body: Body
+    """Where it truly is."""
     bearing_rad: float
+    """Direction in which glitches go."""
     patience_s: float
+    """Time for which the estimator rejects a fix that is far off."""
     fix_m: float = 0.0
     estimate_m: float = 0.0
+    """`fix_m`, `estimate_m`: how far fix and estimate are off."""
     _apart_s: float | None = None
 
     @property

@@ -23,23 +23,16 @@ _PROFILE_RISE = 4.65  # growth of profile power with the square of the advance r
 
 @dataclass(frozen=True, slots=True)
 class PowerModel:
-    """Power of one airframe; the two hovering endurances fix its two free constants.
-
-    Attributes
-    ----------
-    induced_scale : float
-        Electrical watts for one watt of induced or profile power: what the motors lose.
-    loss_w : float
-        Losses in hover without a package that grow with the cube of the load.
-    error : float
-        Factor of this very vehicle, 1 on average.
-    """
+    """Power of one airframe; the two hovering endurances fix its two free constants."""
 
     airframe: Airframe
     profile_w: float
     induced_scale: float
+    """Electrical watts for one watt of induced or profile power: what the motors lose."""
     loss_w: float
+    """Losses in hover without a package that grow with the cube of the load."""
     error: float = 1.0
+    """Factor of this very vehicle, 1 on average."""
 
     @classmethod
     def of(cls, airframe: Airframe, error: float = 1.0) -> PowerModel:

@@ -36,16 +36,11 @@ class WindTruth(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ConstantWind:
-    """The same wind everywhere and always.
-
-    Attributes
-    ----------
-    north_mps, east_mps : float
-        Where the air moves TOWARDS.
-    """
+    """The same wind everywhere and always."""
 
     north_mps: float = 0.0
     east_mps: float = 0.0
+    """`north_mps`, `east_mps`: where the air moves TOWARDS."""
 
     @classmethod
     def of(cls, speed_mps: float, from_deg: float) -> ConstantWind:
@@ -60,15 +55,10 @@ class ConstantWind:
 
 @dataclass(frozen=True, slots=True)
 class RecordedWind:
-    """A day of a wind record, or a forecast with one member, as the truth.
-
-    Attributes
-    ----------
-    series : WindEnsemble
-        Its first member is what blows; each slot's wind is that of its middle, joined linearly.
-    """
+    """A day of a wind record, or a forecast with one member, as the truth."""
 
     series: WindEnsemble
+    """Its first member is what blows; each slot's wind is that of its middle, joined linearly."""
     _cache: dict[tuple[int, float, float], tuple[float, float]] = field(default_factory=dict)
 
     def at(self, posix_s: float, lat: float, lon: float, height_m: float) -> tuple[float, float]:
@@ -103,21 +93,14 @@ class RecordedWind:
 
 @dataclass(slots=True)
 class Gusts:
-    """Ornstein-Uhlenbeck gusts about the mean wind, exact for any step.
-
-    Attributes
-    ----------
-    generator : random.Random
-        Seeded.
-    intensity : float
-        Standard deviation as a share of the mean wind.
-    time_s : float
-        Correlation time.
-    """
+    """Ornstein-Uhlenbeck gusts about the mean wind, exact for any step."""
 
     generator: random.Random
+    """Seeded."""
     intensity: float = 0.12
+    """Standard deviation as a share of the mean wind."""
     time_s: float = 8.0
+    """Correlation time."""
     north_mps: float = 0.0
     east_mps: float = 0.0
 

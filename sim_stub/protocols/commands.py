@@ -25,28 +25,19 @@ _UNKNOWN_PROGRESS = 255
 
 @dataclass(slots=True)
 class Task:
-    """A command that takes a while.
-
-    Attributes
-    ----------
-    order : Order
-        What was asked.
-    begun_s, lasts_s : float
-        Wall time.
-    finish : callable
-        Does what is done at the end; returns the final result.
-    tells : bool
-        It says how far it is; otherwise only that it is under way.
-    reported : int
-        How often it has said so.
-    """
+    """A command that takes a while."""
 
     order: Order
+    """What was asked."""
     begun_s: float
     lasts_s: float
+    """`begun_s`, `lasts_s`: wall time."""
     finish: Callable[[], Result]
+    """Does what is done at the end; returns the final result."""
     tells: bool = True
+    """It says how far it is; otherwise only that it is under way."""
     reported: int = 0
+    """How often it has said so."""
 
     @property
     def progress(self) -> int:
@@ -60,13 +51,7 @@ class Task:
 
 
 class CommandServer:
-    """Executes commands and answers each one.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Which obeys.
-    """
+    """Executes commands and answers each one."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle

@@ -26,34 +26,23 @@ _NO_PLACE = -(2**31)
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """A command as it came.
-
-    Attributes
-    ----------
-    number : int
-        MAV_CMD.
-    p : tuple of float
-        p1 to p4.
-    lat, lon : float
-        Degrees; NaN where none is given.
-    z : float
-        p7.
-    relative : bool
-        z counts from home.
-    sender : Partner
-        Who gave it, and gets the answer.
-    as_int : bool
-        It came as COMMAND_INT.
-    """
+    """A command as it came."""
 
     number: int
+    """MAV_CMD."""
     p: tuple[float, float, float, float]
+    """p1 to p4."""
     lat: float
     lon: float
+    """`lat`, `lon`: degrees; NaN where none is given."""
     z: float
+    """p7."""
     relative: bool
+    """z counts from home."""
     sender: Partner
+    """Who gave it, and gets the answer."""
     as_int: bool
+    """It came as COMMAND_INT."""
 
     @classmethod
     def of(cls, port: Port, message: Any, family: Family) -> Order | None:
@@ -86,15 +75,7 @@ class Order:
 
 
 class CommandGroup(ABC):
-    """Commands that a vehicle obeys, by number.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Which obeys.
-    server : CommandServer
-        Keeps what takes a while.
-    """
+    """Commands that a vehicle obeys, by number."""
 
     def __init__(self, vehicle: Vehicle, server: CommandServer) -> None:
         self.vehicle, self.server = vehicle, server

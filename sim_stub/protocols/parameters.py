@@ -23,13 +23,7 @@ _DOES_NOT_EXIST = 1
 
 
 class ParameterServer:
-    """Answers PARAM_* messages.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Whose parameters they are.
-    """
+    """Answers PARAM_* messages."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle

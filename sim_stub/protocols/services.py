@@ -17,13 +17,7 @@ _MAX_STATIONS = 32
 
 
 class LinkServices:
-    """Heartbeats heard, time, version, signing, streams asked for.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Which answers.
-    """
+    """Heartbeats heard, time, version, signing, streams asked for."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle

@@ -18,21 +18,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Impairment:
-    """What a link does to packets; each direction draws its own luck.
-
-    Attributes
-    ----------
-    loss, duplicate, reorder : float
-        Probabilities, 0-1. A reordered packet is held back by another delay.
-    delay_s, jitter_s : float
-        Every packet is late by the delay and a uniform share of the jitter.
-    """
+    """What a link does to packets; each direction draws its own luck."""
 
     loss: float = 0.0
     delay_s: float = 0.0
     jitter_s: float = 0.0
+    """`delay_s`, `jitter_s`: every packet is late by the delay and a uniform share of the jitter."""
     duplicate: float = 0.0
     reorder: float = 0.0
+    """`loss`, `duplicate`, `reorder`: probabilities, 0-1. A reordered packet is held back by another delay."""
 
     def __post_init__(self) -> None:
         faults = []
@@ -51,18 +45,11 @@ class Impairment:
 
 @dataclass(slots=True)
 class Channel:
-    """One direction of a link.
-
-    Attributes
-    ----------
-    impairment : Impairment
-        What it does to packets.
-    generator : random.Random
-        Its luck.
-    """
+    """One direction of a link."""
 
     impairment: Impairment
     generator: random.Random
+    """Its luck."""
     _queue: list[tuple[float, int, bytes]] = field(default_factory=list)
     _count: int = 0
     _last_s: float = 0.0

@@ -18,13 +18,7 @@ if TYPE_CHECKING:
 
 
 class VirtualClock:
-    """The time of a lockstep run; satisfies `models.base.clock.Clock`.
-
-    Parameters
-    ----------
-    lockstep : Lockstep
-        The run.
-    """
+    """The time of a lockstep run; satisfies `models.base.clock.Clock`."""
 
     def __init__(self, lockstep: Lockstep) -> None:
         self._lockstep = lockstep
@@ -68,13 +62,7 @@ class LockstepTransport(Lane):
 
 
 class Lockstep:
-    """A run of a world in virtual time.
-
-    Parameters
-    ----------
-    world : World
-        What is simulated.
-    """
+    """A run of a world in virtual time."""
 
     def __init__(self, world: World) -> None:
         self.world = world

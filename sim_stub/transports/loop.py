@@ -22,15 +22,10 @@ _MAX_CATCH_UP_S = 0.25
 
 
 class Endpoint(Protocol):
-    """Something with a socket in the loop; never blocking, closed on any error.
-
-    Attributes
-    ----------
-    where : str
-        How it can be reached.
-    """
+    """Something with a socket in the loop; never blocking, closed on any error."""
 
     where: str
+    """How it can be reached."""
 
     def readable(self) -> None:
         """Read what is there."""

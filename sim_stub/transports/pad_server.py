@@ -39,17 +39,7 @@ def answer(pads: Pads, line: bytes) -> PadAnswer:
 
 
 class PadPeer(TcpPeer):
-    """One client of the pads.
-
-    Parameters
-    ----------
-    connection : socket
-        Connected.
-    selector : BaseSelector
-        Of the loop.
-    pads : Pads
-        What it asks about.
-    """
+    """One client of the pads."""
 
     def __init__(self, connection: socket.socket, selector: selectors.BaseSelector, pads: Pads) -> None:
         super().__init__(connection, selector)

@@ -30,15 +30,7 @@ _CONNECT_S = 5.0
 
 
 class TcpPeer(ABC):
-    """Somebody connected; a peer that does not read is cut off rather than waited for.
-
-    Parameters
-    ----------
-    connection : socket
-        Connected.
-    selector : BaseSelector
-        Of the loop.
-    """
+    """Somebody connected; a peer that does not read is cut off rather than waited for."""
 
     def __init__(self, connection: socket.socket, selector: selectors.BaseSelector) -> None:
         self.socket, self.selector = connection, selector
@@ -192,19 +184,7 @@ class TcpListener:
 
 
 class VehiclePeer(TcpPeer):
-    """A ground station of a vehicle.
-
-    Parameters
-    ----------
-    connection : socket
-        Connected.
-    selector : BaseSelector
-        Of the loop.
-    lane : Lane
-        To the vehicle.
-    where : str
-        How it is reached.
-    """
+    """A ground station of a vehicle."""
 
     def __init__(
         self, connection: socket.socket, selector: selectors.BaseSelector, lane: Lane, where: str = ""

@@ -26,13 +26,6 @@ _GONE = frozenset({errno.ECONNREFUSED, errno.ECONNRESET, errno.ENETUNREACH, errn
 class UdpEndpoint:
     """UDP: `udpout` speaks first to one address, `udpin` answers all who spoke.
 
-    Parameters
-    ----------
-    address : Address
-        Address of the connection.
-    vehicle : Vehicle
-        The vehicle.
-
     Raises
     ------
     InputError

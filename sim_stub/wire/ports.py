@@ -14,47 +14,31 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Stream:
-    """A message sent at intervals of simulated time.
-
-    Attributes
-    ----------
-    interval_s, due_s : float
-        Between two, and when the next is due.
-    """
+    """A message sent at intervals of simulated time."""
 
     interval_s: float
     due_s: float
+    """`interval_s`, `due_s`: between two, and when the next is due."""
 
 
 @dataclass(eq=False, slots=True)
 class Port:
-    """One connection of a vehicle.
-
-    Attributes
-    ----------
-    send : callable
-        Takes the bytes of one frame.
-    mavlink : Mavlink
-        Frames out and in.
-    datagrams : bool
-        Frames never continue in the next bytes.
-    version : int
-        MAVLink 1 or 2, as it speaks.
-    streams : dict
-        By message id.
-    next_due_s : float
-        When the next stream is due.
-    shortest_s : float
-        Interval of the fastest stream.
-    """
+    """One connection of a vehicle."""
 
     send: Callable[[bytes], None]
+    """Takes the bytes of one frame."""
     mavlink: Mavlink
+    """Frames out and in."""
     datagrams: bool
+    """Frames never continue in the next bytes."""
     version: int = 2
+    """MAVLink 1 or 2, as it speaks."""
     streams: dict[int, Stream] = field(default_factory=dict)
+    """By message id."""
     next_due_s: float = math.inf
+    """When the next stream is due."""
     shortest_s: float = math.inf
+    """Interval of the fastest stream."""
     heard_version_2: bool = False
     closed: bool = False
     muted: bool = False

@@ -42,16 +42,11 @@ TICK_GAP_S = 0.5
 
 
 class Stretch:
-    """Reports of one vehicle over some time: columns of each kind of message.
-
-    Attributes
-    ----------
-    reports : list of (times, columns)
-        Times in s, shape (reports,), and the quantities reported then, by name.
-    """
+    """Reports of one vehicle over some time: columns of each kind of message."""
 
     def __init__(self) -> None:
         self.reports: list[tuple[NDArray[np.float64], Mapping[str, NDArray[np.float64]]]] = []
+        """Times in s, shape (reports,), and the quantities reported then, by name."""
 
     def add(self, time_s: ArrayLike, columns: Mapping[str, ArrayLike]) -> None:
         """Add reports of one kind, in the order of time."""

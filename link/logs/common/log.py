@@ -19,65 +19,42 @@ MAX_EVENTS = 5000
 
 @dataclass(frozen=True, slots=True)
 class LogEvent:
-    """A text event of a log.
-
-    Attributes
-    ----------
-    time_s : float
-        As in the samples.
-    system : int
-        Who said it.
-    text : str
-        Text of the event.
-    """
+    """A text event of a log."""
 
     time_s: float
+    """As in the samples."""
     system: int
+    """Who said it."""
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class LogSummary:
-    """What a log holds.
-
-    Attributes
-    ----------
-    format : str
-        ``tlog``, ``dataflash``, ``ulog`` or ``csv``.
-    messages : int
-        Valid messages (rows of a CSV).
-    by_type : dict of str to int
-        By the format's own name of the message.
-    skipped_bytes : int
-        Bytes (rows of a CSV) that belong to no message.
-    systems : tuple of int
-        Vehicles that gave telemetry.
-    others : tuple of int
-        Systems that spoke without telemetry: ground stations, radios.
-    start_s, end_s : float
-        First and last time; NaN in an empty log.
-    time_base : TimeBase
-        Whose clock it is, and its doubts.
-    events : tuple of LogEvent
-        What the log says in words, at most `MAX_EVENTS`.
-    vehicles : dict of int to Vehicle
-        What each vehicle is.
-    doubted : dict of int to ((float, float), ...)
-        From when to when each vehicle said that it does not trust its position, as in the samples.
-    """
+    """What a log holds."""
 
     format: str
+    """``tlog``, ``dataflash``, ``ulog`` or ``csv``."""
     messages: int
+    """Valid messages (rows of a CSV)."""
     by_type: dict[str, int]
+    """By the format's own name of the message."""
     skipped_bytes: int
+    """Bytes (rows of a CSV) that belong to no message."""
     systems: tuple[int, ...]
+    """Vehicles that gave telemetry."""
     others: tuple[int, ...]
+    """Systems that spoke without telemetry: ground stations, radios."""
     time_base: TimeBase
+    """Whose clock it is, and its doubts."""
     start_s: float = math.nan
     end_s: float = math.nan
+    """`start_s`, `end_s`: first and last time; NaN in an empty log."""
     events: tuple[LogEvent, ...] = field(default=())
+    """What the log says in words, at most `MAX_EVENTS`."""
     vehicles: Mapping[int, Vehicle] = field(default_factory=dict)
+    """What each vehicle is."""
     doubted: Mapping[int, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    """From when to when each vehicle said that it does not trust its position, as in the samples, by system id."""
 
     def vehicle(self, system: int | None) -> Vehicle:
         """What a vehicle of this log is."""

@@ -72,22 +72,15 @@ WATCHED = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """What a vehicle is.
-
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    told_by : str
-        What says so, or why it is not known.
-    leans : bool
-        Whether on its rotors it leans as a multirotor does; a tail sitter, a tilt rotor and one that pushes forward in a hover
-        do not.
-    """
+    """What a vehicle is."""
 
     kind: Kind = "unknown"
+    """One of `KINDS`."""
     told_by: str = "the log does not state the kind of vehicle"
+    """What says so, or why it is not known."""
     leans: bool = True
+    """Whether on its rotors it leans as a multirotor does; a tail sitter, a tilt rotor and one that pushes forward in a
+    hover do not."""
 
 
 @dataclass(slots=True)

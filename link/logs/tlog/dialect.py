@@ -16,21 +16,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class MessageType:
-    """One type of message.
-
-    Attributes
-    ----------
-    id : int
-        As sent.
-    name : str
-        Such as ``ATTITUDE``.
-    layout : numpy.dtype
-        Of the payload as it lies on the wire, little-endian and packed.
-    """
+    """One type of message."""
 
     id: int
+    """As sent."""
     name: str
+    """Such as ``ATTITUDE``."""
     layout: np.dtype[np.void]
+    """Of the payload as it lies on the wire, little-endian and packed."""
 
 
 @cache

@@ -34,30 +34,21 @@ SEEK_EVERY = 64 * 1024
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """The messages of one chunk of a log, in the order they were recorded.
-
-    Attributes
-    ----------
-    data : ndarray of uint8
-        The chunk.
-    base : int
-        Place of its first byte in the log.
-    offset : ndarray of int64, shape (messages,)
-        Place of each frame in the log; -1 where it is not in one piece there.
-    time_s : ndarray of float64
-        Stamp of the recorder's clock, POSIX seconds, unchecked.
-    number, system, component, length : ndarray
-        Message id, who sent it, and bytes of the frame.
-    """
+    """The messages of one chunk of a log, in the order they were recorded."""
 
     data: NDArray[np.uint8]
+    """The chunk."""
     base: int
+    """Place of its first byte in the log."""
     offset: NDArray[np.int64]
+    """Place of each frame in the log, shape (messages,); -1 where it is not in one piece there."""
     time_s: NDArray[np.float64]
+    """Stamp of the recorder's clock, POSIX seconds, unchecked, shape (messages,)."""
     number: NDArray[np.int32]
     system: NDArray[np.uint8]
     component: NDArray[np.uint8]
     length: NDArray[np.int32]
+    """`number`, `system`, `component`, `length`: message id, who sent it, and bytes of the frame."""
 
     def __len__(self) -> int:
         return len(self.offset)
@@ -150,40 +141,30 @@ def _rows(most: int) -> tuple[NDArray[Any], ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TlogIndex:
-    """Contents of a log, and its index by time.
-
-    Attributes
-    ----------
-    messages : int
-        Valid messages, as pymavlink counts them without BAD_DATA.
-    by_type : dict of str to int
-        By name.
-    by_system : dict of int to int
-        By MAVLink system id.
-    skipped_bytes, bad_records : int
-        Bytes that belong to no message, one that is cut off at the end included, and the pieces they come in.
-    first_s, last_s : float
-        First and last believable stamp; NaN where there is none.
-    seek_time_s, seek_offset, seek_shift_s : ndarray, shape (points,)
-        Times, never decreasing; places from which the log can be read on; how far the clock had been set back by then.
-    stamps : StampCheck
-        What was found wrong with the stamps.
-    beginning : ScanState
-        What the parser remembered at the start of the log.
-    """
+    """Contents of a log, and its index by time."""
 
     messages: int
+    """Valid messages, as pymavlink counts them without BAD_DATA."""
     by_type: dict[str, int]
+    """By name."""
     by_system: dict[int, int]
+    """By MAVLink system id."""
     skipped_bytes: int
     bad_records: int
+    """`skipped_bytes`, `bad_records`: bytes that belong to no message, one that is cut off at the end included, and the
+    pieces they come in."""
     first_s: float
     last_s: float
+    """`first_s`, `last_s`: first and last believable stamp; NaN where there is none."""
     seek_time_s: NDArray[np.float64]
     seek_offset: NDArray[np.int64]
     seek_shift_s: NDArray[np.float64]
+    """`seek_time_s`, `seek_offset`, `seek_shift_s`: times, never decreasing; places from which the log can be read on;
+    how far the clock had been set back by then; shape (points,)."""
     stamps: StampCheck
+    """What was found wrong with the stamps."""
     beginning: ScanState
+    """What the parser remembered at the start of the log."""
 
     def offset_at(self, time_s: float) -> tuple[int, float]:
         """Return a place in the log before everything recorded at `time_s` or later, and the clock's shift there."""
@@ -199,14 +180,8 @@ def scan(
 ) -> TlogIndex:
     """Find and count every message of a log; memory does not grow with it.
 
-    Parameters
-    ----------
-    path : Path
-        The log.
-    chunk_bytes : int
-        Bytes held at a time.
-    watch : callable, optional
-        Shown the messages of each chunk and their times on the way.
+    `watch` is shown the messages of each chunk and their times on the way.
+
 
     Raises
     ------

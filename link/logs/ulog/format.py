@@ -66,40 +66,27 @@ def _read_format(text: str) -> tuple[str, Fields] | None:
 
 @dataclass(slots=True)
 class ULogContents:
-    """What is known of a log: its formats and subscriptions, and counts of what was seen of it.
-
-    Attributes
-    ----------
-    formats : dict of str to Fields
-        Fields of each type of topic.
-    topics : dict of int to (str, int)
-        Name and instance behind each number of a subscription.
-    number : dict of int to int
-        Data messages of each subscription.
-    layouts : dict of int to numpy.dtype
-        How the data of each subscription are packed; messages of another length are damage.
-    texts : list of (int, str)
-        Logged messages: microseconds, text.
-    dropouts, dropouts_ms : int
-        How often the logger lost data, and for how long in all.
-    skipped : int
-        Bytes that lie in no message.
-    event_metadata : bytes
-        What the log says about its events (`link.logs.ulog.px4_events`), packed.
-    evidence : KindEvidence
-        What its parameters say of the vehicle.
-    """
+    """What is known of a log: its formats and subscriptions, and counts of what was seen of it."""
 
     formats: dict[str, Fields] = field(default_factory=dict)
+    """Fields of each type of topic."""
     topics: dict[int, tuple[str, int]] = field(default_factory=dict)
+    """Name and instance behind each number of a subscription."""
     number: dict[int, int] = field(default_factory=dict)
+    """Data messages of each subscription."""
     layouts: dict[int, np.dtype[np.void]] = field(default_factory=dict)
+    """How the data of each subscription are packed; messages of another length are damage."""
     texts: list[tuple[int, str]] = field(default_factory=list)
+    """Logged messages: microseconds, text."""
     dropouts: int = 0
     dropouts_ms: int = 0
+    """`dropouts`, `dropouts_ms`: how often the logger lost data, and for how long in all."""
     skipped: int = 0
+    """Bytes that lie in no message."""
     event_metadata: bytes = b""
+    """What the log says about its events (`link.logs.ulog.px4_events`), packed."""
     evidence: KindEvidence = field(default_factory=KindEvidence)
+    """What its parameters say of the vehicle."""
     _wanted: NDArray[np.int64] = field(default_factory=lambda: np.full(1 << 16, -1))
     """Bytes of the messages of each subscription, -1: none."""
     _packed: dict[str, np.dtype[np.void] | None] = field(default_factory=dict)
@@ -222,23 +209,17 @@ class ULogContents:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Messages:
-    """The messages of a piece of a log.
-
-    Attributes
-    ----------
-    place, kind, size : ndarray, shape (messages,)
-        Where the body of each begins in the piece, its type, and its bytes.
-    number : ndarray, shape (messages,)
-        Subscription of each data message; -1 for other messages.
-    skipped : int
-        Bytes of the piece that lie in no message.
-    """
+    """The messages of a piece of a log."""
 
     place: NDArray[np.int64]
     kind: NDArray[np.uint8]
     size: NDArray[np.int64]
+    """`place`, `kind`, `size`: where the body of each begins in the piece, its type, and its bytes, shape
+    (messages,)."""
     number: NDArray[np.int64]
+    """Subscription of each data message, shape (messages,); -1 for other messages."""
     skipped: int
+    """Bytes of the piece that lie in no message."""
 
 
 class ULogScan:

@@ -220,13 +220,7 @@ class EventWords:
 
 
 class EventReports:
-    """Goes through events in order, and leaves out of each report of checks what the report before had.
-
-    Parameters
-    ----------
-    words : EventWords
-        What they mean.
-    """
+    """Goes through events in order, and leaves out of each report of checks what the report before had."""
 
     def __init__(self, words: EventWords) -> None:
         self._words = words

@@ -22,13 +22,7 @@ REMIND_S = 30.0
 
 
 class Checklist:
-    """The list of one departure: each entry is journaled when it is looked at first, and when its verdict changes.
-
-    Parameters
-    ----------
-    ctx : Context
-        The delivery.
-    """
+    """The list of one departure: each entry is journaled when it is looked at first, and when its verdict changes."""
 
     def __init__(self, ctx: Context) -> None:
         self._ctx = ctx

@@ -14,15 +14,10 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Failsafes:
-    """The settings of one vehicle that decide what it does by itself.
-
-    Attributes
-    ----------
-    values : dict
-        By key, in our units, as they will be in the flight; one that its firmware does not have is left out.
-    """
+    """The settings of one vehicle that decide what it does by itself."""
 
     values: dict[str, float] = field(default_factory=dict)
+    """By key, in our units, as they will be in the flight; one that its firmware does not have is left out."""
 
     def read(self, vehicle: Vehicle, proposed: Mapping[str, float]) -> None:
         """Read them, those that are to be set (by key, in our units) as they will be."""

@@ -26,22 +26,15 @@ _SAME = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
-    """A parameter that is to be changed.
-
-    Attributes
-    ----------
-    name : str
-        The autopilot's name.
-    before, after : float
-        What the vehicle has, and what it is to have.
-    why : str
-        What happens otherwise.
-    """
+    """A parameter that is to be changed."""
 
     name: str
+    """The autopilot's name."""
     before: float
     after: float
+    """`before`, `after`: what the vehicle has, and what it is to have."""
     why: str
+    """What happens otherwise."""
 
     def __str__(self) -> str:
         return f"{self.name} {self.before:g} > {self.after:g}: {self.why}"
@@ -49,19 +42,13 @@ class ParameterChange:
 
 @dataclass(slots=True)
 class ParameterChanges:
-    """What a delivery has changed, and is about to.
-
-    Attributes
-    ----------
-    proposed : tuple of ParameterChange
-        Of the leg to come.
-    before, ours : dict
-        By name: the value before the first change of the delivery, and the one that was set last.
-    """
+    """What a delivery has changed, and is about to."""
 
     proposed: tuple[ParameterChange, ...] = ()
+    """Of the leg to come."""
     before: dict[str, float] = field(default_factory=dict)
     ours: dict[str, float] = field(default_factory=dict)
+    """`before`, `ours`: by name: the value before the first change of the delivery, and the one that was set last."""
 
     @property
     def unasked(self) -> tuple[ParameterChange, ...]:

@@ -34,24 +34,16 @@ SOC_SLACK = 0.015
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One entry of the list.
-
-    Attributes
-    ----------
-    name : str
-        What was looked at.
-    verdict : str
-        ``ok``, ``no`` or ``unknown``.
-    said : str
-        What was found, with figures.
-    waits : bool
-        Whether it may come right by itself in a while.
-    """
+    """One entry of the list."""
 
     name: str
+    """What was looked at."""
     verdict: Verdict
+    """``ok``, ``no`` or ``unknown``."""
     said: str
+    """What was found, with figures."""
     waits: bool = False
+    """Whether it may come right by itself in a while."""
 
     @property
     def ok(self) -> bool:

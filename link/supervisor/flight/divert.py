@@ -7,18 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class Divert:
-    """The divert of one flight.
-
-    Attributes
-    ----------
-    station : str or None
-        Where it is sent; None where it is not, or lands where it is.
-    turned : bool
-        The vehicle holds the mission to that station.
-    """
+    """The divert of one flight."""
 
     station: str | None = None
+    """Where it is sent; None where it is not, or lands where it is."""
     turned: bool = False
+    """The vehicle holds the mission to that station."""
 
     def to(self, station: str, *, turned: bool = False) -> None:
         """Send it to a station."""

@@ -51,51 +51,34 @@ def airspeed_at_lean(drag: DragModel, lean_deg: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class WindAtLimit:
-    """A measurement of the wind at full lean.
-
-    Attributes
-    ----------
-    north_mps, east_mps : float
-        TOWARDS.
-    noise : ndarray, shape (2, 2)
-        Covariance.
-    airspeed_mps : float
-        What was taken for its speed through the air.
-    along : (float, float)
-        Unit vector (north, east) of the lean.
-    """
+    """A measurement of the wind at full lean."""
 
     north_mps: float
     east_mps: float
+    """`north_mps`, `east_mps`: TOWARDS."""
     noise: np.ndarray
+    """Covariance, shape (2, 2)."""
     airspeed_mps: float
+    """What was taken for its speed through the air."""
     along: tuple[float, float]
+    """Unit vector (north, east) of the lean."""
 
 
 @dataclass(slots=True)
 class LeanWatch:
-    """Watches whether a flight is as fast as it was told to be, and why not.
-
-    Attributes
-    ----------
-    limit_deg : float
-        The autopilot's greatest lean; NaN where it is not known, and then nothing is said.
-    top_airspeed_mps : float
-        The maker's.
-    limited : bool
-        It leans as far as it may, goes steadily, and is slower than commanded.
-    speed_mps, lean_deg : float
-        Over the ground, and of the thrust, on average while that was so.
-    taken : int
-        Measurements taken on this flight.
-    """
+    """Watches whether a flight is as fast as it was told to be, and why not."""
 
     limit_deg: float = math.nan
+    """The autopilot's greatest lean; NaN where it is not known, and then nothing is said."""
     top_airspeed_mps: float = 20.0
+    """The maker's."""
     limited: bool = False
+    """It leans as far as it may, goes steadily, and is slower than commanded."""
     speed_mps: float = math.nan
     lean_deg: float = math.nan
+    """`speed_mps`, `lean_deg`: over the ground, and of the thrust, on average while that was so."""
     taken: int = 0
+    """Measurements taken on this flight."""
     _measured_s: float = -math.inf
     _judged_s: float = -math.inf
     _rows: deque[tuple[float, ...]] = field(default_factory=deque)

@@ -18,15 +18,10 @@ TRACK_EVERY_S, GROUND_TRACK_EVERY_S = 5.0, 120.0
 
 @dataclass(slots=True)
 class Track:
-    """The track of one delivery.
-
-    Attributes
-    ----------
-    written_s : float
-        When it was last written, POSIX seconds.
-    """
+    """The track of one delivery."""
 
     written_s: float = -math.inf
+    """When it was last written, POSIX seconds."""
 
     def write(self, ctx: Context) -> None:
         """Write where it is, from time to time."""

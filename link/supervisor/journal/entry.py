@@ -23,14 +23,10 @@ class Part(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     A field without a default is always written, as null where it is unknown; one with a default is left out where it
     has that. Reading never fails: what is missing, of another kind or beyond all bounds is unknown.
-
-    Attributes
-    ----------
-    SPREAD : mapping
-        Fields whose parts stand in the same JSON object, each with the prefix of their names.
     """
 
     SPREAD: ClassVar[Mapping[str, str]] = {}
+    """Fields whose parts stand in the same JSON object, each with the prefix of their names."""
 
     def to_json(self) -> dict[str, Any]:
         """Return it as the journal has it."""

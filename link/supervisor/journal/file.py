@@ -30,33 +30,22 @@ UNSYNCED = frozenset({"track", "truth"})
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True):
-    """One line.
-
-    Attributes
-    ----------
-    n : int
-        Counts from 1.
-    time : str
-        ISO 8601, UTC.
-    state : str
-        State of the delivery, see `link.supervisor.states.State`.
-    event : str
-        What kind of record it is.
-    flight : int
-        Which flight of the delivery it belongs to, from 1; 0 before the first.
-    reason : str or None
-        A sentence.
-    data : dict
-        What the event has besides: inputs and decision.
-    """
+    """One line."""
 
     n: int
+    """Counts from 1."""
     time: str
+    """ISO 8601, UTC."""
     state: str
+    """State of the delivery, see `link.supervisor.states.State`."""
     event: str
+    """What kind of record it is."""
     flight: int = 0
+    """Which flight of the delivery it belongs to, from 1; 0 before the first."""
     reason: str | None = None
+    """A sentence."""
     data: dict[str, Any] = msgspec.field(default_factory=dict)
+    """What the event has besides: inputs and decision."""
 
     @property
     def time_s(self) -> float:
@@ -73,17 +62,11 @@ _DECODER = msgspec.json.Decoder(Record)
 
 @dataclass(frozen=True, slots=True)
 class ReadJournal:
-    """What a journal holds.
-
-    Attributes
-    ----------
-    records : tuple of Record
-    whole_bytes : int
-        Length of the whole lines; what follows is torn.
-    """
+    """What a journal holds."""
 
     records: tuple[Record, ...]
     whole_bytes: int
+    """Length of the whole lines; what follows is torn."""
 
 
 def read_journal(path: Path) -> ReadJournal:

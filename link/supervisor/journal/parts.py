@@ -55,40 +55,29 @@ class Standing(Part, frozen=True, kw_only=True):
 
 
 class Expected(Part, frozen=True, kw_only=True):
-    """What a flight is expected to come to, as the last decision found it.
-
-    Attributes
-    ----------
-    destination : str
-        Station id.
-    left_s, late_s : float
-        Flight time left, and how much later than planned at the take-off it lands.
-    soc_land, planned_soc_land, p_below_reserve : float
-        Charge at the landing: expected now, planned; probability that it is below the reserve.
-    cross_track_m : float
-        Distance from the way.
-    commanded_mps : float
-        Ground speed last sent.
-    believed_north_mps, believed_east_mps : float
-        Mean wind of the updated forecast, TOWARDS.
-    energy_factor : float
-        Energy against the model.
-    limited : str
-        What limits its speed.
-    """
+    """What a flight is expected to come to, as the last decision found it."""
 
     destination: str | None = None
+    """Station id."""
     left_s: float | None = None
     late_s: float | None = None
+    """`left_s`, `late_s`: flight time left, and how much later than planned at the take-off it lands."""
     soc_land: Share = None
     planned_soc_land: Share = None
     p_below_reserve: Share = None
+    """`soc_land`, `planned_soc_land`, `p_below_reserve`: charge at the landing: expected now, planned; probability that
+    it is below the reserve."""
     cross_track_m: float | None = None
+    """Distance from the way."""
     commanded_mps: float | None = None
+    """Ground speed last sent."""
     believed_north_mps: float | None = None
     believed_east_mps: float | None = None
+    """`believed_north_mps`, `believed_east_mps`: mean wind of the updated forecast, TOWARDS."""
     energy_factor: float | None = None
+    """Energy against the model."""
     limited: str | None = None
+    """What limits its speed."""
 
 
 class Checked(Part, frozen=True, kw_only=True):

@@ -31,15 +31,10 @@ AWAKE_S = 2.0
 
 @dataclass(slots=True)
 class LinkWatch:
-    """What the operator has been told of missing answers, and whether few messages are asked for.
-
-    Attributes
-    ----------
-    resting : bool
-        The vehicle sends `RESTING_RATES`.
-    """
+    """What the operator has been told of missing answers, and whether few messages are asked for."""
 
     resting: bool = False
+    """The vehicle sends `RESTING_RATES`."""
     _told: str = ""
 
     def is_new(self, missing: str) -> bool:

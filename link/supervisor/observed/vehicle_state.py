@@ -21,18 +21,11 @@ PLACE_FRESH_S = 10.0
 
 @dataclass(slots=True)
 class VehicleState:
-    """What one vehicle has told of itself.
-
-    Attributes
-    ----------
-    sample : TelemetrySample or None
-        The newest.
-    uid : int
-        Hardware id; 0 where it is not known.
-    """
+    """What one vehicle has told of itself."""
 
     sample: TelemetrySample | None = None
     uid: int = 0
+    """Hardware id; 0 where it is not known."""
     _reboots: int = 0
     _position: tuple[float, float, float] = (math.nan, math.nan, -math.inf)
 

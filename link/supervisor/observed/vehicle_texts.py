@@ -27,21 +27,14 @@ _FIGURE = re.compile(r"[-+]?\d+\.\d+")
 
 @dataclass(slots=True)
 class Said:
-    """One text, said once or more.
-
-    Attributes
-    ----------
-    text : str
-        As it was said last.
-    severity : int
-        MAV_SEVERITY.
-    count : int
-        How often.
-    """
+    """One text, said once or more."""
 
     text: str
+    """As it was said last."""
     severity: int
+    """MAV_SEVERITY."""
     count: int = 0
+    """How often."""
     heard_s: float = -math.inf
     told_s: float = -math.inf
     told_count: int = 0

@@ -14,25 +14,17 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class ModelledUse:
-    """Charge by the model.
-
-    Attributes
-    ----------
-    per_s, fixed : float
-        Charge a second of cruise in the model, and what climb and descent take beyond that.
-    load : AirspeedLoad or None
-        How it changes with airspeed.
-    soc : float
-        So far, `fixed` not counted; at first nothing.
-    heard_s : float
-        Until when it is counted, POSIX seconds.
-    """
+    """Charge by the model."""
 
     per_s: float
     fixed: float
+    """`per_s`, `fixed`: charge a second of cruise in the model, and what climb and descent take beyond that."""
     load: AirspeedLoad | None = None
+    """How it changes with airspeed."""
     soc: float = 0.0
+    """So far, `fixed` not counted; at first nothing."""
     heard_s: float = math.nan
+    """Until when it is counted, POSIX seconds."""
 
     @classmethod
     def by(cls, reach: Reach) -> ModelledUse:

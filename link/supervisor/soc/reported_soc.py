@@ -34,22 +34,15 @@ _CELLS = (3, 4, 6, 8, 10, 12, 14)
 
 @dataclass(slots=True)
 class ReportedSoc:
-    """What is believed of one vehicle's reports.
-
-    Attributes
-    ----------
-    soc : float
-        Believed last, at `at_s`; the line begins there.
-    held_s : float
-        Since when reports have been off the line; NaN while they are not.
-    contradicted : bool
-        They are, and the voltage says otherwise.
-    """
+    """What is believed of one vehicle's reports."""
 
     soc: float = math.nan
+    """Believed last, at `at_s`; the line begins there."""
     at_s: float = -math.inf
     held_s: float = math.nan
+    """Since when reports have been off the line; NaN while they are not."""
     contradicted: bool = False
+    """They are, and the voltage says otherwise."""
     _met_s: float = -math.inf
     _fell: tuple[float, float] = (math.nan, -math.inf)
     _volts: deque[tuple[float, float]] = field(default_factory=deque)

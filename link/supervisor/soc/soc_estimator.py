@@ -27,25 +27,18 @@ CONFIRMING_S = 6.0
 
 @dataclass(slots=True)
 class SocEstimator:
-    """The state of charge of one vehicle.
-
-    Attributes
-    ----------
-    soc, told_soc : float
-        Believed; as the vehicle says, as far as that can be.
-    source : str
-        Where `soc` comes from, for a person.
-    gauge : float
-        Charge really used, for what the vehicle says it used: learnt at pads, which measure.
-    lost_s : float
-        When charge was last lost at once, POSIX seconds.
-    """
+    """The state of charge of one vehicle."""
 
     soc: float = math.nan
+    """Believed."""
     told_soc: float = math.nan
+    """As the vehicle says, as far as that can be."""
     source: str = "unknown"
+    """Where `soc` comes from, for a person."""
     gauge: float = 1.0
+    """Charge really used, for what the vehicle says it used: learnt at pads, which measure."""
     lost_s: float = -math.inf
+    """When charge was last lost at once, POSIX seconds."""
     _reported: ReportedSoc = field(default_factory=ReportedSoc)
     _voltage: VoltageWatch = field(default_factory=VoltageWatch)
     _flown_from: tuple[float, float] = (math.nan, math.nan)

@@ -76,27 +76,21 @@ def _between(value: float, given: tuple[float, ...], wanted: tuple[float, ...]) 
 
 
 class _Heard(NamedTuple):
-    """One measurement in flight.
-
-    Attributes
-    ----------
-    volts, raw_v : float
-        Without what the current lets it sag; as measured.
-    told : float
-        State of charge that the vehicle told.
-    sag_v : float
-        What was taken off.
-    watts, load : float
-        Power; that of this airspeed and climb over hover, NaN where it is not known.
-    """
+    """One measurement in flight."""
 
     time_s: float
     volts: float
+    """Without what the current lets it sag."""
     raw_v: float
+    """As measured."""
     told: float
+    """State of charge that the vehicle told."""
     watts: float
+    """Power."""
     load: float
+    """That of this airspeed and climb over hover, NaN where it is not known."""
     sag_v: float
+    """What was taken off."""
 
 
 def _power(heard: Iterable[_Heard]) -> tuple[float, float, float] | None:
@@ -111,29 +105,22 @@ def _power(heard: Iterable[_Heard]) -> tuple[float, float, float] | None:
 
 @dataclass(slots=True)
 class _Fall:
-    """A loss found, and what became of voltage and power since.
-
-    Attributes
-    ----------
-    lost, told : float
-        Charge, and what the vehicle said of it before.
-    found_s, volts : float
-        When; the voltage before.
-    before : tuple or None
-        Power before, as `_power` tells it.
-    after : deque of _Heard
-        Since then.
-    mismeasured : bool
-        In the first half minute the power fell with the voltage: motors that carry a vehicle draw more current from a weaker battery.
-    """
+    """A loss found, and what became of voltage and power since."""
 
     lost: float
     told: float
+    """`lost`, `told`: charge, and what the vehicle said of it before."""
     found_s: float
+    """When."""
     volts: float
+    """The voltage before."""
     before: tuple[float, float, float] | None
+    """Power before, as `_power` tells it."""
     after: deque[_Heard]
+    """Since then."""
     mismeasured: bool = False
+    """In the first half minute the power fell with the voltage: motors that carry a vehicle draw more current from a
+    weaker battery."""
 
     def hear(self, one: _Heard) -> None:
         """Take a measurement, and ask the power once there are enough."""
@@ -178,18 +165,12 @@ class _Fall:
 
 @dataclass(slots=True)
 class VoltageWatch:
-    """Watches one vehicle's voltage.
-
-    Attributes
-    ----------
-    lost : float
-        Charge that was lost and that the vehicle does not count.
-    ohm : float
-        Resistance of the battery, as the last take-off showed it; 0 until then.
-    """
+    """Watches one vehicle's voltage."""
 
     lost: float = 0.0
+    """Charge that was lost and that the vehicle does not count."""
     ohm: float = 0.0
+    """Resistance of the battery, as the last take-off showed it; 0 until then."""
     _rest: tuple[float, float, float] = (-math.inf, 0.0, 0.0)
     _seen: deque[_Heard] = field(default_factory=deque)
     _heard_s: float = -math.inf
